@@ -46,7 +46,9 @@ class Plan:
     times: np.ndarray  # Of the output, in units of the inverse shear rate.
     note: str  # Why the error asked for may not be met; empty where it will be.
     long: str  # How long the run will take, if long.
-    asked: tuple[float, str] | None = None  # Error and what it is of, where they chose the tolerance.
+    asked: tuple[float, str] | None = (
+        None  # Error and what it is of, where they chose the tolerance.
+    )
     estimate: bool = True  # Whether a second look estimates the error.
     max_seconds: float = inf  # Limit of the run itself, without the second look.
 
@@ -55,18 +57,29 @@ class Plan:
         """Those of the run: of the output, after the start."""
         return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])
 
-    def run(self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()) -> SceneSolution:
+    def run(
+        self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()
+    ) -> SceneSolution:
         """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
         times = self._times / self.scene.time * self.problem.end
         if events:
             # A mistake in one is found before the run, not at its end.
             head = self.problem, self.solver, self.solver.settings(self.tolerance), times[:1]
-            start = Solution(*head, np.array([self.problem.start]), Status.REACHED_END, "", Work(), 0.0)
+            start = Solution(
+                *head, np.array([self.problem.start]), Status.REACHED_END, "", Work(), 0.0
+            )
             seen = self.observed(start)
             for event in events:
                 event.values(seen)
         with spent_on("integration"):
-            found = run(self.problem, self.solver, self.tolerance, times, watch=watch, max_seconds=self.max_seconds)
+            found = run(
+                self.problem,
+                self.solver,
+                self.tolerance,
+                times,
+                watch=watch,
+                max_seconds=self.max_seconds,
+            )
         try:
             return self._judged(found, events)
         except KeyboardInterrupt:
@@ -86,12 +99,18 @@ class Plan:
             solution = replace(solution, error=seen)
         # Before the first time of the output, too.
         solution = with_events(solution, events) if events else solution
-        return solution if self.times[0] == 0 or len(solution.times) == 1 else solution.rows(slice(1, None))
+        return (
+            solution
+            if self.times[0] == 0 or len(solution.times) == 1
+            else solution.rows(slice(1, None))
+        )
 
     def observed(self, found: Solution) -> SceneSolution:
         """The motion of the scene that a solution of the problem stands for."""
         observables = self.form.observe(self.scene, found.states)
-        return SceneSolution(self.scene, self.form, found, self._times[: len(found.times)], observables)
+        return SceneSolution(
+            self.scene, self.form, found, self._times[: len(found.times)], observables
+        )
 
 
 def plan(
@@ -110,7 +129,11 @@ def plan(
     check_samples(samples)
     if times is not None and samples != DEFAULT_SAMPLES:
         raise ValueError(f"samples: got {samples} beside times, expected one of them")
-    wanted = np.linspace(0.0, what.time, samples) if times is None else increasing("times", times, 0.0, what.time)
+    wanted = (
+        np.linspace(0.0, what.time, samples)
+        if times is None
+        else increasing("times", times, 0.0, what.time)
+    )
     if not wanted[-1]:
         raise ValueError(f"times: got {times!r:.60}, expected one after the start")
     what = replace(what, time=float(wanted[-1]))
@@ -122,7 +145,9 @@ def plan(
     with spent_on("pilots"):
         # Trials begin at the start.
         rows = max(2, len(wanted))
-        choice = choose(what, FORMS.name_of(form), SOLVERS.name_of(solver), tolerance, error, want, rows)
+        choice = choose(
+            what, FORMS.name_of(form), SOLVERS.name_of(solver), tolerance, error, want, rows
+        )
     equations, method = find_form(form or choice.form), find_solver(solver or choice.solver)
     problem = equations.problem(what)
     if not method.available:
@@ -130,7 +155,18 @@ def plan(
     method.check(problem)
     check_field(problem)
     asked = None if tolerance else (error, want)
-    return Plan(what, equations, method, choice.tolerance, problem, wanted, choice.note, choice.long, asked, estimate)
+    return Plan(
+        what,
+        equations,
+        method,
+        choice.tolerance,
+        problem,
+        wanted,
+        choice.note,
+        choice.long,
+        asked,
+        estimate,
+    )
 
 
 def solve(
@@ -153,8 +189,8 @@ def solve(
     scene : Scene, str or path
         A scene, a scene file, or the name of a built-in scene.
     form, solver : str, Form or Solver, optional
-        Catalogue names, ``"module:class"``, or objects of one's own; by default what fits the scene, as
-        `polhode solve` chooses.
+        Catalogue names, ``"module:class"``, or objects of one's own; by default what fits the
+        scene, as `polhode solve` chooses.
     tolerance : float, optional
         The solver's; by default what meets `error`.
     error : float
@@ -166,11 +202,13 @@ def solve(
     estimate : bool
         Whether a second look estimates the error of the run, in less time than it took or in 5 ms.
     times : sequence of float, optional
-        Times of the output instead, increasing, in units of the inverse shear rate; the run ends at the last one.
+        Times of the output instead, increasing, in units of the inverse shear rate; the run ends at
+        the last one.
     events : str, Event, callable, or a sequence of them
-        What to look for: ``"separatrix"`` (L² = 2EI₂), ``"lz"`` (L_z = 0), ``"settled"`` (arrival at the settled
-        state), or a function ``f(solution) -> (n,)`` of L, E and rotation that passes zero; `harness.events.Event`
-        gives it direction and end. The solution's ``events["lz"]`` is the motion at these times.
+        What to look for: ``"separatrix"`` (L² = 2EI₂), ``"lz"`` (L_z = 0), ``"settled"`` (arrival
+        at the settled state), or a function ``f(solution) -> (n,)`` of L, E and rotation that
+        passes zero; `harness.events.Event` gives it direction and end. The solution's
+        ``events["lz"]`` is the motion at these times.
 
     Returns
     -------
@@ -180,8 +218,8 @@ def solve(
     Raises
     ------
     ValueError
-        In one line, the value and what was expected; also if form or solver do not accept the scene, or the solver's
-        library is not installed.
+        In one line, the value and what was expected; also if form or solver do not accept the
+        scene, or the solver's library is not installed.
     polhode.solvers.solve.Interrupted
         On Ctrl-C; its `solution` is what is finished, in the form's own states and time.
 
@@ -192,10 +230,14 @@ def solve(
     <Status.REACHED_END: 'reached_end'>
     """
     wanted = as_events(events)
-    return plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run(events=wanted)
+    return plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run(
+        events=wanted
+    )
 
 
-def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = DEFAULT_SAMPLES) -> Recommendation:
+def pick(
+    scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = DEFAULT_SAMPLES
+) -> Recommendation:
     """What to run for a scene, and what it will cost.
 
     Parameters
@@ -216,8 +258,9 @@ def pick(scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int
     Raises
     ------
     ValueError
-        In one line, the value and what was expected; `polhode.harness.picking.ranking.NotAttainableError` if the error
-        is below what double precision, or every method, can hold.
+        In one line, the value and what was expected;
+        `polhode.harness.picking.ranking.NotAttainableError` if the error is below what double
+        precision, or every method, can hold.
 
     Examples
     --------
@@ -241,7 +284,9 @@ def _in_doubles(given: Any) -> Any:
     """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
     if hasattr(given, "__dataclass_fields__"):
         parts = {name: getattr(given, name) for name in given.__dataclass_fields__}
-        others = {name: own for name, part in parts.items() if (own := _in_doubles(part)) is not part}
+        others = {
+            name: own for name, part in parts.items() if (own := _in_doubles(part)) is not part
+        }
         return replace(given, **others) if others else given
     if np.ndim(given):
         own = tuple(map(_in_doubles, given))

@@ -34,10 +34,13 @@ def _words(section: str) -> Words:
     return Words(name, module, summary, example, "\n\n".join(more))
 
 
-# A text of its own, since the libraries that read other formats take longer than all else before `polhode --help`.
+# A text of its own, since the libraries that read other formats take longer than all else before
+# `polhode --help`.
 _TEXT = Path(__file__).with_name("commands").joinpath("words.md").read_text(encoding="utf-8")
 _GROUPS = (group.split("\n## ") for group in _TEXT.split("\n# ")[1:])
-GROUPS = {title.strip(): {words.name: words for words in map(_words, group)} for title, *group in _GROUPS}
+GROUPS = {
+    title.strip(): {words.name: words for words in map(_words, group)} for title, *group in _GROUPS
+}
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 # Names of version 0.1, understood in 0.2 too.
 FORMER = {"laws": "calibrate", "heldout": "validate", "footing": "equal-error"}
@@ -90,7 +93,9 @@ def command(**how: Any) -> Callable[[Callable[..., None]], click.Command]:
     def made(function: Callable[..., None]) -> click.Command:
         words = COMMANDS[function.__name__.replace("_", "-")]
         text = f"{function.__doc__}\n\n{words.more}"
-        return click.command(words.name, help=text, epilog=f"Example: {words.example}", **how)(function)
+        return click.command(words.name, help=text, epilog=f"Example: {words.example}", **how)(
+            function
+        )
 
     return made
 
@@ -107,10 +112,14 @@ class _Commands(click.Group):
         module = import_module(f"polhode.harness.commands.{COMMANDS[cmd_name].module}")
         return getattr(module, cmd_name.replace("-", "_"))
 
-    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[Any, click.Command | None, list[str]]:
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[Any, click.Command | None, list[str]]:
         name = FORMER.get(args[0], args[0])
         if name not in COMMANDS and not ctx.resilient_parsing:
-            raise BadInput(f"no such command {name!r}{hint(name, COMMANDS)}, expected one of {', '.join(COMMANDS)}")
+            raise BadInput(
+                f"no such command {name!r}{hint(name, COMMANDS)}, expected one of {', '.join(COMMANDS)}"
+            )
         return super().resolve_command(ctx, [name, *args[1:]])
 
     def invoke(self, ctx: click.Context) -> object:
@@ -133,7 +142,8 @@ class _Commands(click.Group):
 def polhode() -> None:
     """Which equations and which solver for a massive ellipsoid in shear flow.
 
-    A SCENE is a scene file (TOML) or the name of a built-in scene. Every command has --help with an example.
+    A SCENE is a scene file (TOML) or the name of a built-in scene. Every command has --help with an
+    example.
     """
     if os.environ.get("NO_COLOR"):
         click.get_current_context().color = False

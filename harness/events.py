@@ -12,7 +12,8 @@ from polhode.models.own_function import place_of
 from polhode.models.registry import hint
 from polhode.models.theory.fixed_points import attractors
 
-# The function is looked at so often per step of the run, and between two rows at least; and so often at most.
+# The function is looked at so often per step of the run, and between two rows at least; and so
+# often at most.
 LOOKS_PER_STEP, LOOKS_PER_ROW, MOST_LOOKS = 16, 4, 1_000_000
 # SciPy's least.
 RTOL = np.float64(4 * np.finfo(float).eps)
@@ -26,9 +27,9 @@ ARRIVED = 0.05
 class Event:
     """A function of a solution of n times that returns n values, each of its own row alone, followed through zero.
 
-    It happens only where the function rises if `direction` is positive, where it falls if negative; the solution ends
-    there if it is `terminal`, at the n-th time if that is a number. Any function will do in its place, with SciPy's
-    attributes of these names if need be.
+    It happens only where the function rises if `direction` is positive, where it falls if negative;
+    the solution ends there if it is `terminal`, at the n-th time if that is a number. Any function
+    will do in its place, with SciPy's attributes of these names if need be.
     """
 
     name: str
@@ -68,7 +69,9 @@ EventLike = str | Event | Callable[[Any], Any]
 def separatrix(solution: SceneSolution) -> np.ndarray:
     """L² - 2EI₂, I₂ the middle moment of inertia: positive while the particle spins about its shortest axis."""
     if (kind := solution.scene.ellipsoid.kind) != "triaxial":
-        raise ValueError(f"event 'separatrix': got the kind {kind!r}, expected a triaxial ellipsoid")
+        raise ValueError(
+            f"event 'separatrix': got the kind {kind!r}, expected a triaxial ellipsoid"
+        )
     middle = sorted(solution.scene.ellipsoid.inertia)[1]
     return np.sum(solution.angular_momentum**2, axis=1) - 2 * middle * solution.energy
 
@@ -78,9 +81,13 @@ def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     scene, form = solution.scene, solution.equations
     states = attractors(scene.ellipsoid, scene.stokes, ARRIVED, circling=not form.averaged)
     if not states:
-        raise ValueError(f"event 'settled': got St = {scene.stokes:g} and this shape, expected a stable state to reach")
+        raise ValueError(
+            f"event 'settled': got St = {scene.stokes:g} and this shape, expected a stable state to reach"
+        )
     slow = solution.observables.slow / max(scene.ellipsoid.inertia)
-    return np.min([np.linalg.norm(slow - each.state, axis=1) - each.reach for each in states], axis=0)
+    return np.min(
+        [np.linalg.norm(slow - each.state, axis=1) - each.reach for each in states], axis=0
+    )
 
 
 _LZ = Event("lz", lambda solution: solution.angular_momentum[:, 2])
@@ -99,7 +106,10 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
             expected = f"one of {', '.join(EVENTS)}, or a function{hint(str(what), EVENTS)}"
             raise ValueError(f"events: got {what!r}, expected {expected}")
         else:
-            direction, terminal = getattr(what, "direction", 0.0), getattr(what, "terminal", None) or False
+            direction, terminal = (
+                getattr(what, "direction", 0.0),
+                getattr(what, "terminal", None) or False,
+            )
             found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))
     names = [event.name for event in found]
     if len(set(names)) < len(names):
@@ -110,7 +120,8 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
 
 def happened(solution: Any, event: Event) -> Any:
     """The solution at the times at which an event happens, to some rounding errors of these times."""
-    # Between the looks (sixteen for a step of the run, on the average) an even number of passages goes unseen.
+    # Between the looks (sixteen for a step of the run, on the average) an even number of passages
+    # goes unseen.
     from scipy.optimize import brentq
 
     looked = solution(_looks(solution))
@@ -123,7 +134,9 @@ def happened(solution: Any, event: Event) -> Any:
             return alone
         if abs(alone - values[i]) > SAME * np.nanmax(np.abs(values)):
             got = f"got {alone:g} at t = {t:g} alone, {values[i]:g} among others"
-            raise ValueError(f"event {event.name!r}: {got}, expected values that depend on their own row alone")
+            raise ValueError(
+                f"event {event.name!r}: {got}, expected values that depend on their own row alone"
+            )
         return float(values[i])
 
     sign, times = np.sign(values), []
@@ -131,7 +144,11 @@ def happened(solution: Any, event: Event) -> Any:
     passed = (sign[1:] != sign[:-1]) & (np.abs(sign[:-1]) == 1) & (event.direction * rising >= 0)
     for i in np.flatnonzero(passed).tolist():
         low, high = looked.times[i : i + 2].tolist()
-        times.append(high if values[i + 1] == 0 else brentq(value, low, high, xtol=1e-300, rtol=RTOL, maxiter=2000))
+        times.append(
+            high
+            if values[i + 1] == 0
+            else brentq(value, low, high, xtol=1e-300, rtol=RTOL, maxiter=2000)
+        )
     return looked(np.array(times))
 
 

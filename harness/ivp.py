@@ -50,7 +50,8 @@ def solve_ivp(
     t_eval : sequence of float, optional
         Times of the output, increasing; by default 201 equispaced ones.
     events : callable or sequence of callables, optional
-        ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need be.
+        ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need
+        be.
     rtol : float
         The solver's tolerance, relative and absolute alike.
     dense_output : bool
@@ -61,8 +62,8 @@ def solve_ivp(
     Returns
     -------
     scipy.optimize.OptimizeResult
-        With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev, status, message,
-        success.
+        With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev,
+        status, message, success.
 
     Raises
     ------
@@ -73,7 +74,9 @@ def solve_ivp(
 
     if others:
         taken = "t_eval, events, args, rtol, dense_output"
-        raise ValueError(f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}")
+        raise ValueError(
+            f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}"
+        )
     require_numbers("rtol", rtol)
     require_numbers("t_span", t_span, 2)
     if not 0 < rtol < inf:
@@ -84,18 +87,31 @@ def solve_ivp(
     problem = Problem.from_function(fun, y0, end, args, t_start=began)
     check_field(problem)
     d = len(y0)
-    wanted = np.linspace(began, end, DEFAULT_SAMPLES) if t_eval is None else increasing("t_eval", t_eval, began, end)
+    wanted = (
+        np.linspace(began, end, DEFAULT_SAMPLES)
+        if t_eval is None
+        else increasing("t_eval", t_eval, began, end)
+    )
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
     found = solve(problem, method, rtol, times, count=True)
     # Events are counted here, so that their names may be the same.
     given = events if isinstance(events, Iterable) else [] if events is None else [events]
     looked_for = [as_events([each])[0] for each in given]
-    values = (replace(event, function=partial(_values, event.function, began, d, args)) for event in looked_for)
+    values = (
+        replace(event, function=partial(_values, event.function, began, d, args))
+        for event in looked_for
+    )
     happenings = [happened(found, value) for value in values]
-    ends = [time for event, each in zip(looked_for, happenings, strict=True) for time in event.ends(each)]
+    ends = [
+        time
+        for event, each in zip(looked_for, happenings, strict=True)
+        for time in event.ends(each)
+    ]
     last = min([*ends, found.t[-1]])
     kept = ((each, each.t <= last) for each in happenings)
-    happenings = [replace(each, times=each.t[until], states=each.states[until]) for each, until in kept]
+    happenings = [
+        replace(each, times=each.t[until], states=each.states[until]) for each, until in kept
+    ]
     shown = wanted[wanted - began <= last]
     return OptimizeResult(
         t=shown,
@@ -123,7 +139,9 @@ def _words(found: Solution) -> str:
 def check_samples(samples: int) -> None:
     """Raise ValueError for what is no number of output times."""
     if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
-        raise ValueError(f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}")
+        raise ValueError(
+            f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}"
+        )
 
 
 def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
@@ -133,12 +151,22 @@ def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
         times = found.astype(float) if found.dtype.kind in "biufO" else np.empty(0)
     except (TypeError, ValueError, OverflowError):
         times = np.empty(0)
-    if not (times.ndim == 1 and times.size and (np.diff(times) > 0).all() and begin <= times[0] and times[-1] <= end):
+    if not (
+        times.ndim == 1
+        and times.size
+        and (np.diff(times) > 0).all()
+        and begin <= times[0]
+        and times[-1] <= end
+    ):
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
         raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
     return times
 
 
-def _values(event: Callable[..., Any], began: float, d: int, args: Sequence[float], found: Solution) -> np.ndarray:
+def _values(
+    event: Callable[..., Any], began: float, d: int, args: Sequence[float], found: Solution
+) -> np.ndarray:
     """An event's values along a solution whose time begins at 0."""
-    return np.array([event(t + began, state[:d], *args) for t, state in zip(found.t, found.states, strict=True)])
+    return np.array(
+        [event(t + began, state[:d], *args) for t, state in zip(found.t, found.states, strict=True)]
+    )

@@ -40,14 +40,16 @@ OMEGA = ["wx", "wy", "wz"]
 class SceneSolution(LikeSolveIvp):
     """The motion of a scene, finished or not; it pickles.
 
-    Called with times, a number or an array in units of the inverse shear rate, it gives the motion there: again a
-    `SceneSolution`, integrated from the row before each time by the solver, at the tolerance, of the run, so that it
-    is as accurate as the rows. It has the names of `solve_ivp`'s result too: `t`, `y` (the form's own state, shape
-    (d, n)), `sol`, `nfev`, `njev`, `status`, `message`, `success`.
+    Called with times, a number or an array in units of the inverse shear rate, it gives the motion
+    there: again a `SceneSolution`, integrated from the row before each time by the solver, at the
+    tolerance, of the run, so that it is as accurate as the rows. It has the names of `solve_ivp`'s
+    result too: `t`, `y` (the form's own state, shape (d, n)), `sol`, `nfev`, `njev`, `status`,
+    `message`, `success`.
 
-    `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the rotation matrix there;
-    `run`, that of the form's problem, has states, status and work. `error` is estimated for this very run: `slow` and
-    `orientation`. `events` has by name the motion at the times at which an event asked for happened.
+    `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the
+    rotation matrix there; `run`, that of the form's problem, has states, status and work. `error`
+    is estimated for this very run: `slow` and `orientation`. `events` has by name the motion at the
+    times at which an event asked for happened.
     """
 
     scene: Scene
@@ -66,11 +68,16 @@ class SceneSolution(LikeSolveIvp):
 
     def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
         """The motion that other rows of the run stand for."""
-        return replace(self, times=times, run=run, observables=self.equations.observe(self.scene, run.states))
+        return replace(
+            self, times=times, run=run, observables=self.equations.observe(self.scene, run.states)
+        )
 
     def rows(self, which: slice | np.ndarray) -> "SceneSolution":
         """Some of the rows."""
-        return self.at(self.times[which], replace(self.run, times=self.run.times[which], states=self.states[which]))
+        return self.at(
+            self.times[which],
+            replace(self.run, times=self.run.times[which], states=self.states[which]),
+        )
 
     def until(self, end: "SceneSolution") -> "SceneSolution":
         """The motion up to the one row of `end`, with which it counts as finished, unless it is known to be wrong."""
@@ -94,14 +101,18 @@ class SceneSolution(LikeSolveIvp):
     def _repr_html_(self) -> str:
         """The same facts as a table, for notebooks."""
         facts = (line.strip().split(": ", 1) for line in repr(self).splitlines()[1:])
-        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(fact)}</td></tr>" for name, fact in facts)
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(fact)}</td></tr>" for name, fact in facts
+        )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
     @property
     def pieces(self) -> tuple[Stage, ...]:
         """Pieces of a run of several: their begin and end in slow time, reason, expected error, steps; else none."""
         unit = self.run.problem.time_unit / self.scene.stokes if self.run.stages else 1.0
-        return tuple(replace(each, begin=unit * each.begin, end=unit * each.end) for each in self.run.stages)
+        return tuple(
+            replace(each, begin=unit * each.begin, end=unit * each.end) for each in self.run.stages
+        )
 
     def pieces_in_words(self, most: int = 8) -> list[str]:
         """The pieces, one a line, the first ones if there are many."""
@@ -110,26 +121,44 @@ class SceneSolution(LikeSolveIvp):
             f"{'' if each.averaged else ', full equations'}, error below {scientific(each.error)}"
             for each in self.pieces
         ]
-        return lines if len(lines) <= most else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]
+        return (
+            lines
+            if len(lines) <= most
+            else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]
+        )
 
     form = property(attrgetter("equations.name"), doc="Name of the form.")
     solver = property(attrgetter("run.solver"), doc="Name of the solver.")
     tolerance = property(attrgetter("run.settings.tolerance"), doc="The solver's.")
-    status = property(attrgetter("run.status"), doc="How the run ended; failure has the rows finished before it.")
+    status = property(
+        attrgetter("run.status"), doc="How the run ended; failure has the rows finished before it."
+    )
     message = property(attrgetter("run.message"), doc="Why it failed, in the library's own words.")
     work = property(attrgetter("run.work"), doc="What the run cost.")
-    seconds = property(attrgetter("run.seconds"), doc="Wall time of the integrator alone, compilation left out.")
-    states = property(
-        attrgetter("run.states"), doc="The form's own variables, (n, d); `equations.state_of(scene)` names them."
+    seconds = property(
+        attrgetter("run.seconds"), doc="Wall time of the integrator alone, compilation left out."
     )
-    angular_momentum = property(attrgetter("observables.angular_momentum"), doc="L in space axes, (n, 3), without St.")
+    states = property(
+        attrgetter("run.states"),
+        doc="The form's own variables, (n, d); `equations.state_of(scene)` names them.",
+    )
+    angular_momentum = property(
+        attrgetter("observables.angular_momentum"), doc="L in space axes, (n, 3), without St."
+    )
     energy = property(attrgetter("observables.energy"), doc="E, shape (n,), without St.")
-    rotation = property(attrgetter("observables.rotation"), doc="(n, 3, 3), rows: body axes in space; NaN if unknown.")
+    rotation = property(
+        attrgetter("observables.rotation"),
+        doc="(n, 3, 3), rows: body axes in space; NaN if unknown.",
+    )
 
     @property
     def slow_times(self) -> np.ndarray:
         """t₂ = t/St, shape (n,): NaN at St = 0, 0 at St = inf."""
-        return np.full_like(self.times, nan) if self.scene.stokes == 0 else self.times / self.scene.stokes
+        return (
+            np.full_like(self.times, nan)
+            if self.scene.stokes == 0
+            else self.times / self.scene.stokes
+        )
 
     @property
     def angular_velocity(self) -> np.ndarray:
@@ -140,12 +169,15 @@ class SceneSolution(LikeSolveIvp):
         """`frame` as an array, shape (n, 15), or (n, 18)."""
         rotation = self.rotation.reshape(len(self.times), 9)
         more = [self.angular_velocity] if omega else []
-        return np.column_stack([self.times, self.slow_times, self.observables.slow, rotation, *more])
+        return np.column_stack(
+            [self.times, self.slow_times, self.observables.slow, rotation, *more]
+        )
 
     def frame(self, omega: bool = False) -> "pd.DataFrame":
         """One row per time, with the columns of `polhode solve`'s CSV: t, t2, Lx, Ly, Lz, E, R11 … R33.
 
-        With `omega` the angular velocity in space axes stands behind them: wx, wy, wz. Its `attrs` are `provenance`.
+        With `omega` the angular velocity in space axes stands behind them: wx, wy, wz. Its `attrs`
+        are `provenance`.
         """
         import pandas as pd
 
@@ -184,9 +216,17 @@ class SceneSolution(LikeSolveIvp):
                 "R": (("t", "body", "space"), self.rotation),
                 "omega": (("t", "space"), self.angular_velocity),
             },
-            {"t": self.times, "t2": ("t", self.slow_times), "space": ["x", "y", "z"], "body": [1, 2, 3]},
+            {
+                "t": self.times,
+                "t2": ("t", self.slow_times),
+                "space": ["x", "y", "z"],
+                "body": [1, 2, 3],
+            },
             # Numbers and text alone can be written to any file.
-            {name: dumps(each) if isinstance(each, dict | list) else each for name, each in self.provenance().items()},
+            {
+                name: dumps(each) if isinstance(each, dict | list) else each
+                for name, each in self.provenance().items()
+            },
         )
 
     def restart(self, t: float | None = None, time: float | None = None) -> Scene:
@@ -197,7 +237,8 @@ class SceneSolution(LikeSolveIvp):
         t : float, optional
             Where it starts; by default the last time reached.
         time : float, optional
-            Its duration; by default what remains of the scene's, or all of it again where nothing remains.
+            Its duration; by default what remains of the scene's, or all of it again where nothing
+            remains.
 
         Raises
         ------
@@ -206,7 +247,8 @@ class SceneSolution(LikeSolveIvp):
 
         Notes
         -----
-        A form that knows the symmetry axis alone leaves the angle about it open, which the motion does not depend on.
+        A form that knows the symmetry axis alone leaves the angle about it open, which the motion
+        does not depend on.
         """
         last = float(self.times[-1]) if t is None else t
         require_numbers("t", last)

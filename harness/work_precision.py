@@ -44,9 +44,10 @@ BRANCHES = "cyrk-dop853", 1e-10
 class WorkPrecision:
     """A work-precision study of one problem: `frame` holds the rows, `plot` draws them.
 
-    The column `error` is the largest deviation of any component at any sample from a Taylor solution in long double,
-    over that component's largest magnitude; `uncertainty` is that of this reference, ten times the difference of two
-    tolerances. `seconds` is the fastest warm run. A line on the terminal says how far the study is.
+    The column `error` is the largest deviation of any component at any sample from a Taylor
+    solution in long double, over that component's largest magnitude; `uncertainty` is that of this
+    reference, ten times the difference of two tolerances. `seconds` is the fastest warm run. A line
+    on the terminal says how far the study is.
 
     Parameters
     ----------
@@ -58,7 +59,8 @@ class WorkPrecision:
     samples : int
         Equispaced times at which the error is measured.
     max_seconds : float
-        Time limit of a run. A solver stopped by it does not run at tighter tolerances; the row stays.
+        Time limit of a run. A solver stopped by it does not run at tighter tolerances; the row
+        stays.
     classical : Classical, optional
         A test problem: the error is that of the end, `Classical.error`, against the published one.
     """
@@ -90,7 +92,9 @@ class WorkPrecision:
         states, loose = (extended_run(self.problem, self.times, *how) for how in LONG_DOUBLE)
         apart = SAFETY * self.error_of(loose, states)
         # Taylor's method sees no branch within a step.
-        return states, max(apart, self._stepped(states) if getattr(self.problem.field, "branches", False) else 0.0)
+        return states, max(
+            apart, self._stepped(states) if getattr(self.problem.field, "branches", False) else 0.0
+        )
 
     def _stepped(self, exact: np.ndarray) -> float:
         """How far a method that steps into kinks, begun anew at every sample, is from the reference."""
@@ -117,7 +121,9 @@ class WorkPrecision:
             progress.begin(f"{self.problem.name}: reference")
             exact, uncertainty = self.reference
             for i, method in enumerate(methods):
-                progress.begin(f"{self.problem.name}: {method.name}, {i + 1} of {len(methods)} solvers")
+                progress.begin(
+                    f"{self.problem.name}: {method.name}, {i + 1} of {len(methods)} solvers"
+                )
                 for tolerance in sorted(self.tolerances, reverse=True):
                     row = self._measure(method, tolerance, exact)
                     known = row["error"] is not None and row["error"] > least_known(uncertainty)
@@ -131,7 +137,10 @@ class WorkPrecision:
         names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
         work_precision(axes, self.frame.rename(columns=names).assign(form=""))
         axes.xaxis.set_inverted(True)
-        axes.set(xlabel="largest relative error; more accurate to the right", ylabel="wall time of a warm run, s")
+        axes.set(
+            xlabel="largest relative error; more accurate to the right",
+            ylabel="wall time of a warm run, s",
+        )
         return axes
 
     def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:
@@ -144,15 +153,21 @@ class WorkPrecision:
     def _accepted(self) -> list[Solver]:
         named = self.solvers is not None
         if isinstance(self.solvers, str) or (named and not self.solvers):
-            raise ValueError(f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers or 'taylor'!r}]")
+            raise ValueError(
+                f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers or 'taylor'!r}]"
+            )
         methods = [find_solver(name) for name in self.solvers or SOLVERS]
         return [each for each in methods if named or (each.available and each.takes(self.problem))]
 
     def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:
         def run(limit: float = self.max_seconds, *, count: bool = False) -> Solution:
-            return solve(self.problem, method, tolerance, self.times, count=count, max_seconds=limit)
+            return solve(
+                self.problem, method, tolerance, self.times, count=count, max_seconds=limit
+            )
 
-        solution, _ = within(self.max_seconds, partial(run, count=True), lambda own: own.status is Status.TIME_LIMIT)
+        solution, _ = within(
+            self.max_seconds, partial(run, count=True), lambda own: own.status is Status.TIME_LIMIT
+        )
         timing = time_runs(partial(run, inf)) if solution.success else None
         return {
             "solver": method.name,
@@ -167,34 +182,60 @@ class WorkPrecision:
         }
 
 
-def measured(name: str, solver: str, tolerances: Sequence[float], max_seconds: float) -> list[Record]:
+def measured(
+    name: str, solver: str, tolerances: Sequence[float], max_seconds: float
+) -> list[Record]:
     """Rows of one problem by one solver."""
     one = PROBLEMS[name]
-    study = WorkPrecision(one.problem, [solver], tolerances, 2, max_seconds, quiet=True, classical=one)
+    study = WorkPrecision(
+        one.problem, [solver], tolerances, 2, max_seconds, quiet=True, classical=one
+    )
     return rows_of(study.frame)
 
 
 def run_problems(
-    store: Store, names: Sequence[str] = (), solvers: Sequence[str] = (), *, quick: bool = False, quiet: bool = False
+    store: Store,
+    names: Sequence[str] = (),
+    solvers: Sequence[str] = (),
+    *,
+    quick: bool = False,
+    quiet: bool = False,
 ) -> list[Record]:
     """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
     settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
     pairs = pairs_of(names, solvers)
-    cases = ({"problem": name, "solver": solver, **settings, "versions": versions()} for name, solver in pairs)
+    cases = (
+        {"problem": name, "solver": solver, **settings, "versions": versions()}
+        for name, solver in pairs
+    )
     wanted = {digest(case): case for case in cases}
     known, found = store.keys(), []
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
-    progress = tqdm(wanted.items(), disable=quiet or None, unit="case", desc="problems", leave=False)
+    progress = tqdm(
+        wanted.items(), disable=quiet or None, unit="case", desc="problems", leave=False
+    )
     with Worker() as worker, progress:
         for key, case in progress:
             if key in known:
                 continue
-            reply = worker.run(measured, case["problem"], case["solver"], *settings.values(), limit=limit)
+            reply = worker.run(
+                measured, case["problem"], case["solver"], *settings.values(), limit=limit
+            )
             if reply.failure is Failure.LOST:
-                raise KilledFromOutsideError(f"{case['problem']} by {case['solver']}: {reply.message}")
+                raise KilledFromOutsideError(
+                    f"{case['problem']} by {case['solver']}: {reply.message}"
+                )
             nothing = {"solver": case["solver"], "tolerance": None}
-            rows = [nothing | how_failed(reply.failure, reply.message)] if reply.failure else reply.value
-            store.put(key, {"problem": case["problem"]}, {"rows": rows, "machine": machine(), "versions": versions()})
+            rows = (
+                [nothing | how_failed(reply.failure, reply.message)]
+                if reply.failure
+                else reply.value
+            )
+            store.put(
+                key,
+                {"problem": case["problem"]},
+                {"rows": rows, "machine": machine(), "versions": versions()},
+            )
     for record in store:
         if record["key"] in wanted:
             kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}
@@ -206,7 +247,9 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
     """Problems, all unless named, each with every solver that takes it; ValueError by other names, or if none does."""
     for name in names:
         if name not in PROBLEMS:
-            raise ValueError(f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}")
+            raise ValueError(
+                f"scene: got {name!r}{hint(name, PROBLEMS)}, expected one of {', '.join(PROBLEMS)}"
+            )
 
     def takes(solver: str, one: Classical) -> bool:
         method = find_solver(solver)
@@ -215,4 +258,6 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
     own, methods = names or PROBLEMS, solvers or SOLVERS
     if pairs := [(name, each) for name in own for each in methods if takes(each, PROBLEMS[name])]:
         return pairs
-    raise ValueError(f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(own)}")
+    raise ValueError(
+        f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(own)}"
+    )

@@ -34,13 +34,14 @@ class FormNotValidError(ValueError):
 class Form(ABC):
     """One way to write the equations of motion for a scene.
 
-    1. `check` refuses a scene outside the form's validity; it says why, and which form to use instead.
-    2. `problem` turns a scene into an initial value problem: field, parameters, start, end.
-    3. `observe` maps the states of a solution to observables, the same for every form.
-    4. A form keeps no data of its own: everything comes from the scene, so that forms pickle and compare by name.
-    5. The vector field is a factory at the top of the form's module, over generic numbers, in mass form: the rows of
-       the angular velocity carry the mass ``p[0]`` (alpha) and the torque the factor ``p[1]`` (beta), so that
-       (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the implicit one.
+    1. `check` refuses a scene outside the form's validity; it says why, and which form to use
+    instead. 2. `problem` turns a scene into an initial value problem: field, parameters, start,
+    end. 3. `observe` maps the states of a solution to observables, the same for every form. 4. A
+    form keeps no data of its own: everything comes from the scene, so that forms pickle and compare
+    by name. 5. The vector field is a factory at the top of the form's module, over generic numbers,
+    in mass form: the rows of
+       the angular velocity carry the mass ``p[0]`` (alpha) and the torque the factor ``p[1]``
+       (beta), so that (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the implicit one.
     """
 
     required: ClassVar[tuple[str, ...]] = ("name", "state", "orientation")
@@ -50,7 +51,8 @@ class Form(ABC):
     state: ClassVar[tuple[str, ...]]
     orientation: ClassVar[Orientation]
     averaged: ClassVar[bool] = False
-    # Costs more than the quaternion form, for the same errors or, near a pole of its angles, larger ones.
+    # Costs more than the quaternion form, for the same errors or, near a pole of its angles, larger
+    # ones.
     angles: ClassVar[bool] = False
 
     @abstractmethod
@@ -96,7 +98,10 @@ class Form(ABC):
         """The scene's start; raises FormNotValidError if it gives L and E alone."""
         if isinstance(scene.start, SlowStart):
             averages = 0 < scene.stokes < inf and any(scene.start.angular_momentum)
-            raise self.refuse("the start gives L and E but no orientation", averaged_form(scene) if averages else "")
+            raise self.refuse(
+                "the start gives L and E but no orientation",
+                averaged_form(scene) if averages else "",
+            )
         return scene.start
 
     def require_slow_motion(self, scene: Scene, rest: bool = False) -> None:
@@ -113,11 +118,24 @@ class Form(ABC):
         raise self.refuse(why, "" if isinstance(scene.start, SlowStart) else instead)
 
     def slow_problem(
-        self, scene: Scene, field: Factory, start: Floats, parameters: Floats, invariant: Invariant | None = None
+        self,
+        scene: Scene,
+        field: Factory,
+        start: Floats,
+        parameters: Floats,
+        invariant: Invariant | None = None,
     ) -> Problem:
         """Initial value problem in slow time t₂ = t/St."""
         unit = scene.stokes
-        return Problem(self.name, field, start, scene.slow_time, parameters, invariant=invariant, time_unit=unit)
+        return Problem(
+            self.name,
+            field,
+            start,
+            scene.slow_time,
+            parameters,
+            invariant=invariant,
+            time_unit=unit,
+        )
 
     def refuse(self, condition: str, instead: str) -> FormNotValidError:
         """Make the error that says which condition failed and which form to use instead."""

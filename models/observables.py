@@ -35,7 +35,9 @@ class Observables:
         return Observables(self.angular_momentum[rows], self.energy[rows], self.rotation[rows])
 
 
-def observe_body(ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray) -> Observables:
+def observe_body(
+    ellipsoid: Ellipsoid, rotation: np.ndarray, angular_velocity: np.ndarray
+) -> Observables:
     """Observables of matrices t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3)."""
     body_momentum = angular_velocity * np.array(ellipsoid.inertia)
     energy = 0.5 * np.sum(body_momentum * angular_velocity, axis=1)
@@ -67,7 +69,11 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
 def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
     """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open."""
     # Of a spheroid the symmetry axis' row is enough, of a sphere L.
-    momentum, rotation, inertia = observables.angular_momentum, observables.rotation, np.array(ellipsoid.inertia)
+    momentum, rotation, inertia = (
+        observables.angular_momentum,
+        observables.rotation,
+        np.array(ellipsoid.inertia),
+    )
     axis = ellipsoid.symmetry_axis
     if ellipsoid.kind == "triaxial":
         return np.einsum("nij,i,nik,nk->nj", rotation, 1 / inertia, rotation, momentum)

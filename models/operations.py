@@ -21,7 +21,9 @@ class Operations:
     sin: Callable[[Any], Any]
     cos: Callable[[Any], Any]
     sqrt: Callable[[Any], Any]
-    where_positive: Callable[[Any, Any, Any], Any]  # (x, a, b): a where x > 0 and b elsewhere; both are evaluated
+    where_positive: Callable[
+        [Any, Any, Any], Any
+    ]  # (x, a, b): a where x > 0 and b elsewhere; both are evaluated
     expm1: Callable[[Any], Any] = math.expm1  # for `polhode.models.problem.Part` alone
     exp: Callable[[Any], Any] = math.exp
     log: Callable[[Any], Any] = math.log
@@ -34,7 +36,9 @@ class Operations:
 def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
     """Value of a polynomial, lowest power first, in pairs that a processor computes side by side."""
     while len(coefficients) > 1:
-        pairs = [low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)]
+        pairs = [
+            low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)
+        ]
         coefficients, x = [*pairs, *coefficients[2 * len(pairs) :]], x * x
     return coefficients[0]
 
@@ -54,4 +58,6 @@ class WithRate:
 
 FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 else b)
 # Elementwise, to evaluate a field at many states at once.
-ARRAYS = Operations(np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1, np.exp, np.log)
+ARRAYS = Operations(
+    np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1, np.exp, np.log
+)

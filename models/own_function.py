@@ -21,7 +21,8 @@ LIBRARIES = (np, math)
 # What a function may use, and what it does instead of branching.
 BRANCHES = "np.heaviside, np.maximum, np.minimum or np.abs"
 FUNCTIONS = (
-    f"sin, cos, tan, sqrt, exp and log of NumPy or math, {BRANCHES}, in f or what it names, not in methods called"
+    f"sin, cos, tan, sqrt, exp and log of NumPy or math, {BRANCHES}, "
+    "in f or what it names, not in methods called"
 )
 
 
@@ -36,7 +37,9 @@ class _Absent:
 
     __bool__ = __float__ = __neg__ = __pos__ = __abs__ = __array_ufunc__ = _used  # pyright: ignore
     __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = __pow__ = __rpow__ = _used  # pyright: ignore
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _used
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = (
+        _used
+    )
 
 
 _ABSENT = _Absent()
@@ -59,7 +62,11 @@ class OwnField:
 
     def __call__(self, ops: Operations) -> Field:
         """Bind the function to a kind of number."""
-        target = self.function.__call__ if isinstance(self.function.__call__, MethodType) else self.function
+        target = (
+            self.function.__call__
+            if isinstance(self.function.__call__, MethodType)
+            else self.function
+        )
         function = self.function if ops is FLOAT else _rebound(target, _replacements(_own(ops)))
 
         def rhs(y, p):
@@ -73,7 +80,10 @@ class OwnField:
 
 
 def own_field(
-    f: Callable[..., Any], y0: Sequence[float], span: tuple[float, float], parameters: Sequence[float]
+    f: Callable[..., Any],
+    y0: Sequence[float],
+    span: tuple[float, float],
+    parameters: Sequence[float],
 ) -> tuple[tuple[float, ...], OwnField]:
     """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
     start, given = _numbers("y0", y0), _numbers("parameters", parameters)
@@ -90,14 +100,20 @@ def own_field(
     except TypeError as error:
         words = f"f(t, y{''.join(f', p{i}' for i in range(len(given)))})"
         got = f"{getattr(f, '__name__', 'f')}{inspect.signature(f)}"
-        raise ValueError(f"f: got {got}, expected {words}, with the {len(given)} parameters ({error})") from None
+        raise ValueError(
+            f"f: got {got}, expected {words}, with the {len(given)} parameters ({error})"
+        ) from None
     timed = _uses_time(f, start, given)
     try:
         rates = _listed(f(span[0], np.array(start), *given))
     except Exception as error:
-        raise ValueError(f"f: got {type(error).__name__} at the start: {error}{place_of(error)}") from error
+        raise ValueError(
+            f"f: got {type(error).__name__} at the start: {error}{place_of(error)}"
+        ) from error
     if len(rates) != len(start):
-        raise ValueError(f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0")
+        raise ValueError(
+            f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0"
+        )
     if not all(isinstance(rate, float | int) and math.isfinite(rate) for rate in rates):
         raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
     # What is compiled is kept under the function; a method can be a key where its object cannot.
@@ -120,7 +136,9 @@ def place_of(error: BaseException, *skipped: str) -> str:
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     try:
-        found = tuple(np.array(values, dtype=float, ndmin=1).tolist()) if np.ndim(values) == 1 else None
+        found = (
+            tuple(np.array(values, dtype=float, ndmin=1).tolist()) if np.ndim(values) == 1 else None
+        )
     except (TypeError, ValueError):
         found = None
     if found is None or not all(map(math.isfinite, found)):
@@ -128,7 +146,9 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     return found
 
 
-def _uses_time(f: Callable[..., Any], start: tuple[float, ...], parameters: tuple[float, ...]) -> bool:
+def _uses_time(
+    f: Callable[..., Any], start: tuple[float, ...], parameters: tuple[float, ...]
+) -> bool:
     try:
         return any(rate is _ABSENT for rate in _listed(f(_ABSENT, np.array(start), *parameters)))
     except Exception:
@@ -140,17 +160,24 @@ def _listed(rates: Any) -> list[Any]:
     if not isinstance(rates, np.ndarray):
         rates = list(rates) if hasattr(rates, "__iter__") else [rates]
     found = rates.ravel().tolist() if isinstance(rates, np.ndarray) else rates
-    return [rate.item() if isinstance(rate, np.generic | np.ndarray) and not rate.ndim else rate for rate in found]
+    return [
+        rate.item() if isinstance(rate, np.generic | np.ndarray) and not rate.ndim else rate
+        for rate in found
+    ]
 
 
 def _array(state: list[Any]) -> np.ndarray:
     """An array of numbers of any kind."""
-    return np.array(state, dtype=float if all(isinstance(each, float) for each in state) else object)
+    return np.array(
+        state, dtype=float if all(isinstance(each, float) for each in state) else object
+    )
 
 
 def _own(ops: Operations) -> dict[str, Any]:
     arrays = {name: _of_any_type(getattr(np, name)) for name in ("zeros", "empty", "ones")}
-    own: dict[str, Any] = {name: _of_one(getattr(ops, name)) for name in ("sin", "cos", "sqrt", "exp")}
+    own: dict[str, Any] = {
+        name: _of_one(getattr(ops, name)) for name in ("sin", "cos", "sqrt", "exp")
+    }
     own["log"] = lambda x, *base: ops.log(x) / math.log(*base) if base else ops.log(x)
     own["tan"] = lambda x: ops.sin(x) / ops.cos(x)
     own["abs"] = own["absolute"] = lambda x: ops.where_positive(x, x, -x)
@@ -179,7 +206,9 @@ def _each(function: Callable[..., Any]) -> Callable[..., Any]:
     def of_any(*given: Any) -> Any:
         if not any(isinstance(each, np.ndarray | list | tuple) for each in given):
             return function(*given)
-        return np.vectorize(function, otypes=[object])(*(np.array(each, dtype=object) for each in given))
+        return np.vectorize(function, otypes=[object])(
+            *(np.array(each, dtype=object) for each in given)
+        )
 
     return of_any
 
@@ -209,13 +238,17 @@ def _rebound(value: Any, known: dict[int, Any]) -> Any:
         return MethodType(_rebound(value.__func__, known), value.__self__)
     if isinstance(value, partial):
         named = {name: _rebound(each, known) for name, each in value.keywords.items()}
-        return partial(_rebound(value.func, known), *(_rebound(each, known) for each in value.args), **named)
+        return partial(
+            _rebound(value.func, known), *(_rebound(each, known) for each in value.args), **named
+        )
     if not isinstance(value, FunctionType):
         return value
     names, cells = {"__builtins__": builtins}, tuple(CellType() for _ in value.__closure__ or ())
     defaults = tuple(_rebound(each, known) for each in value.__defaults__ or ())
     made = known[id(value)] = FunctionType(value.__code__, names, value.__name__, defaults, cells)
-    made.__kwdefaults__ = {name: _rebound(each, known) for name, each in (value.__kwdefaults__ or {}).items()}
+    made.__kwdefaults__ = {
+        name: _rebound(each, known) for name, each in (value.__kwdefaults__ or {}).items()
+    }
     for cell, their in zip(cells, value.__closure__ or (), strict=True):
         with suppress(ValueError):  # Nothing is in it yet.
             cell.cell_contents = _rebound(their.cell_contents, known)

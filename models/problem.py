@@ -21,7 +21,8 @@ ROUNDING = 1e-13
 class MassForm:
     """The same problem with its masses kept: ``mass * y' = field(y, parameters)``.
 
-    Rows of mass zero are algebraic, so that the form stays valid where the explicit one does not (St = 0).
+    Rows of mass zero are algebraic, so that the form stays valid where the explicit one does not
+    (St = 0).
     """
 
     mass: Floats  # the diagonal of the mass matrix
@@ -32,8 +33,8 @@ class MassForm:
 class Part:
     """One part of a vector field whose flow over a time h, which may be negative, is known in closed form."""
 
-    # ``constants(p, h, ops) -> tuple``, over generic numbers: what the flow needs to know besides the state. `ops` has
-    # `expm1` besides what fields may use; by default over floats.
+    # ``constants(p, h, ops) -> tuple``, over generic numbers: what the flow needs to know besides
+    # the state. `ops` has `expm1` besides what fields may use; by default over floats.
     constants: Callable[..., tuple[Any, ...]]
     # The flow's factory, like a vector field's: ``flow(ops) -> advance(y, constants) -> tuple``.
     flow: Factory
@@ -45,17 +46,28 @@ class Parts:
 
     fast: Part  # the rotation: every solution of it is periodic in its angle, with period 2π
     slow: Part  # all else
-    rate: Callable[[Operations], Callable[[Any, Any], Any]]  # of the angle, (ops)(y, p), constant along the fast flow
-    strength: Callable[[Sequence[float]], float]  # of p: the slow part's largest rate of relaxation; 0 without one
-    forgetting: Callable[[Sequence[float]], float]  # of p: the least rate at which the averaged motion forgets
+    rate: Callable[
+        [Operations], Callable[[Any, Any], Any]
+    ]  # of the angle, (ops)(y, p), constant along the fast flow
+    strength: Callable[
+        [Sequence[float]], float
+    ]  # of p: the slow part's largest rate of relaxation; 0 without one
+    forgetting: Callable[
+        [Sequence[float]], float
+    ]  # of p: the least rate at which the averaged motion forgets
     reach: float  # angle, in rad, up to which `fast` is exact to rounding
-    moving: tuple[int, int]  # the first of the components that the fast flow changes, and the one behind the last
-    slow_quantities: Callable[[Any], tuple[Any, ...]]  # of y, over generic numbers: what the fast flow leaves alone
-    # (ops)(y, constants, constants, gains): the fast flow and the slow one behind it, where they take less time
-    # together; what the first components have gained, those before the moving ones, advances in their place if given.
+    moving: tuple[
+        int, int
+    ]  # the first of the components that the fast flow changes, and the one behind the last
+    slow_quantities: Callable[
+        [Any], tuple[Any, ...]
+    ]  # of y, over generic numbers: what the fast flow leaves alone
+    # (ops)(y, constants, constants, gains): the fast flow and the slow one behind it, where they
+    # take less time together; what the first components have gained, those before the moving ones,
+    # advances in their place if given.
     both: Callable[[Operations], Callable[..., Sequence[Any]]] | None = None
-    # (y): a mean of states close to each other, brought back, to second order, to where solutions lie; where it is not
-    # given, no means are taken. It asks for `both`.
+    # (y): a mean of states close to each other, brought back, to second order, to where solutions
+    # lie; where it is not given, no means are taken. It asks for `both`.
     restored: Callable[[Any], Sequence[Any]] | None = None
 
 
@@ -63,14 +75,19 @@ class Parts:
 class Piece:
     """One piece of a run: a problem of its own, from where the run stands to a time of the run.
 
-    Its start is the run's state, and its clock the run's, in its own unit of time (`Problem.time_unit`).
+    Its start is the run's state, and its clock the run's, in its own unit of time
+    (`Problem.time_unit`).
     """
 
     problem: "Problem"
     end: float  # in the run's time
-    states: Callable[[np.ndarray], np.ndarray] | None = None  # the run's, of the problem's own, where they differ
+    states: Callable[[np.ndarray], np.ndarray] | None = (
+        None  # the run's, of the problem's own, where they differ
+    )
     reason: str = ""  # why this problem here, in words
-    error: float = 0.0  # what it is expected to add to the run's largest error of L and E, over I_max
+    error: float = (
+        0.0  # what it is expected to add to the run's largest error of L and E, over I_max
+    )
     angle: float = 0.0  # the same of the orientation, in rad
     tolerance: float | None = None  # of the solver here, where it is not that of the whole run
     then: "Course | None" = None  # the course from its end on, where that is another one
@@ -97,8 +114,8 @@ class Problem:
     name : str
         The form (or test problem) it comes from.
     field : callable
-        The vector field's factory: ``field(ops) -> rhs(y, p) -> tuple``. A function of a module, so that it
-        pickles and compiled versions can be kept under it.
+        The vector field's factory: ``field(ops) -> rhs(y, p) -> tuple``. A function of a module, so
+        that it pickles and compiled versions can be kept under it.
     start : tuple of float, length d
         Initial state.
     end : float
@@ -110,9 +127,11 @@ class Problem:
     closed_form : callable, optional
         ``closed_form(times) -> states`` of shapes (n,) and (n, d), where the solution is known.
     periodic : tuple of int
-        Components that are angles of period 2π; solvers keep them wrapped between pieces of a long run.
+        Components that are angles of period 2π; solvers keep them wrapped between pieces of a long
+        run.
     invariant : callable, optional
-        ``invariant(states) -> (n,)``, a dimensionless quantity that the exact solution keeps at zero.
+        ``invariant(states) -> (n,)``, a dimensionless quantity that the exact solution keeps at
+        zero.
     least_steps : int
         A run of fewer steps cannot be right, whatever the library claims.
     time_unit : float
@@ -120,8 +139,8 @@ class Problem:
     parts : Parts, optional
         The field as the sum of two parts whose flows are known.
     course : callable, optional
-        ``course(time, state, tolerance) -> Piece``: how to go on from a state of the run. A run of several pieces, of
-        which `field` is the exact one; without it a run is one piece.
+        ``course(time, state, tolerance) -> Piece``: how to go on from a state of the run. A run of
+        several pieces, of which `field` is the exact one; without it a run is one piece.
     """
 
     name: str
@@ -154,9 +173,10 @@ class Problem:
         Parameters
         ----------
         f : callable
-            Returns the rates, one per component. It may use arithmetic, the functions sin, cos, tan, sqrt, exp and log
-            of NumPy or `math`, and functions that it names and do no more; it may not compare numbers. If it uses t,
-            time becomes one more component of the state, the last one; t that is used only after the start is refused.
+            Returns the rates, one per component. It may use arithmetic, the functions sin, cos,
+            tan, sqrt, exp and log of NumPy or `math`, and functions that it names and do no more;
+            it may not compare numbers. If it uses t, time becomes one more component of the state,
+            the last one; t that is used only after the start is refused.
         y0 : sequence of float
         t_end : float
         parameters : sequence of float, optional

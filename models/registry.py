@@ -88,8 +88,12 @@ class Catalogue(dict[str, str], Generic[T]):
         except (ImportError, AttributeError) as error:
             if name in self:
                 raise
-            place = "; is its folder on PYTHONPATH?" if isinstance(error, ModuleNotFoundError) else ""
-            raise NotFoundError(self.kind, name, f"an importable module:class ({error}){place}") from None
+            place = (
+                "; is its folder on PYTHONPATH?" if isinstance(error, ModuleNotFoundError) else ""
+            )
+            raise NotFoundError(
+                self.kind, name, f"an importable module:class ({error}){place}"
+            ) from None
         if not (isinstance(found, type) and issubclass(found, imported(self.base))):
             raise NotFoundError(self.kind, name, f"a class derived from {self.base}")
         return self._complete(found)
@@ -97,9 +101,13 @@ class Catalogue(dict[str, str], Generic[T]):
     def _object(self, given: T) -> T:
         base = imported(self.base)
         if isinstance(given, type) and issubclass(given, base):
-            raise NotFoundError(self.kind, given.__name__, f"an object, not the class: {given.__name__}()")
+            raise NotFoundError(
+                self.kind, given.__name__, f"an object, not the class: {given.__name__}()"
+            )
         if not isinstance(given, base):
-            raise NotFoundError(self.kind, repr(given), f"a name, or an object of a class derived from {self.base}")
+            raise NotFoundError(
+                self.kind, repr(given), f"a name, or an object of a class derived from {self.base}"
+            )
         self._complete(type(given))
         return given
 
@@ -135,7 +143,10 @@ def _declared() -> bool:
         with suppress(OSError), os.scandir(folder or ".") as entries:
             for entry in entries:
                 if entry.name.endswith((".dist-info", ".egg-info")):
-                    with suppress(OSError), open(os.path.join(entry.path, "entry_points.txt"), "rb") as file:
+                    with (
+                        suppress(OSError),
+                        open(os.path.join(entry.path, "entry_points.txt"), "rb") as file,
+                    ):
                         if b"[polhode." in file.read():
                             return True
     return False

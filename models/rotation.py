@@ -32,7 +32,9 @@ def euler_from_quaternion(q: Quaternion) -> Triple:
     return 2 * atan2(s, c), plus + minus, plus - minus
 
 
-def angular_velocity_from_euler(angles: Any, rates: Any, ops: Operations = FLOAT) -> tuple[Any, Any, Any]:
+def angular_velocity_from_euler(
+    angles: Any, rates: Any, ops: Operations = FLOAT
+) -> tuple[Any, Any, Any]:
     """Body angular velocity (ω₁, ω₂, ω₃) of Euler angles and their rates (θ̇, φ̇, ψ̇) (`omg1def`–`omg3def`)."""
     cos, sin = ops.cos, ops.sin
     theta, _, psi = angles
@@ -76,7 +78,8 @@ def matrix_from_euler(angles: Array) -> Array:
 
 def matrix_from_quaternion(q: Array) -> Array:
     """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components."""
-    # The quaternions are normalised first, so that the rows stay unit vectors where a solver let the norm drift.
+    # The quaternions are normalised first, so that the rows stay unit vectors where a solver let
+    # the norm drift.
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     q0, q1, q2, q3 = np.moveaxis(q, -1, 0)
     rows = [
@@ -94,7 +97,12 @@ def quaternion_from_matrix(matrices: Array) -> Array:
     x, y, z = t[1, 2] - t[2, 1], t[2, 0] - t[0, 2], t[0, 1] - t[1, 0]
     u, v, w = t[1, 2] + t[2, 1], t[2, 0] + t[0, 2], t[0, 1] + t[1, 0]
     # 4 q_i q_j: the row of the largest component is the quaternion but for its size.
-    rows = [[1 + a + b + c, x, y, z], [x, 1 + a - b - c, w, v], [y, w, 1 - a + b - c, u], [z, v, u, 1 - a - b + c]]
+    rows = [
+        [1 + a + b + c, x, y, z],
+        [x, 1 + a - b - c, w, v],
+        [y, w, 1 - a + b - c, u],
+        [z, v, u, 1 - a - b + c],
+    ]
     products = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
     largest = np.argmax(np.einsum("...ii->...i", products), axis=-1)[..., None, None]
     found = np.take_along_axis(products, largest, axis=-2)[..., 0, :]

@@ -9,12 +9,19 @@ import numpy as np
 
 from polhode.models import rotation
 from polhode.models.flow import jeffery_angular_velocity, shares
-from polhode.models.observables import Observables, angular_velocity, completed, observe_body, observe_slow
+from polhode.models.observables import (
+    Observables,
+    angular_velocity,
+    completed,
+    observe_body,
+    observe_slow,
+)
 from polhode.models.operations import FLOAT
 from polhode.models.rotation import Quaternion, Triple
 from polhode.models.shape import Ellipsoid, require_numbers
 
-# Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of floating-point numbers.
+# Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of
+# floating-point numbers.
 LARGEST = 1e30
 LEAST, MOST = 1e-60, 1e60
 
@@ -80,13 +87,17 @@ class SlowStart:
         _require_finite("start.angular_momentum", self.angular_momentum, 3)
         require_numbers("start.energy", self.energy)
         if not 0 <= self.energy <= MOST:
-            raise ValueError(f"start.energy: got {self.energy}, expected a number from 0 to {MOST:g}")
+            raise ValueError(
+                f"start.energy: got {self.energy}, expected a number from 0 to {MOST:g}"
+            )
 
 
 def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
     require_numbers(name, numbers, length)
     if not all(abs(number) <= LARGEST for number in numbers):
-        raise ValueError(f"{name}: got {[*map(float, numbers)]}, expected finite numbers of at most {LARGEST:g}")
+        raise ValueError(
+            f"{name}: got {[*map(float, numbers)]}, expected finite numbers of at most {LARGEST:g}"
+        )
 
 
 # L² / 2E may lie outside by roundoff.
@@ -104,7 +115,8 @@ class Scene:
     ----------
     ellipsoid : Ellipsoid
     stokes : float
-        Stokes number, 0 <= St <= inf. At St = 0 the angular velocity is Jeffery's, whatever the start says.
+        Stokes number, 0 <= St <= inf. At St = 0 the angular velocity is Jeffery's, whatever the
+        start says.
     start : EulerStart, BodyStart or SlowStart
     time : float
         Duration in units of the inverse shear rate, finite and positive.
@@ -112,7 +124,8 @@ class Scene:
     Raises
     ------
     ValueError
-        If St or the duration is out of range, or the shape cannot have the L and E of a `SlowStart`.
+        If St or the duration is out of range, or the shape cannot have the L and E of a
+        `SlowStart`.
     """
 
     ellipsoid: Ellipsoid
@@ -124,22 +137,33 @@ class Scene:
         if not isinstance(self.ellipsoid, Ellipsoid):
             raise ValueError(f"ellipsoid: got {self.ellipsoid!r:.60}, expected an Ellipsoid")
         if not isinstance(self.start, Start):
-            raise ValueError(f"start: got {self.start!r:.60}, expected an EulerStart, BodyStart or SlowStart")
+            raise ValueError(
+                f"start: got {self.start!r:.60}, expected an EulerStart, BodyStart or SlowStart"
+            )
         require_numbers("stokes", self.stokes)
         require_numbers("time", self.time)
         if not (self.stokes == 0 or LEAST <= self.stokes <= inf):
-            raise ValueError(f"stokes: got {self.stokes}, expected 0 or a number from {LEAST:g} to inf")
+            raise ValueError(
+                f"stokes: got {self.stokes}, expected 0 or a number from {LEAST:g} to inf"
+            )
         if not LEAST <= self.time < inf:
             raise ValueError(f"time: got {self.time}, expected a finite number from {LEAST:g} on")
         if 0 < self.stokes < inf and not 0 < self.slow_time < inf:
-            raise ValueError(f"time: got {self.time} at St = {self.stokes}, expected a finite t/St above 0")
+            raise ValueError(
+                f"time: got {self.time} at St = {self.stokes}, expected a finite t/St above 0"
+            )
         if isinstance(self.start, SlowStart):
             # Of any rotation L² / 2E lies between the extreme moments of inertia.
             momentum, twice_energy = hypot(*self.start.angular_momentum), 2 * self.start.energy
             low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
             ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
-            if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (momentum, twice_energy) != (0, 0):
-                raise ValueError(f"start: got L² / 2E = {ratio}, expected a value from {low} to {high}")
+            if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (
+                momentum,
+                twice_energy,
+            ) != (0, 0):
+                raise ValueError(
+                    f"start: got L² / 2E = {ratio}, expected a value from {low} to {high}"
+                )
 
     @property
     def slow_time(self) -> float:
@@ -155,7 +179,9 @@ class Scene:
     def angular_velocity(self) -> Triple:
         """Body angular velocity at the start in units of the shear rate: Jeffery's at St = 0, none of a `SlowStart`."""
         if isinstance(self.start, SlowStart):
-            raise ValueError("start: L and E alone determine no angular velocity, expected an orientation")
+            raise ValueError(
+                "start: L and E alone determine no angular velocity, expected an orientation"
+            )
         if self.stokes > 0:
             return self.start.angular_velocity
         columns = self.initial_rotation.T.tolist()
@@ -173,7 +199,9 @@ class Scene:
         """Observables at the start, with leading dimension 1; without orientation for a `SlowStart`."""
         if isinstance(self.start, SlowStart):
             return observe_slow(np.array([[*self.start.angular_momentum, self.start.energy]]))
-        return observe_body(self.ellipsoid, self.initial_rotation[None], np.array([self.angular_velocity]))
+        return observe_body(
+            self.ellipsoid, self.initial_rotation[None], np.array([self.angular_velocity])
+        )
 
 
 def start_from(ellipsoid: Ellipsoid, observables: Observables) -> Start:
@@ -182,7 +210,9 @@ def start_from(ellipsoid: Ellipsoid, observables: Observables) -> Start:
     if known is None:
         l1, l2, l3 = observables.angular_momentum[0].tolist()
         # The run's own error may have led beyond what the shape can have.
-        low, _, high = sorted((l1 * l1 + l2 * l2 + l3 * l3) / (2 * inertia) for inertia in ellipsoid.inertia)
+        low, _, high = sorted(
+            (l1 * l1 + l2 * l2 + l3 * l3) / (2 * inertia) for inertia in ellipsoid.inertia
+        )
         return SlowStart((l1, l2, l3), min(max(float(observables.energy[0]), low), high))
     rotation_matrix = known[0]
     q0, q1, q2, q3 = rotation.quaternion_from_matrix(rotation_matrix).tolist()

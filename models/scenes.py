@@ -20,17 +20,26 @@ class NamedScene:
     scene: Scene
 
 
-def aligned_start(ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0) -> EulerStart:
+def aligned_start(
+    ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0
+) -> EulerStart:
     """Start with L = `momentum` ẑ: θ = theta, φ = phi, ψ = π/2."""
-    # With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀ (1/I₃ - 1/I₁), so that
-    # θ₀ from 0 to π/2 covers all energies. The captions of the paper print these rates with ψ₀ = 0, to which I₂
-    # belongs, and for spheroids the other sign of ψ̇₀.
+    # With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀
+    # (1/I₃ - 1/I₁), so that θ₀ from 0 to π/2 covers all energies. The captions of the paper print
+    # these rates with ψ₀ = 0, to which I₂ belongs, and for spheroids the other sign of ψ̇₀.
     i1, _, i3 = ellipsoid.inertia
-    return EulerStart((theta, phi, pi / 2), (0.0, momentum / i1, momentum * cos(theta) * (1 / i3 - 1 / i1)))
+    return EulerStart(
+        (theta, phi, pi / 2), (0.0, momentum / i1, momentum * cos(theta) * (1 / i3 - 1 / i1))
+    )
 
 
 def _named(
-    summary: str, semi_axes: list[float], stokes: float, time: float = 0.0, slow_time: float = 0.0, **start: Any
+    summary: str,
+    semi_axes: list[float],
+    stokes: float,
+    time: float = 0.0,
+    slow_time: float = 0.0,
+    **start: Any,
 ) -> NamedScene:
     """A scene of one table of `scenes.toml`, where a start's orientation stands before its motion."""
     kind = BodyStart if "quaternion" in start else EulerStart
@@ -60,10 +69,13 @@ def find_scene(word: str) -> Scene:
         return named_scene(word)
     if isdir(word):
         raise ValueError(f"scene: got {word!r}, a folder, expected a file or a built-in name")
-    raise ValueError(f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}")
+    raise ValueError(
+        f"scene: got {word!r}{hint(word, SCENES)}, expected a file or one of {', '.join(SCENES)}"
+    )
 
 
 PAPER_START, SPHEROID_START, SADDLE_START, NEAR_POLE_START = (
-    cast(EulerStart, named_scene(name).start) for name in ("paper", "spheroid", "paper-saddle", "near-pole")
+    cast(EulerStart, named_scene(name).start)
+    for name in ("paper", "spheroid", "paper-saddle", "near-pole")
 )
 PAPER_ELLIPSOID, PROLATE = (named_scene(name).ellipsoid.semi_axes for name in ("paper", "spheroid"))

@@ -12,17 +12,25 @@ Triple = tuple[float, float, float]
 
 # Below it the moments of inertia, of fourth order in the semi-axes, lose digits to underflow.
 LEAST_RATIO = 1e-70
-# Distances from the mean, relative to it, below which the series of `carlson_rd` holds to double precision.
+# Distances from the mean, relative to it, below which the series of `carlson_rd` holds to double
+# precision.
 CARLSON_SPREAD = 1 / 400
 
 
 def require_numbers(name: str, given: Any, count: int = 0) -> None:
     """Raise ValueError unless these are so many real numbers of double precision or, without a count, this is one."""
     with suppress(OverflowError, TypeError, LookupError):
-        # By index, as they are read later on: those of a set have none, those of an iterator are read once.
+        # By index, as they are read later on: those of a set have none, those of an iterator are
+        # read once.
         found = [given[i] for i in range(len(given))] if count else [given]
         if (
-            len([float(each) for each in found if isinstance(each, Real) and not isinstance(each, bool)])
+            len(
+                [
+                    float(each)
+                    for each in found
+                    if isinstance(each, Real) and not isinstance(each, bool)
+                ]
+            )
             == len(found)
             == max(1, count)
         ):
@@ -46,7 +54,8 @@ class Ellipsoid:
     Raises
     ------
     ValueError
-        If a semi-axis is not a finite positive number, or the shortest too short beside the longest.
+        If a semi-axis is not a finite positive number, or the shortest too short beside the
+        longest.
     """
 
     semi_axes: Triple
@@ -128,20 +137,50 @@ class Ellipsoid:
 
 def carlson_rd(x: float, y: float, z: float) -> float:
     """Carlson's R_D(x, y, z) of positive numbers, to some 1e-15; SciPy's takes 0.1 s to import."""
-    # Duplication brings the arguments together, then a series in their distances serves (DLMF 19.26.20, 19.36.2).
+    # Duplication brings the arguments together, then a series in their distances serves (DLMF
+    # 19.26.20, 19.36.2).
     mean = (x + y + 3 * z) / 5
-    distance_x, distance_y, spread = mean - x, mean - y, max(abs(mean - x), abs(mean - y), abs(mean - z))
+    distance_x, distance_y, spread = (
+        mean - x,
+        mean - y,
+        max(abs(mean - x), abs(mean - y), abs(mean - z)),
+    )
     total, share = 0.0, 1.0
     while share * spread > CARLSON_SPREAD * mean:
         root_x, root_y, root_z = sqrt(x), sqrt(y), sqrt(z)
         shift = root_x * root_y + root_z * (root_x + root_y)
         total += share / (root_z * (z + shift))
-        x, y, z, mean, share = (x + shift) / 4, (y + shift) / 4, (z + shift) / 4, (mean + shift) / 4, share / 4
+        x, y, z, mean, share = (
+            (x + shift) / 4,
+            (y + shift) / 4,
+            (z + shift) / 4,
+            (mean + shift) / 4,
+            share / 4,
+        )
     u, v = share * distance_x / mean, share * distance_y / mean
     uv, w = u * v, -(u + v) / 3
-    e2, e3, e4, e5 = uv - 6 * w * w, (3 * uv - 8 * w * w) * w, 3 * (uv - w * w) * w * w, uv * w * w * w
+    e2, e3, e4, e5 = (
+        uv - 6 * w * w,
+        (3 * uv - 8 * w * w) * w,
+        3 * (uv - w * w) * w * w,
+        uv * w * w * w,
+    )
     series = (
-        *(1, -3 * e2 / 14, e3 / 6, 9 * e2 * e2 / 88, -3 * e4 / 22, -9 * e2 * e3 / 52, 3 * e5 / 26, -(e2**3) / 16),
-        *(3 * e3 * e3 / 40, 3 * e2 * e4 / 20, 45 * e2 * e2 * e3 / 272, -9 * (e3 * e4 + e2 * e5) / 68),
+        *(
+            1,
+            -3 * e2 / 14,
+            e3 / 6,
+            9 * e2 * e2 / 88,
+            -3 * e4 / 22,
+            -9 * e2 * e3 / 52,
+            3 * e5 / 26,
+            -(e2**3) / 16,
+        ),
+        *(
+            3 * e3 * e3 / 40,
+            3 * e2 * e4 / 20,
+            45 * e2 * e2 * e3 / 272,
+            -9 * (e3 * e4 + e2 * e5) / 68,
+        ),
     )
     return 3 * total + share * sum(series) / (mean * sqrt(mean))

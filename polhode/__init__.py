@@ -26,7 +26,16 @@ if TYPE_CHECKING:
 
     __version__: str
 
-__all__ = ["BodyStart", "Ellipsoid", "EulerStart", "Problem", "Scene", "SceneSolution", "SlowStart", "WorkPrecision"]
+__all__ = [
+    "BodyStart",
+    "Ellipsoid",
+    "EulerStart",
+    "Problem",
+    "Scene",
+    "SceneSolution",
+    "SlowStart",
+    "WorkPrecision",
+]
 __all__ += ["__version__", "pick", "solve", "solve_ivp"]
 
 _HOMES = {"pick": "harness.api", "solve": "harness.api", "solve_ivp": "harness.ivp"}

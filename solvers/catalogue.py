@@ -35,7 +35,10 @@ def methods(base: "type[Base]") -> "list[type[Base]]":
     """Classes of the methods of a library, which differ by the traits that `methods.toml` gives them."""
 
     def made(kind: str, doc: str, **traits: Any) -> Any:
-        own = {name: tuple(value) if isinstance(value, list) else value for name, value in traits.items()}
+        own = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in traits.items()
+        }
         return type(kind, (base,), {"__doc__": doc, "__module__": base.__module__, **own})
 
     tables = METHODS[base.__module__.removeprefix("polhode.solvers.")]

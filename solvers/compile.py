@@ -69,14 +69,20 @@ def as_it_stands(problem: Problem) -> Problem:
 @cache
 def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Callback:
     """The field as ``callback(y, p, out)`` in machine code, of contiguous arrays of float64."""
-    return array_function(trace(factory, dimension, parameters), {"y": dimension, "p": parameters, "out": dimension})
+    return array_function(
+        trace(factory, dimension, parameters), {"y": dimension, "p": parameters, "out": dimension}
+    )
 
 
 @cache
-def c_callback(factory: Factory, dimension: int, parameters: int, *, count: bool = False) -> MachineCode:
+def c_callback(
+    factory: Factory, dimension: int, parameters: int, *, count: bool = False
+) -> MachineCode:
     """The field as the C function of `callback.ll`, which counts its calls if it is to."""
     lines = trace(factory, dimension, parameters)
-    return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=int(count))
+    return compile_file(
+        _FOLDER / "callback.ll", lines=lines, parameters=parameters, count=int(count)
+    )
 
 
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
@@ -118,7 +124,10 @@ def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tup
     names = heyoka.make_vars(*(f"y{i:02d}" for i in range(dimension)))
     variables = list(names) if dimension > 1 else [names]
     rates = factory(_heyoka_operations())(variables, [heyoka.par[i] for i in range(parameters)])
-    rates = [rate if isinstance(rate, heyoka.expression) else heyoka.expression(float(rate)) for rate in rates]
+    rates = [
+        rate if isinstance(rate, heyoka.expression) else heyoka.expression(float(rate))
+        for rate in rates
+    ]
     return list(zip(variables, rates, strict=True))
 
 
@@ -127,9 +136,14 @@ def tangent_system(factory: Factory, dimension: int, parameters: int) -> list[tu
     """The field as `traced_system`, and a tangent vector v beside it, v' = Jv with the exact Jacobian J."""
     heyoka = load_heyoka()
     system = traced_system(factory, dimension, parameters)
-    tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=[y for y, _ in system], diff_order=1)
+    tensors = heyoka.diff_tensors(
+        [rate for _, rate in system], diff_args=[y for y, _ in system], diff_order=1
+    )
     tangent = list(heyoka.make_vars(*(f"v{i:02d}" for i in range(dimension))))
-    rates = (heyoka.sum([entry * v for entry, v in zip(row, tangent, strict=True)]) for row in tensors.jacobian)
+    rates = (
+        heyoka.sum([entry * v for entry, v in zip(row, tangent, strict=True)])
+        for row in tensors.jacobian
+    )
     return [*system, *zip(tangent, rates, strict=True)]
 
 
@@ -162,4 +176,6 @@ def _heyoka_operations() -> Operations:
 
     sin, cos, sqrt, exp, log = map(known, ("sin", "cos", "sqrt", "exp", "log"))
     zero = heyoka.expression(0.0)
-    return Operations(sin, cos, sqrt, lambda x, a, b: heyoka.select(heyoka.gt(x, zero), a, b), exp=exp, log=log)
+    return Operations(
+        sin, cos, sqrt, lambda x, a, b: heyoka.select(heyoka.gt(x, zero), a, b), exp=exp, log=log
+    )

@@ -101,10 +101,11 @@ class Settings:
     """What a solver is asked for, besides the problem."""
 
     tolerance: float  # relative and absolute alike, as the solver's docstring says
-    # Who evaluates the right-hand side: machine code without Python in the loop, machine code called from Python
-    # (named after numba, which made it once), or plain Python.
+    # Who evaluates the right-hand side: machine code without Python in the loop, machine code
+    # called from Python (named after numba, which made it once), or plain Python.
     backend: Backend
-    # Of implicit solvers: by automatic differentiation of the vector field, or by the library's finite differences.
+    # Of implicit solvers: by automatic differentiation of the vector field, or by the library's
+    # finite differences.
     jacobian: Jacobian = "exact"
     count: bool = False  # right-hand sides; costs time, so that timed runs leave it off
 
@@ -114,12 +115,16 @@ class Record:
     """Where a solver writes a piece of a run, row by row, so that finished rows are never lost."""
 
     times: np.ndarray  # requested, shape (n,), increasing; the first one is that of `rows[0]`
-    rows: np.ndarray  # states, shape (n, d); the first row is the start, the solver fills the others
+    rows: (
+        np.ndarray
+    )  # states, shape (n, d); the first row is the start, the solver fills the others
     deadline: float = inf  # reading of `time.perf_counter` after which the solver stops
     max_steps: int = UNLIMITED  # for this piece
     filled: int = 1  # rows
     work: Work = field(default_factory=Work)
-    now: float = -inf  # time that the solver has reached, for observers; it may lie beyond the last row filled
+    now: float = (
+        -inf
+    )  # time that the solver has reached, for observers; it may lie beyond the last row filled
     unit: float = 1.0  # one unit of these times in units of the run's
 
     @property
@@ -166,20 +171,29 @@ NO_RATES: Outcome = Status.NON_FINITE, "rates at the start are no numbers"
 class Solver(ABC):
     """One algorithm of one library.
 
-    1. `prepare` receives the problem and the settings and returns an integrator; it compiles, if need be, and keeps
+    1. `prepare` receives the problem and the settings and returns an integrator; it compiles, if
+    need be, and keeps
        what it compiled (in `polhode.solvers.compile`), so that a second call is cheap.
-    2. The integrator receives a record (start, times, deadline), fills its rows in order, adds its work, and returns
-       a status with the reason of a failure. It never raises for a failed integration: what it raises is a crash.
-    3. It stops by itself soon after the record's deadline and leaves the rows finished so far.
-    4. Rows lie on the requested times by the library's own interpolation wherever it has one, without changing steps.
-    5. The solver counts steps, Jacobians and factorizations as its library reports them; the callbacks count
-       right-hand sides, when the settings ask for it. Counts that the library does not report stay None.
-    6. A solver keeps no data of its own; its class says what it is: the import name of its library, the package that
-       brings it, the family that it is drawn with; whether it is implicit, switches between stiff and non-stiff
-       methods, is of so low an order that tight tolerances take forever, or evaluates a closed form.
-    7. `error_constant` bounds error / (rotations × tolerance), where the error is that of L, E over I_max and of the
-       rotation matrix's entries, over ordinary scenes that are not stiff and tolerances from 1e-4 to 1e-10. It is
-       about three times what was measured; a tolerance is each library's own, so that constants differ widely.
+    2. The integrator receives a record (start, times, deadline), fills its rows in order, adds its
+    work, and returns
+       a status with the reason of a failure. It never raises for a failed integration: what it
+       raises is a crash.
+    3. It stops by itself soon after the record's deadline and leaves the rows finished so far. 4.
+    Rows lie on the requested times by the library's own interpolation wherever it has one, without
+    changing steps. 5. The solver counts steps, Jacobians and factorizations as its library reports
+    them; the callbacks count
+       right-hand sides, when the settings ask for it. Counts that the library does not report stay
+       None.
+    6. A solver keeps no data of its own; its class says what it is: the import name of its library,
+    the package that
+       brings it, the family that it is drawn with; whether it is implicit, switches between stiff
+       and non-stiff methods, is of so low an order that tight tolerances take forever, or evaluates
+       a closed form.
+    7. `error_constant` bounds error / (rotations × tolerance), where the error is that of L, E over
+    I_max and of the
+       rotation matrix's entries, over ordinary scenes that are not stiff and tolerances from 1e-4
+       to 1e-10. It is about three times what was measured; a tolerance is each library's own, so
+       that constants differ widely.
     """
 
     required: ClassVar[tuple[str, ...]] = ("name",)
@@ -195,11 +209,12 @@ class Solver(ABC):
     closed_form: ClassVar[bool] = False
     # Chooses its step over many periods, so that a run of less than a few is not what it is for.
     many_periods: ClassVar[bool] = False
-    # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps differ in cost.
+    # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps
+    # differ in cost.
     order_by_tolerance: ClassVar[bool] = False
-    # Its error of L and E in windows of the full equations, over what pieces of a run count with at the same tolerance:
-    # what 97.5 % of random triaxial bodies stay below over 2,000 turns, and 1 at least, as what comes after may amplify
-    # it; 0 where it is not known.
+    # Its error of L and E in windows of the full equations, over what pieces of a run count with at
+    # the same tolerance: what 97.5 % of random triaxial bodies stay below over 2,000 turns, and 1
+    # at least, as what comes after may amplify it; 0 where it is not known.
     wears: ClassVar[float] = 0.0
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
@@ -213,7 +228,11 @@ class Solver(ABC):
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
-        return None if installed(self.library) else f"{self.package} is not installed: pip install {self.package}"
+        return (
+            None
+            if installed(self.library)
+            else f"{self.package} is not installed: pip install {self.package}"
+        )
 
     @property
     def note(self) -> str | None:
@@ -233,24 +252,39 @@ class Solver(ABC):
     ) -> Settings:
         """Settings for this solver; a backend or Jacobian not named is the first offered one that is installed.
 
-        A SolverNotValidError names a tolerance out of range, a choice not offered, or what a choice needs.
+        A SolverNotValidError names a tolerance out of range, a choice not offered, or what a choice
+        needs.
         """
         if not (isfinite(tolerance) and tolerance > 0):
-            raise SolverNotValidError(f"tolerance: got {tolerance!r}, expected a finite positive number")
-        chosen = self._choose("jacobian", jacobian, self.jacobians) if self.jacobians or jacobian else "difference"
-        return Settings(float(tolerance), self._choose("backend", backend, self.backends), chosen, count)
+            raise SolverNotValidError(
+                f"tolerance: got {tolerance!r}, expected a finite positive number"
+            )
+        chosen = (
+            self._choose("jacobian", jacobian, self.jacobians)
+            if self.jacobians or jacobian
+            else "difference"
+        )
+        return Settings(
+            float(tolerance), self._choose("backend", backend, self.backends), chosen, count
+        )
 
     def lacks(self, choice: str) -> str | None:
         """What a back end or Jacobian needs that is not there."""
         needed = _NEEDS.get(choice)
-        return f"{needed!r} installed: pip install {needed}" if needed and not installed(needed) else None
+        return (
+            f"{needed!r} installed: pip install {needed}"
+            if needed and not installed(needed)
+            else None
+        )
 
     def _choose(self, kind: str, choice: Any, offered: tuple[Any, ...]) -> Any:
         if choice is None:
             return next((each for each in offered if not self.lacks(each)), offered[-1])
         if choice not in offered:
             expected = ", ".join(offered) or "none"
-            raise SolverNotValidError(f"{kind}: got {choice!r}, expected one of {expected} for solver {self.name!r}")
+            raise SolverNotValidError(
+                f"{kind}: got {choice!r}, expected one of {expected} for solver {self.name!r}"
+            )
         if lacking := self.lacks(choice):
             raise SolverNotValidError(f"{kind}: got {choice!r}, expected {lacking}")
         return choice
@@ -273,6 +307,8 @@ class Solver(ABC):
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         """Compile what is needed for a problem and return the integrator."""
 
-    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+    def bare_call(
+        self, problem: Problem, settings: Settings, times: np.ndarray
+    ) -> Callable[[], object] | None:
         """The shortest call of the library for the same rows, all else prepared, to compare with; None if not known."""
         return None

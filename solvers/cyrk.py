@@ -1,12 +1,13 @@
 """CyRK's C++ solvers, fed with a field in machine code: no Python in the loop.
 
-Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. Rows come from each
-method's own dense output. Implicit methods use finite differences: the library's C entry takes no Jacobian. It reports
-nothing but steps.
+Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. Rows
+come from each method's own dense output. Implicit methods use finite differences: the library's C
+entry takes no Jacobian. It reports nothing but steps.
 
-The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge anew in every
-process would take six seconds. It cannot be interrupted, so that a long run goes in pieces of a bounded number of
-steps, each starting from the step at which the last one stopped. While it runs, numbers below 2e-308 count as zero.
+The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge
+anew in every process would take six seconds. It cannot be interrupted, so that a long run goes in
+pieces of a bounded number of steps, each starting from the step at which the last one stopped.
+While it runs, numbers below 2e-308 count as zero.
 """
 
 import ctypes
@@ -29,7 +30,15 @@ from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import c_callback, parameter_array
-from polhode.solvers.contract import UNLIMITED, Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.contract import (
+    UNLIMITED,
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    Status,
+)
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
@@ -43,7 +52,8 @@ LARGEST_NORM = 1.3e154
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
 _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
-# Versions whose C functions have the signatures stated here; of others the package itself is imported.
+# Versions whose C functions have the signatures stated here; of others the package itself is
+# imported.
 KNOWN = ("0.20.",)
 
 # What ctypes has no name of its own for.
@@ -126,12 +136,16 @@ class CyrkSolver(Solver):
 
     def _call(self, problem: Problem, settings: Settings, calls: np.ndarray) -> "Call":
         parameters = parameter_array(problem)
-        address = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count).address
+        address = c_callback(
+            problem.field, problem.dimension, len(parameters), count=settings.count
+        ).address
         if settings.count:
             parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
         return Call(address, method_number(self.method), parameters, settings.tolerance)
 
-    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+    def bare_call(
+        self, problem: Problem, settings: Settings, times: np.ndarray
+    ) -> Callable[[], object] | None:
         """CyRK's C entry with these times; its rows stay there."""
         call = self._call(problem, replace(settings, count=False), np.empty(0))
         start, end, wanted = np.array(problem.start), float(times[-1]), times[1:]
@@ -159,12 +173,16 @@ class Call:
         """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
         rates = np.empty_like(state)
         with FlushedToZero():
-            _FIELD(self.address)(rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data)
+            _FIELD(self.address)(
+                rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data
+            )
         tolerance, pairs = self.tolerance.item(), zip(rates.tolist(), state.tolist(), strict=True)
         norm = hypot(*(rate / (tolerance * (1 + abs(y))) for rate, y in pairs))
         return norm < (inf if switching else LARGEST_NORM)
 
-    def __call__(self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int) -> Any:
+    def __call__(
+        self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int
+    ) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
         tolerance = self.tolerance.ctypes.data
         return self.library.c_numba_cysolve_ivp(
@@ -188,13 +206,17 @@ def _run(call: Call, record: Record) -> Outcome:
     while True:
         wanted = record.times[record.filled :]
         with FlushedToZero():
-            result = call(time, end, state, wanted, min(record.chunk(CHUNK), record.max_steps - steps))
+            result = call(
+                time, end, state, wanted, min(record.chunk(CHUNK), record.max_steps - steps)
+            )
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
             steps += library.c_get_steps(result)
             work.steps = steps
             if size:
-                record.put(_array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension))
+                record.put(
+                    _array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension)
+                )
             time = record.now = library.c_get_t_now(result)
             if code > 0:
                 return Status.REACHED_END, ""
@@ -204,7 +226,10 @@ def _run(call: Call, record: Record) -> Outcome:
         if not np.isfinite(state).all():
             return Status.NON_FINITE, f"code {code}"
         if code not in _STEPS_EXCEEDED:
-            return Status.STEP_UNDERFLOW if code in _UNDERFLOW else Status.NON_FINITE, f"code {code}"
+            return (
+                Status.STEP_UNDERFLOW if code in _UNDERFLOW else Status.NON_FINITE,
+                f"code {code}",
+            )
         if stopped := record.stopped:
             return stopped
 

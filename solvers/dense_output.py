@@ -40,24 +40,31 @@ def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
     if times.ndim > 1:
         raise ValueError(f"t: got {t!r:.60}, expected a number or an array of one dimension")
     if not len(known):
-        raise ValueError(f"t: got {times!r:.60}, expected a solution with rows, not one that is {solution.status}")
+        raise ValueError(
+            f"t: got {times!r:.60}, expected a solution with rows, not one that is {solution.status}"
+        )
     outside = times[~((times >= known[0]) & (times <= known[-1]))]
     if len(outside):
-        raise ValueError(f"t: got {float(outside[0])!r}, expected times from {known[0]:g} to {known[-1]:g}")
+        raise ValueError(
+            f"t: got {float(outside[0])!r}, expected times from {known[0]:g} to {known[-1]:g}"
+        )
     return times
 
 
 def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
     """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
 
-    So they lie on the solver's own interpolation within steps of its own, and add one step's error to that of the row.
-    Where a run has pieces with problems of their own, the exact one serves; solvers that choose their step over many
-    periods leave this to an explicit Runge-Kutta method of order 8. ValueError if the solver fails between two rows, or
-    if a function of one's own computes something else by now.
+    So they lie on the solver's own interpolation within steps of its own, and add one step's error
+    to that of the row. Where a run has pieces with problems of their own, the exact one serves;
+    solvers that choose their step over many periods leave this to an explicit Runge-Kutta method of
+    order 8. ValueError if the solver fails between two rows, or if a function of one's own computes
+    something else by now.
     """
     known, settings, problem = solution.times, solution.settings, solution.problem
     if as_it_stands(problem).field != problem.field:
-        raise ValueError("t: the function names values that have changed since the run, expected those of the run")
+        raise ValueError(
+            "t: the function names values that have changed since the run, expected those of the run"
+        )
     if solution.method.closed_form and problem.closed_form:
         return problem.closed_form(times)
     method, how = solution.method, {"backend": settings.backend}
@@ -71,9 +78,13 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         here = (rows == row) & (times > known[row])
         since, order = np.unique(times[here] - known[row], return_inverse=True)
         start = tuple(solution.states[row].tolist())
-        piece = replace(problem, start=start, end=float(since[-1]), least_steps=0, invariant=None, course=None)
+        piece = replace(
+            problem, start=start, end=float(since[-1]), least_steps=0, invariant=None, course=None
+        )
         found = run(piece, method, settings.tolerance, np.concatenate([[0.0], since]), **how)
         if not found.success:
-            raise ValueError(f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip())
+            raise ValueError(
+                f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip()
+            )
         states[here] = found.states[1:][order]
     return states

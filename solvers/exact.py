@@ -1,7 +1,15 @@
 """Closed forms: no integration, no error that grows with time, any times in any number."""
 
 from polhode.models.problem import Problem
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
+from polhode.solvers.contract import (
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    SolverNotValidError,
+    Status,
+)
 
 
 class Exact(Solver):
@@ -20,7 +28,9 @@ class Exact(Solver):
 
     def check(self, problem: Problem) -> None:
         if problem.closed_form is None:
-            raise SolverNotValidError(f"{problem.name!r} has no closed form here; use solver 'taylor'", self.name)
+            raise SolverNotValidError(
+                f"{problem.name!r} has no closed form here; use solver 'taylor'", self.name
+            )
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         closed_form = problem.closed_form

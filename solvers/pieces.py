@@ -13,9 +13,19 @@ from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.own_function import place_of
 from polhode.models.problem import ROUNDING, Course, Piece, Problem
 from polhode.models.spent import spent_on
-from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status, Work
+from polhode.solvers.contract import (
+    NO_RATES,
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    Status,
+    Work,
+)
 
-# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to it would lose.
+# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
+# it would lose.
 WRAP_AFTER = 100 * pi
 # Times closer than this share of the run count as the same one.
 CLOSE = 1e-12
@@ -38,7 +48,9 @@ class Stage:
 class Run:
     """A run on its way, piece by piece."""
 
-    def __init__(self, problem: Problem, method: Solver, settings: Settings, times: np.ndarray) -> None:
+    def __init__(
+        self, problem: Problem, method: Solver, settings: Settings, times: np.ndarray
+    ) -> None:
         self.problem, self.method, self.settings, self.times = problem, method, settings, times
         self.rows = np.empty((len(times), problem.dimension))
         self.rows[0] = self.state = np.array(problem.start)
@@ -47,7 +59,9 @@ class Run:
         self.prepared: tuple[Problem, float, Integrator] | None = None
         self.began = perf_counter()
 
-    def through(self, course: Course, seconds: float, max_steps: int, watch: Callable[[Record], None] | None) -> None:
+    def through(
+        self, course: Course, seconds: float, max_steps: int, watch: Callable[[Record], None] | None
+    ) -> None:
         """Run to the last requested time, or until a piece fails."""
         while self.status.success and self.now < self.times[-1]:
             steps = self.work.steps or 0
@@ -62,7 +76,9 @@ class Run:
                 piece = course(self.now, self.state, self.settings.tolerance)
                 integrate = self._integrator(piece)
             except Exception as error:
-                if piece and isinstance(error, ValueError) and not self.stages:  # Problem or setting are refused.
+                if (
+                    piece and isinstance(error, ValueError) and not self.stages
+                ):  # Problem or setting are refused.
                     raise
                 self.status, self.message = _crash(error, self.method.name)
                 return
@@ -78,8 +94,12 @@ class Run:
                 if record.filled == 1 and not _has_rates(piece.problem, record.start):
                     self.status, message = NO_RATES
                 # The solver knows the steps of its own piece alone.
-                self.message = message.replace(f"{record.work.steps} steps", f"{self.work.steps} steps")
-            if record.filled < len(record.times) or (end < self.times[-1] and not np.isfinite(self.state).all()):
+                self.message = message.replace(
+                    f"{record.work.steps} steps", f"{self.work.steps} steps"
+                )
+            if record.filled < len(record.times) or (
+                end < self.times[-1] and not np.isfinite(self.state).all()
+            ):
                 return
 
     def _aligned(self, end: float) -> float:
@@ -115,8 +135,14 @@ class Run:
         """Where the solver writes: among the run's rows where the piece's are those, else in rows of its own."""
         first, last = self.done - 1, int(self.times.searchsorted(end, side="right")) - 1
         unit = piece.problem.time_unit / self.problem.time_unit
-        if piece.problem is self.problem and self.now == self.times[first] and end == self.times[last]:
-            return Record(self.times[first : last + 1], self.rows[first : last + 1], deadline, steps)
+        if (
+            piece.problem is self.problem
+            and self.now == self.times[first]
+            and end == self.times[last]
+        ):
+            return Record(
+                self.times[first : last + 1], self.rows[first : last + 1], deadline, steps
+            )
         beyond = [end] if self.times[last] < end < self.times[-1] else []
         times = np.concatenate([[self.now], self.times[first + 1 : last + 1], beyond]) / unit
         rows = np.empty((len(times), piece.problem.dimension))
@@ -125,7 +151,11 @@ class Run:
 
     def _keep(self, piece: Piece, end: float, record: Record) -> None:
         """Take over what a piece has finished, whether it reached its end or not."""
-        found = piece.states(record.rows[: record.filled]) if piece.states else record.rows[: record.filled]
+        found = (
+            piece.states(record.rows[: record.filled])
+            if piece.states
+            else record.rows[: record.filled]
+        )
         # Its end need not be among the requested times.
         wanted = int(self.times.searchsorted(end, side="right")) - self.done
         new = found[1 : wanted + 1]
@@ -136,7 +166,10 @@ class Run:
             self.work.add(record.work)
         else:
             self.work = record.work
-        begin, self.now = self.now, min(record.reached, end) if record.filled < len(record.times) else end
+        begin, self.now = (
+            self.now,
+            min(record.reached, end) if record.filled < len(record.times) else end,
+        )
         tolerance, over = self._tolerance(piece)
         error, angle = over * piece.error, min(pi, over * piece.angle)
         own = piece.reason, error, record.work.steps, angle, piece.averaged, tolerance
@@ -145,7 +178,10 @@ class Run:
 
 def _crash(error: Exception, solver: str) -> Outcome:
     words = " ".join(str(error).split())
-    return Status.CRASHED, f"solver {solver!r} raised {type(error).__name__}: {words}{place_of(error, __file__)}"
+    return (
+        Status.CRASHED,
+        f"solver {solver!r} raised {type(error).__name__}: {words}{place_of(error, __file__)}",
+    )
 
 
 def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
@@ -156,10 +192,16 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
         outcome = _crash(error, solver)
     if not 1 <= record.filled <= len(record.times):
         filled, record.filled = record.filled, 1
-        return Status.CRASHED, f"solver {solver!r} filled {filled} rows, expected 1 to {len(record.times)}"
+        return (
+            Status.CRASHED,
+            f"solver {solver!r} filled {filled} rows, expected 1 to {len(record.times)}",
+        )
     if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
         return outcome
-    return Status.CRASHED, f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)"
+    return (
+        Status.CRASHED,
+        f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)",
+    )
 
 
 def _has_rates(problem: Problem, state: np.ndarray) -> bool:

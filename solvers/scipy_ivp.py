@@ -1,7 +1,7 @@
 """SciPy's `solve_ivp` methods, stepped one by one, so that every finished row is kept and deadlines are met.
 
-Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. SciPy raises `rtol` to
-100 eps where it is smaller. Rows come from each method's own dense output.
+Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. SciPy
+raises `rtol` to 100 eps where it is smaller. Rows come from each method's own dense output.
 """
 
 import warnings
@@ -54,14 +54,18 @@ class ScipySolver(Solver):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 own = counted if settings.count else fun
-                stepper = method(own, record.times[0], record.start.copy(), record.times[-1], **options)
+                stepper = method(
+                    own, record.times[0], record.start.copy(), record.times[-1], **options
+                )
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
             work.rhs_calls = calls if settings.count else None
             if self.implicit:
                 work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
             if self.attempt and work.steps:
-                attempts = (stepper.nfev - START_CALLS - self.interpolation * interpolated) // self.attempt
+                attempts = (
+                    stepper.nfev - START_CALLS - self.interpolation * interpolated
+                ) // self.attempt
                 work.rejected = attempts - work.steps
             return outcome
 
@@ -85,7 +89,9 @@ class ScipySolver(Solver):
             options["jac"] = lambda t, y: jacobian(y, values)
         return fun, options
 
-    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+    def bare_call(
+        self, problem: Problem, settings: Settings, times: np.ndarray
+    ) -> Callable[[], object] | None:
         from scipy.integrate import solve_ivp
 
         fun, options = self.bind(problem, settings)

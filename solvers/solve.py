@@ -11,15 +11,25 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import as_it_stands
-from polhode.solvers.contract import UNLIMITED, Backend, Jacobian, Record, Settings, Solver, Status, Work
+from polhode.solvers.contract import (
+    UNLIMITED,
+    Backend,
+    Jacobian,
+    Record,
+    Settings,
+    Solver,
+    Status,
+    Work,
+)
 from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
 from polhode.solvers.pieces import Run, Stage, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# An invariant may drift by this many tolerances, within these bounds, before success counts as false; and at each step
-# by so many, up to the limit: norms of quaternions, which fields divide out, drift by 0.6 in 5000 good steps at 1e-4.
+# An invariant may drift by this many tolerances, within these bounds, before success counts as
+# false; and at each step by so many, up to the limit: norms of quaternions, which fields divide
+# out, drift by 0.6 in 5000 good steps at 1e-4.
 INVARIANT_TOLERANCES, EACH_STEP = 1e6, 3.0
 INVARIANT_FLOOR, INVARIANT_CEILING, INVARIANT_LIMIT = 1e-6, 0.5, 2.0
 
@@ -69,23 +79,35 @@ class Solution(LikeSolveIvp):
 
     def __repr__(self) -> str:
         """One fact a line, without the arrays."""
-        problem = f"{self.problem.name}, {self.problem.dimension} components, to t = {self.problem.end:g}"
-        return described(self, problem, f"tolerance {self.settings.tolerance:g}, {self.settings.backend}")
+        problem = (
+            f"{self.problem.name}, {self.problem.dimension} components, to t = {self.problem.end:g}"
+        )
+        return described(
+            self, problem, f"tolerance {self.settings.tolerance:g}, {self.settings.backend}"
+        )
 
 
 def described(solution: Any, problem: str, setting: str) -> str:
     """A solution in words, one fact a line; counts that the library does not report are left out."""
-    work = ", ".join(f"{count} {name}" for name, count in vars(solution.work).items() if count is not None)
+    work = ", ".join(
+        f"{count} {name}" for name, count in vars(solution.work).items() if count is not None
+    )
     times = solution.times
     facts = {
         "problem": problem,
         "solver": f"{solution.solver} at {setting}",
-        "status": f"{solution.status}: {solution.message}" if solution.message else str(solution.status),
-        "rows": f"{len(times)}, t = {float(times[0]):g} to {float(times[-1]):g}" if len(times) else "0",
+        "status": f"{solution.status}: {solution.message}"
+        if solution.message
+        else str(solution.status),
+        "rows": f"{len(times)}, t = {float(times[0]):g} to {float(times[-1]):g}"
+        if len(times)
+        else "0",
         "work": work or "not reported",
         "seconds": f"{solution.seconds:.3g}",
     }
-    return "\n".join([type(solution).__name__, *(f"  {name}: {fact}" for name, fact in facts.items())])
+    return "\n".join(
+        [type(solution).__name__, *(f"  {name}: {fact}" for name, fact in facts.items())]
+    )
 
 
 class Interrupted(KeyboardInterrupt):
@@ -127,8 +149,8 @@ def solve(
     max_seconds, max_steps : float and int
         Limits of wall time and of steps.
     watch : callable, optional
-        Called with the record of each piece of the run before it begins; a thread may read how far it has come from
-        `record.reached`.
+        Called with the record of each piece of the run before it begins; a thread may read how far
+        it has come from `record.reached`.
 
     Returns
     -------
@@ -167,10 +189,20 @@ def solve(
 def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     """The requested times, checked."""
     times = np.array([0.0, problem.end] if times is None else times, dtype=float)
-    if times.ndim != 1 or len(times) < 2 or times[0] != 0 or not (times[1:] > times[:-1]).all() or times[-1] == inf:
-        raise ValueError(f"times: got {times!r}, expected at least two increasing finite numbers from 0 on")
+    if (
+        times.ndim != 1
+        or len(times) < 2
+        or times[0] != 0
+        or not (times[1:] > times[:-1]).all()
+        or times[-1] == inf
+    ):
+        raise ValueError(
+            f"times: got {times!r}, expected at least two increasing finite numbers from 0 on"
+        )
     if problem.course and times[-1] > problem.end:
-        raise ValueError(f"times: got {float(times[-1])!r}, expected none beyond the course's end, {problem.end}")
+        raise ValueError(
+            f"times: got {float(times[-1])!r}, expected none beyond the course's end, {problem.end}"
+        )
     return times
 
 
@@ -182,7 +214,11 @@ def _examined(solution: Solution, times: np.ndarray) -> Solution:
         cut = replace(solution, times=solution.times[:kept], states=solution.states[:kept])
         if not solution.success:
             return cut
-        return replace(cut, status=Status.NON_FINITE, message=f"a state is not finite at t = {float(times[kept])!r}")
+        return replace(
+            cut,
+            status=Status.NON_FINITE,
+            message=f"a state is not finite at t = {float(times[kept])!r}",
+        )
     doubt = _doubt(solution, times) if solution.success else None
     return replace(solution, status=Status.FALSE_SUCCESS, message=doubt) if doubt else solution
 

@@ -17,10 +17,15 @@ CHUNK = 10_000
 
 @KeptForThread
 def taylor_integrator(
-    factory: Factory, dimension: int, parameters: int, tolerance: float, precision: Precision = "double"
+    factory: Factory,
+    dimension: int,
+    parameters: int,
+    tolerance: float,
+    precision: Precision = "double",
 ) -> Any:
     """heyoka's integrator of a field, kept for its thread; its state, time and parameters are set anew."""
-    # Extended precisions are compiled in compact mode, which costs speed but saves up to half a minute of compilation.
+    # Extended precisions are compiled in compact mode, which costs speed but saves up to half a
+    # minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
     system, start = traced_system(factory, dimension, parameters), np.zeros(dimension, number)
@@ -34,7 +39,9 @@ def propagate(integrator: Any, record: Record) -> Outcome:
     number, work = integrator.state.dtype, record.work
     steps, grid = 0, record.times.astype(number, copy=False)
     while True:
-        result = integrator.propagate_grid(grid, max_steps=min(record.chunk(CHUNK), record.max_steps - steps))
+        result = integrator.propagate_grid(
+            grid, max_steps=min(record.chunk(CHUNK), record.max_steps - steps)
+        )
         reason, steps = result[0], steps + result[3]
         work.steps = steps
         rows = result[-1][1:]
@@ -42,7 +49,10 @@ def propagate(integrator: Any, record: Record) -> Outcome:
         if reason == outcome.time_limit or record.filled == len(record.times):
             return Status.REACHED_END, ""
         if reason != outcome.step_limit:
-            return Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW, str(reason)
+            return (
+                Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW,
+                str(reason),
+            )
         if stopped := record.stopped:
             return stopped
         record.now = float(integrator.time)
@@ -52,9 +62,10 @@ def propagate(integrator: Any, record: Record) -> Outcome:
 class Taylor(Solver):
     """Taylor's method of adaptive step; order about -ln(tolerance)/2 + 1, A-stable at no order.
 
-    Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the Taylor series in each
-    step; there is no tolerance per component. On stiff problems the step is bound by stability.
-    Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and Izzo, MNRAS 504 (2021) 2614.
+    Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the
+    Taylor series in each step; there is no tolerance per component. On stiff problems the step is
+    bound by stability. Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and
+    Izzo, MNRAS 504 (2021) 2614.
     """
 
     name = "taylor"
@@ -70,7 +81,9 @@ class Taylor(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         parameters = parameter_array(problem)
-        integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
+        integrator = taylor_integrator(
+            problem.field, problem.dimension, len(parameters), settings.tolerance
+        )
 
         def integrate(record: Record) -> Outcome:
             integrator.time = record.times[0]
@@ -79,9 +92,13 @@ class Taylor(Solver):
 
         return integrate
 
-    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+    def bare_call(
+        self, problem: Problem, settings: Settings, times: np.ndarray
+    ) -> Callable[[], object] | None:
         parameters, start = parameter_array(problem), np.array(problem.start)
-        integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), settings.tolerance)
+        integrator = taylor_integrator(
+            problem.field, problem.dimension, len(parameters), settings.tolerance
+        )
 
         def call() -> object:
             integrator.time = 0.0

@@ -41,7 +41,10 @@ start.euler_rates = [1.0, 1.0, -1.0]
 
 def importing(folder: Path) -> dict[str, str]:
     """Environment of processes that import from a folder too, and polhode from where this one has it."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])}
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]),
+    }
 
 
 Run = Callable[..., subprocess.CompletedProcess[str]]

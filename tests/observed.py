@@ -10,7 +10,12 @@ from polhode.solvers.solve import solve
 
 
 def observed(
-    form: str | Form, scene: Scene, *, solver: str = "cyrk-dop853", tolerance: float = 1e-15, samples: int = 101
+    form: str | Form,
+    scene: Scene,
+    *,
+    solver: str = "cyrk-dop853",
+    tolerance: float = 1e-15,
+    samples: int = 101,
 ) -> Observables:
     """Observables at equispaced times of a run that must succeed."""
     equations = find_form(form) if isinstance(form, str) else form

@@ -31,7 +31,9 @@ class _Disturbed(Taylor):
 
         def integrate(record: Record) -> Outcome:
             outcome = exact(record)
-            record.rows[1 : record.filled] = self.disturb(record.rows[1 : record.filled], settings.tolerance)
+            record.rows[1 : record.filled] = self.disturb(
+                record.rows[1 : record.filled], settings.tolerance
+            )
             return outcome
 
         return integrate

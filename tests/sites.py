@@ -45,7 +45,12 @@ def small_reports(folder: Path) -> Path:
     study = parse_study(tomllib.loads(STUDY))
     with Store(folder / "store.sqlite") as store:
         records = Runner(store, quiet=True).run(study)
-    stopped = {**records[0], "status": "time_limit", "message": "stopped by hand", "inferred": False}
+    stopped = {
+        **records[0],
+        "status": "time_limit",
+        "message": "stopped by hand",
+        "inferred": False,
+    }
     for name in ("seconds", "slow_error", "orientation_error"):
         stopped[name] = None
     records = [stopped, *records[1:]]
@@ -53,12 +58,17 @@ def small_reports(folder: Path) -> Path:
     (reports / "bench").mkdir(parents=True)
     export(records, reports / "bench" / "records.jsonl")
     outcomes.write_page(
-        study, [{**one, "tags": [TAG]} for one in records], reports / "hard-cases", "polhode bench x.toml"
+        study,
+        [{**one, "tags": [TAG]} for one in records],
+        reports / "hard-cases",
+        "polhode bench x.toml",
     )
     regimes.write_page(study, records, reports / "regimes", "polhode regimes")
     (reports / "own").mkdir()
     (reports / "own" / "README.md").write_text(OWN, encoding="utf-8")
-    (reports / "own" / "more.md").write_text("# More\n\n[Back](README.md#lx-of-1)\n", encoding="utf-8")
+    (reports / "own" / "more.md").write_text(
+        "# More\n\n[Back](README.md#lx-of-1)\n", encoding="utf-8"
+    )
     Image.new("RGB", (4, 4)).save(reports / "own" / "drawn.png")
     return reports
 

@@ -56,18 +56,44 @@ def test_own_form_agrees_with_the_quaternion_form(example):
 
 
 def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
-    words = [SCRIPT, "bench", str(EXAMPLES / "own_study.toml"), "--out", "own", "--quick", "--quiet"]
+    words = [
+        SCRIPT,
+        "bench",
+        str(EXAMPLES / "own_study.toml"),
+        "--out",
+        "own",
+        "--quick",
+        "--quiet",
+    ]
     done = subprocess.run(
-        words, cwd=tmp_path, env=importing(EXAMPLES), capture_output=True, text=True, timeout=120, check=False
+        words,
+        cwd=tmp_path,
+        env=importing(EXAMPLES),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "note: the study runs code of own_form:Directions, own_solver:ClassicalRungeKutta" in done.stderr
-    runs = [json.loads(line) for line in (tmp_path / "own" / "records.jsonl").read_text().splitlines()]
-    errors = {(run["form"], run["solver"]): run["slow_error"] for run in runs if run["status"] == "reached_end"}
+    assert (
+        "note: the study runs code of own_form:Directions, own_solver:ClassicalRungeKutta"
+        in done.stderr
+    )
+    runs = [
+        json.loads(line) for line in (tmp_path / "own" / "records.jsonl").read_text().splitlines()
+    ]
+    errors = {
+        (run["form"], run["solver"]): run["slow_error"]
+        for run in runs
+        if run["status"] == "reached_end"
+    }
     for form in ("quaternion", "own_form:Directions"):
         assert errors[form, "own_solver:ClassicalRungeKutta"] < 1e-6
         assert errors[form, "taylor"] < 1e-2
-    assert "own_form:Directions,own_solver:ClassicalRungeKutta" in (tmp_path / "own" / "runs.csv").read_text()
+    assert (
+        "own_form:Directions,own_solver:ClassicalRungeKutta"
+        in (tmp_path / "own" / "runs.csv").read_text()
+    )
     assert "own_form:Directions" in (tmp_path / "own" / "README.md").read_text()
 
 
@@ -77,7 +103,9 @@ def test_choose_a_solver(example):
     assert out.count("run: reached_end") == 2
     assert names["full"].times[-1] == names["fast"].times[-1] == pytest.approx(1e6)
     # What was asked of the averaged run.
-    assert float(re.findall(r"two runs: ([\d.e+-]+)", out)[0]) < 1e-3 * max(names["scene"].ellipsoid.inertia)
+    assert float(re.findall(r"two runs: ([\d.e+-]+)", out)[0]) < 1e-3 * max(
+        names["scene"].ellipsoid.inertia
+    )
 
 
 def test_ice_crystal(example):
@@ -103,7 +131,9 @@ def test_references_name_every_method_form_and_problem():
     for name in (*SOLVERS, *FORMS, *PROBLEMS):
         assert f"- `{name}`: " in page, name
     for name in SOLVERS:
-        source = re.search(r"Source: (.*?)(?:\n\n|\Z)", inspect.getdoc(type(solver(name))) or "", re.DOTALL)
+        source = re.search(
+            r"Source: (.*?)(?:\n\n|\Z)", inspect.getdoc(type(solver(name))) or "", re.DOTALL
+        )
         assert source is None or " ".join(source.group(1).split()) in page, name
     for each in PROBLEMS.values():
         assert each.source in page
@@ -112,7 +142,9 @@ def test_references_name_every_method_form_and_problem():
 def test_pages_show_python_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     readme = EXAMPLES.parents[1] / "README.md"
-    scene = re.search(r"```toml\n(# ice\.toml\n.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL)
+    scene = re.search(
+        r"```toml\n(# ice\.toml\n.*?)```", readme.read_text(encoding="utf-8"), re.DOTALL
+    )
     assert scene
     (tmp_path / "ice.toml").write_text(scene[1], encoding="utf-8")
     own = ("add-a-solver.md", "own-ode.md", "quickstart.md", "solutions.md")
@@ -120,7 +152,9 @@ def test_pages_show_python_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyP
         blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
         assert blocks
         # Three solvers say as much as all.
-        code = "\n".join(blocks).replace("tolerances=(1e-4, 1e-8)", "['taylor', 'radau', 'ida'], (1e-4,)")
+        code = "\n".join(blocks).replace(
+            "tolerances=(1e-4, 1e-8)", "['taylor', 'radau', 'ida'], (1e-4,)"
+        )
         exec(code, {})
 
 
@@ -128,7 +162,9 @@ def test_every_page_of_the_site_is_there():
     text = (EXAMPLES.parents[1] / "mkdocs.yml").read_text(encoding="utf-8")
     pages = re.findall(r": ([\w-]+\.md)$", text, re.MULTILINE)
     assert set(pages) == {path.name for path in EXAMPLES.parent.glob("*.md")}
-    for name in re.findall(r"^::: (.+)$", (EXAMPLES.parent / "api.md").read_text(encoding="utf-8"), re.MULTILINE):
+    for name in re.findall(
+        r"^::: (.+)$", (EXAMPLES.parent / "api.md").read_text(encoding="utf-8"), re.MULTILINE
+    ):
         assert pkgutil.resolve_name(name)
 
 

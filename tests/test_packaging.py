@@ -28,12 +28,16 @@ WORKPLACE = re.compile(r"(?<![\w.$}{)/-])/(?:work|tmp|home|root|mnt|Users)/[\w.-
 
 def python(code: str, *, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
     words = [sys.executable, "-P", "-c", code]
-    return subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
 
 
 def imported(code: str) -> set[str]:
     """Top-level names of all modules that are loaded once the code has run."""
-    done = python(f"import sys\n{code}\nprint(' '.join({{name.partition('.')[0] for name in sys.modules}}))")
+    done = python(
+        f"import sys\n{code}\nprint(' '.join({{name.partition('.')[0] for name in sys.modules}}))"
+    )
     assert done.returncode == 0, done.stderr
     return set(done.stdout.splitlines()[-1].split())
 
@@ -44,14 +48,30 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("built")
     tree = folder / "tree"
     tree.mkdir()
-    for name in ("CITATION.cff", "LICENSE", "MANIFEST.in", "Makefile", "README.md", "bootstrap.sh", "constraints.txt"):
+    for name in (
+        "CITATION.cff",
+        "LICENSE",
+        "MANIFEST.in",
+        "Makefile",
+        "README.md",
+        "bootstrap.sh",
+        "constraints.txt",
+    ):
         shutil.copy(ROOT / name, tree)
-    for name in (".pre-commit-config.yaml", "CHANGELOG.md", "CONTRIBUTING.md", "pyproject.toml", "setup.py"):
+    for name in (
+        ".pre-commit-config.yaml",
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "pyproject.toml",
+        "setup.py",
+    ):
         shutil.copy(ROOT / name, tree)
     for name in (*PACKAGES, "docs", "tests"):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
     words = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(folder), "."]
-    done = subprocess.run(words, cwd=tree, env=BARE, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        words, cwd=tree, env=BARE, capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return next(folder.glob("*.tar.gz")), next(folder.glob("*.whl"))
 
@@ -64,9 +84,15 @@ def in_tree(*folders: str) -> set[str]:
 def test_the_wheel_holds_every_file_of_the_packages(built: tuple[Path, Path]):
     with zipfile.ZipFile(built[1]) as wheel:
         held = {name for name in wheel.namelist() if ".dist-info/" not in name}
-    inside = {name if name.startswith("polhode/") else f"polhode/{name}" for name in in_tree(*PACKAGES)}
+    inside = {
+        name if name.startswith("polhode/") else f"polhode/{name}" for name in in_tree(*PACKAGES)
+    }
     assert held == inside
-    assert {"polhode/py.typed", "polhode/harness/studies/bench.toml", "polhode/harness/picking/laws.json"} <= held
+    assert {
+        "polhode/py.typed",
+        "polhode/harness/studies/bench.toml",
+        "polhode/harness/picking/laws.json",
+    } <= held
 
 
 def test_the_source_holds_docs_tests_and_constraints_too(built: tuple[Path, Path]):
@@ -90,9 +116,18 @@ def installed(built: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
     """Folder of the commands of a fresh environment, where the wheel and what it depends on are installed."""
     folder = tmp_path_factory.mktemp("installed")
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], timeout=60, check=True)
-    words = ["install", "--quiet", "--no-deps", "--no-index", "--no-warn-script-location", str(built[1])]
+    words = [
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+        "--no-warn-script-location",
+        str(built[1]),
+    ]
     subprocess.run(
-        [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), *words], timeout=60, check=True
+        [sys.executable, "-m", "pip", "--python", str(folder / "bin" / "python"), *words],
+        timeout=60,
+        check=True,
     )
     (there,) = (folder / "lib").glob("python*/site-packages")
     # The folder's own .pth files, the checkout's among them, are not read from here.
@@ -119,14 +154,26 @@ def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
         "print(polhode.__version__, *polhode.__path__)"
     )
     done = subprocess.run(
-        [installed / "python", "-P", "-c", code], cwd=tmp_path, env=BARE, capture_output=True, text=True, check=True
+        [installed / "python", "-P", "-c", code],
+        cwd=tmp_path,
+        env=BARE,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     version, *path = done.stdout.split()
     assert version == PROJECT["project"]["version"]
     assert [Path(each).is_relative_to(installed.parent) for each in path] == [True]
     (tmp_path / "small.toml").write_text(STUDY, encoding="utf-8")
     assert "README.md" in polhode(
-        "bench", "small.toml", "--quick", "--quiet", "--solver", "cyrk-vern8", "--out", "reports/bench"
+        "bench",
+        "small.toml",
+        "--quick",
+        "--quiet",
+        "--solver",
+        "cyrk-vern8",
+        "--out",
+        "reports/bench",
     )
     assert "polhode solve paper" in polhode("pick", "paper")
     assert "reports/site/index.html" in polhode("report", "--quiet")
@@ -138,7 +185,9 @@ def test_a_plug_in_is_in_every_table(installed: Path, tmp_path: Path):
     python = installed / "python"
 
     def run(*words: str | Path) -> str:
-        done = subprocess.run(words, cwd=tmp_path, env=BARE, capture_output=True, text=True, timeout=120, check=False)
+        done = subprocess.run(
+            words, cwd=tmp_path, env=BARE, capture_output=True, text=True, timeout=120, check=False
+        )
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -150,7 +199,18 @@ def test_a_plug_in_is_in_every_table(installed: Path, tmp_path: Path):
     assert "11 of 201 rows" in run(installed / "polhode", "solve", "paper", *way)
     code = "from polhode.harness.commands.setup import solver_names as names; print(names(None, None, 'my')[0].value)"
     assert run(python, "-c", code) == "my-rk23\n"
-    words = ("bench", "--problems", "--quick", "--quiet", "--scene", "my-decay", "--solver", "my-rk23", "--out", "b")
+    words = (
+        "bench",
+        "--problems",
+        "--quick",
+        "--quiet",
+        "--scene",
+        "my-decay",
+        "--solver",
+        "my-rk23",
+        "--out",
+        "b",
+    )
     run(installed / "polhode", *words)
     assert "| my-decay" in (tmp_path / "b" / "README.md").read_text()
 
@@ -169,7 +229,18 @@ def test_a_room_refuses_its_bare_name(room: str, tmp_path: Path):
 
 
 def test_rooms_are_light():
-    heavy = {"scipy", "pandas", "numpy", "matplotlib", "pydantic", "heyoka", "numba", "sksundae", "CyRK", "tqdm"}
+    heavy = {
+        "scipy",
+        "pandas",
+        "numpy",
+        "matplotlib",
+        "pydantic",
+        "heyoka",
+        "numba",
+        "sksundae",
+        "CyRK",
+        "tqdm",
+    }
     assert not imported("\n".join(f"import polhode.{room}" for room in ROOMS)) & heavy
 
 
@@ -181,14 +252,18 @@ def test_catalogues_are_light():
 def running(*commands: list[str]) -> str:
     """Code that runs commands, one after the other."""
     code = "from contextlib import suppress\nfrom polhode.harness.cli import main\n"
-    return code + "".join(f"with suppress(SystemExit):\n    main({arguments})\n" for arguments in commands)
+    return code + "".join(
+        f"with suppress(SystemExit):\n    main({arguments})\n" for arguments in commands
+    )
 
 
 HEAVY = {"scipy", "pandas", "pydantic", "heyoka", "numba", "sksundae", "matplotlib", "tqdm"}
 
 
 def test_help_and_refusals_are_light():
-    found = imported(running(["--help"], ["--version"], ["shape"], *([name, "--help"] for name in COMMANDS)))
+    found = imported(
+        running(["--help"], ["--version"], ["shape"], *([name, "--help"] for name in COMMANDS))
+    )
     assert not found & {"numpy", "CyRK", *HEAVY}
 
 
@@ -196,7 +271,8 @@ def test_shape_and_lists_and_the_default_run_import_what_they_need():
     found = imported(running(["shape", "1", "0.8", "0.5"], ["forms"], ["scenes"], ["solvers"]))
     assert not found & {"llvmlite", "CyRK", *HEAVY}
     default = running(["solve", "paper", "--out", os.devnull], ["pick", "paper"])
-    # The first run of a shape makes its tables of second order, with SciPy's elliptic functions, and keeps them.
+    # The first run of a shape makes its tables of second order, with SciPy's elliptic functions,
+    # and keeps them.
     imported(default)
     found = imported(default)
     assert "CyRK" in found
@@ -207,7 +283,16 @@ def test_models_need_no_solver_library():
     modules = [path.relative_to(ROOT).with_suffix("") for path in (ROOT / "models").rglob("*.py")]
     names = [".".join(module.parts) for module in modules if module.name != "__init__"]
     found = imported("\n".join(f"import polhode.{name}" for name in names))
-    assert not found & {"heyoka", "numba", "sksundae", "CyRK", "pandas", "matplotlib", "click", "tqdm"}
+    assert not found & {
+        "heyoka",
+        "numba",
+        "sksundae",
+        "CyRK",
+        "pandas",
+        "matplotlib",
+        "click",
+        "tqdm",
+    }
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -221,7 +306,11 @@ def test_type_checkers_find_the_rooms(room: str):
 def test_constraints_hold_names_and_versions_alone():
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]
-    assert [line for line in pins if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*==[0-9][0-9A-Za-z.+!]*", line)] == []
+    assert [
+        line
+        for line in pins
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*==[0-9][0-9A-Za-z.+!]*", line)
+    ] == []
     pinned = {re.sub(r"[-_.]+", "-", line.partition("==")[0]).lower() for line in pins}
     extras = PROJECT["project"]["optional-dependencies"]
     wanted = PROJECT["project"]["dependencies"] + extras["dask"] + extras["dev"]
@@ -248,7 +337,9 @@ def test_no_file_names_a_workplace():
         except UnicodeDecodeError:
             continue
         found += [
-            f"{path.relative_to(ROOT)}: {line.strip()[:100]}" for line in text.splitlines() if WORKPLACE.search(line)
+            f"{path.relative_to(ROOT)}: {line.strip()[:100]}"
+            for line in text.splitlines()
+            if WORKPLACE.search(line)
         ]
     assert found == []
 

@@ -54,11 +54,15 @@ def hard_cases() -> Iterable[str]:
 
 def regimes() -> Iterable[str]:
     maps = read_cells(REPORTS / "regimes" / "cells.csv")
-    return [f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()]
+    return [
+        f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()
+    ]
 
 
 def pick() -> Iterable[str]:
-    tables: Any = {name: pd.read_csv(REPORTS / "pick" / f"{name}.csv") for name in ("scenes", "runs", "ways")}
+    tables: Any = {
+        name: pd.read_csv(REPORTS / "pick" / f"{name}.csv") for name in ("scenes", "runs", "ways")
+    }
     tables["scenes"]["refusal"] = tables["scenes"]["refusal"].astype(object).fillna("")
     return summary(Evaluation(**tables))
 
@@ -75,7 +79,10 @@ def sweep() -> Iterable[str]:
         ends = []
         for stokes, mine in same.groupby("stokes", sort=False):
             table = mine.pivot_table(index="time", columns="attractor", values="fraction")
-            shares = [f"{100 * share:.4g} % rotate about the {name}" for name, share in table.iloc[-1].items()]
+            shares = [
+                f"{100 * share:.4g} % rotate about the {name}"
+                for name, share in table.iloc[-1].items()
+            ]
             half = table.index[table.sum(axis="columns") >= 0.5][0]
             ends.append(f"at St = {stokes:g}, {', '.join(shares)}, half of all by t = {half:g}")
         yield f"{' : '.join(f'{axis:g}' for axis in axes)}, in the end: {'; '.join(ends)}."
@@ -100,7 +107,9 @@ def test_first_lines_follow_from_the_data(page: str):
     before = text(page).split("\n![")[0].split("\n|")[0].split("\n## Against")[0]
     said = [line.removeprefix("- ") for line in before.splitlines() if line.startswith("- ")]
     # Scenes that were not taken have no row.
-    assert [line for line in said if not line.startswith("Other scenes were drawn")] == list(PAGES[page]())
+    assert [line for line in said if not line.startswith("Other scenes were drawn")] == list(
+        PAGES[page]()
+    )
 
 
 def test_what_ensembles_cost_follows_from_the_data():
@@ -113,7 +122,9 @@ def test_pages_on_averaging_follow_from_the_data():
     made = {
         "accuracy": first_order.page(read_study(PaperStudy, REPORTS / "accuracy"), command),
         "second-order": second_order.page(second, slopes(second.orders), f"{command} --order 2"),
-        "hybrid": hybrid.page(read_study(HybridStudy, REPORTS / "hybrid"), f"{command} --order hybrid"),
+        "hybrid": hybrid.page(
+            read_study(HybridStudy, REPORTS / "hybrid"), f"{command} --order hybrid"
+        ),
     }
     assert {name: text(f"{name}/README.md") for name in made} == made
 
@@ -122,7 +133,12 @@ def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Pa
     study, folder = ROOT / "harness" / "studies" / "known_stokes.toml", REPORTS / "known-stokes"
     copytree(folder, tmp_path / "copy")
     command = "polhode bench harness/studies/known_stokes.toml"
-    page = write_page(read_study_file(study), list(read_export(folder / "records.jsonl")), tmp_path / "copy", command)
+    page = write_page(
+        read_study_file(study),
+        list(read_export(folder / "records.jsonl")),
+        tmp_path / "copy",
+        command,
+    )
     assert page.read_text(encoding="utf-8") == text("known-stokes/README.md")
 
 
@@ -138,22 +154,36 @@ def test_pages_on_the_paper_follow_from_the_data(tmp_path: Path, monkeypatch: py
         assert made == text(f"paper/{name}"), name
 
 
-def test_the_page_of_the_classical_problems_follows_from_the_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_page_of_the_classical_problems_follows_from_the_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     said = text("problems/README.md")
-    runs = pd.read_csv(REPORTS / "problems" / "runs.csv").fillna({"message": ""}).assign(machine="", versions="")
+    runs = (
+        pd.read_csv(REPORTS / "problems" / "runs.csv")
+        .fillna({"message": ""})
+        .assign(machine="", versions="")
+    )
     monkeypatch.setattr(problems, "header", lambda *_: said.partition("\n- ")[0].split("\n"))
     for figure in ("panels", "profiles", "save"):
         monkeypatch.setattr(problems, figure, lambda *_, **__: None)
     rows: Any = runs.to_dict("records")
-    assert problems.write_page(rows, tmp_path, "polhode bench --problems").read_text(encoding="utf-8") == said
+    assert (
+        problems.write_page(rows, tmp_path, "polhode bench --problems").read_text(encoding="utf-8")
+        == said
+    )
 
 
 def test_the_pages_of_solvers_on_equal_footing_follow_from_the_data():
     folder = REPORTS / "solvers"
-    found = {name: list(read_export(folder / f"{name}.jsonl")) for name in ("solvers", "spheroid", "backends")}
+    found = {
+        name: list(read_export(folder / f"{name}.jsonl"))
+        for name in ("solvers", "spheroid", "backends")
+    }
     costs: Any = json.loads(text("solvers/costs.json"))
     costs["overheads"] = [Overhead(**each) for each in costs["overheads"]]
-    costs["first_runs"] = {name: [FirstRun(**each) for each in pair] for name, pair in costs["first_runs"].items()}
+    costs["first_runs"] = {
+        name: [FirstRun(**each) for each in pair] for name, pair in costs["first_runs"].items()
+    }
     made = footing.pages(footing.Measured(**found, **costs), "polhode equal-error")
     assert made == {name: text(f"solvers/{name}") for name in ("README.md", "times.md")}
 
@@ -168,7 +198,8 @@ def test_readme_says_what_there_is():
 def test_readme_says_how_long_the_runs_of_the_map_last():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     said = re.search(
-        r"last (\S+) shear times up to St = (\S+), then .*? = (\d\.\d+)(?:; only at (\S+) it is (\S+), for)?", readme
+        r"last (\S+) shear times up to St = (\S+), then .*? = (\d\.\d+)(?:; only at (\S+) it is (\S+), for)?",
+        readme,
     )
     assert said, "the caption of the map has changed"
     shear, until, slow, far, short = (float(number or "nan") for number in said.groups())
@@ -180,11 +211,20 @@ def test_readme_says_how_long_the_runs_of_the_map_last():
 
 def test_readme_says_up_to_which_stokes_number_implicit_methods_win():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    said = re.search(r"implicit methods win at every error up to St = (\S+), at loose ones up to St = (\S+)\)", readme)
+    said = re.search(
+        r"implicit methods win at every error up to St = (\S+), at loose ones up to St = (\S+)\)",
+        readme,
+    )
     assert said, "what it says of implicit methods has changed"
-    cells = [cell for found in read_cells(REPORTS / "regimes" / "cells.csv").values() for cell in found]
-    won = [(cell.stokes, cell.target, cell.winner.side == "implicit") for cell in cells if cell.winner]
-    theirs, others = ({stokes for stokes, _, implicit in won if implicit == who} for who in (True, False))
+    cells = [
+        cell for found in read_cells(REPORTS / "regimes" / "cells.csv").values() for cell in found
+    ]
+    won = [
+        (cell.stokes, cell.target, cell.winner.side == "implicit") for cell in cells if cell.winner
+    ]
+    theirs, others = (
+        {stokes for stokes, _, implicit in won if implicit == who} for who in (True, False)
+    )
     assert (max(theirs - others), max(theirs)) == tuple(map(float, said.groups()))
     last = [
         {target for stokes, target, implicit in won if (stokes, implicit) == (max(theirs), who)}
@@ -204,7 +244,10 @@ def spheroid_axis_share() -> float:
     """Share in % of the cells of the spheroid's map that its own form wins."""
     maps = read_cells(REPORTS / "regimes" / "cells.csv")
     won = [
-        cell.winner.form for (name, _), found in maps.items() for cell in found if name == "spheroid" and cell.winner
+        cell.winner.form
+        for (name, _), found in maps.items()
+        for cell in found
+        if name == "spheroid" and cell.winner
     ]
     return 100 * won.count("spheroid-axis") / len(won)
 
@@ -230,7 +273,8 @@ def runs_of_the_map() -> float:
 
 FIRST_RUN = r"(?s)What a first run costs.*?\| {} +\| +(\S+) ms \| +(\S+) ms"
 METHOD, MISPRINTS = "docs/method.md", "docs/misprints.md"
-# Sentences that rest on a page, what that says now, and how far apart they may be, in parts of the latter.
+# Sentences that rest on a page, what that says now, and how far apart they may be, in parts of the
+# latter.
 SAID = [
     (METHOD, r"some (\S+) ms with a field", cost(FIRST_RUN.format("cyrk-vern8")), 0.3),
     (METHOD, r"(\S+) with its exact Jacobian", cost(FIRST_RUN.format("cvode-bdf")), 0.3),
@@ -244,7 +288,8 @@ SAID = [
     ("docs/scaling.md", r"if (\S+)/St is below the tolerance", largest_model_error, 0.01),
     ("harness/commands/words.md", r"is some (\S+) runs and", runs_of_the_map, 0.05),
 ]
-# Sentences that say how long a command takes, and the page whose head says in how many minutes its runs were made.
+# Sentences that say how long a command takes, and the page whose head says in how many minutes its
+# runs were made.
 LASTED = [
     ("README.md", r"\((\S+) minutes on 2 cores\)", "bench/README.md"),
     ("harness/commands/words.md", r"takes some (\S+) minutes: references", "regimes/README.md"),
@@ -253,7 +298,9 @@ LASTED = [
 
 
 @pytest.mark.parametrize(("file", "sentence", "found", "within"), SAID)
-def test_docs_say_what_the_pages_say(file: str, sentence: str, found: Callable[[], float], within: float):
+def test_docs_say_what_the_pages_say(
+    file: str, sentence: str, found: Callable[[], float], within: float
+):
     said = re.search(sentence, " ".join((ROOT / file).read_text(encoding="utf-8").split()))
     assert said, sentence
     assert float(said[1].replace("−", "-")) == pytest.approx(found(), rel=within)

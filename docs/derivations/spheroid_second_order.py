@@ -1,17 +1,17 @@
 """Second-order averages of a massive spheroid in shear flow, in exact rational arithmetic (`docs/second-order.md`).
 
 Run ``python docs/derivations/spheroid_second_order.py``: it prints the coefficients that stand in
-`polhode.models.second_order.spheroid`, after checking with three exact orientations of the flow that nothing is left
-over. Plain Python, no library.
+`polhode.models.second_order.spheroid`, after checking with three exact orientations of the flow
+that nothing is left over. Plain Python, no library.
 
-L is in units of I_e. Frame: n = L/l is e₃, the symmetry axis is p = (r cos φ, r sin φ, h), r² = 1 - h², z = e^{iφ}.
-The angle φ grows at unit rate in the independent variable s, ds/dt = l. The torque over I_e is (`ultima`, with
-Jeffery's angular velocity put in)
+L is in units of I_e. Frame: n = L/l is e₃, the symmetry axis is p = (r cos φ, r sin φ, h), r² = 1 -
+h², z = e^{iφ}. The angle φ grows at unit rate in the independent variable s, ds/dt = l. The torque
+over I_e is (`ultima`, with Jeffery's angular velocity put in)
 
     T = -D L - d p(p·L) + D W + c p(p·W) + k p×Ep,
 
-with D = 8πY/I_e, D + d = 8πX/I_a, D + c = 8πX/I_e, k = DΛ, Λ = (κ²-1)/(κ²+1); W and E are the flow's angular velocity
-and rate of strain.
+with D = 8πY/I_e, D + d = 8πX/I_a, D + c = 8πX/I_e, k = DΛ, Λ = (κ²-1)/(κ²+1); W and E are the
+flow's angular velocity and rate of strain.
 """
 
 from collections.abc import Iterator
@@ -155,7 +155,9 @@ def averages(spin: Vector, strain: list[Vector]) -> tuple[Vector, Poly, Vector]:
     u_m, u_h, u_phi = [rate.integral() for rate in rate_m], rate_h.integral(), rate_phi.integral()
     u_n = times(over, [u_m[0], u_m[1], _poly(0)])
     along_h = [-H_ * symbol("r", -1) * COS, -H_ * symbol("r", -1) * SIN, _poly(1)]
-    u_p = add(times(H_, u_n), times(-dot(u_n, P), N), times(u_h, along_h), times(u_phi, cross(N, P)))
+    u_p = add(
+        times(H_, u_n), times(-dot(u_n, P), N), times(u_h, along_h), times(u_phi, cross(N, P))
+    )
     change = torque_change(u_m, u_p)
     second_m = [(j - u_m[2] * over * t).mean() for j, t in zip(change, torque, strict=True)]
     wobble_change = (
@@ -194,7 +196,12 @@ def solve(rows: list[list[Fraction]], values: list[Poly]) -> list[Poly]:
     rows, values, size = [list(row) for row in rows], list(values), len(rows[0])
     for i in range(size):
         pivot = next(j for j in range(i, len(rows)) if rows[j][i])
-        rows[i], rows[pivot], values[i], values[pivot] = rows[pivot], rows[i], values[pivot], values[i]
+        rows[i], rows[pivot], values[i], values[pivot] = (
+            rows[pivot],
+            rows[i],
+            values[pivot],
+            values[i],
+        )
         for j in range(len(rows)):
             if j != i and rows[j][i]:
                 factor = rows[j][i] / rows[i][i]
@@ -239,7 +246,10 @@ def equations(frame: list[Vector], order: int) -> Iterator[tuple[int, int, list[
     template = templates(frame)[order - 1]
     for component, value in enumerate(values):
         powers = {p[NAMES.index("l")] for p in value.terms} | {
-            power for entries in template.values() for where, power, _ in entries if where == component
+            power
+            for entries in template.values()
+            for where, power, _ in entries
+            if where == component
         }
         for power in sorted(powers):
             row = [
@@ -264,7 +274,11 @@ def coefficients() -> dict[str, Poly]:
         rows = [entry for frame in frames for entry in equations(frame, order)]
         for power in sorted({entry[1] for entry in rows}):
             for component in (0, 2, 3, 4):
-                here = [e for e in rows if e[1] == power and (e[0] == component or e[0] == component + 1 == 1)]
+                here = [
+                    e
+                    for e in rows
+                    if e[1] == power and (e[0] == component or e[0] == component + 1 == 1)
+                ]
                 columns = [j for j in range(len(names)) if any(e[2][j] for e in here)]
                 if columns:
                     values = solve([[e[2][j] for j in columns] for e in here], [e[3] for e in here])
@@ -274,7 +288,9 @@ def coefficients() -> dict[str, Poly]:
             for name, factor in zip(names, row, strict=True):
                 left = left - found[name] * factor
             if left.terms:
-                raise ArithmeticError(f"order {order}, component {component}, l^{power}: left over {left}")
+                raise ArithmeticError(
+                    f"order {order}, component {component}, l^{power}: left over {left}"
+                )
     return found
 
 

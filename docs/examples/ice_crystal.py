@@ -38,9 +38,11 @@ class Crystal:
 
     def doubts(self) -> list[str]:
         """Assumptions of the equations that do not hold."""
-        return [f"Re = {self.reynolds:.2g}: inertia of the air matters"] * (self.reynolds > LARGEST_RE) + [
-            f"Kn = {self.knudsen:.2g}: the air slips along the crystal"
-        ] * (self.knudsen > LARGEST_KN)
+        return [f"Re = {self.reynolds:.2g}: inertia of the air matters"] * (
+            self.reynolds > LARGEST_RE
+        ) + [f"Kn = {self.knudsen:.2g}: the air slips along the crystal"] * (
+            self.knudsen > LARGEST_KN
+        )
 
     def scene(self, slow_time: float = 0.5) -> Scene:
         """The scene in polhode's units: lengths over l, times in inverse shear rates."""
@@ -58,17 +60,23 @@ def model_error(scene: Scene) -> float:
 CRYSTALS = {
     "a column of 0.2 mm in a cloud": Crystal((25e-6, 25e-6, 100e-6), shear_rate=26.0),
     "a plate of 0.8 mm in a cloud": Crystal((400e-6, 400e-6, 100e-6), shear_rate=26.0),
-    "a column of 0.8 mm in a jet at 10 hPa": Crystal((200e-6, 200e-6, 400e-6), shear_rate=700.0, pressure=1e3),
+    "a column of 0.8 mm in a jet at 10 hPa": Crystal(
+        (200e-6, 200e-6, 400e-6), shear_rate=700.0, pressure=1e3
+    ),
 }
 
 if __name__ == "__main__":
     for name, crystal in CRYSTALS.items():
         print(name)
-        print(f"  St = {crystal.stokes:.3g}, Re = {crystal.reynolds:.2g}, Kn = {crystal.knudsen:.1g}")
+        print(
+            f"  St = {crystal.stokes:.3g}, Re = {crystal.reynolds:.2g}, Kn = {crystal.knudsen:.1g}"
+        )
         for doubt in crystal.doubts():
             print(f"  beyond the equations, averaged or not: {doubt}")
         scene = crystal.scene()
         print(f"  the averaged equations are off by {model_error(scene):.1e} of I_max")
         best = pick(scene, error=1e-2).ranking[0]
-        print(f"  for an error of 1e-2: {best.form} by {best.solver} at {best.tolerance:g}, {best.reason}")
+        print(
+            f"  for an error of 1e-2: {best.form} by {best.solver} at {best.tolerance:g}, {best.reason}"
+        )
     print(f"in air of 1 bar, Re below {LARGEST_RE:g} means St below {LARGEST_RE * ICE / AIR:.0f}")

@@ -50,12 +50,18 @@ class Directions(Form):
         x = states[:, :3] / np.linalg.norm(states[:, :3], axis=1, keepdims=True)
         z = np.cross(x, states[:, 3:6])
         z /= np.linalg.norm(z, axis=1, keepdims=True)
-        return observe_body(scene.ellipsoid, np.stack([x, np.cross(z, x), z], axis=2), states[:, 6:])
+        return observe_body(
+            scene.ellipsoid, np.stack([x, np.cross(z, x), z], axis=2), states[:, 6:]
+        )
 
 
 if __name__ == "__main__":
     exact = solve("paper", form="quaternion", solver="taylor", tolerance=1e-15)
     for tolerance in (1e-6, 1e-9, 1e-12):
         own = solve("paper", form=Directions(), solver="cyrk-vern8", tolerance=tolerance)
-        error = np.max(np.abs(own.observables.slow - exact.observables.slow)) / max(own.scene.ellipsoid.inertia)
-        print(f"tolerance {tolerance:g}: {own.status}, {own.work.steps} steps, {own.seconds:.1e} s, error {error:.1e}")
+        error = np.max(np.abs(own.observables.slow - exact.observables.slow)) / max(
+            own.scene.ellipsoid.inertia
+        )
+        print(
+            f"tolerance {tolerance:g}: {own.status}, {own.work.steps} steps, {own.seconds:.1e} s, error {error:.1e}"
+        )

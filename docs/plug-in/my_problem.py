@@ -12,5 +12,8 @@ def decay(t, y, rate):
 
 
 DECAY = Classical(
-    Problem.from_function(decay, [1.0], 3.0, [2.0], name="decay"), (exp(-6.0),), stiff=False, source="closed form"
+    Problem.from_function(decay, [1.0], 3.0, [2.0], name="decay"),
+    (exp(-6.0),),
+    stiff=False,
+    source="closed form",
 )

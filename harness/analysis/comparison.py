@@ -16,7 +16,17 @@ from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.solvers.contract import Status
 
 # What makes two records the same case, whatever the versions they were made with.
-IDENTITY = ["scene_name", "stokes", "scene.time", "form", "solver", "tolerance", "samples", "backend", "jacobian"]
+IDENTITY = [
+    "scene_name",
+    "stokes",
+    "scene.time",
+    "form",
+    "solver",
+    "tolerance",
+    "samples",
+    "backend",
+    "jacobian",
+]
 # An error below this says nothing, however well the reference is known.
 LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
@@ -28,9 +38,10 @@ ERRORS = ("slow_error", "orientation_error")
 class Comparison:
     """Numbers of cases that two runs share or have alone, and the cases that got worse.
 
-    `drift` is how many times as long the fixed piece of arithmetic took in the second run. Times are compared after
-    division by it, or by what it took beside the case itself if that is more: a slow moment is no regression. On
-    another machine or Python the sentinel does not compare, and times are as they are.
+    `drift` is how many times as long the fixed piece of arithmetic took in the second run. Times
+    are compared after division by it, or by what it took beside the case itself if that is more: a
+    slow moment is no regression. On another machine or Python the sentinel does not compare, and
+    times are as they are.
     """
 
     shared: int
@@ -41,7 +52,9 @@ class Comparison:
     regressions: pd.DataFrame  # `IDENTITY`, `what`, `before` and `after`
 
 
-def compare(before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float) -> Comparison:
+def compare(
+    before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float
+) -> Comparison:
     """Compare two frames of records by factors above 1, beyond the scatter of times and what references know."""
     first, second = _by_identity(before), _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
@@ -65,8 +78,14 @@ def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
 
 def _scene(row: Record) -> frozenset[tuple[str, Any]]:
     """Shape and start, which another study may give the same name."""
-    known = [(name, value) for name, value in row.items() if name.startswith("scene.") and value is not None]
-    return frozenset((name, tuple(value) if isinstance(value, list) else value) for name, value in known)
+    known = [
+        (name, value)
+        for name, value in row.items()
+        if name.startswith("scene.") and value is not None
+    ]
+    return frozenset(
+        (name, tuple(value) if isinstance(value, list) else value) for name, value in known
+    )
 
 
 def _sentinel(rows: Mapping[Any, Record]) -> float:
@@ -75,7 +94,9 @@ def _sentinel(rows: Mapping[Any, Record]) -> float:
     return median(times) if times else 1.0
 
 
-def _changes(before: Record, after: Record, drift: float, slower: float, less_accurate: float) -> list[Record]:
+def _changes(
+    before: Record, after: Record, drift: float, slower: float, less_accurate: float
+) -> list[Record]:
     """What got worse in one case."""
     if before["status"] == Status.REACHED_END != after["status"]:
         # One that came near its time limit before may miss it by chance.
@@ -86,7 +107,11 @@ def _changes(before: Record, after: Record, drift: float, slower: float, less_ac
     if before.get("seconds") is not None and after.get("seconds") is not None:
         # How many times as long the sentinel took beside the case itself, where that compares.
         alone, beside = before.get("sentinel_seconds"), after.get("sentinel_seconds")
-        pace = max(drift, beside / alone) if alone and beside and _machine(before) == _machine(after) else drift
+        pace = (
+            max(drift, beside / alone)
+            if alone and beside and _machine(before) == _machine(after)
+            else drift
+        )
         first, second = before["seconds"], after["seconds"] / pace
         noise = _scatter(before) + _scatter(after) / pace
         if second > slower * first and second - first > max(LEAST_SECONDS, noise):
@@ -145,6 +170,10 @@ def benchmark_records(contents: dict[str, Any]) -> list[Record]:
         record |= {"sentinel_seconds": info["sentinel_seconds"], "date": contents.get("datetime")}
         if "seconds_runs" in info:
             shortest, longest = benchmark["stats"]["min"], benchmark["stats"]["max"]
-            record |= {"seconds": shortest, "seconds_spread": longest - shortest, "seconds_runs": info["seconds_runs"]}
+            record |= {
+                "seconds": shortest,
+                "seconds_spread": longest - shortest,
+                "seconds_runs": info["seconds_runs"],
+            }
         records.append(record)
     return records

@@ -11,20 +11,50 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 
 # Of a run, what a reader of its page looks for.
-RUN_COLUMNS = ["scene_name", "stokes", "form", "solver", "tolerance", "status", "slow_error", "orientation_error"]
-RUN_COLUMNS += ["model_slow_error", "slow_uncertainty", "orientation_uncertainty", "seconds", "seconds_spread"]
-RUN_COLUMNS += ["work.rhs_calls", "work.steps", "sentinel_seconds", "date", "scene.time", "scene.shape.semi_axes"]
+RUN_COLUMNS = [
+    "scene_name",
+    "stokes",
+    "form",
+    "solver",
+    "tolerance",
+    "status",
+    "slow_error",
+    "orientation_error",
+]
+RUN_COLUMNS += [
+    "model_slow_error",
+    "slow_uncertainty",
+    "orientation_uncertainty",
+    "seconds",
+    "seconds_spread",
+]
+RUN_COLUMNS += [
+    "work.rhs_calls",
+    "work.steps",
+    "sentinel_seconds",
+    "date",
+    "scene.time",
+    "scene.shape.semi_axes",
+]
 STOKES = "scene.stokes"
 # What every record of a run of a scene has.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
-# What a run that fails has not: where every run of a study failed, these columns are there, and empty.
-OF_SUCCESSES = ("slow_error", "orientation_error", "slow_uncertainty", "orientation_uncertainty", "seconds")
+# What a run that fails has not: where every run of a study failed, these columns are there, and
+# empty.
+OF_SUCCESSES = (
+    "slow_error",
+    "orientation_error",
+    "slow_uncertainty",
+    "orientation_uncertainty",
+    "seconds",
+)
 
 
 def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFrame:
     """Records as a frame, one row each: nested results as columns `work.steps`, `stokes` of the scene, and so on.
 
-    All of them, or those named, as far as there are any; of the rest of a record nothing is kept then.
+    All of them, or those named, as far as there are any; of the rest of a record nothing is kept
+    then.
     """
     kept = (_picked(record, columns) for record in records) if columns else records
     table = pd.json_normalize(list(kept)).rename(columns={STOKES: "stokes"})
@@ -41,7 +71,9 @@ def of_runs(table: pd.DataFrame, path: Path) -> pd.DataFrame:
         raise ValueError(f"{path}: got no records, expected at least one")
     full = table.dropna(axis="columns").columns
     if lacking := [name for name in NEEDED if name not in full]:
-        raise ValueError(f"{path}: got a record without {lacking[0]!r}, expected those of `polhode bench`")
+        raise ValueError(
+            f"{path}: got a record without {lacking[0]!r}, expected those of `polhode bench`"
+        )
     return table
 
 

@@ -16,7 +16,8 @@ from polhode.solvers.contract import Status
 Side = Literal["implicit", "explicit", "averaged"]
 # Errors of a page's tables.
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
-# Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise makes.
+# Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise
+# makes.
 TIE = 1.15
 # Errors of the regime map, from the loosest to the tightest.
 MAP_TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
@@ -83,7 +84,9 @@ def costs(
     for name, runs in groups:
         needed: Any = runs[["form", "solver", "status", "seconds", error]]
         fronts = {method: front(own, error) for method, own in methods(needed)}
-        for target, resolved in zip(targets, np.array(targets) > limit_of(runs, error), strict=True):
+        for target, resolved in zip(
+            targets, np.array(targets) > limit_of(runs, error), strict=True
+        ):
             known = {method: cost(points, target) for method, points in fronts.items() if resolved}
             found[target, name] = known or dict.fromkeys(fronts, np.nan)
     return pd.DataFrame.from_dict(found, orient="index")
@@ -100,7 +103,9 @@ def cheapest(
 ) -> tuple[dict[Any, Any], tuple[Method, ...]] | None:
     """The cheapest run of one scene whose error meets `target`, and the other methods within the tie; None if none."""
     reached = runs["status"] == Status.REACHED_END
-    good = where(runs, reached & (runs[error] <= target) & runs["seconds"].notna()).sort_values(by=["seconds"])
+    good = where(runs, reached & (runs[error] <= target) & runs["seconds"].notna()).sort_values(
+        by=["seconds"]
+    )
     if good.empty:
         return None
     near = where(good, good["seconds"] <= TIE * good.iloc[0]["seconds"])
@@ -127,11 +132,19 @@ def averaged_forms(records: pd.DataFrame) -> list[str]:
 def cost_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, list[float]] | None:
     """Smallest and largest St, and the ratio of a form's times there: quantiles 5, 50 and 95 %; None without a pair."""
     done = where(records, (records["form"] == form) & records["seconds"].notna())
-    table = done.pivot_table(index=["solver", "tolerance"], columns="stokes", values="seconds").dropna().astype(float)
+    table = (
+        done.pivot_table(index=["solver", "tolerance"], columns="stokes", values="seconds")
+        .dropna()
+        .astype(float)
+    )
     if len(table.columns) < 2 or table.empty:
         return None
     first, last = table.columns[0], table.columns[-1]
-    return float(first), float(last), (table[last] / table[first]).quantile([0.05, 0.5, 0.95]).tolist()
+    return (
+        float(first),
+        float(last),
+        (table[last] / table[first]).quantile([0.05, 0.5, 0.95]).tolist(),
+    )
 
 
 @dataclass(frozen=True)
@@ -160,7 +173,9 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARG
         limit = limit_of(runs, error)
         for target in targets:
             own = times.loc[target, stokes].dropna()
-            found.append(_cell(stokes, target, own) if target > limit else Cell(stokes, target, known=False))
+            found.append(
+                _cell(stokes, target, own) if target > limit else Cell(stokes, target, known=False)
+            )
     return found
 
 
@@ -191,13 +206,27 @@ def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[
     """Every method of one scene at several St, those that win most of the cells first."""
     done = where(records, (records["status"] == Status.REACHED_END) & records["seconds"].notna())
     sure = where(done, known(done, error).fillna(value=False))
-    on_front = [method for _, runs in sure.groupby("stokes") for method, _ in methods(pareto_front(runs, error))]
+    on_front = [
+        method
+        for _, runs in sure.groupby("stokes")
+        for method, _ in methods(pareto_front(runs, error))
+    ]
     winners = [cell.winner for cell in found]
     ties = [cell.second for cell in found if cell.tied]
     rows = []
     for method, own in methods(records):
-        failures = own.loc[own["status"] != Status.REACHED_END, "status"].astype(str).value_counts(sort=False).to_dict()
-        counts = winners.count(method), ties.count(method), on_front.count(method), len(set(own["stokes"]))
+        failures = (
+            own.loc[own["status"] != Status.REACHED_END, "status"]
+            .astype(str)
+            .value_counts(sort=False)
+            .to_dict()
+        )
+        counts = (
+            winners.count(method),
+            ties.count(method),
+            on_front.count(method),
+            len(set(own["stokes"])),
+        )
         rows.append(Standing(method, *counts, failures))
     return sorted(rows, key=lambda row: (-row.won, -row.front, -row.tied, str(row.method)))
 

@@ -13,14 +13,20 @@ from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double takes half a minute:
-# only the paper's own figures are followed to further St.
+# St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double
+# takes half a minute: only the paper's own figures are followed to further St.
 STOKES, QUICK = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5), 1e3
 
 AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
-# Starts of the second order's cases by name; the others are angular velocities at the orientation TILTED.
-NAMED = {"paper": scenes.SPHEROID_START, "paper, ψ̇ = -1": scenes.PAPER_START, "against": AGAINST, "gentle": GENTLE}
+# Starts of the second order's cases by name; the others are angular velocities at the orientation
+# TILTED.
+NAMED = {
+    "paper": scenes.SPHEROID_START,
+    "paper, ψ̇ = -1": scenes.PAPER_START,
+    "against": AGAINST,
+    "gentle": GENTLE,
+}
 TILTED = (0.8, 0.3, -0.4, 0.2)
 _TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 
@@ -56,7 +62,9 @@ def paper_cases() -> list[Subject]:
     for name, row in _TABLES["paper"].items():
         scene = scenes.named_scene(row["scene"])
         stokes = (*STOKES, *row.get("further", ()))
-        cases.append(Subject(name, scene.ellipsoid.semi_axes, cast("EulerStart", scene.start), 0.5, stokes))
+        cases.append(
+            Subject(name, scene.ellipsoid.semi_axes, cast("EulerStart", scene.start), 0.5, stokes)
+        )
     for name, (a, b, c) in _TABLES["planes"].items():
         body = Ellipsoid((a, b, c))
         start = scenes.aligned_start(body, -max(body.inertia), pi / 4)
@@ -65,14 +73,24 @@ def paper_cases() -> list[Subject]:
 
 
 def _case(
-    axes: Triple, slow_time: float, points: int, start: str = "", spin: Triple = (0, 0, 0), lowest: float = 4.0
+    axes: Triple,
+    slow_time: float,
+    points: int,
+    start: str = "",
+    spin: Triple = (0, 0, 0),
+    lowest: float = 4.0,
 ) -> Subject:
     """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it."""
     exponents = np.linspace(lowest, lowest + 2, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
     made = NAMED[start] if start else BodyStart(TILTED, (*spin,))
-    return Subject(name, (*axes,), made, slow_time, tuple(float(f"{10**each:.3g}") for each in exponents))
+    return Subject(
+        name, (*axes,), made, slow_time, tuple(float(f"{10**each:.3g}") for each in exponents)
+    )
 
 
-# Cases of the second order away from resonances, through those of polhode and precession, and up to L² = 2EI₂.
-AWAY, RESONANT, CROSSING = (tuple(_case(**row) for row in _TABLES[name]) for name in ("away", "resonant", "crossing"))
+# Cases of the second order away from resonances, through those of polhode and precession, and up to
+# L² = 2EI₂.
+AWAY, RESONANT, CROSSING = (
+    tuple(_case(**row) for row in _TABLES[name]) for name in ("away", "resonant", "crossing")
+)

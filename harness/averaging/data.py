@@ -32,7 +32,9 @@ class AveragingErrors:
     uncertainty: float  # of the full reference
     pieces: int  # of the reference's certificate
 
-    model_error = property(lambda row: max(row.model), doc="The slow error: the largest of the four.")
+    model_error = property(
+        lambda row: max(row.model), doc="The slow error: the largest of the four."
+    )
     solver_error = property(lambda row: max(row.solver), doc="The largest of the four.")
 
 
@@ -141,11 +143,15 @@ def write_study(study: Any, folder: Path) -> None:
 def read_study(kind: type[Study], folder: Path) -> Study:
     """Read what `write_study` wrote; raises ValueError where a table is missing, OSError where `timed.json` is."""
     rows = _tables(kind).items()
-    tables = {name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows}
+    tables = {
+        name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows
+    }
     made: Any = kind
     return made(**tables, timed=json.loads(read_file(folder / TIMED)))
 
 
 def _tables(kind: type) -> dict[str, type]:
     """The kind of row of each table of a study."""
-    return {name: get_args(hint)[0] for name, hint in get_type_hints(kind).items() if name != "timed"}
+    return {
+        name: get_args(hint)[0] for name, hint in get_type_hints(kind).items() if name != "timed"
+    }

@@ -9,7 +9,11 @@ import numpy as np
 from tqdm import tqdm
 
 from polhode.harness.api import plan
-from polhode.harness.averaging.second_order import FULL_TOLERANCES, REFERENCE_TOLERANCES, true_observables
+from polhode.harness.averaging.second_order import (
+    FULL_TOLERANCES,
+    REFERENCE_TOLERANCES,
+    true_observables,
+)
 from polhode.harness.common import cache
 from polhode.harness.common.files import digest
 from polhode.harness.common.machine import here
@@ -30,21 +34,32 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
 
-# The constants of `hybrid` were chosen on starts of SEED; errors are measured on those of HELD_OUT, so many of each.
+# The constants of `hybrid` were chosen on starts of SEED; errors are measured on those of HELD_OUT,
+# so many of each.
 SEED, HELD_OUT, RANDOM, SAMPLES, SOLVER = 15, (20261122, 7771), 120, 201, "cyrk-vern8"
 LEAST_AXIS = 0.15
 STOKES, SLOW_TIMES = (1e4, 1e5, 1e6, 1e7), (0.05, 0.2, 0.5, 1.0, 2.0)
 ERRORS = (1e-4, 1e-6, 1e-8)
-# Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it two
-# unrelated methods in double, whose difference is the truth's uncertainty; and where that takes minutes, no more.
+# Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it
+# two unrelated methods in double, whose difference is the truth's uncertainty; and where that takes
+# minutes, no more.
 LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
 DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
-# Speed: random starts at each St, at one slow time and error, against these solvers at the loosest tolerance that does.
-FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = 16, {1e6: 40, 1e7: 12, 1e8: 12}, 0.5, 1e-6, 11, 3
+# Speed: random starts at each St, at one slow time and error, against these solvers at the loosest
+# tolerance that does.
+FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = (
+    16,
+    {1e6: 40, 1e7: 12, 1e8: 12},
+    0.5,
+    1e-6,
+    11,
+    3,
+)
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
 KNOWING, KNOWING_TOLERANCES = "splitting", (1e-6, 1e-7, 1e-8, 1e-9)
-# A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the vorticity.
+# A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the
+# vorticity.
 SETTLED = 0.9
 PARTS = ("errors", "speed")
 
@@ -66,7 +81,9 @@ class HybridError:
     uncertainty: float  # of the truth, slow
     full_share: float  # of the time, followed by the full equations
     pieces: int
-    mirror: float  # 1 if it ends the same way up as the truth, 0 if not, NaN where that is uncertain
+    mirror: (
+        float  # 1 if it ends the same way up as the truth, 0 if not, NaN where that is uncertain
+    )
 
 
 @dataclass(frozen=True)
@@ -110,14 +127,25 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     values = (*problem.start, *(problem.parameters or ()), problem.end)
-    key = digest(["hybrid", problem.name, [value.hex() for value in values], samples, REFERENCE_TOLERANCES, DOUBLE])
+    key = digest(
+        [
+            "hybrid",
+            problem.name,
+            [value.hex() for value in values],
+            samples,
+            REFERENCE_TOLERANCES,
+            DOUBLE,
+        ]
+    )
     found = cache.load(key)
     if found is None:
         if problem.end <= LONG_DOUBLE_UP_TO:
             tight, apart = true_observables(scene, samples)
         else:
             times = np.linspace(0.0, problem.end, samples)
-            tight, other = (form.observe(scene, solve(problem, *how, times).states) for how in DOUBLE)
+            tight, other = (
+                form.observe(scene, solve(problem, *how, times).states) for how in DOUBLE
+            )
             apart = errors(scene.ellipsoid, other, tight)
         found = {name: each.astype(float) for name, each in vars(tight).items()}
         found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
@@ -135,9 +163,13 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
     return rows
 
 
-def _measured(start: int, scene: Scene, error: float, known: tuple[Observables, float, float]) -> HybridError:
+def _measured(
+    start: int, scene: Scene, error: float, known: tuple[Observables, float, float]
+) -> HybridError:
     true, slow_off, orientation_off = known
-    run = plan(scene, Hybrid.name, SOLVER, error / ERROR_PER_TOLERANCE, error, "slow", SAMPLES).run()
+    run = plan(
+        scene, Hybrid.name, SOLVER, error / ERROR_PER_TOLERANCE, error, "slow", SAMPLES
+    ).run()
     slow = orientation = mirror = nan
     if run.success:
         found = errors(scene.ellipsoid, run.observables, true)
@@ -162,7 +194,9 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
         for stokes, count in FAST.items()
         for i, scene in enumerate(random_scenes(count, FAST_SEED))
     ]
-    return [_timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)]
+    return [
+        _timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)
+    ]
 
 
 def _timed(start: int, scene: Scene) -> Speed:
@@ -176,24 +210,49 @@ def _timed(start: int, scene: Scene) -> Speed:
         solve(problem, SOLVER, tolerance, times)
         return perf_counter() - began
 
-    run, slow, full = solve(problem, SOLVER, tolerance, times), nan, dict[tuple[str, float], float]()
+    run, slow, full = (
+        solve(problem, SOLVER, tolerance, times),
+        nan,
+        dict[tuple[str, float], float](),
+    )
     exact = find_form(full_form(scene)).problem(scene)
     if scene.time <= LONGEST:
         true, *_ = truth(scene)
-        slow = errors(scene.ellipsoid, form.observe(scene, run.states), true).slow if run.success else nan
+        slow = (
+            errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
+            if run.success
+            else nan
+        )
         full = _full(scene, exact, times, true)
-    # In turns, so that a slow moment of the machine hits them alike; each warm, whatever the one before left in caches.
-    ways: list[Callable[[], float]] = [lambda: seconds(times), lambda: seconds(times[:: SAMPLES // (FEW - 1)])]
-    ways += [lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full]
+    # In turns, so that a slow moment of the machine hits them alike; each warm, whatever the one
+    # before left in caches.
+    ways: list[Callable[[], float]] = [
+        lambda: seconds(times),
+        lambda: seconds(times[:: SAMPLES // (FEW - 1)]),
+    ]
+    ways += [
+        lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full
+    ]
     turns = [[min(way() for _ in range(REPEATS)) for way in ways] for _ in range(REPEATS)]
     taken, few, *others = np.min(turns, axis=0).tolist()
     known = dict(zip(full, others, strict=True))
     knowing = min((known.pop(way) for way in full if way[0] == KNOWING), default=nan)
     (solver, at), best = min(known.items(), key=lambda each: each[1], default=(("", nan), nan))
     own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
-    steps = sum(each.steps or 0 for each in run.stages if not each.averaged), full.get((SOLVER, at), nan)
+    steps = (
+        sum(each.steps or 0 for each in run.stages if not each.averaged),
+        full.get((SOLVER, at), nan),
+    )
     steps = steps if solver == SOLVER else (nan, nan)
-    return Speed(start, scene.ellipsoid.kind, scene.stokes, *own, *_prepared(scene.ellipsoid), knowing, *steps)
+    return Speed(
+        start,
+        scene.ellipsoid.kind,
+        scene.stokes,
+        *own,
+        *_prepared(scene.ellipsoid),
+        knowing,
+        *steps,
+    )
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
@@ -219,14 +278,20 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     return perf_counter() - began, read()
 
 
-def _full(scene: Scene, problem: Problem, times: np.ndarray, true: Observables) -> dict[tuple[str, float], float]:
+def _full(
+    scene: Scene, problem: Problem, times: np.ndarray, true: Observables
+) -> dict[tuple[str, float], float]:
     """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
     form, found = find_form(full_form(scene)), dict[tuple[str, float], float]()
     knowing = [(KNOWING, KNOWING_TOLERANCES)] if find_solver(KNOWING).takes(problem) else []
     for solver, tolerances in [*((solver, FULL_TOLERANCES) for solver in FULL_SOLVERS), *knowing]:
         for tolerance in tolerances:
             run = solve(problem, solver, tolerance, times)
-            if run.success and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow <= FAST_ERROR:
+            if (
+                run.success
+                and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
+                <= FAST_ERROR
+            ):
                 found[solver, tolerance] = run.work.steps or nan
                 break
     return found
@@ -240,7 +305,9 @@ def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Stu
     """Both parts, or one of them anew; quick: a few starts, and no times."""
     study = old or Study([], [])
     if part in ("", "errors"):
-        scenes = [scene for seed in HELD_OUT for scene in random_scenes(4 if quick else RANDOM, seed)]
+        scenes = [
+            scene for seed in HELD_OUT for scene in random_scenes(4 if quick else RANDOM, seed)
+        ]
         rows = measure_errors(scenes, quiet)
         study = replace(study, errors=rows, timed={**study.timed, "errors": here()})
     if part in ("", "speed") and not quick:

@@ -26,8 +26,8 @@ SOLVER, TOLERANCE = "taylor", 1e-9
 def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], list[Absent]]:
     """Errors of first and second order in a case at one St, as far as each form follows it.
 
-    A form that refuses the case, or whose own exact solution is not certified, is absent with its reason. Raises
-    ReferenceFailedError if there is no certified reference of the full solution.
+    A form that refuses the case, or whose own exact solution is not certified, is absent with its
+    reason. Raises ReferenceFailedError if there is no certified reference of the full solution.
     """
     whole = subject.scene(stokes)
     rows, absent = list[AveragingErrors](), list[Absent]()
@@ -43,13 +43,19 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
         try:
             exact = reference(scene, form, SAMPLES)
         except ReferenceFailedError as failure:
-            absent.append(Absent(*head, stokes, f"its own exact solution is not certified: {failure}"))
+            absent.append(
+                Absent(*head, stokes, f"its own exact solution is not certified: {failure}")
+            )
             continue
         solution = solve(form.problem(scene), SOLVER, TOLERANCE, exact.times)
         if not solution.success:
-            raise ReferenceFailedError(f"{subject.name}, St = {stokes:g}: {name} ended with {solution.status}")
+            raise ReferenceFailedError(
+                f"{subject.name}, St = {stokes:g}: {name} ended with {solution.status}"
+            )
         model = errors(scene.ellipsoid, exact.observables, full.observables).slow_each
-        own = errors(scene.ellipsoid, form.observe(scene, solution.states), exact.observables).slow_each
+        own = errors(
+            scene.ellipsoid, form.observe(scene, solution.states), exact.observables
+        ).slow_each
         about = full.slow_uncertainty, full.certificate.pieces
         each = cast("Each", model), cast("Each", own)
         rows.append(AveragingErrors(*head, subject.semi_axes, stokes, until, *each, *about))
@@ -59,12 +65,16 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
 def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     """Measure all cases over all St, the longest runs first, on as many processes as there are cores."""
     cases = paper_cases()
-    tasks = [(case, stokes) for case in cases for stokes in case.stokes if stokes <= QUICK or not quick]
+    tasks = [
+        (case, stokes) for case in cases for stokes in case.stokes if stokes <= QUICK or not quick
+    ]
     tasks.sort(key=lambda task: -task[1])
     rows, absent = list[AveragingErrors](), list[Absent]()
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         found = pool.map(measure, *zip(*tasks, strict=True))
-        shown = tqdm(found, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference")
+        shown = tqdm(
+            found, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference"
+        )
         for measured, missing in shown:
             rows += measured
             absent += missing

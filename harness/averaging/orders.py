@@ -16,9 +16,11 @@ TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
 # The law c/St^order is fitted from this St on, where it has set in, to at least so many St.
 FITTED_FROM = 300.0
 LEAST_POINTS = 4
-# Runs of a case belong together if none ends before this share of the longest one: a shorter run errs less.
+# Runs of a case belong together if none ends before this share of the longest one: a shorter run
+# errs less.
 SAME_HORIZON = 0.99
-# Slopes are fitted where the error is below this and above so many times the reference's uncertainty.
+# Slopes are fitted where the error is below this and above so many times the reference's
+# uncertainty.
 LARGEST_ERROR, FLOORS = 1e-2, 100.0
 
 
@@ -36,7 +38,9 @@ class Law:
     error: tuple[float, ...]
     until: tuple[float, ...]
 
-    horizon = property(lambda law: max(law.until), doc="Slow time up to which order and needed St hold.")
+    horizon = property(
+        lambda law: max(law.until), doc="Slow time up to which order and needed St hold."
+    )
 
     @property
     def alike(self) -> tuple[np.ndarray, np.ndarray]:
@@ -53,7 +57,8 @@ class Law:
     @cached_property
     def fit(self) -> tuple[float, tuple[float, float]]:
         """The order, and its 95 % interval."""
-        # NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an interval says nothing.
+        # NaN where fewer than `LEAST_POINTS` St were measured: with one degree of freedom an
+        # interval says nothing.
         stokes, error = self.fitted
         if len(stokes) < LEAST_POINTS:
             return nan, (nan, nan)
@@ -62,13 +67,17 @@ class Law:
 
     order = property(lambda law: law.fit[0], doc="Fitted order in 1/St.")
     order_interval = property(lambda law: law.fit[1], doc="95 % confidence interval of the order.")
-    shown = property(lambda law: [round(end, 2) for end in law.order_interval], doc="It in the two decimals shown.")
+    shown = property(
+        lambda law: [round(end, 2) for end in law.order_interval],
+        doc="It in the two decimals shown.",
+    )
 
     def needed(self, target: float) -> tuple[float, str]:
         """Smallest St from which on the error stays below `target`, and where that comes from.
 
-        "measured": between two measured St, by interpolation of logarithms; "at most": already at the smallest St
-        measured; "extrapolated": beyond the largest one, from its error on, by the fitted order.
+        "measured": between two measured St, by interpolation of logarithms; "at most": already at
+        the smallest St measured; "extrapolated": beyond the largest one, from its error on, by the
+        fitted order.
         """
         stokes, error = self.alike
         above = np.flatnonzero(error > target)
@@ -117,7 +126,9 @@ def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
     for case in dict.fromkeys((row.shape, row.start) for row in rows):
         own = [row for row in rows if (row.shape, row.start) == case]
         top = max(row.stokes for row in own)
-        slow = [(r.stokes, r.slow) for r in own if FLOORS * r.slow_uncertainty < r.slow < LARGEST_ERROR]
+        slow = [
+            (r.stokes, r.slow) for r in own if FLOORS * r.slow_uncertainty < r.slow < LARGEST_ERROR
+        ]
         turned = [(r.stokes, r.orientation) for r in own if r.stokes >= 0.99e-2 * top]
         found.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
     return found

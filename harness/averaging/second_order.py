@@ -55,7 +55,9 @@ class TimedRun:
     seconds: float
 
 
-def timed_run(scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor") -> TimedRun:
+def timed_run(
+    scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor"
+) -> TimedRun:
     """Run a form over equispaced times; raises RuntimeError if it does not reach its end."""
     form = find_form(name)
     problem = form.problem(scene)
@@ -72,7 +74,9 @@ def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables,
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     times = np.linspace(0.0, problem.end, samples)
-    runs = (extended_run(problem, times, "long double", tolerance) for tolerance in REFERENCE_TOLERANCES)
+    runs = (
+        extended_run(problem, times, "long double", tolerance) for tolerance in REFERENCE_TOLERANCES
+    )
     tight, loose = (form.observe(scene, states) for states in runs)
     return tight, errors(scene.ellipsoid, loose, tight)
 
@@ -82,7 +86,12 @@ def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any
     true, uncertainty = true_observables(scene)
     first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
     error, estimate = errors(scene.ellipsoid, run.observables, true), SecondOrder().estimate(scene)
-    row = {"shape": case.axes, "start": case.name, "slow_time": case.slow_time, "stokes": scene.stokes}
+    row = {
+        "shape": case.axes,
+        "start": case.name,
+        "slow_time": case.slow_time,
+        "stokes": scene.stokes,
+    }
     row |= {"slow": error.slow, "first_order_slow": errors(scene.ellipsoid, first, true).slow}
     row |= {"orientation": _known(error.orientation), "estimated_orientation": estimate.orientation}
     return row | {"estimated_slow": estimate.slow}, uncertainty
@@ -91,9 +100,13 @@ def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any
 def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
     """Errors of first and second order, and the form's own estimate."""
     scene = case.scene(stokes)
-    row, uncertainty = _compared(case, scene, timed_run(scene, SecondOrder.name, TOLERANCE, SAMPLES))
+    row, uncertainty = _compared(
+        case, scene, timed_run(scene, SecondOrder.name, TOLERANCE, SAMPLES)
+    )
     turned = _known(uncertainty.orientation)
-    return SecondOrderErrors(**row, slow_uncertainty=uncertainty.slow, orientation_uncertainty=turned)
+    return SecondOrderErrors(
+        **row, slow_uncertainty=uncertainty.slow, orientation_uncertainty=turned
+    )
 
 
 def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage:
@@ -104,16 +117,23 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
         repeats = range(PASSAGE_REPEATS)
-        found = min((timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats), key=SECONDS)
+        found = min(
+            (timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats),
+            key=SECONDS,
+        )
     except (FormNotValidError, RuntimeError) as refusal:
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
     row, _ = _compared(case, scene, found)
     # Kicks far below the slow error estimated are not named.
     strong = [each for each in outline(scene).kicks if each.size > 0.1 * row["estimated_slow"]]
-    modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong))
+    modes = " ".join(
+        f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong)
+    )
     kick = max((each.size for each in strong), default=nan)
-    return Passage(**row, modes=modes, kick=kick, integration=found.integration, seconds=found.seconds)
+    return Passage(
+        **row, modes=modes, kick=kick, integration=found.integration, seconds=found.seconds
+    )
 
 
 def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
@@ -137,7 +157,9 @@ def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> I
         for tolerance in FULL_TOLERANCES:
             runs = [timed_run(there, full, tolerance, FEW, solver)]
             if cost(there, full, solver, tolerance, runs[0]).slow <= TARGET:
-                runs += [timed_run(there, full, tolerance, FEW, solver) for _ in range(FULL_REPEATS - 1)]
+                runs += [
+                    timed_run(there, full, tolerance, FEW, solver) for _ in range(FULL_REPEATS - 1)
+                ]
                 yield cost(there, full, solver, tolerance, min(runs, key=SECONDS))
                 break
 
@@ -153,7 +175,9 @@ def measure_study(
         study = replace(study, orders=orders, timed={**study.timed, "orders": here()})
     if part in ("", "resonances"):
         resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)
-        crossings = _rows("crossings", CROSSING[:cases], quiet, partial(measure_passage, whole=False), points)
+        crossings = _rows(
+            "crossings", CROSSING[:cases], quiet, partial(measure_passage, whole=False), points
+        )
         timed = {**study.timed, "passages": here(repeats=PASSAGE_REPEATS)}
         study = replace(study, resonances=resonances, crossings=crossings, timed=timed)
     if part in ("", "cost") and not quick:
@@ -163,7 +187,11 @@ def measure_study(
 
 
 def _rows(
-    what: str, cases: Sequence[Subject], quiet: bool, take: Callable[[Subject, float], Any], points: int | None
+    what: str,
+    cases: Sequence[Subject],
+    quiet: bool,
+    take: Callable[[Subject, float], Any],
+    points: int | None,
 ) -> list[Any]:
     tasks = [(case, stokes) for case in cases for stokes in case.stokes[:points]]
     return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet or None)]

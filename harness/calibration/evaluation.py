@@ -18,12 +18,21 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.files.scene_file import parse_scene
 from polhode.solvers.contract import Status
 
-# Targets: shares of the scenes, of the scenes, and of the runs; and the factor that counts as close.
+# Targets: shares of the scenes, of the scenes, and of the runs; and the factor that counts as
+# close.
 MEETS, CHEAP, PREDICTED = 0.975, 0.92, 0.92
 FACTOR = 1.5
 WAY = ("form", "solver", "tolerance")
 # Columns of the runs; what is not known is NaN.
-RUN_COLUMNS = ("scene", "form", "solver", "tolerance", "seconds", "seconds_at_usual_pace", "seconds_predicted")
+RUN_COLUMNS = (
+    "scene",
+    "form",
+    "solver",
+    "tolerance",
+    "seconds",
+    "seconds_at_usual_pace",
+    "seconds_predicted",
+)
 RUN_COLUMNS += ("slow_error", "slow_error_predicted", "slow_error_high")
 
 
@@ -42,7 +51,9 @@ class Answer:
         if self.recommendation is None:
             return None
         row = self.recommendation.ranking[0]
-        return next((r for r in records if all(r[name] == getattr(row, name) for name in WAY)), None)
+        return next(
+            (r for r in records if all(r[name] == getattr(row, name) for name in WAY)), None
+        )
 
 
 @dataclass(frozen=True)
@@ -73,7 +84,9 @@ class Evaluation:
     def reached(self) -> bool:
         """Whether the targets are."""
         shares = self.shares
-        return shares["met"] >= MEETS and shares["cheap"] >= CHEAP and shares["predicted"] >= PREDICTED
+        return (
+            shares["met"] >= MEETS and shares["cheap"] >= CHEAP and shares["predicted"] >= PREDICTED
+        )
 
 
 def close(seconds: Any, runs: pd.DataFrame) -> Any:
@@ -93,7 +106,9 @@ def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) 
         part = "averaging" if model > made / 2 else "the solver"
         nobody = "" if best else "; no way measured met the one asked for"
         return f"the error, most of it of {part}, is {made / row.error.high:.2g} times its upper end{nobody}"
-    same = [way for way in found.ranking if (way.form, way.solver) == (best["form"], best["solver"])]
+    same = [
+        way for way in found.ranking if (way.form, way.solver) == (best["form"], best["solver"])
+    ]
     if not same:
         reasons = {(each.form, each.solver): each.reason for each in found.excluded}
         return f"the best was excluded: {reasons.get((best['form'], best['solver']), 'not known')}"
@@ -107,7 +122,11 @@ def miss(answer: Answer, first: Record, best: Record, met: bool, factor: float) 
 
 def judged(answer: Answer, finals: Sequence[Record]) -> Record:
     """What the last runs of a scene say of the answer: a refusal is right if nothing measured meets the error."""
-    question, found, first = answer.question, answer.recommendation, answer.first_choice(finals) or {}
+    question, found, first = (
+        answer.question,
+        answer.recommendation,
+        answer.first_choice(finals) or {},
+    )
     row: Any = found.ranking[0] if found else None
     good = [r for r in finals if "seconds" in r and error_of(r, question.want) <= question.error]
     best = min(good, key=lambda record: record["seconds"], default={})
@@ -157,10 +176,16 @@ def predicted_runs(records: Sequence[Record], laws: Laws) -> pd.DataFrame:
         slow = law.error_law("slow", sensitivity) if sensitivity.error < inf else None
         error = slow.predict(sensitivity, tolerance) if slow else None
         head = record["scene_name"], record["form"], record["solver"], tolerance
-        times = record["seconds"], laws.pace.seconds(record), law.cost.predict(load, tolerance).predicted
+        times = (
+            record["seconds"],
+            laws.pace.seconds(record),
+            law.cost.predict(load, tolerance).predicted,
+        )
         errors = record.get("solver_slow_error"), error and error.predicted, error and error.high
         found.append((*head, *times, *errors))
-    return pd.DataFrame(found, columns=list(RUN_COLUMNS)).astype(dict.fromkeys(RUN_COLUMNS[3:], float))
+    return pd.DataFrame(found, columns=list(RUN_COLUMNS)).astype(
+        dict.fromkeys(RUN_COLUMNS[3:], float)
+    )
 
 
 def error_of(record: Record, want: str) -> float:

@@ -19,7 +19,16 @@ from polhode.harness.calibration.training import lacking
 from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import Pace
-from polhode.harness.picking.laws import EPS, WANTS, CostLaw, ErrorLaw, Laws, MethodLaws, Stray, regime
+from polhode.harness.picking.laws import (
+    EPS,
+    WANTS,
+    CostLaw,
+    ErrorLaw,
+    Laws,
+    MethodLaws,
+    Stray,
+    regime,
+)
 from polhode.harness.picking.pilot import over_whole_run
 from polhode.harness.studies.cost import first_seconds
 from polhode.models.catalogue import form as find_form
@@ -34,8 +43,8 @@ Prior = dict[str, tuple[float, float]]
 
 # Fewer scenes than this make no law, and fewer long ones none of their own.
 LEAST_SCENES, LEAST_LONG = 3, 8
-# Fewer runs than this say nothing of a machine's own factor for a method; how far errors stray by a form's other
-# solvers counts as much as so many runs.
+# Fewer runs than this say nothing of a machine's own factor for a method; how far errors stray by a
+# form's other solvers counts as much as so many runs.
 LEAST_RUNS, FEW_RUNS = 3, 30
 # Residuals beyond these, in ln(time) and ln(error), are taken for disturbances and pull less.
 SOFT_COST, SOFT_ERROR = 0.15, 1.0
@@ -46,17 +55,23 @@ LOW, MIDDLE, HIGH = 0.025, 0.5, 0.975
 _TABLES = tomllib.loads(Path(__file__).with_name("priors.toml").read_text(encoding="utf-8"))
 PRIORS: dict[str, Prior] = {}
 for _law, _table in _TABLES.items():
-    _means = {name: each["mean"] if "mean" in each else log(each["typical"]) for name, each in _table.items()}
+    _means = {
+        name: each["mean"] if "mean" in each else log(each["typical"])
+        for name, each in _table.items()
+    }
     PRIORS[_law] = {name: (mean, _table[name]["spread"]) for name, mean in _means.items()}
 READABLE: dict[str, Callable[[float], float]] = {"offset": lambda x: float(x / log(10))}
-READABLE |= {name: exp for table in _TABLES.values() for name, each in table.items() if "typical" in each}
+READABLE |= {
+    name: exp for table in _TABLES.values() for name, each in table.items() if "typical" in each
+}
 AVERAGED = "per_piece", "per_entering", "per_row"
 
 
 def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | None = None) -> Laws:
     """Fit the laws of every method of which there are enough records, and time its first run on this machine.
 
-    Of methods that `base` knows, only laws of errors that it lacks, and of long runs, are taken from the records.
+    Of methods that `base` knows, only laws of errors that it lacks, and of long runs, are taken
+    from the records.
     """
     records = list(records)
     pace = base.pace if base else Pace.usual(records)
@@ -66,7 +81,9 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
         if sample := sample_of(record, pace):
             samples.setdefault((record["form"], record["solver"]), []).append(sample)
             scene = parse_scene(record["scene"])
-            examples[record["form"]] = max(examples.get(record["form"], scene), scene, key=_compiles_most)
+            examples[record["form"]] = max(
+                examples.get(record["form"], scene), scene, key=_compiles_most
+            )
     samples = {method: runs for method, runs in samples.items() if _scenes(runs) >= LEAST_SCENES}
     known = {name for name in base.methods if not lacking(base, *name)} if base else set()
     firsts = first_seconds(examples, [name for name in samples if name not in known])
@@ -74,10 +91,16 @@ def fit_laws(records: Iterable[Record], source: dict[str, Any], base: Laws | Non
     for name, runs in samples.items():
         errors = fit_errors(runs, special(*name))
         if name in known:
-            kept = {each: law for each, law in methods[name].errors.items() if not each.startswith("long")}
+            kept = {
+                each: law
+                for each, law in methods[name].errors.items()
+                if not each.startswith("long")
+            }
             methods[name] = replace(methods[name], errors=methods[name].errors | errors | kept)
         else:
-            methods[name] = MethodLaws(*name, fit_cost(runs), errors, firsts[name], min(run.tolerance for run in runs))
+            methods[name] = MethodLaws(
+                *name, fit_cost(runs), errors, firsts[name], min(run.tolerance for run in runs)
+            )
     usual = tuple(methods.values())
     for name in samples.keys() - known:
         methods[name] = replace(methods[name], errors=as_wide_as_alike(methods[name], usual))
@@ -100,13 +123,25 @@ def refit(laws: Laws, records: Iterable[Record]) -> Laws:
             ratios.setdefault((law.form, law.solver), []).append(ratio)
     if not ratios:
         return laws
-    # A method's own factor is the median of measured over predicted; with few records that of its solver, or of all.
+    # A method's own factor is the median of measured over predicted; with few records that of its
+    # solver, or of all.
     every, methods = [*chain(*ratios.values())], {}
     for name, law in laws.methods.items():
-        alike = [ratio for (_, solver), each in ratios.items() if solver == law.solver for ratio in each]
-        known = next(each for each in (ratios.get(name, []), alike, every) if len(each) >= LEAST_RUNS or each is every)
-        methods[name] = replace(law, cost=replace(law.cost, scale=law.cost.scale * float(np.median(known))))
-    here = {"machine": pace.machine or laws.source.get("machine"), "sentinel_seconds": pace.sentinel}
+        alike = [
+            ratio for (_, solver), each in ratios.items() if solver == law.solver for ratio in each
+        ]
+        known = next(
+            each
+            for each in (ratios.get(name, []), alike, every)
+            if len(each) >= LEAST_RUNS or each is every
+        )
+        methods[name] = replace(
+            law, cost=replace(law.cost, scale=law.cost.scale * float(np.median(known)))
+        )
+    here = {
+        "machine": pace.machine or laws.source.get("machine"),
+        "sentinel_seconds": pace.sentinel,
+    }
     return Laws(methods, {**laws.source, **here, "refitted": sum(map(len, ratios.values()))})
 
 
@@ -131,7 +166,12 @@ def _compiles_most(scene: Scene) -> tuple[bool, float]:
 
 
 def robust_fit(
-    predicted: Callable[[Array], Array], measured: Array, prior: Prior, soft: float, weights: Array, start: Array
+    predicted: Callable[[Array], Array],
+    measured: Array,
+    prior: Prior,
+    soft: float,
+    weights: Array,
+    start: Array,
 ) -> Array:
     """Parameters of least squares: residuals beyond `soft` pull less (soft L1), the prior counts as measurements do."""
     mean, spread = np.array(list(prior.values())).T
@@ -151,26 +191,34 @@ def robust_fit(
 
 
 def bootstrap(
-    scenes: Sequence[str], predicted: Callable[[Array], Array], measured: Array, prior: Prior, soft: float
+    scenes: Sequence[str],
+    predicted: Callable[[Array], Array],
+    measured: Array,
+    prior: Prior,
+    soft: float,
 ) -> dict[str, Any]:
     """Fit a law, and fit it again to scenes drawn with replacement: its parameters, their intervals, and its stray."""
-    # What one scene says of another is what a prediction is worth: strays are those of the scenes left out, wider where
-    # there are few, by Student's t over the normal distribution. Source: Efron and Tibshirani, An Introduction to the
-    # Bootstrap, sections 6.2 and 17.7.
+    # What one scene says of another is what a prediction is worth: strays are those of the scenes
+    # left out, wider where there are few, by Student's t over the normal distribution. Source:
+    # Efron and Tibshirani, An Introduction to the Bootstrap, sections 6.2 and 17.7.
     group, names = pd.factorize(np.array(scenes))
     count, random = len(names), np.random.default_rng(SEED)
     start = np.array([mean for mean, _ in prior.values()])
     x = robust_fit(predicted, measured, prior, soft, np.ones(len(group)), start)
     replicates, strays = [], []
     for _ in range(REPLICATES):
-        weights = np.bincount(random.integers(count, size=count), minlength=count)[group].astype(float)
+        weights = np.bincount(random.integers(count, size=count), minlength=count)[group].astype(
+            float
+        )
         replicates.append(robust_fit(predicted, measured, prior, soft, weights, x))
         strays.append((measured - predicted(replicates[-1]))[weights == 0])
     low, middle, high = np.quantile(np.concatenate(strays), (LOW, MIDDLE, HIGH)).tolist()
     wider = float(stdtrit(count - 1, HIGH) * np.sqrt(1 + 1 / count) / ndtri(HIGH))
     stray = Stray(middle + wider * (low - middle), middle, middle + wider * (high - middle))
     law: dict[str, Any] = {"stray": stray, "records": len(group), "intervals": {}}
-    for name, value, *ends in zip(prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True):
+    for name, value, *ends in zip(
+        prior, x, *np.quantile(replicates, (LOW, HIGH), axis=0), strict=True
+    ):
         plain = READABLE.get(name, float)
         law[name], law["intervals"][name] = plain(value), tuple(map(plain, ends))
     return law
@@ -179,16 +227,27 @@ def bootstrap(
 def fit_cost(runs: Sequence[Sample]) -> CostLaw:
     """Fit the cost law of a method."""
     names = "samples", "rotations", "following", "damping_times", "pieces", "entered", "rows"
-    samples, turns, following, stiff, *averaged = (np.array([getattr(r.load, name) for r in runs]) for name in names)
+    samples, turns, following, stiff, *averaged = (
+        np.array([getattr(r.load, name) for r in runs]) for name in names
+    )
     logarithm = np.log([run.load.tolerance or run.tolerance for run in runs])
     measured = np.log([run.seconds for run in runs])
     # What no run has, none says anything of.
-    prior = {name: each for name, each in PRIORS["cost"].items() if any(averaged[0]) or name not in AVERAGED}
+    prior = {
+        name: each
+        for name, each in PRIORS["cost"].items()
+        if any(averaged[0]) or name not in AVERAGED
+    }
 
     def predicted(x: Array) -> Array:
         fixed, per_sample, start, per_rotation, per_time, per_damping_time, *others = np.exp(x[:-2])
         work = np.exp(x[-2] * logarithm) * (start + per_rotation * turns + per_time * following)
-        seconds = fixed + per_sample * samples + work + per_damping_time * stiff * np.exp(x[-1] * logarithm)
+        seconds = (
+            fixed
+            + per_sample * samples
+            + work
+            + per_damping_time * stiff * np.exp(x[-1] * logarithm)
+        )
         return np.log(seconds + sum(map(np.multiply, others, averaged)))
 
     found = CostLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_COST))
@@ -203,14 +262,22 @@ def fit_steps(found: CostLaw, runs: Sequence[Sample]) -> CostLaw:
     counted = [run for run in runs if run.load.steps]
     if _scenes(counted) < LEAST_SCENES:
         return found
-    rows = [(r.load.steps, found.fixed + found.per_sample * r.load.samples, r.tolerance, r.seconds) for r in counted]
+    rows = [
+        (r.load.steps, found.fixed + found.per_sample * r.load.samples, r.tolerance, r.seconds)
+        for r in counted
+    ]
     steps, any_run, tolerances, measured = np.array(rows).T
 
     def predicted(x: Array) -> Array:
         return np.log(any_run + np.exp(x[0]) * tolerances ** x[1] * steps)
 
-    law = bootstrap([run.scene for run in counted], predicted, np.log(measured), PRIORS["steps"], SOFT_COST)
-    values, intervals = {name: law[name] for name in PRIORS["steps"]}, found.intervals | law["intervals"]
+    law = bootstrap(
+        [run.scene for run in counted], predicted, np.log(measured), PRIORS["steps"], SOFT_COST
+    )
+    values, intervals = (
+        {name: law[name] for name in PRIORS["steps"]},
+        found.intervals | law["intervals"],
+    )
     return replace(found, step_stray=law["stray"], intervals=intervals, **values)
 
 
@@ -242,7 +309,11 @@ def as_wide_as_alike(law: MethodLaws, others: Sequence[MethodLaws]) -> dict[str,
     """Laws of a method's errors; those of few runs stray upwards no less than by the form's other solvers."""
     found = {}
     for name, each in law.errors.items():
-        alike = [other.errors[name].stray for other in others if other.form == law.form and name in other.errors]
+        alike = [
+            other.errors[name].stray
+            for other in others
+            if other.form == law.form and name in other.errors
+        ]
         usual = float(np.median([stray.high - stray.middle for stray in alike]))
         upper, share = each.stray.high - each.stray.middle, FEW_RUNS / (FEW_RUNS + each.records)
         upper += share * max(0.0, usual - upper)
@@ -268,4 +339,6 @@ def fit_error(runs: Sequence[Sample], want: str, special: Prior) -> ErrorLaw:
         return np.logaddexp(truncation, x[5] + least + x[6] * turns)
 
     prior = PRIORS["error"] | PRIORS[want] | special
-    return ErrorLaw(**bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR))
+    return ErrorLaw(
+        **bootstrap([run.scene for run in runs], predicted, measured, prior, SOFT_ERROR)
+    )

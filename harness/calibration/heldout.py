@@ -7,7 +7,13 @@ from time import perf_counter
 
 import pandas as pd
 
-from polhode.harness.calibration.evaluation import Answer, Evaluation, error_of, judged, predicted_runs
+from polhode.harness.calibration.evaluation import (
+    Answer,
+    Evaluation,
+    error_of,
+    judged,
+    predicted_runs,
+)
 from polhode.harness.calibration.scenes import STRATA, Question, Stratum, questions
 from polhode.harness.calibration.selection import CUTOFF, decade, rules, runs_of
 from polhode.harness.calibration.training import REFERENCE_SECONDS, methods_for, study
@@ -24,11 +30,13 @@ from polhode.models.catalogue import reference_form
 from polhode.models.spent import SPENT
 from polhode.solvers.contract import Status
 
-# Every fast method is measured at tolerances by tens, from ten times the error asked for, to find the best choice.
+# Every fast method is measured at tolerances by tens, from ten times the error asked for, to find
+# the best choice.
 DECADES = (1, 0, -1, -2, -3)
 LOOSEST, TIGHTEST = -3, -14
-# So many of the cheapest that meet the error, and the first choice, are timed once more, in turns: the cheapest of a
-# hundred noisy times is the luckiest one, and what disturbed the first choice did not disturb the others.
+# So many of the cheapest that meet the error, and the first choice, are timed once more, in turns:
+# the cheapest of a hundred noisy times is the luckiest one, and what disturbed the first choice did
+# not disturb the others.
 FINALISTS, FINAL = 5, "-final"
 # A reference is to know an error asked for to this part of it.
 KNOWN = 3.0
@@ -36,7 +44,9 @@ KNOWN = 3.0
 SHORTEST_LIMIT = 0.1
 
 
-def evaluate(store: Store, laws: Laws, count: int, quiet: bool, seed: int, seeds: int) -> Evaluation:
+def evaluate(
+    store: Store, laws: Laws, count: int, quiet: bool, seed: int, seeds: int
+) -> Evaluation:
     """Ask `pick` about `count` held-out scenes of each seed, of both strata, measure them into a store, and compare."""
     answers, left_out = [], dict[str, str]()
     for each in range(seed, seed + seeds):
@@ -54,7 +64,9 @@ def evaluate(store: Store, laws: Laws, count: int, quiet: bool, seed: int, seeds
         finals = [record for record in last if record["scene_name"] == answer.question.name + FINAL]
         judgements.append(judged(answer, finals))
     asked = {answer.question.name: answer.question for answer in answers}
-    return Evaluation(pd.DataFrame(judgements), predicted_runs(records, laws), pd.DataFrame(ways), asked, left_out)
+    return Evaluation(
+        pd.DataFrame(judgements), predicted_runs(records, laws), pd.DataFrame(ways), asked, left_out
+    )
 
 
 def affordable(seed: int, count: int, stratum: Stratum, left_out: dict[str, str]) -> list[Question]:
@@ -81,9 +93,17 @@ def no_reference(question: Question) -> str:
         return str(failure)
     except ReferenceFailedError as failure:
         late = failure.status == Status.TIME_LIMIT
-        return f"its reference takes more than {REFERENCE_SECONDS:g} s" if late else "its reference is not certified"
+        return (
+            f"its reference takes more than {REFERENCE_SECONDS:g} s"
+            if late
+            else "its reference is not certified"
+        )
     unknown = known.slow_uncertainty if question.want == "slow" else known.orientation_uncertainty
-    return "its reference is not known well enough" if KNOWN * (unknown or 0.0) > question.error else ""
+    return (
+        "its reference is not known well enough"
+        if KNOWN * (unknown or 0.0) > question.error
+        else ""
+    )
 
 
 def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
@@ -96,7 +116,13 @@ def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
         found = pick(question.scene, question.error, question.want, question.samples, laws)
     except NotAttainableError as not_attainable:
         refusal = str(not_attainable)
-    return Answer(question, found, refusal, stratum, perf_counter() - began - (SPENT["compilation"] - compiling))
+    return Answer(
+        question,
+        found,
+        refusal,
+        stratum,
+        perf_counter() - began - (SPENT["compilation"] - compiling),
+    )
 
 
 def studies(answer: Answer) -> Iterator[Study]:
@@ -110,7 +136,9 @@ def studies(answer: Answer) -> Iterator[Study]:
         most = max(SHORTEST_LIMIT, CUTOFF * first.seconds.high)
     wanted: dict[tuple[int, str], list[str]] = {}
     for power in {min(LOOSEST, max(TIGHTEST, decade(question) + shift)) for shift in DECADES}:
-        for form, solvers in methods_for(known, float(f"1e{power}"), answer.stratum == "short", True):
+        for form, solvers in methods_for(
+            known, float(f"1e{power}"), answer.stratum == "short", True
+        ):
             wanted[power, form] = solvers
     for form, solver, shift in (way.split("/") for way in rules(question)):
         # Simple rules are measured too where their method is none that may win.
@@ -124,10 +152,21 @@ def studies(answer: Answer) -> Iterator[Study]:
 def finalists(answer: Answer, records: Sequence[Record]) -> list[Case]:
     """The first choice and the cheapest runs that meet the error, to be timed once more; without what failed."""
     question = answer.question
-    mine = [record for record in records if record["scene_name"] == question.name and "seconds" in record]
-    good = sorted((r for r in mine if error_of(r, question.want) <= question.error), key=lambda r: r["seconds"])
+    mine = [
+        record
+        for record in records
+        if record["scene_name"] == question.name and "seconds" in record
+    ]
+    good = sorted(
+        (r for r in mine if error_of(r, question.want) <= question.error),
+        key=lambda r: r["seconds"],
+    )
     first = answer.first_choice(mine)
-    chosen = good[:FINALISTS] if first is None else [first, *(r for r in good[:FINALISTS] if r is not first)]
+    chosen = (
+        good[:FINALISTS]
+        if first is None
+        else [first, *(r for r in good[:FINALISTS] if r is not first)]
+    )
     names = "form", "solver", "tolerance", "samples", "max_seconds"
     limits = {"reference_seconds": REFERENCE_SECONDS, "counted": False}
     ways = ([record[name] for name in names] for record in chosen)

@@ -16,9 +16,11 @@ from polhode.solvers.contract import Status
 
 # An error of this share of what is measured, or more, bears no law.
 SANE = 0.1
-# An error of this share of the tolerance is as good as none: how much smaller it is would only pull the law off.
+# An error of this share of the tolerance is as good as none: how much smaller it is would only pull
+# the law off.
 LUCKY = 1e-3
-# An uncertainty of more eps than this is that of a reference in double precision, below which nothing is known.
+# An uncertainty of more eps than this is that of a reference in double precision, below which
+# nothing is known.
 UNKNOWN = 1e4
 
 
@@ -47,7 +49,11 @@ def sample_of(record: Record, pace: Pace) -> Sample | None:
     with suppress(PilotFailedError):
         if not held_back(form, solver, found):
             pairs = form_sensitivity(form, found, solver).items()
-            known = {want: (at, error) for want, at in pairs if (error := _error(record, want, at)) is not None}
+            known = {
+                want: (at, error)
+                for want, at in pairs
+                if (error := _error(record, want, at)) is not None
+            }
     if not over_whole_run(form, solver):
         load = replace(load, steps=record.get("work", {}).get("steps"))
     return Sample(record["scene_name"], record["tolerance"], load, pace.seconds(record), known)
@@ -61,6 +67,7 @@ def _error(record: Record, want: str, at: Sensitivity) -> float | None:
     uncertainty = record.get(f"solver_{want}_uncertainty", record.get(f"{want}_uncertainty")) or 0.0
     if error < uncertainty > UNKNOWN * EPS * at.largest:
         return None
-    # Below the reference's uncertainty, below rounding, and far below a tolerance that means something all are alike.
+    # Below the reference's uncertainty, below rounding, and far below a tolerance that means
+    # something all are alike.
     lucky = 0.0 if find_solver(record["solver"]).closed_form else LUCKY * record["tolerance"]
     return max(error, uncertainty, EPS * at.largest / 10, lucky)

@@ -10,7 +10,12 @@ from tqdm import tqdm
 from polhode.harness.api import SceneSolution, plan
 from polhode.harness.calibration.heldout import no_reference
 from polhode.harness.calibration.scenes import STRATA, Question, questions
-from polhode.harness.calibration.training import ASIDE_ROTATIONS, REFERENCE_SECONDS, fast_solvers, methods_for
+from polhode.harness.calibration.training import (
+    ASIDE_ROTATIONS,
+    REFERENCE_SECONDS,
+    fast_solvers,
+    methods_for,
+)
 from polhode.harness.common.files import digest
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import within
@@ -27,17 +32,33 @@ TOLERANCES = (-13.0, -3.0)
 TIMED, SHORT = 3, 0.05
 # Part of a scene's generator that draws the way to run it.
 WAY = 2
-COLUMNS = ("stratum", "scene", "form", "solver", "tolerance", "rotations", "want", "error", "uncertainty", "stated")
+COLUMNS = (
+    "stratum",
+    "scene",
+    "form",
+    "solver",
+    "tolerance",
+    "rotations",
+    "want",
+    "error",
+    "uncertainty",
+    "stated",
+)
 COLUMNS += ("stated_high", "seconds", "look_seconds", "note")
-# Errors beyond this share of what they are of mean that the run was lost; references know others to a tenth, at least.
+# Errors beyond this share of what they are of mean that the run was lost; references know others to
+# a tenth, at least.
 LOST, KNOWN = 0.1, 10.0
 
 
 def stated(store: Store, seed: int, count: int, quiet: bool = False) -> pd.DataFrame:
     """Errors stated and true ones of `count` scenes, each run in a random way; in `attrs` why others were left out."""
     rows = []
-    wanted = [(stratum, each) for stratum in STRATA for each in questions(seed, -(-count // 2), stratum)]
-    for index, (stratum, question) in enumerate(tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)):
+    wanted = [
+        (stratum, each) for stratum in STRATA for each in questions(seed, -(-count // 2), stratum)
+    ]
+    for index, (stratum, question) in enumerate(
+        tqdm(wanted, disable=quiet or None, desc="errors stated", leave=False)
+    ):
         content = {"question": question.name, "seed": seed, "count": count, "schema": 3}
         key = digest({"stated": content})
         row = store.result(key)
@@ -86,7 +107,11 @@ def _row(question: Question, random: np.random.Generator) -> Record:
 
 def _ways(known: Pilot, tolerance: float) -> list[tuple[str, str]]:
     """Forms and solvers that take a scene and do not take for ever."""
-    aside = [name for name in SOLVERS if name not in fast_solvers()] if known.rotations < ASIDE_ROTATIONS else []
+    aside = (
+        [name for name in SOLVERS if name not in fast_solvers()]
+        if known.rotations < ASIDE_ROTATIONS
+        else []
+    )
     return [
         (name, solver)
         for name, solvers in methods_for(known, tolerance, True, True)

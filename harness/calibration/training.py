@@ -25,28 +25,33 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
 # One tolerance of each row for every scene: laws need the whole range, not all of it everywhere.
 LADDER = ((1e-3, 1e-4, 1e-5), (1e-6, 1e-7, 1e-8), (1e-9, 1e-10, 1e-11), (1e-12, 1e-13, 1e-14))
-# Methods of low order take forever at tight tolerances: they get rows of the ladder before this one.
+# Methods of low order take forever at tight tolerances: they get rows of the ladder before this
+# one.
 LOW_ORDER_ROWS = 3
-# Explicit methods are held back by stability: beyond this many damping times they are measured no more, and beyond a
-# tenth of it at their loosest tolerances alone.
+# Explicit methods are held back by stability: beyond this many damping times they are measured no
+# more, and beyond a tenth of it at their loosest tolerances alone.
 MOST_EXPLICIT = 2e5
-# Angles only stand where something better does: they are measured on every third scene, on some rows of the ladder.
+# Angles only stand where something better does: they are measured on every third scene, on some
+# rows of the ladder.
 ANGLES_EVERY, ANGLES_ROWS = 3, (0, 2)
-# Where nothing is stiff implicit solvers stand beside what is quicker: they are measured at every second row.
+# Where nothing is stiff implicit solvers stand beside what is quicker: they are measured at every
+# second row.
 IMPLICIT_EVERY = 2
-# Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where they stand; on every
-# second one in averaged forms, whose cost does not grow with the rotations.
+# Solvers with Python in the loop: measured on every fourth scene, at two tolerances, to show where
+# they stand; on every second one in averaged forms, whose cost does not grow with the rotations.
 ASIDE_EVERY, ASIDE_ROTATIONS, ASIDE_AVERAGED_EVERY = 4, 300.0, 2
-# Of runs of more rotations than the first number slow methods are left out, than the second all but those whose cost
-# hardly grows with them: of the others a few are measured at tolerances of some rows, up to the third number. A form of
-# pieces has no more rotations in its windows than the second number.
+# Of runs of more rotations than the first number slow methods are left out, than the second all but
+# those whose cost hardly grows with them: of the others a few are measured at tolerances of some
+# rows, up to the third number. A form of pieces has no more rotations in its windows than the
+# second number.
 EVERY_LONG, MOST_QUICK, MOST_FULL = 2e3, 2e4, 6e4
 STEADY, STEADY_ROWS = ("taylor", "cyrk-vern8", "cyrk-dop853"), (1, 3)
 # There is one scene of the long stratum beside so many of the short one.
 LONG_SHARE = 2
 # Seconds that a run may take, by its rotations, and at most.
 SECONDS, SECONDS_PER_ROTATION, MOST_SECONDS = 1.0, 3e-4, 10.0
-# That a reference may take: some seven for 1e4 rotations. Runs without one, as beyond 2e5, have times, and no errors.
+# That a reference may take: some seven for 1e4 rotations. Runs without one, as beyond 2e5, have
+# times, and no errors.
 REFERENCE_SECONDS = 120.0
 
 
@@ -76,16 +81,24 @@ def forms_for(scene: Scene, rotations: float) -> list[str]:
     return accepted
 
 
-def methods_for(known: Pilot, tolerance: float, angles: bool, steady: bool) -> Iterator[tuple[str, list[str]]]:
+def methods_for(
+    known: Pilot, tolerance: float, angles: bool, steady: bool
+) -> Iterator[tuple[str, list[str]]]:
     """Forms worth measuring, those of angles if asked, with their solvers; over long runs steady ones only if asked."""
     rotations, row = known.rotations, (round(-log10(tolerance)) - 3) // len(LADDER[0])
     solvers = solvers_for(known.scene, row)
-    quick = [name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)]
-    longest = [name for name in quick if find_solver(name).many_periods or (steady and name in STEADY)]
+    quick = [
+        name for name in solvers if not (find_solver(name).implicit or find_solver(name).low_order)
+    ]
+    longest = [
+        name for name in quick if find_solver(name).many_periods or (steady and name in STEADY)
+    ]
     for name in forms_for(known.scene, rotations):
         form = find_form(name)
         if isinstance(form, InPieces):
-            windows = sum(known.share_of(each) for each in planned(form, known, tolerance) if each.tolerance)
+            windows = sum(
+                known.share_of(each) for each in planned(form, known, tolerance) if each.tolerance
+            )
             if windows * rotations < MOST_QUICK:
                 yield name, solvers if windows * rotations < EVERY_LONG else quick
         elif angles or not form.angles:
@@ -101,13 +114,18 @@ def lacking(base: Laws, form: str, solver: str) -> bool:
 
 def studies(question: Question, index: int, stratum: Stratum = "short") -> Iterator[Study]:
     """What is measured of one training scene, a form at a time."""
-    scene, random = question.scene, np.random.default_rng((TRAINING_SEED, index, 1 + STRATA.index(stratum)))
+    scene, random = (
+        question.scene,
+        np.random.default_rng((TRAINING_SEED, index, 1 + STRATA.index(stratum))),
+    )
     known = pilot(scene)
     rotations = known.rotations
     for row, choices in enumerate(LADDER):
         tolerance = float(random.choice(choices))
         angles = stratum == "short" and index % ANGLES_EVERY == 0 and row in ANGLES_ROWS
-        for name, solvers in methods_for(known, tolerance, angles, row in STEADY_ROWS and rotations < MOST_FULL):
+        for name, solvers in methods_for(
+            known, tolerance, angles, row in STEADY_ROWS and rotations < MOST_FULL
+        ):
             stiff = known.stiff and not find_form(name).averaged
             kept = stiff or (index + row) % IMPLICIT_EVERY == 0
             chosen = [each for each in solvers if kept or not find_solver(each).implicit]
@@ -118,14 +136,24 @@ def studies(question: Question, index: int, stratum: Stratum = "short") -> Itera
     averaged = index % ASIDE_AVERAGED_EVERY == 0
     plain = [name for name in forms_for(scene, rotations) if not find_form(name).angles]
     stiff = damping_times(scene) > MOST_EXPLICIT / 10
-    aside = [name for name in SOLVERS if name not in fast_solvers() and not (stiff and not find_solver(name).implicit)]
+    aside = [
+        name
+        for name in SOLVERS
+        if name not in fast_solvers() and not (stiff and not find_solver(name).implicit)
+    ]
     tolerances = tuple(float(random.choice(choices)) for choices in LADDER[:2])
     for name in plain:
         if every or (averaged and find_form(name).averaged):
             yield study(question, name, aside, tolerances, rotations)
 
 
-def study(question: Question, form: str, solvers: list[str], tolerances: tuple[float, ...], rotations: float) -> Study:
+def study(
+    question: Question,
+    form: str,
+    solvers: list[str],
+    tolerances: tuple[float, ...],
+    rotations: float,
+) -> Study:
     """One scene by a form, some solvers and tolerances."""
     return Study(
         name=question.name,
@@ -148,7 +176,11 @@ def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> list[lis
         for index, question in enumerate(questions(TRAINING_SEED, scenes, stratum)):
             for each in studies(question, index, stratum):
                 known = base if stratum == "short" else None
-                solvers = (name for name in each.solvers if known is None or lacking(known, each.forms[0], name))
+                solvers = (
+                    name
+                    for name in each.solvers
+                    if known is None or lacking(known, each.forms[0], name)
+                )
                 batches += replace(each, solvers=tuple(solvers)).batches()
     return batches
 
@@ -156,9 +188,13 @@ def training(count: int = TRAINING_SCENES, base: Laws | None = None) -> list[lis
 def without(store: Store, base: Laws | None, names: Collection[str]) -> Laws | None:
     """Laws that lack all methods of some forms and solvers, which have changed; the store forgets their cases."""
     store.drop([row["key"] for row in store if row["form"] in names or row["solver"] in names])
-    return base and replace(base, methods={name: law for name, law in base.methods.items() if not {*name} & {*names}})
+    return base and replace(
+        base, methods={name: law for name, law in base.methods.items() if not {*name} & {*names}}
+    )
 
 
-def train(store: Store, count: int = TRAINING_SCENES, quiet: bool = False, base: Laws | None = None) -> list[Record]:
+def train(
+    store: Store, count: int = TRAINING_SCENES, quiet: bool = False, base: Laws | None = None
+) -> list[Record]:
     """Records of the training scenes, measured into a store where it does not hold them."""
     return Runner(store, quiet).run_batches("training", training(count, base))

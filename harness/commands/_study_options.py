@@ -24,13 +24,22 @@ KINDS = {
     "forms": ("--form", "Only this form; may be given several times."),
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
-# Share of disturbed times from which on earlier results are not replaced; a few times may be anything.
+# Share of disturbed times from which on earlier results are not replaced; a few times may be
+# anything.
 MOST_DISTURBED, FEW = 0.1, 50
 # Options that change nothing in what is measured.
 ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
-quick = click.option("--quick", is_flag=True, help="Few tolerances, short limits: a look, by default in FOLDER-quick.")
-resume = click.option("--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh.")
-disturbed = click.option("--disturbed", is_flag=True, help="Replace earlier results by times that were disturbed too.")
+quick = click.option(
+    "--quick",
+    is_flag=True,
+    help="Few tolerances, short limits: a look, by default in FOLDER-quick.",
+)
+resume = click.option(
+    "--resume", is_flag=True, help="Take up an interrupted run instead of starting afresh."
+)
+disturbed = click.option(
+    "--disturbed", is_flag=True, help="Replace earlier results by times that were disturbed too."
+)
 quiet = click.option("--quiet", is_flag=True, help="No progress.")
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 to_json = partial(dumps, sort_keys=False)
@@ -43,7 +52,9 @@ def out_folder(default: str) -> Callable[..., Any]:
     def folder(context: click.Context, _: click.Parameter, given: Path | None) -> Path:
         return given or usual(default, context.params.get("quick", False))
 
-    return click.option("--out", type=FOLDER, callback=folder, help=f"Folder; by default {default}.")
+    return click.option(
+        "--out", type=FOLDER, callback=folder, help=f"Folder; by default {default}."
+    )
 
 
 def usual(folder: str, quick: bool) -> Path:
@@ -85,8 +96,12 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     for name, (option, text) in reversed(KINDS.items()):
         wanting = click.option(option, name, multiple=True, help=text)(wanting)
-    out = click.option("--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words.")
-    file = click.argument("study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path))
+    out = click.option(
+        "--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words."
+    )
+    file = click.argument(
+        "study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path)
+    )
     return file(out(quick(resume(quiet(disturbed(wanting))))))
 
 
@@ -103,7 +118,9 @@ def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> No
     again = "run it anew on a quiet machine"
     # Times of another machine say nothing of this one.
     if page.exists() and str(machine()["processor"]) in page.read_text(encoding="utf-8"):
-        raise RunFailed(f"{page}: stays as it is, for {what}; {again}, or take them with --resume --disturbed")
+        raise RunFailed(
+            f"{page}: stays as it is, for {what}; {again}, or take them with --resume --disturbed"
+        )
     click.echo(f"note: {what}; {again}, if times matter", err=True)
 
 
@@ -123,13 +140,18 @@ def command_line() -> str:
 
 
 @contextmanager
-def stored(folder: Path, resume: bool, name: str = "store", what: str = "cases") -> Iterator["Store"]:
+def stored(
+    folder: Path, resume: bool, name: str = "store", what: str = "cases"
+) -> Iterator["Store"]:
     """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside."""
     # What ends the run is said in one line, and how to go on.
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError
 
-    path, previous = folder / f"{name}.sqlite", "previous" if name == "store" else f"previous-{name}"
+    path, previous = (
+        folder / f"{name}.sqlite",
+        "previous" if name == "store" else f"previous-{name}",
+    )
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
         if not resume and path.exists():

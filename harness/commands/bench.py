@@ -20,15 +20,22 @@ if TYPE_CHECKING:
 
 # Modules of `pages` by what a study names.
 PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
-# Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no numerics.
+# Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
+# numerics.
 PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
 @command()
 @options.study_options
-@click.option("--problems", is_flag=True, help="The classical test problems instead; --scene is one of them.")
-@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the folder's records.jsonl.")
+@click.option(
+    "--problems", is_flag=True, help="The classical test problems instead; --scene is one of them."
+)
+@click.option(
+    "--page-only",
+    is_flag=True,
+    help="Measure nothing: write the page anew from the folder's records.jsonl.",
+)
 def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     """Run a work-precision study and write its page, figures and records."""
     if problems:
@@ -57,10 +64,14 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     steady(records, folder / "README.md", wanted.disturbed)
     page = write_page(study, records, folder, command_line())
     calm = [each for each in records if not each.get("disturbed")]
-    if 2 * len(calm) > len(records) and not (wanted.study_file or wanted.quick or any(wanted.filters.values())):
+    if 2 * len(calm) > len(records) and not (
+        wanted.study_file or wanted.quick or any(wanted.filters.values())
+    ):
         with bad_input():
             refit(load_laws(), calm).save(own_laws_path())
-        click.echo(f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True)
+        click.echo(
+            f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True
+        )
     click.echo(f"{page}")
 
 
@@ -69,7 +80,9 @@ def _problems(wanted: Wanted, page_only: bool) -> None:
     from polhode.harness.work_precision import pairs_of, run_problems
 
     if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"] or page_only:
-        raise BadInput("--problems: got a study, --form, --tag or --page-only, expected --scene and --solver at most")
+        raise BadInput(
+            "--problems: got a study, --form, --tag or --page-only, expected --scene and --solver at most"
+        )
     folder = wanted.out or options.usual("reports/problems", wanted.quick)
     some = wanted.filters["scenes"], wanted.filters["solvers"]
     with bad_input():
@@ -90,7 +103,9 @@ def regimes(wanted: Wanted) -> None:
     with bad_input():
         study = replace(wanted.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
         if wanted.quick:
-            some = tuple((name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4)
+            some = tuple(
+                (name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4
+            )
             study = replace(study, scenes=some or study.scenes)
     folder = wanted.out or Path("reports") / study.name
     with stored(folder, wanted.resume) as store:
@@ -116,7 +131,13 @@ def ahead(study: "Study", store: "Store") -> str:
 def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     """Compare all solvers at equal error, with every back end, and with the bare library calls."""
     from polhode.harness.pages.footing import Measured, write_page
-    from polhode.harness.studies.cost import first_runs, measure, paper_problem, rhs_seconds, startup_seconds
+    from polhode.harness.studies.cost import (
+        first_runs,
+        measure,
+        paper_problem,
+        rhs_seconds,
+        startup_seconds,
+    )
     from polhode.harness.studies.runner import Runner
     from polhode.harness.studies.study import read_study
     from polhode.solvers.contract import Backend
@@ -129,7 +150,9 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
             study = read_study(None, name)
             found[name] = Runner(store, quiet).run(study.quick() if quick else study)
     costs = {name: rhs_seconds(problem, name) for name in get_args(Backend)}
-    measured = Measured(**found, overheads=overheads, first_runs=firsts, rhs_costs=costs, startup=startup_seconds())
+    measured = Measured(
+        **found, overheads=overheads, first_runs=firsts, rhs_costs=costs, startup=startup_seconds()
+    )
     click.echo(f"{write_page(measured, out, command_line())}")
 
 
@@ -137,13 +160,22 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
 @click.argument("names", metavar="[ITEM…]", nargs=-1)
 @options.out_folder("reports/paper")
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
-@click.option("--redraw", is_flag=True, help="Draw from the data that are there, whatever code made them.")
+@click.option(
+    "--redraw", is_flag=True, help="Draw from the data that are there, whatever code made them."
+)
 @click.option("--quick", is_flag=True, help="Coarse grids: a look, by default in FOLDER-quick.")
 @click.option("--list", "listed", is_flag=True, help="Print the items and stop.")
 @click.option("--json", "as_json", is_flag=True, help="With --list: print JSON.")
 @options.quiet
 def paper(
-    names: tuple[str, ...], out: Path, force: bool, redraw: bool, quick: bool, listed: bool, as_json: bool, quiet: bool
+    names: tuple[str, ...],
+    out: Path,
+    force: bool,
+    redraw: bool,
+    quick: bool,
+    listed: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     from polhode.harness.paper.claims import find_items, section_of
@@ -155,29 +187,60 @@ def paper(
         if force and redraw:
             raise ValueError("--force computes anew and --redraw does not, expected one of them")
         if as_json and not listed:
-            raise ValueError("--json: got it without --list, expected both: the results stand in the folder's files")
+            raise ValueError(
+                "--json: got it without --list, expected both: the results stand in the folder's files"
+            )
     if listed:
-        rows = [{"name": item.name, "section": section_of(item).name, "title": item.title} for item in items]
-        click.echo(to_json(rows) if as_json else "\n".join(f"{row['name']:28}{row['title']}" for row in rows))
+        rows = [
+            {"name": item.name, "section": section_of(item).name, "title": item.title}
+            for item in items
+        ]
+        click.echo(
+            to_json(rows)
+            if as_json
+            else "\n".join(f"{row['name']:28}{row['title']}" for row in rows)
+        )
         return
     report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
         make_folder(out)
-    if failed := run(items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw):
+    if failed := run(
+        items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw
+    ):
         raise RunFailed(f"failed: {', '.join(failed)}")
     click.echo(f"{out / 'README.md'}")
 
 
 @command()
-@click.option("--order", type=click.Choice(list(FOLDERS)), default="1", help="What is measured of averaging.")
-@click.option("--out", type=options.FOLDER, help="Folder; by default reports/accuracy, second-order or hybrid.")
+@click.option(
+    "--order", type=click.Choice(list(FOLDERS)), default="1", help="What is measured of averaging."
+)
+@click.option(
+    "--out",
+    type=options.FOLDER,
+    help="Folder; by default reports/accuracy, second-order or hybrid.",
+)
 @options.as_json
-@click.option("--quick", is_flag=True, help="St up to 1000 or a few cases alone: a look, by default in FOLDER-quick.")
-@click.option("--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Measure that alone anew.")
-@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out.")
+@click.option(
+    "--quick",
+    is_flag=True,
+    help="St up to 1000 or a few cases alone: a look, by default in FOLDER-quick.",
+)
+@click.option(
+    "--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Measure that alone anew."
+)
+@click.option(
+    "--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out."
+)
 @options.quiet
 def accuracy(
-    order: str, out: Path | None, as_json: bool, quick: bool, part: str | None, page_only: bool, quiet: bool
+    order: str,
+    out: Path | None,
+    as_json: bool,
+    quick: bool,
+    part: str | None,
+    page_only: bool,
+    quiet: bool,
 ) -> None:
     """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions."""
     from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
@@ -189,21 +252,29 @@ def accuracy(
 
     pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
     kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": HybridStudy}
-    measures: dict[str, Any] = {"1": lambda *_, **how: measure_all(**how), "2": measure_study, "hybrid": measure_hybrid}
+    measures: dict[str, Any] = {
+        "1": lambda *_, **how: measure_all(**how),
+        "2": measure_study,
+        "hybrid": measure_hybrid,
+    }
     page, out = pages[order], out or options.usual(FOLDERS[order], quick)
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")
         if part and part not in PARTS[order]:
             fitting = next(each for each, parts in PARTS.items() if part in parts)
-            raise ValueError(f"--part: got --order {order}, expected --order {fitting} for {part!r}")
+            raise ValueError(
+                f"--part: got --order {order}, expected --order {fitting} for {part!r}"
+            )
         found: Any = read_study(kinds[order], out) if part or page_only else None
         make_folder(out)
     try:
         found = found if page_only else measures[order](found, part or "", quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
-    page.write_page(found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick)
+    page.write_page(
+        found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick
+    )
     if as_json:
         click.echo(to_json(page.as_json(found) if order == "1" else asdict(found)))
     else:
@@ -214,13 +285,25 @@ def accuracy(
 @command()
 @click.argument("file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=options.FOLDER, help="Folder; by default reports/NAME.")
-@click.option("--workers", type=click.IntRange(min=0), help="Processes; by default one per core, 0 for this one alone.")
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    help="Processes; by default one per core, 0 for this one alone.",
+)
 @click.option("--dask", help="Address of a Dask scheduler that runs the tasks instead.")
-@click.option("--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way.")
+@click.option(
+    "--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way."
+)
 @options.as_json
 @options.quiet
 def sweep(
-    file: Path | None, out: Path | None, workers: int | None, dask: str | None, resume: bool, as_json: bool, quiet: bool
+    file: Path | None,
+    out: Path | None,
+    workers: int | None,
+    dask: str | None,
+    resume: bool,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Run ensembles of particles over a grid of shapes and Stokes numbers and write their statistics."""
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
@@ -235,7 +318,9 @@ def sweep(
     with stored(folder, resume=True, what="tasks") as store:
         tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
-            raise RunFailed(f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}")
+            raise RunFailed(
+                f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}"
+            )
         # Slow to import, and not needed until all is done.
         from polhode.harness.pages.ensembles import write_results
 
@@ -265,5 +350,7 @@ def _engine(workers: int | None, address: str | None) -> Any:
         return partial(dask, address)
     if workers == 0:
         return serial
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = (
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    )
     return partial(processes, workers or cores)

@@ -11,7 +11,14 @@ from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.calibration import HELD_OUT_SEED, TRAINING_SCENES
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
-from polhode.harness.commands._study_options import as_json, out_folder, quiet, resume, stored, to_json
+from polhode.harness.commands._study_options import (
+    as_json,
+    out_folder,
+    quiet,
+    resume,
+    stored,
+    to_json,
+)
 from polhode.harness.common.text import cells, fitting, in_full, on_terminal
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
@@ -21,20 +28,41 @@ if TYPE_CHECKING:
 
 # Ways shown unless all are asked for, and their columns.
 FEW = 8
-WAYS = {"form": "{form}", "solver": "{solver}", "tolerance": "{tolerance:short}", "error below": "{error.high:error}"}
-WAYS |= {"time": "{seconds.predicted:time}", "95 % interval": "{seconds.low:time} … {seconds.high:time}"}
+WAYS = {
+    "form": "{form}",
+    "solver": "{solver}",
+    "tolerance": "{tolerance:short}",
+    "error below": "{error.high:error}",
+}
+WAYS |= {
+    "time": "{seconds.predicted:time}",
+    "95 % interval": "{seconds.low:time} … {seconds.high:time}",
+}
 WAYS |= {"first run": "{first_run_seconds:time}"}
 
 
 @command()
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option("--error", type=float, default=1e-6, help="Largest error allowed along the run.")
-@click.option("--want", default="slow", metavar="slow|orientation", help="L and E over I_max, or orientation in rad.")
-@click.option("--samples", type=int, default=DEFAULT_SAMPLES, help="Equispaced times of the output.")
-@click.option("--why", is_flag=True, help="Show why this way is the first, and why other forms will not do.")
-@click.option("--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do.")
+@click.option(
+    "--want",
+    default="slow",
+    metavar="slow|orientation",
+    help="L and E over I_max, or orientation in rad.",
+)
+@click.option(
+    "--samples", type=int, default=DEFAULT_SAMPLES, help="Equispaced times of the output."
+)
+@click.option(
+    "--why", is_flag=True, help="Show why this way is the first, and why other forms will not do."
+)
+@click.option(
+    "--all", "everything", is_flag=True, help="Show all ways, and why each other one will not do."
+)
 @as_json
-def pick(scene: str, error: float, want: str, samples: int, why: bool, everything: bool, as_json: bool) -> None:
+def pick(
+    scene: str, error: float, want: str, samples: int, why: bool, everything: bool, as_json: bool
+) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error, time and their 95 % intervals."""
     from polhode.harness.common.progress import Progress
 
@@ -55,16 +83,24 @@ def pick(scene: str, error: float, want: str, samples: int, why: bool, everythin
         return
     click.echo(pick_page(found, everything, why))
     options = f"--error {in_full(error)} --want {want} --samples {samples}"
-    click.echo(fitting(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv"))
+    click.echo(
+        fitting(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
+    )
 
 
 def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
     """What `polhode pick` prints of a recommendation: what to run, the ways, and if asked why."""
     shown = found.ranking if everything else found.ranking[:FEW]
-    rows = [[*texts, "tied" * row.tied] for texts, row in zip(cells(shown, WAYS), shown, strict=True)]
+    rows = [
+        [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, WAYS), shown, strict=True)
+    ]
     notes = _notes(found, len(shown), why or everything)
     # The first run, and then the interval, are what a narrow terminal goes without.
-    parts = [fitting(found.summary), on_terminal([*WAYS, ""], rows, spare=(5, 6)), *filter(None, [fitting(notes)])]
+    parts = [
+        fitting(found.summary),
+        on_terminal([*WAYS, ""], rows, spare=(5, 6)),
+        *filter(None, [fitting(notes)]),
+    ]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
     if (why or everything) and (excluded := _why(found, everything)):
         parts.append(on_terminal(header, excluded))
@@ -79,7 +115,9 @@ def _notes(found: "Recommendation", shown: int, why: bool) -> str:
         size = f"{found.rotations:.3g} rotations and {found.damping_times:.3g} damping times"
         notes.append(f"the run is of {size}\n{first.form} by {first.solver}: {first.reason}")
     if first.tied:
-        notes.append("tied: its 95 % interval of time overlaps with the first one's, so that either may be the faster")
+        notes.append(
+            "tied: its 95 % interval of time overlaps with the first one's, so that either may be the faster"
+        )
     if more := len(found.ranking) - shown:
         notes.append(f"{more} more {'way' if more == 1 else 'ways'}, not cheaper: --all")
     return "\n".join(notes)
@@ -97,21 +135,47 @@ def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
         ]
     ranked = {row.form for row in found.ranking}
     # The reason that most solvers share.
-    shared = {form: reason for (form, reason), _ in sorted(groups.items(), key=lambda group: len(group[1]))}
+    shared = {
+        form: reason
+        for (form, reason), _ in sorted(groups.items(), key=lambda group: len(group[1]))
+    }
     return [[form, reason] for form, reason in shared.items() if form not in ranked]
 
 
 @command()
 @out_folder("reports/pick")
-@click.option("--to", type=click.Path(path_type=Path, dir_okay=False), help="File of laws; by default this user's.")
-@click.option("--scenes", type=click.IntRange(min=3), default=TRAINING_SCENES, help="Training scenes.")
+@click.option(
+    "--to",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="File of laws; by default this user's.",
+)
+@click.option(
+    "--scenes", type=click.IntRange(min=3), default=TRAINING_SCENES, help="Training scenes."
+)
 @click.option("--add", is_flag=True, help="Measure only what the file's laws lack, and keep them.")
-@click.option("--anew", multiple=True, metavar="NAME", help="A form or solver that has changed: measured again.")
-@click.option("--first-runs", "firsts", is_flag=True, help="Measure first runs alone, and keep all else in the file.")
+@click.option(
+    "--anew",
+    multiple=True,
+    metavar="NAME",
+    help="A form or solver that has changed: measured again.",
+)
+@click.option(
+    "--first-runs",
+    "firsts",
+    is_flag=True,
+    help="Measure first runs alone, and keep all else in the file.",
+)
 @resume
 @quiet
 def calibrate(
-    out: Path, to: Path | None, scenes: int, add: bool, anew: tuple[str, ...], firsts: bool, resume: bool, quiet: bool
+    out: Path,
+    to: Path | None,
+    scenes: int,
+    add: bool,
+    anew: tuple[str, ...],
+    firsts: bool,
+    resume: bool,
+    quiet: bool,
 ) -> None:
     """Measure the training scenes on this machine, half an hour, and fit the laws behind `polhode pick`."""
     from polhode.harness.calibration.fit import fit_laws, with_first_runs
@@ -137,19 +201,30 @@ def calibrate(
     fitted = fit_laws(records, {"machine": machine(), "versions": versions()}, base)
     fitted.save(path)
     click.echo(f"{path}: laws of {len(fitted.methods)} methods from {len(records)} runs")
-    if unjudged := len({record["scene_name"] for record in records if "reference_failed" in record}):
+    if unjudged := len(
+        {record["scene_name"] for record in records if "reference_failed" in record}
+    ):
         click.echo(f"{unjudged} scenes have times alone, without a reference")
 
 
 @command()
 @out_folder("reports/pick")
 @click.option("--scenes", type=click.IntRange(min=1), default=16, help="Held-out scenes of a seed.")
-@click.option("--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from."
+)
 @click.option("--seeds", type=click.IntRange(min=1), default=3, help="So many seeds from it on.")
-@click.option("--errors", type=click.IntRange(min=0), default=0, help="Runs whose stated errors are tested instead.")
+@click.option(
+    "--errors",
+    type=click.IntRange(min=0),
+    default=0,
+    help="Runs whose stated errors are tested instead.",
+)
 @resume
 @quiet
-def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume: bool, quiet: bool) -> None:
+def validate(
+    out: Path, scenes: int, seed: int, seeds: int, errors: int, resume: bool, quiet: bool
+) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page."""
     from polhode.harness.calibration.heldout import evaluate
     from polhode.harness.calibration.stated import stated
@@ -166,7 +241,9 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, errors: int, resume:
         known = load_laws()
     with stored(out, resume, "heldout") as store:
         evaluation = evaluate(store, known, scenes, quiet, seed, seeds)
-    page = write_pages(out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed} --seeds {seeds}")
+    page = write_pages(
+        out, known, evaluation, f"polhode validate --scenes {scenes} --seed {seed} --seeds {seeds}"
+    )
     click.echo("\n".join([*summary(evaluation), str(page)]))
     if not evaluation.reached:
         raise RunFailed("pick did not reach what it promises")

@@ -20,22 +20,34 @@ REPORTS, HERE = Path("reports"), Path(__file__).parent
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 # Seconds over which the sentinel is watched.
 WATCH = 1.0
-# On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer processes than this
-# wait for each core.
+# On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer
+# processes than this wait for each core.
 STEADY, BUSY = 1.05, 0.5
 
 
-def scene_names(context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+def scene_names(
+    context: click.Context, parameter: click.Parameter, typed: str
+) -> list[CompletionItem]:
     """Built-in scenes with what is hard about them; scene files where none begins so."""
     from polhode.models.scenes import SCENES
 
-    found = [CompletionItem(name, help=each.summary) for name, each in SCENES.items() if name.startswith(typed)]
+    found = [
+        CompletionItem(name, help=each.summary)
+        for name, each in SCENES.items()
+        if name.startswith(typed)
+    ]
     return found or [CompletionItem(typed, type="file")]
 
 
-def _names_in(catalogue: str, context: click.Context, parameter: click.Parameter, typed: str) -> list[CompletionItem]:
+def _names_in(
+    catalogue: str, context: click.Context, parameter: click.Parameter, typed: str
+) -> list[CompletionItem]:
     known = imported(catalogue)
-    return [CompletionItem(name, help=known.find(name).summary) for name in known if name.startswith(typed)]
+    return [
+        CompletionItem(name, help=known.find(name).summary)
+        for name in known
+        if name.startswith(typed)
+    ]
 
 
 form_names = partial(_names_in, "polhode.models.catalogue:FORMS")
@@ -72,7 +84,10 @@ def examine() -> dict[str, Any]:
     adapters = [{key: getattr(method, key) for key in keys} for method in map(solver, SOLVERS)]
     for row in adapters:
         row["version"] = package_version(row["package"]) if row["available"] else None
-    caches = {"references": cache_folder() / "references", "compiled integrators": cache_folder("heyoka")}
+    caches = {
+        "references": cache_folder() / "references",
+        "compiled integrators": cache_folder("heyoka"),
+    }
     found: dict[str, Any] = {
         "machine": machine(),
         "versions": versions(),
@@ -82,7 +97,9 @@ def examine() -> dict[str, Any]:
         "cold_start": cold_start(),
         "steadiness": watch_sentinel(WATCH),
     }
-    advice = templates(HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
+    advice = (
+        templates(HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
+    )
     return found | {"advice": advice.splitlines()}
 
 
@@ -112,7 +129,13 @@ def look(name: str, folder: Path) -> dict[str, Any]:
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
     writable = above.is_dir() and os.access(above, os.W_OK)
-    return {"name": name, "folder": folder, "files": len(sizes), "size": sum(sizes), "writable": writable}
+    return {
+        "name": name,
+        "folder": folder,
+        "files": len(sizes),
+        "size": sum(sizes),
+        "writable": writable,
+    }
 
 
 def cold_start() -> dict[str, float]:
@@ -120,7 +143,9 @@ def cold_start() -> dict[str, float]:
     import subprocess
 
     began = perf_counter()
-    done = subprocess.run([sys.executable, "-P", "-c", _COLD], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", _COLD], capture_output=True, text=True, check=False
+    )
     return json.loads(done.stdout or "{}") | {"in all": perf_counter() - began}
 
 
@@ -163,7 +188,11 @@ def _page(found: dict[str, Any]) -> str:
         return click.style(yes if good else no, fg="green" if good else "red", bold=not good)
 
     solvers = [
-        [row["name"], f"{row['package']} {row['version'] or ''}".strip(), mark(row["available"], "ready", "missing")]
+        [
+            row["name"],
+            f"{row['package']} {row['version'] or ''}".strip(),
+            mark(row["available"], "ready", "missing"),
+        ]
         for row in found["adapters"]
     ]
     kept = [
@@ -213,19 +242,28 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     else:
         pace = f"the machine takes {found.drift:.2f} times as long"
         pace = pace if found.same_machine else "another machine or Python: times as they are"
-        click.echo(f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}")
+        click.echo(
+            f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
+        )
     if worse and not as_json:
         header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
-        rows = [[f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header] for row in worse]
+        rows = [
+            [f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header]
+            for row in worse
+        ]
         click.echo(aligned(["scene", "St", *header[2:]], rows))
     if worse:
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
 
 
 @command()
-@click.option("--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages.")
+@click.option(
+    "--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages."
+)
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
-@click.option("--scene", multiple=True, shell_complete=scene_names, help="Show its motion too; repeatable.")
+@click.option(
+    "--scene", multiple=True, shell_complete=scene_names, help="Show its motion too; repeatable."
+)
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
     """Write a web site of all that was found: verdict, costs, every page of the reports, motions."""

@@ -61,7 +61,11 @@ def scenes(scene: str | None, as_json: bool) -> None:
         click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
         return
     rows = [{"name": name, "summary": each.summary} for name, each in SCENES.items()]
-    click.echo(to_json(rows) if as_json else on_terminal(["name", "summary"], [[*row.values()] for row in rows]))
+    click.echo(
+        to_json(rows)
+        if as_json
+        else on_terminal(["name", "summary"], [[*row.values()] for row in rows])
+    )
 
 
 def scene_text(table: dict[str, Any]) -> str:
@@ -79,11 +83,23 @@ def forms(as_json: bool) -> None:
 
     known = {name: form(name) for name in FORMS}
     rows = [
-        {"name": name, "summary": one.summary, "available": True, "why_not": None, "valid_for": one.valid_for}
+        {
+            "name": name,
+            "summary": one.summary,
+            "available": True,
+            "why_not": None,
+            "valid_for": one.valid_for,
+        }
         for name, one in known.items()
     ]
-    lines = [line for name, one in known.items() for line in ([name, one.summary], ["", f"for {one.valid_for}"])]
-    click.echo(to_json(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines))
+    lines = [
+        line
+        for name, one in known.items()
+        for line in ([name, one.summary], ["", f"for {one.valid_for}"])
+    ]
+    click.echo(
+        to_json(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines)
+    )
 
 
 @command()
@@ -94,7 +110,10 @@ def solvers(as_json: bool) -> None:
 
     names = ("name", "summary", "available", "why_not", "accepts")
     rows = [{name: getattr(solver(each), name) for name in names} for each in SOLVERS]
-    lines = [[row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"] for row in rows]
+    lines = [
+        [row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"]
+        for row in rows
+    ]
     click.echo(to_json(rows) if as_json else on_terminal(["name", "summary", "state"], lines))
 
 
@@ -106,16 +125,25 @@ def schema(kind: str) -> None:
     from polhode.harness.studies.study import StudyTable
     from polhode.models.files.scene_file import SceneTable
 
-    found = {"scene": SceneTable, "study": StudyTable, "sweep": SweepTable}[kind].model_json_schema()
+    found = {"scene": SceneTable, "study": StudyTable, "sweep": SweepTable}[
+        kind
+    ].model_json_schema()
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     click.echo(json.dumps(dialect | found | {"title": f"polhode {kind} file"}, indent=2))
 
 
 @command()
 @click.argument("scene", shell_complete=setup.scene_names)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Picture to write: PNG, SVG or PDF.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Picture to write: PNG, SVG or PDF.",
+)
 @click.option("--until", type=float, help="Last time shown; by default that of one rotation.")
-@click.option("--frames", type=click.IntRange(2, 24), default=6, help="Moments, first and last included.")
+@click.option(
+    "--frames", type=click.IntRange(2, 24), default=6, help="Moments, first and last included."
+)
 def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     """Draw the particle of SCENE at equispaced moments, between arrows of the flow."""
     from dataclasses import replace
@@ -129,19 +157,27 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.models.scenes import find_scene
 
     if out.suffix not in FORMATS:
-        raise BadInput(f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}")
+        raise BadInput(
+            f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}"
+        )
     with bad_input():
         found = find_scene(scene)
         alone = "a start by L and E alone" if isinstance(found.start, SlowStart) else ""
         if unseen := "a sphere" if found.ellipsoid.kind == "sphere" else alone:
-            raise ValueError(f"SCENE: got {scene!r}, {unseen}, expected a particle with an orientation to be seen")
+            raise ValueError(
+                f"SCENE: got {scene!r}, {unseen}, expected a particle with an orientation to be seen"
+            )
         if until is not None and not until > 0:
             raise ValueError(f"--until: got {until:g}, expected a positive time")
-        shown = replace(found, time=found.time / max(1.0, rotations(found)) if until is None else until)
+        shown = replace(
+            found, time=found.time / max(1.0, rotations(found)) if until is None else until
+        )
         if until and (count := rotations(shown)) > MOST_ROTATIONS:
             got = f"got {short(until)}, {scientific(count)} rotations"
             raise ValueError(f"--until: {got}, expected at most {short(MOST_ROTATIONS)} of them")
-        solution = solve(shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames)
+        solution = solve(
+            shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames
+        )
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")
         with PartialFile(out, binary=True) as file:

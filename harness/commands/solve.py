@@ -25,27 +25,59 @@ if TYPE_CHECKING:
     from polhode.harness.solution import SceneSolution
     from polhode.solvers.contract import Record
 
-# Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for files.
+# Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for
+# files.
 FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
 WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 
 
 @command()
 @click.argument("scene", shell_complete=setup.scene_names)
-@click.option("--form", shell_complete=setup.form_names, help="Of `polhode forms`; by default what fits the scene.")
-@click.option("--solver", shell_complete=setup.solver_names, help="Of `polhode solvers`; by default what fits.")
-@click.option("--tolerance", type=float, help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.")
-@click.option("--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given.")
-@click.option("--want", type=WANTS, default="slow", help="What it is of: L and E over I_max, or orientation, in rad.")
-@click.option("--samples", type=int, default=DEFAULT_SAMPLES, help="Equispaced times, start and end included.")
-@click.option("--out", type=FILE, help="CSV or .parquet file, - for standard output; by default a short table.")
+@click.option(
+    "--form",
+    shell_complete=setup.form_names,
+    help="Of `polhode forms`; by default what fits the scene.",
+)
+@click.option(
+    "--solver",
+    shell_complete=setup.solver_names,
+    help="Of `polhode solvers`; by default what fits.",
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.",
+)
+@click.option(
+    "--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given."
+)
+@click.option(
+    "--want",
+    type=WANTS,
+    default="slow",
+    help="What it is of: L and E over I_max, or orientation, in rad.",
+)
+@click.option(
+    "--samples", type=int, default=DEFAULT_SAMPLES, help="Equispaced times, start and end included."
+)
+@click.option(
+    "--out",
+    type=FILE,
+    help="CSV or .parquet file, - for standard output; by default a short table.",
+)
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
 @click.option("--restart", type=FILE, help="Scene file to write that goes on from the end.")
 @click.option("--estimate/--no-estimate", default=True, help="Look again, to estimate the error.")
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
 @click.option("-v", "--verbose", is_flag=True, help="Say where the time went, on standard error.")
 def solve(
-    scene: str, out: Path | None, omega: bool, restart: Path | None, quiet: bool, verbose: bool, **given: Any
+    scene: str,
+    out: Path | None,
+    omega: bool,
+    restart: Path | None,
+    quiet: bool,
+    verbose: bool,
+    **given: Any,
 ) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times."""
 
@@ -58,7 +90,11 @@ def solve(
     with Progress(quiet) as progress:
         with bad_input():
             target = PartialFile(out, binary=_as_parquet(out)) if out else None
-            beside = target.path.with_name(target.path.name + ".json") if target and target.atomic else None
+            beside = (
+                target.path.with_name(target.path.name + ".json")
+                if target and target.atomic
+                else None
+            )
             for other in filter(None, (beside, restart)):
                 PartialFile(other)
             _keep_apart(Path(scene), out, beside, restart)
@@ -97,7 +133,9 @@ def solve(
 def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Path | None) -> None:
     """ValueError where a file that is written is another one too."""
     if restart and out and restart.resolve() in (out.resolve(), beside and beside.resolve()):
-        raise ValueError(f"--restart: got {restart}, expected another file than {out} and {out}.json")
+        raise ValueError(
+            f"--restart: got {restart}, expected another file than {out} and {out}.json"
+        )
     for option, file in (("--restart", restart), ("--out", out)):
         if file and scene.is_file() and file.resolve() == scene.resolve():
             raise ValueError(f"{option}: got {file}, expected another file than the scene's")
@@ -111,7 +149,9 @@ def _say_times() -> None:
 def _notes(what: "Plan", tolerance: float | None) -> list[str]:
     """What the user should know: that the error will not be met, or has no say, and what stays empty."""
     asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
-    notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (asked and bool(tolerance))
+    notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (
+        asked and bool(tolerance)
+    )
     notes += filter(None, (what.note, what.long))
     known = what.form.known_axes(what.scene)
     if len(known) < 3:
@@ -126,14 +166,23 @@ def _as_parquet(out: Path) -> bool:
     """Whether the file is Parquet; ValueError where nothing can write that, or the ending promises another format."""
     endings = (".csv", ".txt", ".dat", ".parquet")
     if out.suffix not in (*endings, ""):
-        raise ValueError(f"--out: got {str(out)!r}, expected a name ending in {', '.join(endings)}, or without ending")
+        raise ValueError(
+            f"--out: got {str(out)!r}, expected a name ending in {', '.join(endings)}, or without ending"
+        )
     if out.suffix == ".parquet" and find_spec("pyarrow") is None:
-        raise ValueError(f"--out: got {out}, expected pyarrow installed (pip install pyarrow), or a .csv file")
+        raise ValueError(
+            f"--out: got {out}, expected pyarrow installed (pip install pyarrow), or a .csv file"
+        )
     return out.suffix == ".parquet"
 
 
 def _run(
-    what: "Plan", target: PartialFile | None, beside: Path | None, progress: Progress, omega: bool, given: Any
+    what: "Plan",
+    target: PartialFile | None,
+    beside: Path | None,
+    progress: Progress,
+    omega: bool,
+    given: Any,
 ) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
     from polhode.harness.solution import write_csv
@@ -162,7 +211,9 @@ def _run(
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
                 stopped = solution.status == Status.INTERRUPTED
-                why = "; ".join(filter(None, (solution.message, "" if stopped else _remedy(what, given))))
+                why = "; ".join(
+                    filter(None, (solution.message, "" if stopped else _remedy(what, given)))
+                )
                 raise RunFailed(f"{solution.status}: {rows}. {why}".strip())
         if beside:
             write_file(beside, dumps(solution.provenance()) + "\n")
@@ -171,7 +222,9 @@ def _run(
         raise
     except OSError as full:
         place = full.filename or (target.path if target else "-")
-        raise RunFailed(f"{place}: {full.strerror or full}, expected room for {len(what.times)} rows") from None
+        raise RunFailed(
+            f"{place}: {full.strerror or full}, expected room for {len(what.times)} rows"
+        ) from None
     return solution
 
 
@@ -182,7 +235,10 @@ def _remedy(what: "Plan", given: dict[str, Any]) -> str:
     if given["form"] or given["solver"]:
         return ""
     with suppress(ValueError):
-        ways = {(way.form, way.solver): way for way in pick(what.scene, given["error"], given["want"]).ranking}
+        ways = {
+            (way.form, way.solver): way
+            for way in pick(what.scene, given["error"], given["want"]).ranking
+        }
         same = ways.pop((what.form.name, what.solver.name), None)
         if same and given["tolerance"] and same.tolerance < given["tolerance"]:
             return f"do: --tolerance {short(same.tolerance)}"

@@ -1,7 +1,8 @@
 """The one way to write a file: it appears under its name when it is complete; what failed is left as FILE.partial.
 
-Files that are read again, such as tables and records, have their checksums in SHA256SUMS beside them, which `sha256sum
---check` reads too. JSON is such as every reader takes: numbers that it has no sign for are words.
+Files that are read again, such as tables and records, have their checksums in SHA256SUMS beside
+them, which `sha256sum --check` reads too. JSON is such as every reader takes: numbers that it has
+no sign for are words.
 """
 
 import fcntl
@@ -23,10 +24,11 @@ WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
 class PartialFile:
     """A file written in the same folder under a private name, and renamed when the block succeeds.
 
-    If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be renamed, are
-    written to at once (not `atomic`). A link stays, and what it points to is replaced; ``-`` is standard output. Text
-    is UTF-8, with line ends as written. Where it is `summed`, its checksum is kept beside it, so that `read_file`
-    notices damage. Raises OSError at once if the path is a folder or lies in none.
+    If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be
+    renamed, are written to at once (not `atomic`). A link stays, and what it points to is replaced;
+    ``-`` is standard output. Text is UTF-8, with line ends as written. Where it is `summed`, its
+    checksum is kept beside it, so that `read_file` notices damage. Raises OSError at once if the
+    path is a folder or lies in none.
     """
 
     def __init__(self, path: Path, *, binary: bool = False, summed: bool = False) -> None:
@@ -38,7 +40,9 @@ class PartialFile:
         device = path in STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
         self.path = path.resolve() if path.is_symlink() and not device else path
         self.atomic = not device and (self.path.is_file() or not self.path.exists())
-        self.partial = self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
+        self.partial = (
+            self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
+        )
         self._private = self.path.with_name(f".{self.path.name}.{secrets.token_hex(8)}.partial")
         self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
         self._binary, self._summed = "b" * binary, summed and self.atomic
@@ -47,8 +51,11 @@ class PartialFile:
     def open(self) -> IO[Any]:
         """Open the file, if it is not open yet; raises OSError if it cannot be written."""
         if self._file is None:
-            # By its number, standard output is what the caller redirected it to, and goes on from there.
-            where = self._private if self.atomic else 1 if self.path in STANDARD_OUTPUT else self.path
+            # By its number, standard output is what the caller redirected it to, and goes on from
+            # there.
+            where = (
+                self._private if self.atomic else 1 if self.path in STANDARD_OUTPUT else self.path
+            )
             how = ("x" if self.atomic else "w") + self._binary
             try:
                 self._file = open(where, how, closefd=where != 1, **self._how)  # noqa: SIM115
@@ -60,7 +67,9 @@ class PartialFile:
     def __enter__(self) -> IO[Any]:
         return self.open()
 
-    def __exit__(self, kind: type[BaseException] | None, failure: BaseException | None, *where: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, failure: BaseException | None, *where: object
+    ) -> None:
         try:
             self._close(failure)
         except OSError as error:
@@ -148,7 +157,11 @@ def _expect(path: Path, *coming: Path) -> None:
             with suppress(OSError), file.open("rb") as content:
                 sums.append(file_digest(content, "sha256").hexdigest())
         known = _sums(path.parent) | {path.name: sums}
-        lines = [f"{checksum}  {name}\n" for name in sorted(known) for checksum in dict.fromkeys(known[name])]
+        lines = [
+            f"{checksum}  {name}\n"
+            for name in sorted(known)
+            for checksum in dict.fromkeys(known[name])
+        ]
         write_file(path.with_name(SUMS), "".join(lines))
 
 
@@ -174,7 +187,9 @@ def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
 
 def loads(text: str) -> Any:
     """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
-    return _with(lambda each: WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text))
+    return _with(
+        lambda each: WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text)
+    )
 
 
 def digest(value: Any) -> str:
@@ -186,4 +201,8 @@ def _with(change: Callable[[Any], Any], value: Any) -> Any:
     """A value with all in it that is neither dictionary nor list changed."""
     if isinstance(value, dict):
         return {name: _with(change, each) for name, each in value.items()}
-    return [_with(change, each) for each in value] if isinstance(value, list | tuple) else change(value)
+    return (
+        [_with(change, each) for each in value]
+        if isinstance(value, list | tuple)
+        else change(value)
+    )

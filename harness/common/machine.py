@@ -14,7 +14,18 @@ from typing import Any
 from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
 
-PACKAGES = ("polhode", "numpy", "scipy", "llvmlite", "numba", "heyoka", "scikit-sundae", "cyrk", "pandas", "matplotlib")
+PACKAGES = (
+    "polhode",
+    "numpy",
+    "scipy",
+    "llvmlite",
+    "numba",
+    "heyoka",
+    "scikit-sundae",
+    "cyrk",
+    "pandas",
+    "matplotlib",
+)
 ABSENT = "absent"
 # Seconds between two records beyond which a study stood still.
 PAUSE = 600.0
@@ -41,7 +52,9 @@ def package_version(package: str) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    return {package: number for package in PACKAGES if (number := package_version(package)) != ABSENT}
+    return {
+        package: number for package in PACKAGES if (number := package_version(package)) != ABSENT
+    }
 
 
 def now() -> str:
@@ -72,12 +85,16 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
     if not days:
         return "on an unknown date"
     span = f"on {days[0]}" if len(days) == 1 else f"from {days[0]} to {days[-1]}"
-    return span if all(record.get("date") for record in records) else f"{span}, and on unknown dates"
+    return (
+        span if all(record.get("date") for record in records) else f"{span}, and on unknown dates"
+    )
 
 
 def _took(records: Sequence[Mapping[str, Any]]) -> str:
     """In how many minutes records were made, from the first to the last, pauses left out; nothing below a minute."""
-    times = sorted(datetime.fromisoformat(record["date"]) for record in records if record.get("date"))
+    times = sorted(
+        datetime.fromisoformat(record["date"]) for record in records if record.get("date")
+    )
     gaps = [(later - earlier).total_seconds() for earlier, later in pairwise(times)]
     minutes = sum(gap for gap in gaps if gap < PAUSE) / 60
     return f", made in {minutes:.0f} minutes" if minutes >= 1.5 else ""
@@ -86,7 +103,9 @@ def _took(records: Sequence[Mapping[str, Any]]) -> str:
 def _place(record: Mapping[str, Any]) -> str:
     machine = record["machine"]
     packages = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
-    return "{processor}, {cores} cores, {system}, Python {python}".format(**machine) + f" ({packages})"
+    return (
+        "{processor}, {cores} cores, {system}, Python {python}".format(**machine) + f" ({packages})"
+    )
 
 
 def _processor() -> str:

@@ -10,7 +10,13 @@ from typing import IO, Any
 PATIENCE, INTERVAL = 2.0, 0.2
 # Less of the work done says nothing about the rest.
 TOO_EARLY = 1e-3
-EVERY_LOOK: dict[str, Any] = {"position": 0, "total": 1.0, "mininterval": 0.0, "miniters": 0, "smoothing": 0}
+EVERY_LOOK: dict[str, Any] = {
+    "position": 0,
+    "total": 1.0,
+    "mininterval": 0.0,
+    "miniters": 0,
+    "smoothing": 0,
+}
 UNKNOWN, KNOWN = "{desc}: {elapsed}", "{desc}: {percentage:.0f} %, {remaining} left"
 
 
@@ -39,7 +45,14 @@ class Progress:
 
                 if bar:
                     bar.close()
-                bar = tqdm(desc=what, file=self._stream, disable=not what, leave=False, delay=PATIENCE, **EVERY_LOOK)
+                bar = tqdm(
+                    desc=what,
+                    file=self._stream,
+                    disable=not what,
+                    leave=False,
+                    delay=PATIENCE,
+                    **EVERY_LOOK,
+                )
                 shown, bar.start_t = piece, began
             done = fraction() if fraction else self._done
             bar.bar_format = KNOWN if done >= TOO_EARLY else UNKNOWN

@@ -1,7 +1,7 @@
 """The store: SQLite, one row per case, its key the hash of the case, so that resume means skipping known keys.
 
-Every row has a digest of all that it holds, which is compared whenever the row is read. Records and rows of dataclasses
-are written as files and read back, too.
+Every row has a digest of all that it holds, which is compared whenever the row is read. Records and
+rows of dataclasses are written as files and read back, too.
 """
 
 import csv
@@ -16,7 +16,15 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from polhode.harness.common.files import PartialFile, alone, digest, dumps, loads, open_file, read_file
+from polhode.harness.common.files import (
+    PartialFile,
+    alone,
+    digest,
+    dumps,
+    loads,
+    open_file,
+    read_file,
+)
 from polhode.harness.common.machine import now
 
 Record = dict[str, Any]
@@ -61,11 +69,15 @@ class Store(AbstractContextManager["Store"]):
         with self._connection:
             run("BEGIN IMMEDIATE")
             tables = {name for (name,) in run("SELECT name FROM sqlite_master")}
-            application, version = (run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
+            application, version = (
+                run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
+            )
             if (tables and "cases" not in tables) or application not in (0, APPLICATION):
                 raise DamagedStoreError(f"{self.path}: a database of something else")
             if tables and version != VERSION:
-                raise DamagedStoreError(f"{self.path}: got version {version} of the store, expected {VERSION}")
+                raise DamagedStoreError(
+                    f"{self.path}: got version {version} of the store, expected {VERSION}"
+                )
             if not tables:
                 run(_TABLE)
                 run(f"PRAGMA application_id = {APPLICATION}")
@@ -85,7 +97,10 @@ class Store(AbstractContextManager["Store"]):
 
     def __contains__(self, key: object) -> bool:
         with self._readable():
-            return self._connection.execute("SELECT 1 FROM cases WHERE key = ?", (key,)).fetchone() is not None
+            return (
+                self._connection.execute("SELECT 1 FROM cases WHERE key = ?", (key,)).fetchone()
+                is not None
+            )
 
     def result(self, key: str) -> Record | None:
         """Result of one case; None if the store does not hold it."""
@@ -102,7 +117,9 @@ class Store(AbstractContextManager["Store"]):
     def drop(self, keys: Iterable[str]) -> None:
         """Forget cases."""
         with self._readable(), self._connection:
-            self._connection.executemany("DELETE FROM cases WHERE key = ?", ((key,) for key in keys))
+            self._connection.executemany(
+                "DELETE FROM cases WHERE key = ?", ((key,) for key in keys)
+            )
 
     def __iter__(self) -> Iterator[Record]:
         """All cases with their results, each as one flat dictionary, in the order of writing; one in memory."""
@@ -116,7 +133,9 @@ class Store(AbstractContextManager["Store"]):
         """The row, whose digest is that of its content."""
         if digest(row[:4]) != row[4]:
             expected = "expected what was written; take an undamaged copy, or delete that row"
-            raise DamagedStoreError(f"{self.path}: the store is damaged: case {row[0]} fails its checksum, {expected}")
+            raise DamagedStoreError(
+                f"{self.path}: the store is damaged: case {row[0]} fails its checksum, {expected}"
+            )
         return row
 
     @contextmanager
@@ -125,10 +144,13 @@ class Store(AbstractContextManager["Store"]):
         try:
             yield
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
-            # About the place, unless it names a table or a column: then about the contents, as all others are.
+            # About the place, unless it names a table or a column: then about the contents, as all
+            # others are.
             contents = any(word in str(error) for word in ("table", "column", "malformed"))
             if isinstance(error, sqlite3.OperationalError) and not contents:
-                raise OSError(f"{self.path}: {error}, expected a writable file and room for it") from None
+                raise OSError(
+                    f"{self.path}: {error}, expected a writable file and room for it"
+                ) from None
             raise DamagedStoreError(f"{self.path}: not a readable store: {error}") from None
 
 
@@ -152,8 +174,8 @@ def set_aside(path: Path, to: Path) -> None:
 
 def export(records: Iterable[Record], path: Path) -> None:
     """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one."""
-    # Records of a store are read one by one, for CSV twice. Numbers that are not finite are words, which `read_export`
-    # and `float` read (`polhode.harness.common.files`).
+    # Records of a store are read one by one, for CSV twice. Numbers that are not finite are words,
+    # which `read_export` and `float` read (`polhode.harness.common.files`).
     if path.suffix not in (".csv", ".jsonl"):
         raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
     records = list(records) if iter(records) is records else records
@@ -176,7 +198,9 @@ def _cell(value: Any) -> Any:
     """A cell of CSV: nested values as JSON, and a text that a spreadsheet would run as a formula in quotes."""
     if isinstance(value, dict | list):
         return dumps(value)
-    return "'" + value if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
+    return (
+        "'" + value if isinstance(value, str) and value.startswith(("=", "+", "-", "@")) else value
+    )
 
 
 def read_export(path: Path) -> Iterator[Record]:
@@ -188,7 +212,9 @@ def read_export(path: Path) -> Iterator[Record]:
             except (ValueError, RecursionError) as error:
                 raise ValueError(f"{path}: line {number}: {error}, expected JSON") from None
             if not isinstance(record, dict):
-                raise ValueError(f"{path}: line {number}: got {reprlib.repr(record)}, expected a JSON object")
+                raise ValueError(
+                    f"{path}: line {number}: got {reprlib.repr(record)}, expected a JSON object"
+                )
             yield record
 
 
@@ -198,7 +224,13 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])
         for row in rows:
-            writer.writerow([cell for each in astuple(row) for cell in (each if isinstance(each, tuple) else [each])])
+            writer.writerow(
+                [
+                    cell
+                    for each in astuple(row)
+                    for cell in (each if isinstance(each, tuple) else [each])
+                ]
+            )
 
 
 def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> list[Entry]:
@@ -207,9 +239,13 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
     try:
         head, *lines = list(csv.reader(StringIO(read_file(path).decode(), newline=""))) or [[]]
     except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}, expected a table of {', '.join(expected)}") from None
+        raise ValueError(
+            f"{path}: {error.strerror}, expected a table of {', '.join(expected)}"
+        ) from None
     if head != expected:
-        raise ValueError(f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}")
+        raise ValueError(
+            f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}"
+        )
     hints = get_type_hints(kind).values()
     cells = sum(len(get_args(hint)) or 1 for hint in hints)
     if any(len(line) != cells for line in lines):

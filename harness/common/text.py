@@ -1,7 +1,7 @@
 """Numbers and tables as people read them: one convention for tables, figures, terminal and site.
 
-Powers of ten are plain: 1e-4, neither 1e-04 nor 0.0001 nor 10⁻⁴; a number below 1e-3 or from 1e5 on has an exponent.
-Fields of texts have the functions as formats, as in "{seconds:time}": `WORDING`.
+Powers of ten are plain: 1e-4, neither 1e-04 nor 0.0001 nor 10⁻⁴; a number below 1e-3 or from 1e5 on
+has an exponent. Fields of texts have the functions as formats, as in "{seconds:time}": `WORDING`.
 """
 
 import sys
@@ -26,13 +26,19 @@ def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table for the terminal: columns aligned, two spaces between them."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     widths = _widths(cells)
-    lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in cells)
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in cells
+    )
     return "\n".join(lines)
 
 
-def on_terminal(header: Sequence[str], rows: Sequence[Sequence[Any]], spare: Sequence[int] = ()) -> str:
+def on_terminal(
+    header: Sequence[str], rows: Sequence[Sequence[Any]], spare: Sequence[int] = ()
+) -> str:
     """As `aligned`, and no wider than the standard output, if that is a terminal."""
-    # While it is too wide it goes without the columns `spare`, one by one; then wide columns are wrapped.
+    # While it is too wide it goes without the columns `spare`, one by one; then wide columns are
+    # wrapped.
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     room = get_terminal_size().columns + 2 if sys.stdout.isatty() else inf
     for i in sorted(spare, reverse=True):
@@ -43,8 +49,13 @@ def on_terminal(header: Sequence[str], rows: Sequence[Sequence[Any]], spare: Seq
         widest = widths.index(max(widths))
         widths[widest] = max(NARROWEST, widths[widest] - int(excess))
     wrap = partial(textwrap.wrap, break_on_hyphens=False)
-    wrapped = [[wrap(cell, max(1, width)) for cell, width in zip(row, widths, strict=True)] for row in cells]
-    return aligned(cells[0], [line for row in wrapped[1:] for line in zip_longest(*row, fillvalue="")])
+    wrapped = [
+        [wrap(cell, max(1, width)) for cell, width in zip(row, widths, strict=True)]
+        for row in cells
+    ]
+    return aligned(
+        cells[0], [line for row in wrapped[1:] for line in zip_longest(*row, fillvalue="")]
+    )
 
 
 def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
@@ -56,17 +67,25 @@ def fitting(text: str, stream: IO[str] | None = None) -> str:
     if not (stream or sys.stdout).isatty():
         return text
     width = get_terminal_size().columns
-    return "\n".join(textwrap.fill(line, width, break_on_hyphens=False) for line in text.splitlines())
+    return "\n".join(
+        textwrap.fill(line, width, break_on_hyphens=False) for line in text.splitlines()
+    )
 
 
-def markdown(header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequence[int] = ()) -> str:
+def markdown(
+    header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequence[int] = ()
+) -> str:
     """A Markdown table, columns aligned in the source too; `right` are the indices of right-aligned columns."""
     cells = [[str(cell) for cell in row] for row in (header, *rows)]
     widths = [max(3, width) for width in _widths(cells)]
     sides = [str.rjust if i in right else str.ljust for i in range(len(widths))]
 
     def line(row: Sequence[str]) -> str:
-        return "| " + " | ".join(side(cell, w) for side, cell, w in zip(sides, row, widths, strict=True)) + " |"
+        return (
+            "| "
+            + " | ".join(side(cell, w) for side, cell, w in zip(sides, row, widths, strict=True))
+            + " |"
+        )
 
     rule = ["-" * (w - 1) + ":" if i in right else "-" * w for i, w in enumerate(widths)]
     return "\n".join([line(cells[0]), line(rule), *(line(row) for row in cells[1:])]) + "\n"
@@ -123,7 +142,9 @@ def duration(seconds: float | None) -> str:
     # What rounds to 1000 of a unit is 1.0 of the next.
     size, unit = next((each for each in UNITS if seconds >= 0.9995 * each[0]), UNITS[-1])
     value = seconds / size
-    return f"{scientific(value) if value >= PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
+    return (
+        f"{scientific(value) if value >= PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
+    )
 
 
 # Formats of fields beside Python's own.

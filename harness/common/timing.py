@@ -1,6 +1,7 @@
 """Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for an unsteady machine.
 
-Run times follow the sentinel, so that moments of a machine that halves its speed now and then can be compared.
+Run times follow the sentinel, so that moments of a machine that halves its speed now and then can
+be compared.
 """
 
 import gc
@@ -18,13 +19,14 @@ T = TypeVar("T")
 MOST_RUNS = 5
 BUDGET = 1.0
 SENTINEL_ROUNDS = 20_000
-# A machine is steady while the sentinel takes at most this many times its quickest; else it is looked at again after so
-# many seconds.
+# A machine is steady while the sentinel takes at most this many times its quickest; else it is
+# looked at again after so many seconds.
 NEAR, PAUSE = 1.15, 0.02
-# A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the fastest run, of at
-# least so many seconds, had the processor for less than this share of it.
+# A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the
+# fastest run, of at least so many seconds, had the processor for less than this share of it.
 BUSY, JUDGED_FROM, HAD = 1.5, 1e-3, 0.9
-# A run that its limit stopped while it lacked the processor is run again, so often at most, with so much to spare.
+# A run that its limit stopped while it lacked the processor is run again, so often at most, with so
+# much to spare.
 AGAIN, MORE = 2, 1.5
 
 
@@ -95,7 +97,8 @@ def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
 
 def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
     """What a run gives that stops by itself after so many seconds, and whether other work is why it was stopped."""
-    # One that was stopped while it had to wait for the processor is run again, with more than as much more time.
+    # One that was stopped while it had to wait for the processor is run again, with more than as
+    # much more time.
     value, seconds, had = with_processor(lambda: run(limit))
     for _ in range(AGAIN):
         if not stopped(value) or had >= HAD * limit:
@@ -138,7 +141,9 @@ class Patience:
     def steady(self) -> float:
         """The sentinel's time, once it is near its quickest or patience has run out."""
         found = self._look()
-        while found > NEAR * self._quickest and self._waited < self.share * (perf_counter() - self._began):
+        while found > NEAR * self._quickest and self._waited < self.share * (
+            perf_counter() - self._began
+        ):
             paused = perf_counter()
             sleep(PAUSE)
             found = self._look()
@@ -175,7 +180,10 @@ class Pace:
         if not timed:
             return cls(None, None)
         machine = timed[-1].get("machine")
-        return cls(machine, median(_sentinel_of(record) for record in timed if record.get("machine") == machine))
+        return cls(
+            machine,
+            median(_sentinel_of(record) for record in timed if record.get("machine") == machine),
+        )
 
     def seconds(self, record: Mapping[str, Any]) -> float:
         """Wall time of a record at this pace; as timed on another machine, or without a sentinel."""

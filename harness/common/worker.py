@@ -1,8 +1,9 @@
 """A spawned process that runs one function after another, and is killed and replaced when it hangs or crashes.
 
-What the solvers' own deadlines cannot stop (a library that spins without calling back, a call that holds the
-interpreter's lock) is stopped here. What libraries print from C, on either stream, goes nowhere. It ends with its
-parent, and a call is tried again whose process something else killed, such as a system without memory.
+What the solvers' own deadlines cannot stop (a library that spins without calling back, a call that
+holds the interpreter's lock) is stopped here. What libraries print from C, on either stream, goes
+nowhere. It ends with its parent, and a call is tried again whose process something else killed,
+such as a system without memory.
 """
 
 import multiprocessing
@@ -71,7 +72,8 @@ class Worker(AbstractContextManager["Worker"]):
 
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
         """Call a function in the process; whatever happens is a reply, but Ctrl-C and a process that cannot start."""
-        # It should stop by itself within `limit` seconds; it is killed at twice that and a little grace.
+        # It should stop by itself within `limit` seconds; it is killed at twice that and a little
+        # grace.
         reply = Reply(None, Failure.LOST, "stopped", 0.0)
         for _ in range(ATTEMPTS):
             if reply.failure is not Failure.LOST or self._stopped:
@@ -86,7 +88,9 @@ class Worker(AbstractContextManager["Worker"]):
             if self.pid is not None:
                 os.kill(self.pid, signal.SIGKILL)
 
-    def _once(self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float) -> Reply:
+    def _once(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float
+    ) -> Reply:
         value, failure, began = None, None, perf_counter()
         try:
             connection = self._connection or self._start()
@@ -137,7 +141,10 @@ class Worker(AbstractContextManager["Worker"]):
         self.close()
         if code >= 0:
             return Failure.CRASHED, f"ended with exit code {code}"
-        return Failure.LOST if -code in OUTSIDE else Failure.CRASHED, f"crashed with {signal.Signals(-code).name}"
+        return (
+            Failure.LOST if -code in OUTSIDE else Failure.CRASHED,
+            f"crashed with {signal.Signals(-code).name}",
+        )
 
 
 def _read(reply: bytes) -> tuple[Any, str]:

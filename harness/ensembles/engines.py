@@ -51,10 +51,14 @@ def serial(function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Fi
 
 
 def processes(
-    count: int, function: Callable[[Any], Any], tasks: Iterable[Any], max_seconds: float = 24 * 3600.0
+    count: int,
+    function: Callable[[Any], Any],
+    tasks: Iterable[Any],
+    max_seconds: float = 24 * 3600.0,
 ) -> Generator[Finished, None, None]:
     """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does."""
-    # One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
+    # One per core; more gain nothing. A process that takes twice `max_seconds` for a task is
+    # killed.
     workers = [Worker() for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:
@@ -68,7 +72,9 @@ def processes(
             reply = Reply(None, Failure.LOST, f"no worker: {error}", 0.0)
         finally:
             idle.put(worker)
-        return Finished(task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else "")
+        return Finished(
+            task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else ""
+        )
 
     threads, remaining, pending = ThreadPoolExecutor(count), iter(tasks), set()
     try:
@@ -115,7 +121,9 @@ def _client(address: str) -> Iterator[Any]:
         logging.disable(logging.NOTSET)
 
 
-def dask(address: str, function: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Finished, None, None]:
+def dask(
+    address: str, function: Callable[[Any], Any], tasks: Iterable[Any]
+) -> Generator[Finished, None, None]:
     """Workers of a Dask scheduler, with polhode in the same version."""
     # `task.key` is Dask's key, so that two clients share what is under way.
     with _client(address) as client:
@@ -137,6 +145,8 @@ def dask(address: str, function: Callable[[Any], Any], tasks: Iterable[Any]) -> 
                     yield Finished(task, future.result())
                 else:
                     error = future.exception() if future.status == "error" else None
-                    yield Finished(task, None, f"{type(error).__name__}: {error}" if error else future.status)
+                    yield Finished(
+                        task, None, f"{type(error).__name__}: {error}" if error else future.status
+                    )
         finally:
             client.cancel([future for _, future in tasks_of.values()])

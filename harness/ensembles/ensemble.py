@@ -13,7 +13,13 @@ from polhode.harness.common.files import digest
 from polhode.harness.common.machine import package_version
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
-from polhode.harness.ensembles.hybrid import POOL, SAMPLE as BOTH_WAYS, SOLVER, least_momentum, run_hybrid
+from polhode.harness.ensembles.hybrid import (
+    POOL,
+    SAMPLE as BOTH_WAYS,
+    SOLVER,
+    least_momentum,
+    run_hybrid,
+)
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
@@ -29,16 +35,19 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 SCHEMA = 5
-# Error of averaging in L and E over I_max times St: the largest of the paper's starts (`reports/accuracy`).
+# Error of averaging in L and E over I_max times St: the largest of the paper's starts
+# (`reports/accuracy`).
 AVERAGING = 133.0
 # Particles on which method and step are chosen.
 SAMPLE = 128
-# Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few times as much.
+# Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few
+# times as much.
 HELD = 2_000_000
 MOST_AT_ONCE = 8192
 # States whose observables are held at once: they stay in the processor's cache.
 OBSERVED = 20_000
-# Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little further.
+# Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little
+# further.
 LEAST_LIMIT, MARGIN = 1.0, 1.05
 # The whole numbers of an ensemble, least and most.
 BOUNDS = {
@@ -56,9 +65,9 @@ Equations = Literal["full", "averaged", "hybrid"]
 class Ensemble:
     """Many starts of one shape and Stokes number; raises ValueError if a value is out of range.
 
-    The starts depend on `seed` and the block's index alone: neither on shape and St nor on who runs what. A particle
-    has arrived when its L and E, over the largest moment of inertia, stay up to the end within `radius` of the motion
-    on an attractor.
+    The starts depend on `seed` and the block's index alone: neither on shape and St nor on who runs
+    what. A particle has arrived when its L and E, over the largest moment of inertia, stay up to
+    the end within `radius` of the motion on an attractor.
     """
 
     ellipsoid: Ellipsoid
@@ -67,13 +76,18 @@ class Ensemble:
     starts: Starts = field(default_factory=Starts)
     particles: int = 10_000
     seed: int = 1
-    equations: Equations = "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
-    # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the largest moment of
-    # inertia, meant for 97.5 % of the particles, for averaged ones the tolerance of `run_adaptive`.
+    equations: Equations = (
+        "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
+    )
+    # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the
+    # largest moment of inertia, meant for 97.5 % of the particles, for averaged ones the tolerance
+    # of `run_adaptive`.
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
-    snapshots: int = 11  # those of them at which moments and distributions are kept; divides them evenly
+    snapshots: int = (
+        11  # those of them at which moments and distributions are kept; divides them evenly
+    )
     bins: int = 64  # of each histogram
     radius: float = 0.05
 
@@ -81,26 +95,38 @@ class Ensemble:
         for name, (least, most) in BOUNDS.items():
             value = getattr(self, name)
             if not (isinstance(value, Integral) and least <= value <= most):
-                raise ValueError(f"{name}: got {value!r}, expected a whole number from {least} to {most}")
+                raise ValueError(
+                    f"{name}: got {value!r}, expected a whole number from {least} to {most}"
+                )
         if (self.samples - 1) % (self.snapshots - 1):
-            raise ValueError(f"snapshots: got {self.snapshots}, expected samples - 1 = {self.samples - 1} divisible")
+            raise ValueError(
+                f"snapshots: got {self.snapshots}, expected samples - 1 = {self.samples - 1} divisible"
+            )
         for name in ("tolerance", "radius"):
             value = getattr(self, name)
             if not (isfinite(value) and value > 0):
                 raise ValueError(f"{name}: got {value!r}, expected a finite positive number")
         if self.equations == "averaged" and self.starts.motion == "rest":
-            raise ValueError("start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'")
+            raise ValueError(
+                "start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'"
+            )
         _ = self.problem
 
     @property
     def problem(self) -> Problem:
         """Problem of all particles but for their starts."""
-        return find_form("hybrid" if self.equations == "hybrid" else self.form).problem(self.any_scene)
+        return find_form("hybrid" if self.equations == "hybrid" else self.form).problem(
+            self.any_scene
+        )
 
     @property
     def form(self) -> str:
         """Catalogue name of the form whose states are those of the particles; `hybrid` has those of full equations."""
-        return averaged_form(self.any_scene) if self.equations == "averaged" else full_form(self.any_scene)
+        return (
+            averaged_form(self.any_scene)
+            if self.equations == "averaged"
+            else full_form(self.any_scene)
+        )
 
     @property
     def method(self) -> str:
@@ -112,7 +138,11 @@ class Ensemble:
                 return f"{SOLVER}, error {scientific(self.tolerance)}"
             return f"averaged, where |L| falls below {least:.2g} I_max full or {SOLVER}"
         chosen = plan_of(self)
-        return "Taylor's method" if chosen is None else f"{chosen.method}, error {scientific(chosen.error)}"
+        return (
+            "Taylor's method"
+            if chosen is None
+            else f"{chosen.method}, error {scientific(chosen.error)}"
+        )
 
     @property
     def slow_time(self) -> float | None:
@@ -122,16 +152,25 @@ class Ensemble:
     @cached_property
     def attractors(self) -> tuple[Attractor, ...]:
         """The stable states that particles can be said to arrive at (`polhode.models.theory.fixed_points`)."""
-        return attractors(self.ellipsoid, self.stokes, self.radius, circling=self.equations != "averaged")
+        return attractors(
+            self.ellipsoid, self.stokes, self.radius, circling=self.equations != "averaged"
+        )
 
     @cached_property
     def layout(self) -> Layout:
         """What is counted."""
         shape, given = self.ellipsoid, self.starts.angular_momentum
-        axes = shape.order if shape.kind == "triaxial" else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+        axes = (
+            shape.order
+            if shape.kind == "triaxial"
+            else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+        )
         axes = axes if self.equations != "averaged" else ()
         momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
-        energy = max(LEAST_LIMIT / 2, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0)
+        energy = max(
+            LEAST_LIMIT / 2,
+            momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0,
+        )
         limits = MARGIN * momentum, MARGIN * energy
         return Layout(axes, self.snapshots, self.samples, len(self.attractors), self.bins, *limits)
 
@@ -145,9 +184,13 @@ class Ensemble:
             "equations": self.equations,
             "form": self.form,
             **{name: int(getattr(self, name)) for name in BOUNDS},
-            **{name: float(getattr(self, name)) for name in ("stokes", "time", "tolerance", "radius")},
+            **{
+                name: float(getattr(self, name))
+                for name in ("stokes", "time", "tolerance", "radius")
+            },
             "versions": {
-                name: package_version(name) for name in ("polhode", "heyoka", "llvmlite", "numpy", "cyrk", "scipy")
+                name: package_version(name)
+                for name in ("polhode", "heyoka", "llvmlite", "numpy", "cyrk", "scipy")
             },
         }
 
@@ -157,30 +200,47 @@ class Ensemble:
 
     def draw(self, index: int, particles: int) -> Drawn:
         """Starts of the first particles of a block."""
-        return self.starts.draw(self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles)
+        return self.starts.draw(
+            self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles
+        )
 
     @cached_property
     def any_scene(self) -> Scene:
         """Scene of the very first particle, whose start the others replace."""
         drawn = self.draw(0, 1)
-        (q0, q1, q2, q3), (w1, w2, w3) = drawn.quaternion[0].tolist(), drawn.angular_velocity[0].tolist()
-        return Scene(self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time)
+        (q0, q1, q2, q3), (w1, w2, w3) = (
+            drawn.quaternion[0].tolist(),
+            drawn.angular_velocity[0].tolist(),
+        )
+        return Scene(
+            self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time
+        )
 
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
-        problem, starts = self.problem, self.draw(index, particles).states(self.form, self.ellipsoid)
-        times, statistics = np.linspace(0.0, problem.end, self.samples), Statistics.empty(self.layout)
+        problem, starts = (
+            self.problem,
+            self.draw(index, particles).states(self.form, self.ellipsoid),
+        )
+        times, statistics = (
+            np.linspace(0.0, problem.end, self.samples),
+            Statistics.empty(self.layout),
+        )
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
-            random = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(index, first)))
+            random = np.random.default_rng(
+                np.random.SeedSequence(self.seed, spawn_key=(index, first))
+            )
             states, statuses = self.states(starts[first : first + at_once], times, random)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
             self._observe(finished if success.all() else finished[success], statistics)
         return statistics
 
-    def states(self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, ...]:
+    def states(
+        self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
+    ) -> tuple[np.ndarray, ...]:
         """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
         # Phases that hybrid equations leave open are drawn from `random`.
         if self.equations == "averaged":
@@ -206,9 +266,14 @@ class Ensemble:
             # Component by component in memory, which NumPy's sums over components need.
             columns = np.moveaxis(states[some], 2, 0).reshape(d, -1)
             seen = form.observe(scene, columns.T)
-            slow = [each.reshape(-1, samples) / unit for each in (*seen.angular_momentum.T, seen.energy)]
+            slow = [
+                each.reshape(-1, samples) / unit for each in (*seen.angular_momentum.T, seen.energy)
+            ]
             for k, attractor in enumerate(self.attractors):
-                away = sum(np.square(each - there) for each, there in zip(slow, attractor.state, strict=True))
+                away = sum(
+                    np.square(each - there)
+                    for each, there in zip(slow, attractor.state, strict=True)
+                )
                 close[k, some] = away < attractor.reach**2
             slow_then[:, some] = np.stack([each[:, ::every].T for each in slow], axis=-1)
             then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
@@ -228,8 +293,13 @@ class Ensemble:
 @cache
 def plan_of(ensemble: Ensemble) -> Plan | None:
     """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error."""
-    problem, sample = ensemble.problem, ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid)
-    return plan(problem, sample, np.linspace(0.0, problem.end, ensemble.samples), ensemble.tolerance)
+    problem, sample = (
+        ensemble.problem,
+        ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid),
+    )
+    return plan(
+        problem, sample, np.linspace(0.0, problem.end, ensemble.samples), ensemble.tolerance
+    )
 
 
 @cache

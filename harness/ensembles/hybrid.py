@@ -1,7 +1,8 @@
 """Hybrid equations of many particles: averaged to first order where that is good enough, form `hybrid` elsewhere.
 
-An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So whatever keeps no more
-than that error may as well draw them, evenly, as averaging says they are. What averaging leaves out is largest where
+An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So
+whatever keeps no more than that error may as well draw them, evenly, as averaging says they are.
+What averaging leaves out is largest where
 |L| is least; how small |L| may become is found on a sample that runs both ways. A particle of smaller |L| follows the
 full equations until |L| has grown again, or form `hybrid` where that would take longer.
 """
@@ -24,13 +25,16 @@ from polhode.solvers.solve import solve
 
 # What particles are run by one at a time.
 SOLVER = "cyrk-vern8"
-# Error asked for times St from which on phases are drawn: the median error of averaging is some 14/St.
+# Error asked for times St from which on phases are drawn: the median error of averaging is some
+# 14/St.
 OPEN = 10.0
 # Particles that run both ways, out of so many, and the share of all that may miss the error.
 SAMPLE, POOL, MISSED = 64, 4096, 0.025
-# Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`, so long, by trial.
+# Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`,
+# so long, by trial.
 CLEAR, FULL = 1.25, 3e5
-# Their error of the whole state over that of L and E: by trial thousands, as the phases gather what L errs by.
+# Their error of the whole state over that of L and E: by trial thousands, as the phases gather what
+# L errs by.
 WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
@@ -44,7 +48,10 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     """|L| over I_max down to which averaging to first order keeps an error of L and E over I_max; inf if nowhere."""
     # Of the starts, states of the full equations, the more run both ways the smaller |L| becomes.
     unit, form = max(scene.ellipsoid.inertia), find_form(full_form(scene))
-    if tolerance * scene.stokes < OPEN or not form.observe(scene, starts).angular_momentum.any(axis=1).all():
+    if (
+        tolerance * scene.stokes < OPEN
+        or not form.observe(scene, starts).angular_momentum.any(axis=1).all()
+    ):
         return inf
     times = np.linspace(0.0, scene.time, PATH)
     path, _ = averaged(scene, starts, times, tolerance)
@@ -54,8 +61,14 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     states, statuses = run_alone(scene, starts[chosen], times, tolerance / 10)
     known = statuses == str(Status.REACHED_END)
     chosen, shares = chosen[known], (np.diff(ranks, prepend=0) / count)[known]
-    exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(PATH, -1, 4)
-    slow = find_form(averaged_form(scene)).observe(scene, path[:, chosen].reshape(-1, 4)).slow.reshape(exact.shape)
+    exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(
+        PATH, -1, 4
+    )
+    slow = (
+        find_form(averaged_form(scene))
+        .observe(scene, path[:, chosen].reshape(-1, 4))
+        .slow.reshape(exact.shape)
+    )
     missed = ~(np.abs(slow - exact).max(axis=(0, 2)) <= tolerance * unit)
     # Below it most miss; above it no more than few of all particles do, and one by chance.
     below = np.argmax(np.cumsum(np.append(0, np.where(missed, 1, -1))))
@@ -66,7 +79,12 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
 
 
 def run_hybrid(
-    scene: Scene, starts: Array, times: Array, tolerance: float, least: float, random: np.random.Generator
+    scene: Scene,
+    starts: Array,
+    times: Array,
+    tolerance: float,
+    least: float,
+    random: np.random.Generator,
 ) -> tuple[Array, Array]:
     """States of the full equations, shape (m, n, d), NaN from where one failed, and statuses; evenly spaced times."""
     if least == inf:
@@ -85,7 +103,9 @@ def run_hybrid(
         then = clear[soon].max()
         begun, _ = run_full(scene, starts[lanes], grid[: then + 1], tolerance)
         ended, statuses[lanes] = averaged(scene, begun[-1], grid[then:] - grid[then], tolerance)
-        states[:, lanes] = np.concatenate([begun, posed(scene, begun[-1], ended[1:], random)])[::every]
+        states[:, lanes] = np.concatenate([begun, posed(scene, begun[-1], ended[1:], random)])[
+            ::every
+        ]
         alone = np.append(alone, lanes[statuses[lanes] != str(Status.REACHED_END)])
     states[:, alone], statuses[alone] = run_alone(scene, starts[alone], times, tolerance)
     return states, statuses
@@ -100,7 +120,9 @@ def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the form averaged to first order, shape (m, n, 4), from those of the full equations, and statuses."""
     unit = max(scene.ellipsoid.inertia)
-    problem = find_form(averaged_form(scene)).problem(replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2)))
+    problem = find_form(averaged_form(scene)).problem(
+        replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2))
+    )
     if scene.ellipsoid.kind == "triaxial":
         slow = find_form(full_form(scene)).observe(scene, starts).slow / unit
     else:
@@ -113,8 +135,12 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 def least_between(scene: Scene, path: Array) -> Array:
     """The least |L| over I_max of averaged states, shape (m, n, 4), from time to time: straight, shape (m - 1, n)."""
     body, momentum = scene.ellipsoid, path[..., :3]
-    unit = 1 if body.kind == "triaxial" else max(body.inertia) / Spheroid.of(body).equatorial_inertia
-    square, along = (np.einsum("mni,mni->mn", momentum[: len(each)], each) for each in (momentum, momentum[1:]))
+    unit = (
+        1 if body.kind == "triaxial" else max(body.inertia) / Spheroid.of(body).equatorial_inertia
+    )
+    square, along = (
+        np.einsum("mni,mni->mn", momentum[: len(each)], each) for each in (momentum, momentum[1:])
+    )
     back = square[:-1] - along
     way = np.maximum(back + square[1:] - along, 1e-300)
     share = np.clip(back / way, 0, 1)
@@ -123,7 +149,8 @@ def least_between(scene: Scene, path: Array) -> Array:
 
 def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator) -> Array:
     """States of the full equations, shape (m, n, d), on the tori of averaged states, shape (m, n, 4), drawn evenly."""
-    # A body that stays on its side of L² = 2EI₂ keeps the sense in which its polhode circles the axis: `starts` say it.
+    # A body that stays on its side of L² = 2EI₂ keeps the sense in which its polhode circles the
+    # axis: `starts` say it.
     if scene.ellipsoid.kind == "triaxial":
         return _posed(scene.ellipsoid, starts, slow * max(scene.ellipsoid.inertia), random)
     momentum = slow[..., :3]
@@ -172,10 +199,15 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
 
 def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States, NaN where one failed, and statuses of form `hybrid`, one particle after another."""
-    problem, states = find_form("hybrid").problem(scene), np.full((len(times), *starts.shape), np.nan)
+    problem, states = (
+        find_form("hybrid").problem(scene),
+        np.full((len(times), *starts.shape), np.nan),
+    )
     statuses = np.empty(len(starts), dtype=object)
     for i, start in enumerate(starts.tolist()):
-        found = solve(replace(problem, start=tuple(start)), SOLVER, tolerance / ERROR_PER_TOLERANCE, times)
+        found = solve(
+            replace(problem, start=tuple(start)), SOLVER, tolerance / ERROR_PER_TOLERANCE, times
+        )
         statuses[i] = str(found.status)
         if found.success:
             states[:, i] = found.states

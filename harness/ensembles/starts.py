@@ -24,7 +24,9 @@ def _either(given: Any, valid: Callable[[Any], Any]) -> Any:
     try:
         return valid(given)
     except ValidationError:
-        raise ValueError(f"got {given!r:.60}, expected 'isotropic' or a quaternion, four finite numbers") from None
+        raise ValueError(
+            f"got {given!r:.60}, expected 'isotropic' or a quaternion, four finite numbers"
+        ) from None
 
 
 class Starts(Table):
@@ -36,15 +38,23 @@ class Starts(Table):
         Literal["isotropic"] | Annotated[FourVector, AfterValidator(tuple)], WrapValidator(_either)
     ] = "isotropic"
     motion: Motion = "rest"
-    angular_momentum: Annotated[Vector, AfterValidator(tuple)] | None = None  # over the largest moment of inertia
+    angular_momentum: Annotated[Vector, AfterValidator(tuple)] | None = (
+        None  # over the largest moment of inertia
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        q, given, wanted = self.orientation, self.angular_momentum, self.motion.startswith("momentum")
+        q, given, wanted = (
+            self.orientation,
+            self.angular_momentum,
+            self.motion.startswith("momentum"),
+        )
         fits = any(given or ()) if wanted else given is None
         if not fits:
             words = "three numbers, not all zero," if wanted else "none"
-            raise ValueError(f"got angular_momentum = {given}, expected {words} with motion {self.motion!r}")
+            raise ValueError(
+                f"got angular_momentum = {given}, expected {words} with motion {self.motion!r}"
+            )
         if q != "isotropic" and not (isfinite(hypot(*q)) and any(q)):
             raise ValueError(f"got orientation = {q}, expected four numbers, not all zero")
         return self
@@ -57,7 +67,9 @@ class Starts(Table):
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
         return Drawn(q, self._velocity(ellipsoid, matrix_from_quaternion(q), random))
 
-    def _velocity(self, ellipsoid: Ellipsoid, rotation: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    def _velocity(
+        self, ellipsoid: Ellipsoid, rotation: np.ndarray, random: np.random.Generator
+    ) -> np.ndarray:
         """Angular velocities in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
         if self.motion == "rest":
             return np.zeros((len(rotation), 3))

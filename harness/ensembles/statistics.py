@@ -9,11 +9,14 @@ import numpy as np
 
 SECOND = tuple(combinations_with_replacement(range(3), 2))
 FOURTH = tuple(combinations_with_replacement(range(3), 4))
-# Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6, 6).
+# Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6,
+# 6).
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-FOURTH_OF_VOIGT = np.array([[FOURTH.index(tuple(sorted((*one, *other)))) for other in VOIGT] for one in VOIGT])
-# Mean squares of rates, of rotation about a body axis p and of p itself (Voth and Soldati, Annu. Rev. Fluid Mech. 49
-# (2017) 249).
+FOURTH_OF_VOIGT = np.array(
+    [[FOURTH.index(tuple(sorted((*one, *other)))) for other in VOIGT] for one in VOIGT]
+)
+# Mean squares of rates, of rotation about a body axis p and of p itself (Voth and Soldati, Annu.
+# Rev. Fluid Mech. 49 (2017) 249).
 RATES = ("spinning", "tumbling")
 # Slow variables whose distributions are kept, in units of the largest moment of inertia.
 SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
@@ -57,16 +60,22 @@ class Statistics:
     slow: np.ndarray  # shape (S, 5)
     slow_squares: np.ndarray
     histograms: np.ndarray  # of int, shape (S, 5, bins + 2)
-    arrivals: np.ndarray  # particles by the sample from which on they stayed close, shape (attractors, M)
+    arrivals: (
+        np.ndarray
+    )  # particles by the sample from which on they stayed close, shape (attractors, M)
 
     @classmethod
     def empty(cls, layout: Layout) -> Self:
         """No particles yet."""
         times, axes, names = layout.snapshots, len(layout.axes), len(SLOW_NAMES)
-        of_axes = (np.zeros((times, axes, len(each))) for each in (SECOND, FOURTH, FOURTH, RATES, RATES))
+        of_axes = (
+            np.zeros((times, axes, len(each))) for each in (SECOND, FOURTH, FOURTH, RATES, RATES)
+        )
         of_slow = (np.zeros((times, names)) for _ in range(2))
         counts = (times, names, layout.bins + 2), (layout.attractors, layout.samples)
-        return cls(0, Counter(), *of_axes, *of_slow, *(np.zeros(shape, dtype=np.int64) for shape in counts))
+        return cls(
+            0, Counter(), *of_axes, *of_slow, *(np.zeros(shape, dtype=np.int64) for shape in counts)
+        )
 
     @property
     def finished(self) -> int:
@@ -98,7 +107,12 @@ class Statistics:
             self.slow[:, k] += values.sum(axis=1)
             self.slow_squares[:, k] += np.square(values).sum(axis=1)
             edges = layout.edges(name)
-            place = np.floor((values - edges[0]) * (layout.bins / (edges[-1] - edges[0]))).astype(np.int64) + 1
+            place = (
+                np.floor((values - edges[0]) * (layout.bins / (edges[-1] - edges[0]))).astype(
+                    np.int64
+                )
+                + 1
+            )
             place = np.clip(place, 0, layout.bins + 1)
             for snapshot, row in enumerate(place):
                 self.histograms[snapshot, k] += np.bincount(row, minlength=layout.bins + 2)
@@ -133,4 +147,6 @@ class Statistics:
         return empty
 
 
-_ARRAYS = tuple(field.name for field in fields(Statistics) if field.name not in ("particles", "failures"))
+_ARRAYS = tuple(
+    field.name for field in fields(Statistics) if field.name not in ("particles", "failures")
+)

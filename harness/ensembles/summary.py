@@ -11,7 +11,14 @@ from scipy.special import bdtrik
 
 from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import FOURTH, FOURTH_OF_VOIGT, SECOND, SLOW_NAMES, VOIGT, Statistics
+from polhode.harness.ensembles.statistics import (
+    FOURTH,
+    FOURTH_OF_VOIGT,
+    SECOND,
+    SLOW_NAMES,
+    VOIGT,
+    Statistics,
+)
 
 QUANTILES = (0.1, 0.5, 0.9)
 # Where the squares of `SECOND` stand in `FOURTH`.
@@ -33,7 +40,11 @@ def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
     if count == 0:
         return np.full_like(sums, np.nan), np.full_like(sums, np.nan)
     # The variance of second moments needs ⟨p_i² p_j²⟩, which is a fourth moment.
-    squares = statistics.fourth[:, :, SQUARES] if name == "second" else getattr(statistics, f"{name}_squares")
+    squares = (
+        statistics.fourth[:, :, SQUARES]
+        if name == "second"
+        else getattr(statistics, f"{name}_squares")
+    )
     mean = sums / count
     variance = np.maximum(squares / count - mean**2, 0)
     return mean, np.sqrt(variance / max(count - 1, 1))
@@ -46,14 +57,18 @@ def fraction(count: int, of: int) -> Estimate:
 
 def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
     """Fraction of the finished particles that have come to an attractor for good, at each sample."""
-    return [fraction(int(count), statistics.finished) for count in np.cumsum(statistics.arrivals[attractor])]
+    return [
+        fraction(int(count), statistics.finished)
+        for count in np.cumsum(statistics.arrivals[attractor])
+    ]
 
 
 def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Estimate:
     """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere."""
-    # Without assumption on the distribution: the interval lies between the order statistics whose ranks bound a
-    # binomial variable (Conover, Practical Nonparametric Statistics, section 3.2). Particles that have not arrived by
-    # the end count as later; times are known to one sample, and rounded up.
+    # Without assumption on the distribution: the interval lies between the order statistics whose
+    # ranks bound a binomial variable (Conover, Practical Nonparametric Statistics, section 3.2).
+    # Particles that have not arrived by the end count as later; times are known to one sample, and
+    # rounded up.
     n = statistics.finished
     reached = np.cumsum(np.sum(statistics.arrivals, axis=0))
     times = np.linspace(0.0, ensemble.time, ensemble.samples)
@@ -73,15 +88,19 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
     for name, order in (("second", SECOND), ("fourth", FOURTH)):
-        yield from mean_rows(ensemble, statistics, name, moment=["".join("xyz"[i] for i in each) for each in order])
+        yield from mean_rows(
+            ensemble, statistics, name, moment=["".join("xyz"[i] for i in each) for each in order]
+        )
 
 
 def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on."""
-    # As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of orientation: Advani
-    # and Tucker, J. Rheol. 31 (1987) 751).
+    # As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of
+    # orientation: Advani and Tucker, J. Rheol. 31 (1987) 751).
     names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
-    rows = mean_rows(ensemble, statistics, "fourth", (..., FOURTH_OF_VOIGT), row=names, column=names)
+    rows = mean_rows(
+        ensemble, statistics, "fourth", (..., FOURTH_OF_VOIGT), row=names, column=names
+    )
     return (row for row in rows if names.index(row["row"]) <= names.index(row["column"]))
 
 
@@ -89,7 +108,9 @@ def mean_rows(
     ensemble: Ensemble, statistics: Statistics, of: str, chosen: Any = ..., **more: Sequence[str]
 ) -> Iterator[dict[str, Any]]:
     """One row for each of the `means` chosen: of times, of body axes but for slow variables, and of what is named."""
-    bodies = {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
+    bodies = (
+        {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
+    )
     axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble), **bodies, **more}
     found = (each[chosen].ravel().tolist() for each in means(statistics, of))
     for place, mean, error in zip(product(*axes.values()), *found, strict=True):
@@ -105,7 +126,12 @@ def distribution_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[di
             counts = statistics.histograms[s, k]
             columns = {**ensemble_columns(ensemble), "time": time, "variable": f"{name}/Imax"}
             for place in np.flatnonzero(counts).tolist():
-                yield {**columns, "low": edges[place], "high": edges[place + 1], "particles": int(counts[place])}
+                yield {
+                    **columns,
+                    "low": edges[place],
+                    "high": edges[place + 1],
+                    "particles": int(counts[place]),
+                }
 
 
 def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
@@ -114,7 +140,13 @@ def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[st
     for k, attractor in enumerate(ensemble.attractors):
         columns = {**ensemble_columns(ensemble), "attractor": attractor.rotation}
         for time, share in zip(times, arrived(statistics, k), strict=True):
-            yield {**columns, "time": time, "fraction": share.value, "low": share.low, "high": share.high}
+            yield {
+                **columns,
+                "time": time,
+                "fraction": share.value,
+                "low": share.low,
+                "high": share.high,
+            }
 
 
 def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object]:
@@ -129,7 +161,10 @@ def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object
         "particles": statistics.particles,
         "failures": statistics.failures,
         "arrived": {end.rotation: vars(arrived(statistics, k)[-1]) for k, end in enumerate(ends)},
-        "transient_time": {f"{share:g}": vars(transient_quantile(ensemble, statistics, share)) for share in quantiles},
+        "transient_time": {
+            f"{share:g}": vars(transient_quantile(ensemble, statistics, share))
+            for share in quantiles
+        },
         "method": ensemble.method,
     }
 

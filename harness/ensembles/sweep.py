@@ -16,7 +16,14 @@ from polhode.harness.common.files import dumps
 from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
-from polhode.harness.ensembles.ensemble import AVERAGING, BOUNDS, Ensemble, Equations, Task, run_task
+from polhode.harness.ensembles.ensemble import (
+    AVERAGING,
+    BOUNDS,
+    Ensemble,
+    Equations,
+    Task,
+    run_task,
+)
 from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
@@ -87,11 +94,16 @@ def perform(task: Task) -> Record:
     return {"statistics": run_task(task), "machine": machine(), "timing": NO_TIMES}
 
 
-def run_sweep(sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False) -> Tally:
+def run_sweep(
+    sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False
+) -> Tally:
     """Run what the store does not hold yet; several runs may share it, at the same time too."""
-    # With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
+    # With `spread` the tasks are taken in random order, so that such runs seldom work on the same
+    # one.
     finished, failed, message = 0, 0, ""
-    progress = tqdm(total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False)
+    progress = tqdm(
+        total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False
+    )
     tasks = sorted(sweep.tasks(), key=lambda _: random()) if spread else sweep.tasks()
     # Each is looked up when its turn comes: another run may have added it.
     missing = (task for task in tasks if task.key not in store)
@@ -112,7 +124,9 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
     for task in ensemble.tasks():
         record = store.result(task.key)
         if record is None:
-            raise ValueError(f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume")
+            raise ValueError(
+                f"{store.path}: task {task.index} is missing, expected a finished sweep; --resume"
+            )
         total.merge(Statistics.from_record(record["statistics"], task.ensemble.layout))
     return total
 
@@ -122,7 +136,9 @@ def surroundings(sweep: Sweep, store: Store) -> list[Record]:
     wanted, found = {task.key for task in sweep.tasks()}, dict[str, Record]()
     for record in store:
         if record["key"] in wanted:
-            own = {name: record[name] for name in ("machine", "versions")} | {"date": record["date"][:10]}
+            own = {name: record[name] for name in ("machine", "versions")} | {
+                "date": record["date"][:10]
+            }
             found[dumps(own)] = own
     return [*found.values()]
 
@@ -135,7 +151,9 @@ def read_sweep(path: Path | None) -> Sweep:
 def parse_sweep(contents: dict[str, Any]) -> Sweep:
     """Make a sweep of the contents of a sweep file; raises ValueError as `checked` does."""
     table = checked(SweepTable, contents)
-    ensembles = tuple(_ensemble(table, shape, stokes) for shape in table.shapes for stokes in table.stokes)
+    ensembles = tuple(
+        _ensemble(table, shape, stokes) for shape in table.shapes for stokes in table.stokes
+    )
     if len({Task(ensemble, 0).key for ensemble in ensembles}) < len(ensembles):
         raise ValueError("shapes, stokes: got the same twice, expected each once")
     return Sweep(table.name, table.title, ensembles)
@@ -144,13 +162,23 @@ def parse_sweep(contents: dict[str, Any]) -> Sweep:
 def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     time = table.time or (table.slow_time or 0.0) * stokes
     if time in (0, inf):
-        raise ValueError(f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time")
+        raise ValueError(
+            f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time"
+        )
     a, b, c = shape
     own = table.model_dump(include={*BOUNDS, "radius"})
-    ensemble, tolerance = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **own), table.tolerance
+    ensemble, tolerance = (
+        partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **own),
+        table.tolerance,
+    )
     tolerance = tolerance or Ensemble.tolerance
-    # Where averaging is good enough, and takes the starts, it is the cheaper by far: its cost does not grow with St.
-    if not table.equations and AVERAGING / tolerance <= stokes < inf and table.start.motion != "rest":
+    # Where averaging is good enough, and takes the starts, it is the cheaper by far: its cost does
+    # not grow with St.
+    if (
+        not table.equations
+        and AVERAGING / tolerance <= stokes < inf
+        and table.start.motion != "rest"
+    ):
         with suppress(FormNotValidError):
             return ensemble(equations="averaged", tolerance=tolerance / ERROR_OVER_TOLERANCE)
     return ensemble(equations=table.equations or "full", tolerance=tolerance)

@@ -1,6 +1,7 @@
 """What ensembles cost, measured on a quiet machine (`polhode throughput`).
 
-Throughput per core is measured in one process at a time; two processes are compared with one as wall time, at the end.
+Throughput per core is measured in one process at a time; two processes are compared with one as
+wall time, at the end.
 """
 
 import json
@@ -30,7 +31,9 @@ from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
-SETTINGS = SimpleNamespace(**tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")))
+SETTINGS = SimpleNamespace(
+    **tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+)
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
 LIMIT = 3600.0
@@ -40,10 +43,19 @@ def measure() -> dict[str, Any]:
     """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
     return {
-        "settings": {**vars(SETTINGS), "judge": f"{SETTINGS.judge} at tolerance {SETTINGS.judge_tolerance:g}"},
-        "full": [full_throughput(*item, target) for item in SHAPES.items() for target in SETTINGS.targets],
+        "settings": {
+            **vars(SETTINGS),
+            "judge": f"{SETTINGS.judge} at tolerance {SETTINGS.judge_tolerance:g}",
+        },
+        "full": [
+            full_throughput(*item, target) for item in SHAPES.items() for target in SETTINGS.targets
+        ],
         "long": list(long_runs()),
-        "tasks": [ensemble_throughput(name, equations) for name in SHAPES for equations in ("full", "averaged")],
+        "tasks": [
+            ensemble_throughput(name, equations)
+            for name in SHAPES
+            for equations in ("full", "averaged")
+        ],
         "memory": memory(),
         "overhead": list(overhead()),
         "two_processes": two_processes(),
@@ -52,7 +64,9 @@ def measure() -> dict[str, Any]:
     }
 
 
-def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int = 2048) -> dict[str, Any]:
+def full_throughput(
+    name: str, shape: Ellipsoid, target: float, particles: int = 2048
+) -> dict[str, Any]:
     """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
     ensemble = _ensemble(shape, "full", particles)
     problem, starts = ensemble.problem, _starts(ensemble, particles)
@@ -74,11 +88,19 @@ def full_throughput(name: str, shape: Ellipsoid, target: float, particles: int =
         began = process_time()
         chosen = plan(problem, starts[:SAMPLE], times, tolerance)
         spent = process_time() - began
-        return (chosen, spent) if chosen and errors(equal_steps(tolerance, chosen)).max() <= target else None
+        return (
+            (chosen, spent)
+            if chosen and errors(equal_steps(tolerance, chosen)).max() <= target
+            else None
+        )
 
     loose = next(each for each in _below(10 * target) if errors(taylor(each)).max() <= target)
-    tolerance, (chosen, planned) = next((each, found) for each in _below(target) if (found := choose(each)))
-    (before, old), (now, new) = _alternate(lambda: taylor(loose), lambda: equal_steps(tolerance, chosen))
+    tolerance, (chosen, planned) = next(
+        (each, found) for each in _below(target) if (found := choose(each))
+    )
+    (before, old), (now, new) = _alternate(
+        lambda: taylor(loose), lambda: equal_steps(tolerance, chosen)
+    )
     return {
         "shape": name,
         "target": target,
@@ -100,23 +122,38 @@ def _below(largest: float) -> list[float]:
     return [largest * 10 ** (-k / 8) for k in range(48)]
 
 
-def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> Iterator[dict[str, Any]]:
+def long_runs(
+    particles: int = 20_000, known: int = SETTINGS.long_known
+) -> Iterator[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
     shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
-    hybrid = replace(_ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples)
+    hybrid = replace(
+        _ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples
+    )
     hybrid = replace(hybrid, stokes=SETTINGS.long_stokes, time=0.5 * SETTINGS.long_stokes)
     scene, full = hybrid.any_scene, find_form(hybrid.form)
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, _starts(hybrid, known), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
-    for ensemble in (replace(hybrid, equations="averaged", tolerance=hybrid.tolerance / ERROR_OVER_TOLERANCE), hybrid):
-        form, starts, many = find_form(ensemble.form), _starts(ensemble, known), _starts(ensemble, particles, seed=2)
+    for ensemble in (
+        replace(hybrid, equations="averaged", tolerance=hybrid.tolerance / ERROR_OVER_TOLERANCE),
+        hybrid,
+    ):
+        form, starts, many = (
+            find_form(ensemble.form),
+            _starts(ensemble, known),
+            _starts(ensemble, particles, seed=2),
+        )
         times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()
         states, _ = ensemble.states(starts, times, random)
         spent = process_time() - began
-        slow = form.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
-        ((seconds, _),) = _alternate(partial(ensemble.states, many, times[[0, -1]], random), rounds=5)
+        slow = form.observe(scene, states.reshape(samples * known, -1)).slow.reshape(
+            samples, known, 4
+        )
+        ((seconds, _),) = _alternate(
+            partial(ensemble.states, many, times[[0, -1]], random), rounds=5
+        )
         errors = np.abs(slow - exact).max(axis=(0, 2)) / max(shape.inertia)
         yield {
             "equations": ensemble.equations,
@@ -130,10 +167,15 @@ def long_runs(particles: int = 20_000, known: int = SETTINGS.long_known) -> Iter
 
 def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> dict[str, Any]:
     """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record."""
-    # With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11 snapshots included.
+    # With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11
+    # snapshots included.
     ensemble = _ensemble(SHAPES[name], equations, particles)
     problem, starts = ensemble.problem, _starts(ensemble, particles)
-    two, samples, random = np.array([0.0, problem.end]), np.linspace(0.0, problem.end, 101), np.random.default_rng(1)
+    two, samples, random = (
+        np.array([0.0, problem.end]),
+        np.linspace(0.0, problem.end, 101),
+        np.random.default_rng(1),
+    )
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
         lambda: ensemble.states(starts, two, random),
         lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, 5)],
@@ -160,13 +202,20 @@ def memory(particles: int = 100_000) -> dict[str, Any]:
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // 10)
     with Worker() as worker:
         reply = worker.run(_run_all, ensemble, limit=LIMIT)
-    return {"particles": particles, "bytes": reply.value, "seconds": reply.seconds, "failure": reply.message or None}
+    return {
+        "particles": particles,
+        "bytes": reply.value,
+        "seconds": reply.seconds,
+        "failure": reply.message or None,
+    }
 
 
 def _run_all(ensemble: Ensemble) -> int:
     for task in ensemble.tasks():
         run_task(task)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+        1 if sys.platform == "darwin" else 1024
+    )
 
 
 def overhead() -> Iterator[dict[str, Any]]:
@@ -174,7 +223,11 @@ def overhead() -> Iterator[dict[str, Any]]:
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks
-        yield {"engine": name, "task_seconds": SETTINGS.task_seconds, "share": seconds / SETTINGS.task_seconds - 1}
+        yield {
+            "engine": name,
+            "task_seconds": SETTINGS.task_seconds,
+            "share": seconds / SETTINGS.task_seconds - 1,
+        }
 
 
 def _busy(_: int) -> None:
@@ -193,7 +246,9 @@ def two_processes(particles: int = 400_000) -> dict[str, Any]:
 def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
     """Seconds per task times the number of tasks, measured after each process has compiled."""
     tasks = list(ensemble.tasks())
-    warm = [Task(replace(ensemble, seed=ensemble.seed + 1 + index), 0) for index in range(2 * workers)]
+    warm = [
+        Task(replace(ensemble, seed=ensemble.seed + 1 + index), 0) for index in range(2 * workers)
+    ]
     ends = []
     for outcome in processes(workers, run_task, [*warm, *tasks]):
         if outcome.message:
@@ -204,7 +259,12 @@ def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
 
 
 def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
-    options: Any = {"particles": particles, "block": particles, "equations": equations, "tolerance": SETTINGS.tolerance}
+    options: Any = {
+        "particles": particles,
+        "block": particles,
+        "equations": equations,
+        "tolerance": SETTINGS.tolerance,
+    }
     return Ensemble(shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, STARTS, **options)
 
 

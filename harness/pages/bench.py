@@ -29,7 +29,9 @@ SHOWN = 2
 SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
 SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
 NOTHING = "No run gave a result: how each ended stands in runs.csv."
-FULL_ALONE = "No form measured averages: the tables show the cheapest ways through the full equations."
+FULL_ALONE = (
+    "No form measured averages: the tables show the cheapest ways through the full equations."
+)
 # St further apart than this leave open where between them averaging begins to pay.
 GAP = 10.0 * (1 + 1e-9)
 
@@ -39,15 +41,23 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs = frame(records)
     write_runs(runs, folder)
     export(records, folder / "records.jsonl")
-    known = where(runs, runs["slow_uncertainty"].notna()).groupby(["scene_name", "stokes"], sort=False).first()
+    known = (
+        where(runs, runs["slow_uncertainty"].notna())
+        .groupby(["scene_name", "stokes"], sort=False)
+        .first()
+    )
     groups = runs.groupby("scene_name", sort=False)
     described = [[_listed(own[column]) for column in SCENES.values()] for _, own in groups]
     page = fill(
         "bench",
         header=header(study.title, command, records),
-        verdict=[*verdict(runs), *averaged_costs(runs)] or [FULL_ALONE if len(runs["seconds"].dropna()) else NOTHING],
+        verdict=[*verdict(runs), *averaged_costs(runs)]
+        or [FULL_ALONE if len(runs["seconds"].dropna()) else NOTHING],
         tie=100 * (pareto.TIE - 1),
-        scenes=[(scene, _figures(own, scene, i, folder)) for i, (scene, own) in enumerate(by_scene(runs))],
+        scenes=[
+            (scene, _figures(own, scene, i, folder))
+            for i, (scene, own) in enumerate(by_scene(runs))
+        ],
         profiles=profile_lines(runs, folder),
         described=markdown([*SCENES], described),
         samples=study.samples,
@@ -63,9 +73,16 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
         if len(runs[error].dropna()):
             # The figures of the first scene have plain names.
             file = f"{name}-{scene}" if place else name
-            save(work_precision_panels(runs, error, f"{scene}: {label}" if scene else label), folder, file)
+            save(
+                work_precision_panels(runs, error, f"{scene}: {label}" if scene else label),
+                folder,
+                file,
+            )
             groups = by_stokes(runs)
-            rows = [[short(target), *(_winner(own, target, error) for _, own in groups)] for target in pareto.TARGETS]
+            rows = [
+                [short(target), *(_winner(own, target, error) for _, own in groups)]
+                for target in pareto.TARGETS
+            ]
             winners = markdown(["error", *(f"St = {short(stokes)}" for stokes, _ in groups)], rows)
             found.append({"name": name, "label": label, "file": file, "winners": winners})
     return found
@@ -74,7 +91,9 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
 def _listed(values: Iterable[Any]) -> str:
     """Different values in their order, of lists each as a : b : c."""
     texts = (" : ".join(map(short, each)) if isinstance(each, list) else each for each in values)
-    return ", ".join(dict.fromkeys(each if isinstance(each, str) else short(each) for each in texts))
+    return ", ".join(
+        dict.fromkeys(each if isinstance(each, str) else short(each) for each in texts)
+    )
 
 
 def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
@@ -85,15 +104,22 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
         return "none"
     best, others = winner
     form = best["form"]
-    names = [each.solver if each.form == form else f"{each.form} by {each.solver}" for each in others]
+    names = [
+        each.solver if each.form == form else f"{each.form} by {each.solver}" for each in others
+    ]
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
-    return f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
+    return (
+        f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
+    )
 
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
-    start, numbers = pareto.averaged_wins_from(records, target), [stokes for stokes, _ in by_stokes(records)]
+    start, numbers = (
+        pareto.averaged_wins_from(records, target),
+        [stokes for stokes, _ in by_stokes(records)],
+    )
     return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=GAP)
 
 
@@ -102,12 +128,19 @@ def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) ->
     wins = []
     for scene, runs in by_scene(records):
         if pareto.averaged_forms(runs):
-            wins += [(scene, words, [*own]) for words, own in groupby(targets, partial(when_averaged_wins, runs))]
+            wins += [
+                (scene, words, [*own])
+                for words, own in groupby(targets, partial(when_averaged_wins, runs))
+            ]
     return lines_of("bench-verdict", wins=wins)
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
     """How little an averaged form's cost depends on St, scene by scene."""
-    scenes = [(scene, runs, name) for scene, runs in by_scene(records) for name in pareto.averaged_forms(runs)]
+    scenes = [
+        (scene, runs, name)
+        for scene, runs in by_scene(records)
+        for name in pareto.averaged_forms(runs)
+    ]
     found = [(scene, name, pareto.cost_over_stokes(runs, name)) for scene, runs, name in scenes]
     return lines_of("bench-costs", found=[each for each in found if each[2]])

@@ -26,11 +26,16 @@ from polhode.solvers.contract import Backend, Status
 ERRORS, FORMS_ERRORS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10, 1e-12)
 # The solvers of which the page says below which error the first is the faster.
 TAYLOR, VERNER = "taylor", "cyrk-vern8"
-# Libraries that run without Python in the loop, and what a right-hand side is called in each back end.
+# Libraries that run without Python in the loop, and what a right-hand side is called in each back
+# end.
 ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # What of `Measured` is no record.
 COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
-WAYS: dict[Backend, str] = {"python": "plain Python", "numba": "compiled, called from Python", "compiled": "alone"}
+WAYS: dict[Backend, str] = {
+    "python": "plain Python",
+    "numba": "compiled, called from Python",
+    "compiled": "alone",
+}
 
 
 @dataclass(frozen=True)
@@ -49,10 +54,16 @@ class Measured:
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
     """Write the page, its figures and its data."""
     kept = {name: getattr(measured, name) for name in COSTS}
-    write_file(folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True)
+    write_file(
+        folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True
+    )
     for name in ("solvers", "spheroid", "backends"):
         export(getattr(measured, name), folder / f"{name}.jsonl")
-    save(work_precision_panels(frame(measured.solvers), "slow_error", "slow error over $I_{max}$"), folder, "slow")
+    save(
+        work_precision_panels(frame(measured.solvers), "slow_error", "slow error over $I_{max}$"),
+        folder,
+        "slow",
+    )
     for name, text in pages(measured, command).items():
         write_file(folder / name, text)
     return folder / "README.md"
@@ -60,12 +71,19 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
 
 def pages(measured: Measured, command: str) -> dict[str, str]:
     """The text of each file: the page, and that of all times."""
-    solvers, spheroid, backends = (frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends"))
+    solvers, spheroid, backends = (
+        frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
+    )
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     times = costs(by_stokes(solvers), ERRORS)
-    forms = _ratios(costs(by_stokes(spheroid), FORMS_ERRORS), ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR))
+    forms = _ratios(
+        costs(by_stokes(spheroid), FORMS_ERRORS), ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR)
+    )
     claims, worth = _worth(times)
-    calls = [(one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare}) for one in measured.overheads]
+    calls = [
+        (one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare})
+        for one in measured.overheads
+    ]
     page = fill(
         "footing",
         header=header("Every solver on equal footing", command, records),
@@ -75,9 +93,17 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         ways=WAYS,
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers, times),
-        forms=_table(["St", *map(short, FORMS_ERRORS)], [[short(stokes), *row] for stokes, row in forms.iterrows()]),
-        overheads=[asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in calls],
-        first_runs=[{"solver": name, "cold": cold, "warm": warm} for name, (cold, warm) in measured.first_runs.items()],
+        forms=_table(
+            ["St", *map(short, FORMS_ERRORS)],
+            [[short(stokes), *row] for stokes, row in forms.iterrows()],
+        ),
+        overheads=[
+            asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in calls
+        ],
+        first_runs=[
+            {"solver": name, "cold": cold, "warm": warm}
+            for name, (cold, warm) in measured.first_runs.items()
+        ],
         starts=STARTS,
     )
     top = header("Every solver at equal error", command, records)
@@ -93,16 +119,22 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
 def _worth(times: Any) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows, behind = [], {name: [] for name in ALONE}
-    places = [(target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()]
+    places = [
+        (target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()
+    ]
     for target, (stokes, own) in places:
         # The fastest comes last, and stays.
         ranked = own.dropna().sort_values(ascending=False).items()
-        by_library = {find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked}
+        by_library = {
+            find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked
+        }
         best = {name: by_library[name] for name in ALONE if name in by_library}
         least = min((seconds for _, seconds in best.values()), default=nan)
         for name, (_, seconds) in best.items():
             behind[name].append(seconds / least)
-        cells = [f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE]
+        cells = [
+            f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE
+        ]
         rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
     claims = lines_of("footing-claims", shares=shares, places=len(places))
@@ -111,7 +143,9 @@ def _worth(times: Any) -> tuple[list[str], str]:
 
 def _finished(table: pd.DataFrame) -> Any:
     """Runs that reached their end, with their times and right-hand sides."""
-    done = where(table, table["status"] == Status.REACHED_END).rename(columns={"work.rhs_calls": "calls"})
+    done = where(table, table["status"] == Status.REACHED_END).rename(
+        columns={"work.rhs_calls": "calls"}
+    )
     done = done.reindex(columns=["stokes", "solver", "backend", "jacobian", "seconds", "calls"])
     return done.astype({"seconds": float, "calls": float})
 
@@ -119,16 +153,31 @@ def _finished(table: pd.DataFrame) -> Any:
 def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Times of an algorithm in the three ways, and how many times as long as alone the others take."""
     done = _finished(table)
-    done = done[[_comparable(*run) for run in zip(done["solver"], done["backend"], done["jacobian"], strict=True)]]
+    done = done[
+        [
+            _comparable(*run)
+            for run in zip(done["solver"], done["backend"], done["jacobian"], strict=True)
+        ]
+    ]
     done["method"] = done["solver"].str.removeprefix("cyrk-")
-    times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(columns=[*WAYS])
-    return times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio")).reset_index().to_dict("records")
+    times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(
+        columns=[*WAYS]
+    )
+    return (
+        times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio"))
+        .reset_index()
+        .to_dict("records")
+    )
 
 
 def _comparable(solver: str, way: str, jacobian: str) -> bool:
     """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their twins in CyRK."""
     method = find_solver(solver)
-    same = jacobian == ("exact" if method.family == "SUNDIALS" else "difference") if method.implicit else True
+    same = (
+        jacobian == ("exact" if method.family == "SUNDIALS" else "difference")
+        if method.implicit
+        else True
+    )
     return same and (way == "compiled" or method.family != "CyRK")
 
 
@@ -137,7 +186,9 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
     done = _finished(table)
     done["way"] = done["backend"].map(WAYS)
     exact, differences = (where(done, done["jacobian"] == kind) for kind in ("exact", "difference"))
-    pairs = exact.merge(differences, on=["stokes", "solver", "way"], suffixes=("", "_by_differences"))
+    pairs = exact.merge(
+        differences, on=["stokes", "solver", "way"], suffixes=("", "_by_differences")
+    )
     return pairs.assign(ratio=pairs["seconds_by_differences"] / pairs["seconds"]).to_dict("records")
 
 
@@ -150,14 +201,20 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
         own = falling.xs(stokes, level=1).dropna(subset=[TAYLOR])
         ahead = (own[VERNER] < own[TAYLOR]).to_numpy()
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
-        rows.append([short(stokes), scientific(own.index[stops[0] + 1]) if len(stops) else "none", *ratios])
-    return _table(["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows)
+        rows.append(
+            [short(stokes), scientific(own.index[stops[0] + 1]) if len(stops) else "none", *ratios]
+        )
+    return _table(
+        ["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows
+    )
 
 
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
     """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
-    return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[[*times.index.unique(0)]]
+    return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[
+        [*times.index.unique(0)]
+    ]
 
 
 def _times(times: Any) -> dict[float, str]:
@@ -165,6 +222,8 @@ def _times(times: Any) -> dict[float, str]:
     tables = {}
     for target in ERRORS:
         own = times.loc[target]["quaternion"].T.dropna(how="all")
-        rows = [[solver, *map(duration, own.loc[solver])] for solver in SOLVERS if solver in own.index]
+        rows = [
+            [solver, *map(duration, own.loc[solver])] for solver in SOLVERS if solver in own.index
+        ]
         tables[target] = _table(["solver", *(f"St = {short(stokes)}" for stokes in own)], rows)
     return tables

@@ -29,10 +29,13 @@ from polhode.solvers.solve import solve
 
 ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios asked for, by scene, St and slow error.
-_ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8"))["asked"]
+_ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8"))[
+    "asked"
+]
 TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
 OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the larger St may take.
+# Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the
+# larger St may take.
 REACHED, LONGER, STOKES, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e6, 1e8, 7
 
 
@@ -50,12 +53,16 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         known=known,
         slower=[(ratio, stokes) for ratio, stokes in known if ratio < 1],
         stroboscopic=_stroboscopic(study, table, folder),
-        ratios=markdown(["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))),
+        ratios=markdown(
+            ["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))
+        ),
     )
     return write_file(folder / "README.md", page)
 
 
-def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
+def _splitting(
+    table: pd.DataFrame,
+) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
     """Rows of the table, which targets are met, and all ratios known with their St."""
     rows, met, ratios = [], [], []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
@@ -70,7 +77,11 @@ def _splitting(table: pd.DataFrame) -> tuple[list[list[str]], list[bool], list[t
                 if not isnan(ratio):
                     ratios.append((float(ratio), stokes))
                 target = TARGETS.get((scene, stokes, error))
-                cell = "–" if isnan(ratio) else f"{ratio:.2g} ({others.index[0]}, {duration(others.min())})"
+                cell = (
+                    "–"
+                    if isnan(ratio)
+                    else f"{ratio:.2g} ({others.index[0]}, {duration(others.min())})"
+                )
                 if target is not None:
                     met.append(ratio >= target)
                     cell += f" {'✓' if met[-1] else '✕'} ≥ {target:g}"
@@ -84,17 +95,28 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     slow, orientation, _ = REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))
-    good: Any = where(done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation))
+    good: Any = where(
+        done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation)
+    )
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
     name = next((each for each in best if each not in OWN), None)
     if "stroboscopic" not in best:
         return []
     strobe = where(done, done["solver"] == "stroboscopic")
-    scene = next(scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES)
+    scene = next(
+        scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES
+    )
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
     found = {"best": best, "other": name, "least": least, "longer": longer}
-    return lines_of("known-stokes-stroboscopic", **found, reached=REACHED, stokes=STOKES, larger=LARGER, most=LONGER)
+    return lines_of(
+        "known-stokes-stroboscopic",
+        **found,
+        reached=REACHED,
+        stokes=STOKES,
+        larger=LARGER,
+        most=LONGER,
+    )
 
 
 def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
@@ -110,10 +132,19 @@ def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:
     """Time of a run at the larger St over that at a scene's own, run in turns."""
     form, factor = find_form("spheroid-axis"), LARGER / scene.stokes
-    problems = [form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k)) for k in (1.0, factor)]
+    problems = [
+        form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k))
+        for k in (1.0, factor)
+    ]
 
     def seconds(problem: Problem) -> float:
-        return seconds_of(lambda: solve(problem, "stroboscopic", tolerance, np.linspace(0.0, problem.end, samples)))
+        return seconds_of(
+            lambda: solve(
+                problem, "stroboscopic", tolerance, np.linspace(0.0, problem.end, samples)
+            )
+        )
 
-    first, second = np.min([[seconds(problem) for problem in problems] for _ in range(ROUNDS)], axis=0)
+    first, second = np.min(
+        [[seconds(problem) for problem in problems] for _ in range(ROUNDS)], axis=0
+    )
     return float(second / first)

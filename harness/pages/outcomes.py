@@ -20,13 +20,22 @@ from polhode.models.files.scene_file import parse_scene
 from polhode.models.scenes import SCENES
 from polhode.solvers.contract import Status
 
-# Solvers that take at least this share of the cases that anybody takes are compared as to who never fails.
+# Solvers that take at least this share of the cases that anybody takes are compared as to who never
+# fails.
 MOST = 0.9
 CASE = ["scene", "St", "form", "tolerance"]
-# What the shared records leave out besides what is empty, for there are thousands: `polhode export` writes all.
-LEFT_OUT = ("key", "errors", "seconds_runs", "statistics_uncertainty", "statistics_distance", "solver_slow_uncertainty")
-# A run that reached its end but is further off the exact solution of its own form, in units of I_max or of the slow
-# variables at the start if those are larger, has no digits to trust.
+# What the shared records leave out besides what is empty, for there are thousands: `polhode export`
+# writes all.
+LEFT_OUT = (
+    "key",
+    "errors",
+    "seconds_runs",
+    "statistics_uncertainty",
+    "statistics_distance",
+    "solver_slow_uncertainty",
+)
+# A run that reached its end but is further off the exact solution of its own form, in units of
+# I_max or of the slow variables at the start if those are larger, has no digits to trust.
 INACCURATE = 1e-3
 KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 
@@ -58,7 +67,9 @@ def _surest(runs: Any) -> dict[str, Any]:
 
 def limit(table: pd.DataFrame) -> str:
     """The time limit of the runs in words."""
-    limits = sorted(set(table["max_seconds"].dropna().astype(float))) if "max_seconds" in table else []
+    limits = (
+        sorted(set(table["max_seconds"].dropna().astype(float))) if "max_seconds" in table else []
+    )
     return " or ".join(duration(each) for each in limits) or "time"
 
 
@@ -66,22 +77,39 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
     table = frame(records)
     found = endings(table, limits(records))
-    write_file(folder / "outcomes.csv", pd.DataFrame(found).to_csv(index=False, float_format="%.12g"), summed=True)
-    kept = ({name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None} for record in records)
+    write_file(
+        folder / "outcomes.csv",
+        pd.DataFrame(found).to_csv(index=False, float_format="%.12g"),
+        summed=True,
+    )
+    kept = (
+        {name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None}
+        for record in records
+    )
     export(kept, folder / "records.jsonl")
     runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
-    shares = ["✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()]
-    counts = pd.crosstab(runs["solver"], runs["outcome"]).reindex(index=solvers, columns=[*KINDS], fill_value=0)
+    shares = [
+        "✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()
+    ]
+    counts = pd.crosstab(runs["solver"], runs["outcome"]).reindex(
+        index=solvers, columns=[*KINDS], fill_value=0
+    )
     total: Any = counts.sum(axis=1)
     share = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
-    surest = [[name, total[name], f"{each:.0f} %", *counts.loc[name]] for name, each in share.items()]
-    by_scene = pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
+    surest = [
+        [name, total[name], f"{each:.0f} %", *counts.loc[name]] for name, each in share.items()
+    ]
+    by_scene = (
+        pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
+    )
     page = fill(
         "outcomes",
         header=header(study.title, command, records),
         sentences=sentences(found, stopped),
-        counts=markdown(["solver", "runs", "got through", *KINDS], surest, right=range(1, 3 + len(KINDS))),
+        counts=markdown(
+            ["solver", "runs", "got through", *KINDS], surest, right=range(1, 3 + len(KINDS))
+        ),
         inaccurate=INACCURATE,
         stopped=stopped,
         scenes=markdown(["scene", *solvers], [[*row] for row in by_scene.itertuples()]),
@@ -94,7 +122,10 @@ def limits(records: Sequence[Record]) -> dict[str, float]:
     """Slow error over I_max beyond which a run counts as inaccurate, by scene."""
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}
-    return {name: INACCURATE * max(1.0, magnitude(own.ellipsoid, own.initial)) for name, own in scenes.items()}
+    return {
+        name: INACCURATE * max(1.0, magnitude(own.ellipsoid, own.initial))
+        for name, own in scenes.items()
+    }
 
 
 def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]:
@@ -111,15 +142,25 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
         return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
     model = run.get("model_slow_error") or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
-    return ("reached" if error <= allowed else "inaccurate"), f"{took}solver error {scientific(error)}{off}"
+    return (
+        "reached" if error <= allowed else "inaccurate"
+    ), f"{took}solver error {scientific(error)}{off}"
 
 
 def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
     """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason."""
     found = []
     for run in rows_of(table):
-        row = {"scene": str(run["scene_name"]), "St": float(run["stokes"]), "time": run.get("scene.time")}
-        row |= {"tolerance": float(run["tolerance"]), "form": str(run["form"]), "solver": str(run["solver"])}
+        row = {
+            "scene": str(run["scene_name"]),
+            "St": float(run["stokes"]),
+            "time": run.get("scene.time"),
+        }
+        row |= {
+            "tolerance": float(run["tolerance"]),
+            "form": str(run["form"]),
+            "solver": str(run["solver"]),
+        }
         kind, reason = outcome(run, allowed[row["scene"]])
         found.append({**row, "outcome": kind, "reason": reason})
     return found

@@ -13,7 +13,15 @@ import pandas as pd
 from polhode.harness.calibration import evaluation as asked
 from polhode.harness.calibration.evaluation import FACTOR, Evaluation
 from polhode.harness.calibration.scenes import Question
-from polhode.harness.calibration.selection import CUTOFF, FEATURES, PENALTY, PICK, features, pays_from, scores
+from polhode.harness.calibration.selection import (
+    CUTOFF,
+    FEATURES,
+    PENALTY,
+    PICK,
+    features,
+    pays_from,
+    scores,
+)
 from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import wilson
@@ -42,7 +50,9 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
     tables["laws"] = pd.DataFrame(parameters, columns=columns)
     for name, rows in tables.items():
         if rows is not None:
-            write_file(folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4g"), summed=True)
+            write_file(
+                folder / f"{name}.csv", rows.to_csv(index=False, float_format="%.4g"), summed=True
+            )
     ways, scenes = evaluation.ways, evaluation.scenes
     if ways is not None:
         write_aslib(folder / "aslib", evaluation.questions, ways)
@@ -59,7 +69,11 @@ def write_pages(folder: Path, laws: Laws, evaluation: Evaluation, command: str) 
         asking=scenes["pick_seconds"].median(),
         longest=scenes["pick_seconds"].max(),
         pays=inf if ways is None else pays_from(scenes, ways),
-        missed=[f"{name}: {why}." for name, why in zip(scenes["scene"], scenes["miss"], strict=True) if why],
+        missed=[
+            f"{name}: {why}."
+            for name, why in zip(scenes["scene"], scenes["miss"], strict=True)
+            if why
+        ],
         source=laws.source,
     )
     return write_file(folder / "README.md", page)
@@ -97,8 +111,16 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     figure, axes = plt.subplots(figsize=(8.0, 4.2))
     for stratum, mine in scenes.groupby("stratum"):
         # Where no way met the error there is nothing to compare with.
-        shown = mine[(mine["factor"].fillna(1.0) < inf) & (mine["error"] > 0)].fillna({"factor": 1.0})
-        axes.loglog(shown["error"] / shown["error_asked"], shown["factor"], "o", color=COLOURS[stratum], label=stratum)
+        shown = mine[(mine["factor"].fillna(1.0) < inf) & (mine["error"] > 0)].fillna(
+            {"factor": 1.0}
+        )
+        axes.loglog(
+            shown["error"] / shown["error_asked"],
+            shown["factor"],
+            "o",
+            color=COLOURS[stratum],
+            label=stratum,
+        )
     axes.axvline(1.0, color="0.3", linewidth=0.8)
     axes.axhline(FACTOR, color="0.3", linewidth=0.8, linestyle=":")
     axes.set(title="First choices: error met left of the line, near the best below the dots")
@@ -120,7 +142,9 @@ def _write_figures(folder: Path, evaluation: Evaluation) -> None:
     for axes, name, what, measured, unit, band in (times, errors):
         known = runs[(runs[measured] > 0) & (runs[f"{what}_predicted"] > 0)]
         predicted, ratio = known[f"{what}_predicted"], known[measured] / known[f"{what}_predicted"]
-        axes.loglog(predicted, ratio, ".", markersize=2, alpha=0.4, color="#0072B2", rasterized=True)
+        axes.loglog(
+            predicted, ratio, ".", markersize=2, alpha=0.4, color="#0072B2", rasterized=True
+        )
         for line, style in ((1.0, "-"), (band, ":"), (1 / band, ":")):
             axes.axhline(line, color="0.2", linewidth=0.9, linestyle=style)
         within = np.mean(np.abs(np.log(ratio)) <= np.log(band)) if len(ratio) else 1.0
@@ -142,26 +166,54 @@ def write_aslib(folder: Path, questions: Mapping[str, Question], runs: Any) -> N
         time, otherwise = (f"{row.seconds:.6g}", "other") if row.seconds < inf else ("?", "timeout")
         solved.append((row.instance, 1, row.algorithm, time, "ok" if row.met else otherwise))
     head = ("instance_id STRING", "repetition NUMERIC", "algorithm STRING", "runtime NUMERIC")
-    _arff(folder, "algorithm_runs", (*head, "runstatus {ok, timeout, memout, not_applicable, crash, other}"), solved)
+    _arff(
+        folder,
+        "algorithm_runs",
+        (*head, "runstatus {ok, timeout, memout, not_applicable, crash, other}"),
+        solved,
+    )
     numeric = [f"{name} NUMERIC" for name in FEATURES]
-    values = [(name, 1, *(f"{value:.6g}" for value in features(each))) for name, each in questions.items()]
+    values = [
+        (name, 1, *(f"{value:.6g}" for value in features(each))) for name, each in questions.items()
+    ]
     _arff(folder, "feature_values", (*head[:2], *numeric), values)
     status = "scene {ok, timeout, memout, presolved, crash, other}"
     _arff(folder, "feature_runstatus", (*head[:2], status), [(name, 1, "ok") for name in questions])
-    _arff(folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions])
-    _arff(folder, "cv", (*head[:2], "fold NUMERIC"), [(name, 1, i % 10 + 1) for i, name in enumerate(questions)])
+    _arff(
+        folder, "feature_costs", (*head[:2], "scene NUMERIC"), [(name, 1, 0) for name in questions]
+    )
+    _arff(
+        folder,
+        "cv",
+        (*head[:2], "fold NUMERIC"),
+        [(name, 1, i % 10 + 1) for i, name in enumerate(questions)],
+    )
 
 
-def _arff(folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    write_file(folder / f"{name}.arff", fill("pick-arff", name=name, attributes=attributes, rows=rows))
+def _arff(
+    folder: Path, name: str, attributes: Sequence[str], rows: Sequence[Sequence[Any]]
+) -> None:
+    write_file(
+        folder / f"{name}.arff", fill("pick-arff", name=name, attributes=attributes, rows=rows)
+    )
 
 
 def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
     """Write the page of the errors that `solve` states, and its table."""
     write_file(folder / "stated.csv", runs.to_csv(index=False, float_format="%.4g"), summed=True)
-    rows = [judged(mine) | {"stratum": stratum, "solver": "all"} for stratum, mine in runs.groupby("stratum")]
-    rows += [judged(mine) | {"stratum": "both", "solver": solver} for solver, mine in runs.groupby("solver")]
-    found = {"summary": stated_summary(runs), "left_out": _counted(runs.attrs["left_out"]), "rows": rows}
+    rows = [
+        judged(mine) | {"stratum": stratum, "solver": "all"}
+        for stratum, mine in runs.groupby("stratum")
+    ]
+    rows += [
+        judged(mine) | {"stratum": "both", "solver": solver}
+        for solver, mine in runs.groupby("solver")
+    ]
+    found = {
+        "summary": stated_summary(runs),
+        "left_out": _counted(runs.attrs["left_out"]),
+        "rows": rows,
+    }
     return write_file(folder / "stated.md", fill("pick-stated", command=command, **found))
 
 

@@ -44,9 +44,13 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
         sentence="" if profiled.empty else sentence(profiled),
         profiled=PROFILED,
         tie=100 * (TIE - 1),
-        fastest=markdown(["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest),
+        fastest=markdown(
+            ["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest
+        ),
         sources={name: PROBLEMS[name].source for name in names},
-        failed=where(runs, (status != Status.REACHED_END) & (status != Status.TIME_LIMIT)).to_dict("records"),
+        failed=where(runs, (status != Status.REACHED_END) & (status != Status.TIME_LIMIT)).to_dict(
+            "records"
+        ),
     )
     return write_file(folder / "README.md", page)
 
@@ -56,5 +60,9 @@ def _winner(times: Any) -> str:
     if not ranked:
         return "–"
     (best, first), (next_best, second) = [*ranked, (inf, "")][:2]
-    lead = f", {in_two_digits(next_best / best)} × as fast as {second}" if next_best > TIE * best else f" = {second}"
+    lead = (
+        f", {in_two_digits(next_best / best)} × as fast as {second}"
+        if next_best > TIE * best
+        else f" = {second}"
+    )
     return f"{first}: {duration(best)}{lead if second else ''}"

@@ -24,31 +24,64 @@ from polhode.harness.studies.study import Study
 LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
-CELL_COLUMNS = ["scene", "error", "St", "target", "known", "form", "solver", "seconds", "lead", "tie", "next"]
+CELL_COLUMNS = [
+    "scene",
+    "error",
+    "St",
+    "target",
+    "known",
+    "form",
+    "solver",
+    "seconds",
+    "lead",
+    "tie",
+    "next",
+]
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its pictures and its data into a folder and return the page's path."""
     runs = frame(records)
     named = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
-    maps: Maps = {(name, error): cells(own, error) for name, own in named.items() for error in ERRORS}
+    maps: Maps = {
+        (name, error): cells(own, error) for name, own in named.items() for error in ERRORS
+    }
     write_runs(runs, folder)
     rows = []
     for (name, error), found in maps.items():
         for cell in found:
-            numbers = (*(cell.winner or ("", "")), cell.seconds, cell.lead, cell.tied, str(cell.second or ""))
+            numbers = (
+                *(cell.winner or ("", "")),
+                cell.seconds,
+                cell.lead,
+                cell.tied,
+                str(cell.second or ""),
+            )
             rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
-    write_file(folder / "cells.csv", pd.DataFrame(rows, columns=CELL_COLUMNS).to_csv(index=False), summed=True)
+    write_file(
+        folder / "cells.csv",
+        pd.DataFrame(rows, columns=CELL_COLUMNS).to_csv(index=False),
+        summed=True,
+    )
     particles = []
     for name, own in named.items():
         scenes = [scene for each, scene in study.scenes if each == name]
         times = {scene.stokes: scene.time for scene in scenes}
         save(picture([maps[name, error] for error in ERRORS], times), folder, name)
-        # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a front.
-        full, slow = ({row.method: row for row in standings(own, error, maps[name, error])} for error in ERRORS)
+        # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a
+        # front.
+        full, slow = (
+            {row.method: row for row in standings(own, error, maps[name, error])}
+            for error in ERRORS
+        )
         methods = [
             {"method": method, "full": full[method], "slow": row}
-            | {"failed": [f"{status.replace('_', ' ')} {number}" for status, number in row.failures.items()]}
+            | {
+                "failed": [
+                    f"{status.replace('_', ' ')} {number}"
+                    for status, number in row.failures.items()
+                ]
+            }
             | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
             for method, row in slow.items()
         ]
@@ -59,7 +92,10 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     page = fill(
         "regimes",
         header=header(study.title, command, records),
-        sentences=[f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()],
+        sentences=[
+            f"The {name}, {sentence(found, ERRORS[error][0])}"
+            for (name, error), found in maps.items()
+        ],
         particles=particles,
         profiles=[*profile_lines(runs, folder), *long],
         study=study,
@@ -71,19 +107,28 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 def read_cells(path: Path) -> Maps:
     """Cells as `write_page` wrote them."""
     maps: dict[tuple[str, str], list[Cell]] = {}
-    table = pd.read_csv(BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""})
+    table = pd.read_csv(
+        BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""}
+    )
     for row in table.to_dict("records"):
         winner = Method(row["form"], row["solver"]) if row["form"] else None
         second = Method(*row["next"].split(", ")) if row["next"] else None
-        cell = Cell(row["St"], row["target"], row["known"], winner, second, row["seconds"], row["lead"])
+        cell = Cell(
+            row["St"], row["target"], row["known"], winner, second, row["seconds"], row["lead"]
+        )
         maps.setdefault((row["scene"], row["error"]), []).append(cell)
     return maps
 
 
 def sentence(found: Sequence[Cell], what: str) -> str:
     """What a map shows: which kind of method wins where, by how much, and in which form."""
-    won = {side: [cell for cell in found if cell.winner and cell.winner.side == side] for side in HEADINGS}
-    forms = Counter(cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged")
+    won = {
+        side: [cell for cell in found if cell.winner and cell.winner.side == side]
+        for side in HEADINGS
+    }
+    forms = Counter(
+        cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"
+    )
     leads = {side: [cell.lead for cell in own if not isnan(cell.lead)] for side, own in won.items()}
     halves = {side: median(own) for side, own in leads.items() if own}
     return fill("regimes-sentence", what=what, won=won, leads=halves, forms=forms.most_common())

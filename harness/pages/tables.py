@@ -30,16 +30,30 @@ def columns_of(name: str) -> dict[str, str]:
 @cache
 def templates(folder: Path, **options: Any) -> Environment:
     """The templates of a folder; numbers by the formats of `WORDING` or Python's own: ``{{ x|form(".2f") }}``."""
-    options |= {"undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    options |= {
+        "undefined": StrictUndefined,
+        "trim_blocks": True,
+        "lstrip_blocks": True,
+        "keep_trailing_newline": True,
+    }
     found = Environment(loader=FileSystemLoader(folder), finalize=_listed, **options)
     found.filters |= {name: partial(WORDING.format_field, format_spec=name) for name in FORMATS}
-    found.filters |= {"form": WORDING.format_field, "bullets": bullets, "lines": "\n".join, "table": table}
+    found.filters |= {
+        "form": WORDING.format_field,
+        "bullets": bullets,
+        "lines": "\n".join,
+        "table": table,
+    }
     return found
 
 
 def _listed(value: Any) -> Any:
     """Several values with commas."""
-    return ", ".join(map(str, value)) if isinstance(value, Collection) and not isinstance(value, str) else value
+    return (
+        ", ".join(map(str, value))
+        if isinstance(value, Collection) and not isinstance(value, str)
+        else value
+    )
 
 
 def fill(name: str, /, **fields: Any) -> str:

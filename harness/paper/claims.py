@@ -1,6 +1,7 @@
 """The claims, words and figures around what was measured: one file per section in sections/, values as expressions.
 
-Expressions are evaluated as Python: these files belong to the package. A figure is panels with axes and curves.
+Expressions are evaluated as Python: these files belong to the package. A figure is panels with axes
+and curves.
 """
 
 import sys
@@ -52,7 +53,9 @@ def items() -> tuple[Item, ...]:
 
 def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
     """Items, or all items of sections, of the given names, all of them without names; ValueError for unknown ones."""
-    known = {item.name: (item,) for item in items()} | {section.name: section.items for section in sections()}
+    known = {item.name: (item,) for item in items()} | {
+        section.name: section.items for section in sections()
+    }
     for name in names:
         if name not in known:
             raise ValueError(f"item: got {name!r}, expected one of {', '.join(known)}")
@@ -71,7 +74,9 @@ def names_of(*modules: ModuleType) -> dict[str, Any]:
     for module in (*SHARED, *modules):
         own = {name: value for name, value in vars(module).items() if not name.startswith("_")}
         if twice := [name for name in own.keys() & names if own[name] is not names[name]]:
-            raise ValueError(f"{module.__name__}: got other values of {', '.join(twice)}, expected names of its own")
+            raise ValueError(
+                f"{module.__name__}: got other values of {', '.join(twice)}, expected names of its own"
+            )
         names |= own
     return names
 
@@ -97,7 +102,10 @@ def worded(text: str, names: Mapping[str, Any]) -> str:
 def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
     """Title and items of every section; an item that is `like` another has all that it does not say itself from it."""
     paths = [path for path in files(PLACE).iterdir() if path.name.endswith(".toml")]
-    found = {path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8")) for path in paths}
+    found = {
+        path.name.removesuffix(".toml"): tomllib.loads(path.read_text(encoding="utf-8"))
+        for path in paths
+    }
     titles = {name: entries.pop("title") for name, entries in found.items()}
     known = {key: entry for entries in found.values() for key, entry in entries.items()}
     if unknown := {entry["like"] for entry in known.values() if "like" in entry} - set(known):
@@ -107,7 +115,10 @@ def _entries() -> dict[str, tuple[str, dict[str, dict[str, Any]]]]:
         other = whole(known[entry["like"]]) if "like" in entry else {}
         return other | entry | {"facts": other.get("facts", {}) | entry.get("facts", {})}
 
-    return {name: (titles[name], {key: whole(own) for key, own in entries.items()}) for name, entries in found.items()}
+    return {
+        name: (titles[name], {key: whole(own) for key, own in entries.items()})
+        for name, entries in found.items()
+    }
 
 
 def _item(name: str, entry: Mapping[str, Any]) -> Item:
@@ -125,7 +136,11 @@ def _item(name: str, entry: Mapping[str, Any]) -> Item:
         return facts_of(entry, names | rows | {"self": experiment})
 
     own = name, entry["title"], entry["claim"], compute
-    return Item(*own, lambda data: drawn(entry["figure"], facts(data)), lambda data: judged(entry, facts(data)))
+    return Item(
+        *own,
+        lambda data: drawn(entry["figure"], facts(data)),
+        lambda data: judged(entry, facts(data)),
+    )
 
 
 def facts_of(entry: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
@@ -141,7 +156,9 @@ def judged(entry: Mapping[str, Any], facts: dict[str, Any]) -> Verdict:
     numbers = [number for row in entry["numbers"] for number in _numbers(row, facts)]
     # What an item says beside the sentences that it shares with those that are `like` it.
     found = f"{entry['found']} {entry.get('also', '')}".rstrip()
-    return Verdict(Word(entry["verdict"]), worded(found, facts), worded(entry["caption"], facts), numbers)
+    return Verdict(
+        Word(entry["verdict"]), worded(found, facts), worded(entry["caption"], facts), numbers
+    )
 
 
 def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
@@ -154,15 +171,23 @@ def _numbers(row: Mapping[str, Any], facts: dict[str, Any]) -> Iterator[Number]:
 
         def fact(expression: Any, place: int | None = place) -> Any:
             found = evaluated(expression, facts)
-            return found if place is None or not isinstance(found, list | tuple | np.ndarray) else found[place]
+            return (
+                found
+                if place is None or not isinstance(found, list | tuple | np.ndarray)
+                else found[place]
+            )
 
         what = worded(row["what"], {**facts, "each": fact(row.get("each"))})
-        low, high = (fact(row.get(bound, default)) for bound, default in (("low", -inf), ("high", inf)))
+        low, high = (
+            fact(row.get(bound, default)) for bound, default in (("low", -inf), ("high", inf))
+        )
         if "near" in row:
             middle = fact(row["near"])
             low, high = middle - row["within"], middle + row["within"]
         value = fact(row["value"])
-        yield Number(what, float(value), low, high, row.get("unit", ""), getattr(value, "interval", None))
+        yield Number(
+            what, float(value), low, high, row.get("unit", ""), getattr(value, "interval", None)
+        )
 
 
 def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
@@ -170,8 +195,14 @@ def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
 
     A table with `each` stands for one of the axes for each value of a list.
     """
-    figure, axes = drawing.panels(*(evaluated(part, names) for part in entry["panels"]), **entry.get("options", {}))
-    panels = [(panel, value) for panel in entry["axes"] for value in evaluated(panel.get("each", (None,)), names)]
+    figure, axes = drawing.panels(
+        *(evaluated(part, names) for part in entry["panels"]), **entry.get("options", {})
+    )
+    panels = [
+        (panel, value)
+        for panel in entry["axes"]
+        for value in evaluated(panel.get("each", (None,)), names)
+    ]
     for own, (panel, value) in zip(axes, panels, strict=True):
         facts = facts_of(panel, {**names, "axes": own, "each": value})
         for curve in panel["curves"]:
@@ -181,13 +212,20 @@ def drawn(entry: Mapping[str, Any], names: dict[str, Any]) -> Figure:
                 _draw(own, curve, facts)
         labels = {f"{side}label": panel[side] for side in "xy" if side in panel}
         scales = {f"{side}scale": "log" for side in panel.get("log", "")}
-        own.set(**labels, title=worded(panel.get("title", ""), facts), **scales, **panel.get("limits", {}))
+        own.set(
+            **labels,
+            title=worded(panel.get("title", ""), facts),
+            **scales,
+            **panel.get("limits", {}),
+        )
         for call in panel.get("also", ()):
             evaluated(call, facts)
         if "legend" in panel:
             own.legend(**panel["legend"])
     if "below" in entry:
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", **entry["below"])
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside lower center", **entry["below"]
+        )
     return figure
 
 
@@ -216,7 +254,11 @@ def _draw(axes: Axes, curve: Mapping[str, Any], names: dict[str, Any]) -> None:
         x, y, slope = (evaluated(curve.get(name), own) for name in ("x", "y", "slope"))
         if "slope" in curve:
             # A power law that has the value y at the last of the points x.
-            law = {"color": drawing.BLACK, "linestyle": chosen.pop("line", ":"), "label": f"slope {slope:.3g}"}
+            law = {
+                "color": drawing.BLACK,
+                "linestyle": chosen.pop("line", ":"),
+                "label": f"slope {slope:.3g}",
+            }
             law |= {name: each for name, each in chosen.items() if each is not None}
             axes.plot(x, y * (x / x[-1]) ** slope, **law)
         elif "level" in curve:

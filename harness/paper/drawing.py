@@ -23,7 +23,8 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#F0E442",
 )  # fmt: skip
 CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
-# Of the averaged run and of full ones at several St, in turn; the planes have three at most: green is a line of theirs.
+# Of the averaged run and of full ones at several St, in turn; the planes have three at most: green
+# is a line of theirs.
 AVERAGED = BLACK
 RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"
@@ -43,7 +44,12 @@ def style() -> Iterator[None]:
 
 
 def panels(
-    rows: int, columns: int, width: float = 3.5, height: float = 2.7, spatial: Sequence[int] = (), **options: Any
+    rows: int,
+    columns: int,
+    width: float = 3.5,
+    height: float = 2.7,
+    spatial: Sequence[int] = (),
+    **options: Any,
 ) -> tuple[Figure, list[Axes]]:
     """A figure of equal panels, and its axes in reading order; some may have three dimensions."""
     layout = ConstrainedLayoutEngine(wspace=options.pop("wspace", None))

@@ -18,23 +18,36 @@ NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this pag
 
 def write_pages(folder: Path, sections: Sequence[Section]) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
-    found = {item.name: store.judged(folder / own.name, item) for own in sections for item in own.items}
+    found = {
+        item.name: store.judged(folder / own.name, item) for own in sections for item in own.items
+    }
     for section in sections:
         parts = [_described(section, item, found[item.name]) for item in section.items]
-        write_file(folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts]))
+        write_file(
+            folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts])
+        )
     write_file(folder / "README.md", _index(sections, found))
 
 
 def _described(section: Section, item: Item, found: store.Judged) -> str:
     """What the page of a section says of an item."""
     if isinstance(found, str):
-        return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{found}: `polhode paper {item.name}`.\n"
+        return (
+            f"## {item.title}\n\n**Claim.** {item.claim}\n\n{found}: `polhode paper {item.name}`.\n"
+        )
     data, verdict, *_ = found
     files = [f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data]
     rows = [_cells(number.what, measured(number), allowed(number)) for number in verdict.numbers]
     numbers = markdown(["measured", "value", "verdict holds for"], rows)
     place = f"{section.name}/{item.name}"
-    return fill("paper-item", item=item, verdict=verdict, numbers=numbers, place=place, tables=", ".join(files))
+    return fill(
+        "paper-item",
+        item=item,
+        verdict=verdict,
+        numbers=numbers,
+        place=place,
+        tables=", ".join(files),
+    )
 
 
 def _cells(*texts: str) -> list[str]:
@@ -68,10 +81,18 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> st
     words = Counter(content[1].word for content in known.values())
     stale = [name for name, content in known.items() if not content[2]]
     coarse = [name for name, content in known.items() if content[3] is not Grid.FULL]
-    remarks = f"**Made on the reduced grid, a look, not a result: {', '.join(coarse)}.**\n\n" if coarse else ""
+    remarks = (
+        f"**Made on the reduced grid, a look, not a result: {', '.join(coarse)}.**\n\n"
+        if coarse
+        else ""
+    )
     if stale:
         remarks += f"Made by older code, to be computed again: {', '.join(stale)}.\n\n"
-    rows = [_index_row(section, item, found[item.name]) for section in sections for item in section.items]
+    rows = [
+        _index_row(section, item, found[item.name])
+        for section in sections
+        for item in section.items
+    ]
     return fill(
         "paper",
         count=len(found),
@@ -84,7 +105,9 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> st
 
 
 def _index_row(section: Section, item: Item, found: store.Judged) -> list[str]:
-    anchor = "".join(letter for letter in item.title.lower() if letter.isalnum() or letter in " -_").replace(" ", "-")
+    anchor = "".join(
+        letter for letter in item.title.lower() if letter.isalnum() or letter in " -_"
+    ).replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
     if isinstance(found, str):
         return _cells(name, item.claim, found, "")

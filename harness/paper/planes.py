@@ -38,7 +38,12 @@ def energy_at(ellipsoid: Ellipsoid, momentum: float, share: float) -> float:
 
 
 def aligned_scene(
-    ellipsoid: Ellipsoid, stokes: float, momentum: float, theta: float, slow_time: float, phi: float = 0.0
+    ellipsoid: Ellipsoid,
+    stokes: float,
+    momentum: float,
+    theta: float,
+    slow_time: float,
+    phi: float = 0.0,
 ) -> Scene:
     """Scene from L = momentum ẑ (over I_max) with θ₀ = theta, φ₀ = phi, ψ₀ = π/2."""
     start = aligned_start(ellipsoid, momentum * max(ellipsoid.inertia), theta, phi)
@@ -53,12 +58,18 @@ def place_of(ellipsoid: Ellipsoid, point: FixedPoint) -> tuple[float, float]:
 
 def fixed_point(ellipsoid: Ellipsoid, stability: Stability) -> tuple[float, float]:
     """L_z and E, over I_max, of the fixed point of a stability."""
-    return next(place_of(ellipsoid, point) for point in fixed_points(ellipsoid) if point.stability == stability)
+    return next(
+        place_of(ellipsoid, point)
+        for point in fixed_points(ellipsoid)
+        if point.stability == stability
+    )
 
 
 def distance_from_node(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     """Largest difference of slow variables over I_max from the stable node, shape (n,)."""
-    return np.max(np.abs(slow - np.array([0.0, 0.0, *fixed_point(ellipsoid, "stable node")])), axis=-1)
+    return np.max(
+        np.abs(slow - np.array([0.0, 0.0, *fixed_point(ellipsoid, "stable node")])), axis=-1
+    )
 
 
 def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> None:
@@ -67,18 +78,36 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Non
     inertia = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
     for number, moment in enumerate(inertia):
         middle = len(inertia) == 3 and number == 1
-        axes.plot(momentum, momentum**2 / (2 * moment), color=BOUND, linestyle="--" if middle else "-", lw=1.4)
+        axes.plot(
+            momentum,
+            momentum**2 / (2 * moment),
+            color=BOUND,
+            linestyle="--" if middle else "-",
+            lw=1.4,
+        )
     axes.plot([low, 0.0], [-low / 4, 0.0], color=GREEN, linewidth=0.9)
     for point in fixed_points(ellipsoid):
         draw_point(axes, point.stability, place_of(ellipsoid, point))
     axes.set(xlim=(low, high), xlabel="$L_z/I_{max}$", ylabel="$E/I_{max}$")
 
 
-def draw_point(axes: Axes, stability: str, place: tuple[float, ...] = (), text: str | None = None) -> None:
+def draw_point(
+    axes: Axes, stability: str, place: tuple[float, ...] = (), text: str | None = None
+) -> None:
     """Draw a fixed point with the marker of its stability; without a place it stands in the legend alone."""
     marker, size = MARKERS[stability]
     x, y = place or ([], [])
-    axes.scatter(x, y, s=size, marker=marker, color=NODE, edgecolor=BLACK, zorder=6, linewidth=0.6, label=text)
+    axes.scatter(
+        x,
+        y,
+        s=size,
+        marker=marker,
+        color=NODE,
+        edgecolor=BLACK,
+        zorder=6,
+        linewidth=0.6,
+        label=text,
+    )
 
 
 def name_points(axes: Axes, names: dict[str, str]) -> None:
@@ -103,7 +132,13 @@ def draw_paths(axes: Axes, table: Table, heights: Sequence[float]) -> None:
             below = int(np.argmax(part["E"] < height))
             if below > 0:
                 ends = [(part["Lz"][index], part["E"][index]) for index in (below - 1, below)]
-                arrow = {"arrowstyle": "-|>", "color": AVERAGED, "linewidth": 0.0, "shrinkA": 0, "shrinkB": 0}
+                arrow = {
+                    "arrowstyle": "-|>",
+                    "color": AVERAGED,
+                    "linewidth": 0.0,
+                    "shrinkA": 0,
+                    "shrinkB": 0,
+                }
                 axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "mutation_scale": 7})
 
 
@@ -116,4 +151,6 @@ def plane_steps(slow: np.ndarray, count: int) -> np.ndarray:
 def even_steps(path: np.ndarray, count: int) -> np.ndarray:
     """Indices of at most count points of a path, shape (n, d), at about equal steps along it; both ends included."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    return np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], count)).clip(0, len(path) - 1))
+    return np.unique(
+        np.searchsorted(length, np.linspace(0.0, length[-1], count)).clip(0, len(path) - 1)
+    )

@@ -49,11 +49,15 @@ def run_form(
     """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short."""
     solution = solve(form.problem(scene), solver, tolerance, times, max_seconds=120.0)
     if not (solution.success or partial):
-        raise RuntimeError(f"form {form.name!r} ended with {solution.status} at t = {solution.times[-1]:g}")
+        raise RuntimeError(
+            f"form {form.name!r} ended with {solution.status} at t = {solution.times[-1]:g}"
+        )
     return Run(form, scene, solution.times, solution.states)
 
 
-def full_run(scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE, *, solver: str = SOLVER) -> Run:
+def full_run(
+    scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE, *, solver: str = SOLVER
+) -> Run:
     """Solution of the full equations at times in units of the inverse shear rate."""
     return run_form(find_form(full_form(scene)), scene, times, tolerance, solver=solver)
 
@@ -63,19 +67,26 @@ def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = SOLVER) 
     return run_form(find_form(averaged_form(scene)), scene, slow_times, solver=solver)
 
 
-def slow_run(ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:
+def slow_run(
+    ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray, *, solver: str = SOLVER
+) -> Run:
     """The same from slow variables (L_x, L_y, L_z, E) over the largest moment of inertia."""
     return averaged_run(slow_scene(ellipsoid, slow, slow_times[-1]), slow_times, solver=solver)
 
 
-def slow_run_to_pinch(ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray) -> tuple[Run, float]:
+def slow_run_to_pinch(
+    ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray
+) -> tuple[Run, float]:
     """The same from L_z > 0, L_x = L_y = 0, as far as the pinch point L = 0, and the slow time at which it is met.
 
-    The equations end there. A Taylor step may jump over the singularity, so that this is done by a solver that fails
-    at it; the time is extrapolated from the last rows, as the speed there is finite. NaN if the point is not met.
+    The equations end there. A Taylor step may jump over the singularity, so that this is done by a
+    solver that fails at it; the time is extrapolated from the last rows, as the speed there is
+    finite. NaN if the point is not met.
     """
     scene = slow_scene(ellipsoid, slow, slow_times[-1])
-    run = run_form(find_form(averaged_form(scene)), scene, slow_times, solver="cyrk-vern8", partial=True)
+    run = run_form(
+        find_form(averaged_form(scene)), scene, slow_times, solver="cyrk-vern8", partial=True
+    )
     gone = run.slow[:, 2] <= 0
     rows = int(np.argmax(gone)) if gone.any() else len(run.times)
     kept = Run(run.form, scene, run.times[:rows], run.states[:rows])

@@ -20,7 +20,15 @@ SCHEMA = 1
 DIGITS = 8
 LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # What the expressions and the computation of an item may end with.
-FAILURES = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError)
+FAILURES = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    NameError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+)
 NO_DATA = "Not computed yet"
 Judged = tuple[Data, Verdict, bool, Grid] | str
 
@@ -41,10 +49,18 @@ def content_key(item: Item, grid: Grid) -> str:
 def code() -> list[Path]:
     """Files that compute, tables among them: of models, solvers and sections, and what these take from this package."""
     rooms = [Path(room.__file__ or "").parent for room in (models, solvers, sections)]
-    beside = [rooms[-1].parent / name for name in ("planes.py", "runs.py", "tables.py", "../references/chaos.py")]
-    found = sorted(path for room in rooms for path in room.rglob("*") if path.suffix in (".py", ".toml", ".ll"))
+    beside = [
+        rooms[-1].parent / name
+        for name in ("planes.py", "runs.py", "tables.py", "../references/chaos.py")
+    ]
+    found = sorted(
+        path for room in rooms for path in room.rglob("*") if path.suffix in (".py", ".toml", ".ll")
+    )
     # Claims are no code: an item's data stay when its words change.
-    return [*beside, *(path for path in found if path.suffix != ".toml" or path.parent != rooms[-1])]
+    return [
+        *beside,
+        *(path for path in found if path.suffix != ".toml" or path.parent != rooms[-1]),
+    ]
 
 
 @cache
@@ -61,7 +77,10 @@ def _meaning(path: Path) -> str:
         return path.read_text("utf-8")
     tree = ast.parse(path.read_bytes())
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
+        if (
+            isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+            and ast.get_docstring(node) is not None
+        ):
             node.body = node.body[1:]
     return ast.dump(tree)
 
@@ -70,7 +89,9 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     """Write the tables of an item and, last, its record; return them as they read back."""
     folder.mkdir(parents=True, exist_ok=True)
     contents = {
-        name: pd.DataFrame(table).to_csv(index=False, float_format=f"%.{DIGITS}g", na_rep="nan").encode()
+        name: pd.DataFrame(table)
+        .to_csv(index=False, float_format=f"%.{DIGITS}g", na_rep="nan")
+        .encode()
         for name, table in tables_of(parts).items()
     }
     record = folder / f"{item.name}.json"

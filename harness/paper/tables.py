@@ -29,10 +29,15 @@ def tables_of(parts: Computed) -> dict[str, dict[str, np.ndarray]]:
     for name, part in parts:
         arrays = np.broadcast_arrays(*map(np.atleast_1d, part.values()))
         found.setdefault(name, []).append(dict(zip(part, arrays, strict=True)))
-    return {name: {key: np.concatenate([each[key] for each in own]) for key in own[0]} for name, own in found.items()}
+    return {
+        name: {key: np.concatenate([each[key] for each in own]) for key in own[0]}
+        for name, own in found.items()
+    }
 
 
-def path(number: float, times: np.ndarray, slow: np.ndarray, wanted: Sequence[str] = SLOW) -> dict[str, Any]:
+def path(
+    number: float, times: np.ndarray, slow: np.ndarray, wanted: Sequence[str] = SLOW
+) -> dict[str, Any]:
     """A part of a table of paths: a number that names it, slow times, slow variables, shape (n, 4)."""
     return {"path": number, "t2": times, **{name: slow[:, SLOW.index(name)] for name in wanted}}
 
@@ -51,7 +56,9 @@ def by(table: Table, key: str) -> dict[float, Table]:
 def root_mean_squares(table: Table, key: str, name: str) -> tuple[np.ndarray, np.ndarray]:
     """The values of a key, and the root mean square of a column over the rows of each."""
     parts = by(table, key)
-    return np.array(list(parts)), np.array([np.sqrt(np.mean(part[name] ** 2)) for part in parts.values()])
+    return np.array(list(parts)), np.array(
+        [np.sqrt(np.mean(part[name] ** 2)) for part in parts.values()]
+    )
 
 
 def listed(form: str, rows: Iterable[Sequence[Any]], between: str = ", ") -> str:

@@ -10,7 +10,14 @@ from polhode.harness.picking.load import load_of
 from polhode.harness.picking.model_error import causes
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages
 from polhode.harness.picking.recommendation import Way
-from polhode.harness.picking.refusals import Stage, UnfitError, one_digit, one_digit_up, too_far_off, too_tight
+from polhode.harness.picking.refusals import (
+    Stage,
+    UnfitError,
+    one_digit,
+    one_digit_up,
+    too_far_off,
+    too_tight,
+)
 from polhode.models.form import Form
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Work
@@ -19,8 +26,8 @@ from polhode.solvers.contract import Work
 LOOSEST, TIGHTEST = 1e-3, 1e-15
 # So much tighter than its tightest measured run a method may be asked to be.
 BEYOND = 1e3
-# An averaged form whose model error leaves its solver less than this share of the error asked for is not expected to
-# meet it.
+# An averaged form whose model error leaves its solver less than this share of the error asked for
+# is not expected to meet it.
 SHARE = 0.05
 
 
@@ -77,7 +84,11 @@ class Candidate:
         if self.doubtful:
             return replace(self, budget=SHARE * self.asked, model=None).hoped()
         tolerance, stray = self._tolerance(self.law.stray.middle), self.law.stray
-        if lucky and tolerance < self.tightest and self.law.rounding(self.at) * exp(stray.low) < self.budget:
+        if (
+            lucky
+            and tolerance < self.tightest
+            and self.law.rounding(self.at) * exp(stray.low) < self.budget
+        ):
             tolerance = replace(self, law=replace(self.law, floor=0.0))._tolerance(stray.middle)
         return None if tolerance < self.tightest else self.by_law(tolerance)
 
@@ -102,7 +113,16 @@ class Candidate:
         seconds = self.laws.cost.predict(load, tolerance)
         first_run = self.laws.compile_seconds + seconds.predicted
         whole = own.plus(self.model) if self.model else own
-        return Way(self.form.name, self.solver, tolerance, whole, seconds, first_run, False, self._reason(error))
+        return Way(
+            self.form.name,
+            self.solver,
+            tolerance,
+            whole,
+            seconds,
+            first_run,
+            False,
+            self._reason(error),
+        )
 
     def _reason(self, error: str) -> str:
         if find_solver(self.solver).closed_form:
@@ -112,5 +132,9 @@ class Candidate:
             return f"averaged: costs the same at every St; {known}"
         if self.found.stiff:
             return f"implicit: {self.found.damping_times:.2g} damping times would hold an explicit method back; {error}"
-        how = "full equations" if not averages(self.form) else "averages where these hold, full equations elsewhere,"
+        how = (
+            "full equations"
+            if not averages(self.form)
+            else "averages where these hold, full equations elsewhere,"
+        )
         return f"{how} over {self.found.rotations:.3g} rotations; {error}"

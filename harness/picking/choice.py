@@ -14,11 +14,13 @@ from polhode.models.scene import Scene
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 
-# Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on ordinary scenes.
+# Where `pick` knows no law for what the user insists on: errors stay below so many tolerances on
+# ordinary scenes.
 SAFETY = 100.0
 # Seconds of a run that nobody expects unasked.
 PATIENCE = 30.0
-# Tolerances worth asking for: a tighter one is lost in the rounding of double precision, a looser one holds nothing.
+# Tolerances worth asking for: a tighter one is lost in the rounding of double precision, a looser
+# one holds nothing.
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-16, 1.0
 
 
@@ -43,10 +45,11 @@ def choose(
 ) -> Chosen:
     """Fill in what the user left open.
 
-    With form, solver and tolerance given nothing is left open. Else what `pick` puts first of all that agrees with what
-    is given, which it tries even where other ways are quicker; where there is none, the simplest form, the first solver
-    that takes it and a hundredth of the error. Raises NotAttainableError if nothing is given and no run meets the
-    error, ValueError if a number is out of range or the orientation is wanted of a form that gives none.
+    With form, solver and tolerance given nothing is left open. Else what `pick` puts first of all
+    that agrees with what is given, which it tries even where other ways are quicker; where there is
+    none, the simplest form, the first solver that takes it and a hundredth of the error. Raises
+    NotAttainableError if nothing is given and no run meets the error, ValueError if a number is out
+    of range or the orientation is wanted of a form that gives none.
     """
     check_asked(error, want)
     error = float(error)
@@ -68,7 +71,10 @@ def choose(
                 raise
             refusal = not_attainable.reason
         rows = found.ranking if found else ()
-        row = next((each for each in rows if form in (None, each.form) and solver in (None, each.solver)), None)
+        row = next(
+            (each for each in rows if form in (None, each.form) and solver in (None, each.solver)),
+            None,
+        )
     if row:
         seconds, long = row.seconds.predicted, ""
         if seconds > PATIENCE:
@@ -78,9 +84,14 @@ def choose(
         return Chosen(row.form, row.solver, tolerance or row.tolerance, long=long)
     form = form or simplest(scene)
     if not solver:
-        # The closed form where there is one, else the first solver that can be run and takes the problem.
+        # The closed form where there is one, else the first solver that can be run and takes the
+        # problem.
         problem = find_form(form).problem(scene)
-        able = [name for name in SOLVERS if find_solver(name).available and find_solver(name).takes(problem)]
+        able = [
+            name
+            for name in SOLVERS
+            if find_solver(name).available and find_solver(name).takes(problem)
+        ]
         solver = "exact" if problem.closed_form is not None else (able or [*SOLVERS])[0]
     if tolerance:
         return Chosen(form, solver, tolerance)

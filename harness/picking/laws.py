@@ -2,18 +2,21 @@
 
 Cost of a warm run, in seconds, at tolerance tol and with m samples::
 
-    fixed + per_sample m + tol^exponent (start + per_rotation N + per_time F) + per_damping_time S tol^stiff_exponent
+    fixed + per_sample m + tol^exponent (start + per_rotation N + per_time F) + per_damping_time S
+    tol^stiff_exponent
         + per_piece P + per_entering E + per_row R
 
-with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time spent following
-the flow: the duration T, in inverse shear rates, where damping is faster than shear, and next to none of it where
-the particle spins freely. N, F and S count by the steps that they cost the form in the scene at hand, which pilot
-runs count (`polhode.harness.picking.load`). A form that averages in P pieces of a run enters E of them with a triaxial
-body and maps R rows there; tol is then that of its full equations. Explicit methods on stiff scenes are held back by
-stability: damping times have an exponent of their own. Where trials count the steps, it is fixed + per_sample m +
-per_step tol^step_exponent steps.
+with N = ∫|ω|dt/2π the rotations, S = T max(8πX/I)/St the damping times, and F = TS/(T + S) the time
+spent following the flow: the duration T, in inverse shear rates, where damping is faster than
+shear, and next to none of it where the particle spins freely. N, F and S count by the steps that
+they cost the form in the scene at hand, which pilot runs count (`polhode.harness.picking.load`). A
+form that averages in P pieces of a run enters E of them with a triaxial body and maps R rows there;
+tol is then that of its full equations. Explicit methods on stiff scenes are held back by stability:
+damping times have an exponent of their own. Where trials count the steps, it is fixed + per_sample
+m + per_step tol^step_exponent steps.
 
-Error, in the pilot's terms (`polhode.harness.picking.pilot`), e₀ being the pilot's error at its tolerance tol₀::
+Error, in the pilot's terms (`polhode.harness.picking.pilot`), e₀ being the pilot's error at its
+tolerance tol₀::
 
     10^offset (tol/tol₀)^order e₀^gain (1 + N)^growth (1 + S/T)^stiffness
         + floor eps largest (1 + N)^floor_growth
@@ -60,12 +63,19 @@ class Interval:
     @property
     def mean(self) -> float:
         """What it comes to on average, its logarithm being normal on either side of the middle."""
-        wide = log(self.high / self.predicted) / TWO_SIDED, -log(self.predicted / self.low) / TWO_SIDED
-        return self.predicted * sum(exp(each**2 / 2) * (1 + erf(each / sqrt(2))) / 2 for each in wide)
+        wide = (
+            log(self.high / self.predicted) / TWO_SIDED,
+            -log(self.predicted / self.low) / TWO_SIDED,
+        )
+        return self.predicted * sum(
+            exp(each**2 / 2) * (1 + erf(each / sqrt(2))) / 2 for each in wide
+        )
 
     def plus(self, other: "Interval") -> "Interval":
         """The sum, the worst coming with the worst."""
-        return Interval(self.predicted + other.predicted, self.low + other.low, self.high + other.high)
+        return Interval(
+            self.predicted + other.predicted, self.low + other.low, self.high + other.high
+        )
 
 
 @dataclass(frozen=True)
@@ -124,15 +134,23 @@ class CostLaw:
         tolerance = load.tolerance or tolerance
         any_run = self.fixed + self.per_sample * load.samples
         if load.steps and self.step_stray:
-            return self.scale * (any_run + self.per_step * tolerance**self.step_exponent * load.steps)
+            return self.scale * (
+                any_run + self.per_step * tolerance**self.step_exponent * load.steps
+            )
         work = self.start + self.per_rotation * load.rotations + self.per_time * load.following
         stiff = self.per_damping_time * load.damping_times * tolerance**self.stiff_exponent
-        averaged = self.per_piece * load.pieces + self.per_entering * load.entered + self.per_row * load.rows
+        averaged = (
+            self.per_piece * load.pieces
+            + self.per_entering * load.entered
+            + self.per_row * load.rows
+        )
         return self.scale * (any_run + tolerance**self.exponent * work + stiff + averaged)
 
     def predict(self, load: Load, tolerance: float) -> Interval:
         """Seconds with their interval."""
-        return ((load.steps and self.step_stray) or self.stray).around(self.seconds(load, tolerance))
+        return ((load.steps and self.step_stray) or self.stray).around(
+            self.seconds(load, tolerance)
+        )
 
 
 @dataclass(frozen=True)
@@ -201,18 +219,23 @@ class MethodLaws:
     solver: str
     cost: CostLaw
     errors: dict[str, ErrorLaw]
-    compile_seconds: float  # what the first of all runs takes more: importing the library and compiling the form
+    compile_seconds: (
+        float  # what the first of all runs takes more: importing the library and compiling the form
+    )
     tightest: float  # tolerance at which runs still ended well
     stale: bool = False  # whether form or solver have changed since
 
     def error_law(self, want: str, at: Sensitivity) -> ErrorLaw | None:
         """The law of what is wanted, in the scene's regime, or of shorter runs."""
-        return self.errors.get(regime(want, at.stiff, at.long)) or self.errors.get(regime(want, at.stiff))
+        return self.errors.get(regime(want, at.stiff, at.long)) or self.errors.get(
+            regime(want, at.stiff)
+        )
 
 
 def regime(want: str, stiff: bool, long: bool = False) -> str:
     """Name of the law of what is wanted."""
-    # Where stability would hold explicit methods back errors die out; over long runs they have long added up.
+    # Where stability would hold explicit methods back errors die out; over long runs they have long
+    # added up.
     return f"stiff {want}" if stiff else f"long {want}" if long else want
 
 
@@ -256,10 +279,14 @@ def parse_laws(text: str) -> Laws:
 def _method(cost: dict[str, Any], errors: dict[str, dict[str, Any]], **rest: Any) -> MethodLaws:
     known = {name: _law(ErrorLaw, **each) for name, each in errors.items()}
     counted = cost.pop("step_stray", None)
-    return MethodLaws(cost=_law(CostLaw, step_stray=counted and Stray(**counted), **cost), errors=known, **rest)
+    return MethodLaws(
+        cost=_law(CostLaw, step_stray=counted and Stray(**counted), **cost), errors=known, **rest
+    )
 
 
-def _law(kind: type, stray: dict[str, float], intervals: dict[str, list[float]], **rest: Any) -> Any:
+def _law(
+    kind: type, stray: dict[str, float], intervals: dict[str, list[float]], **rest: Any
+) -> Any:
     ends = {name: (low, high) for name, (low, high) in intervals.items()}
     return kind(stray=Stray(**stray), intervals=ends, **rest)
 
@@ -272,7 +299,9 @@ def own_laws_path() -> Path:
 @cache
 def load_laws() -> Laws:
     """Laws fitted on this machine by this version if there are any, else those that come with the package."""
-    shipped = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
+    shipped = parse_laws(
+        (files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8")
+    )
     own = own_laws_path()
     try:
         found = read_laws(own) if own.is_file() else shipped
@@ -281,7 +310,10 @@ def load_laws() -> Laws:
     except ValueError as error:
         raise ValueError(f"{error}; remove it to use those of the package") from None
     # Times of the package's laws scaled to this machine are of no use once there are other laws.
-    same = all(found.source.get(each) == shipped.source.get(each) for each in ("scenes", "records", "added"))
+    same = all(
+        found.source.get(each) == shipped.source.get(each)
+        for each in ("scenes", "records", "added")
+    )
     return found if same or "refitted" not in found.source else shipped
 
 
@@ -290,9 +322,15 @@ def read_laws(path: Path) -> Laws:
     try:
         return parse_laws(read_file(path).decode())
     except ValueError as error:
-        raise error if isinstance(error, OtherSchemaError) else ValueError(f"{path}: {error}, expected laws") from None
+        raise (
+            error
+            if isinstance(error, OtherSchemaError)
+            else ValueError(f"{path}: {error}, expected laws")
+        ) from None
 
 
 def _json(content: Any) -> str:
     """JSON with numbers at six digits: more would be noise."""
-    return json.dumps(json.loads(json.dumps(content), parse_float=lambda digits: float(f"{float(digits):.6g}")))
+    return json.dumps(
+        json.loads(json.dumps(content), parse_float=lambda digits: float(f"{float(digits):.6g}"))
+    )

@@ -1,7 +1,8 @@
 """Size of a run, in solver steps: rotations, flow and damping times, by the steps that they cost.
 
-Near a pole angles take many steps, a body that has settled takes few, and a solver that switches to an implicit method
-takes fewer than one that cannot. Pilot runs of the form itself count them, by a solver of each kind.
+Near a pole angles take many steps, a body that has settled takes few, and a solver that switches to
+an implicit method takes fewer than one that cannot. Pilot runs of the form itself count them, by a
+solver of each kind.
 """
 
 from dataclasses import replace
@@ -13,7 +14,13 @@ import numpy as np
 
 from polhode.harness.picking.laws import Load
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages, follow
-from polhode.harness.references.rotations import EXPLICIT, HELD, Gauge, damping_times, following_time
+from polhode.harness.references.rotations import (
+    EXPLICIT,
+    HELD,
+    Gauge,
+    damping_times,
+    following_time,
+)
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form
 from polhode.models.problem import PlannedPiece
@@ -21,17 +28,18 @@ from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
-# The averaged form that has one set of equations for spheroids and another, far dearer one, for triaxial ellipsoids.
+# The averaged form that has one set of equations for spheroids and another, far dearer one, for
+# triaxial ellipsoids.
 SECOND_ORDER = "averaged-second-order"
 # Most steps that stability costs, over the usual ones.
 MOST_STABILITY = 2.0
 IMPLICIT = Gauge("cyrk-radau", 1e-6, 27.0, 2.6, 0.0, 13.0)
 BOTH = Gauge("cyrk-lsoda", 1e-9, 36.0, 21.0, 7e-4, 8.5)
-# Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not: runs so much looser and
-# tighter than the gauge's tolerance separate the two, at the gauge's order.
+# Accuracy asks explicit methods for ever more steps as the tolerance falls, stability does not:
+# runs so much looser and tighter than the gauge's tolerance separate the two, at the gauge's order.
 LOOSER, TIGHTER, ORDER = 1e4, 1e-2, 8
-# A solver that plans its steps over many periods shows its plans, which it makes at these shares of a run or near them,
-# by so many steps, at times from this share of the run on.
+# A solver that plans its steps over many periods shows its plans, which it makes at these shares of
+# a run or near them, by so many steps, at times from this share of the run on.
 PLANS, PLANNED, BEGINNING, ROWS = (0.0, 0.1, 0.4, 0.7, 1.0), 5000, 1e-6, 200
 
 
@@ -43,8 +51,9 @@ def gauge_of(solver: str) -> Gauge:
 
 def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: float) -> Load:
     """Load of a run of a form by a solver; raises PilotFailedError if the form's own pilot fails."""
-    # Rotations, the flow's own time and damping times count by the steps that they cost, as against the usual. Averaged
-    # forms know nothing of rotations, and count by their steps, as do solvers that plan theirs over many periods.
+    # Rotations, the flow's own time and damping times count by the steps that they cost, as against
+    # the usual. Averaged forms know nothing of rotations, and count by their steps, as do solvers
+    # that plan theirs over many periods.
     scene, damped, gauge = pilot.scene, pilot.damping_times, gauge_of(solver)
     if find_solver(solver).many_periods:
         # Steps within steps stand in the place of F.
@@ -55,7 +64,11 @@ def load_of(form: Form, solver: str, pilot: Pilot, samples: int, tolerance: floa
     if form.averaged:
         held = damped if gauge is EXPLICIT else 0.0
         count = sum(steps(form, scene, gauge)) / gauge.per_rotation
-        return Load(*_by_kind(count, form.name == SECOND_ORDER and scene.ellipsoid.kind == "triaxial"), held, samples)
+        return Load(
+            *_by_kind(count, form.name == SECOND_ORDER and scene.ellipsoid.kind == "triaxial"),
+            held,
+            samples,
+        )
     turns = pilot.rotations
     following = following_time(scene)
     closed = form.problem(pilot.followed).parameters is None
@@ -79,13 +92,28 @@ def _in_pieces(form: InPieces, solver: str, pilot: Pilot, samples: int, toleranc
             pieces, averaged = pieces + 1, averaged + length
         else:
             angle = pilot.share_of(each)
-            # The windows' tolerance is the mean of their own ones, in logarithms, by the angles turned in them.
-            turned, followed, logarithm = turned + angle, followed + length, logarithm + angle * log(each.tolerance)
-    own, triaxial = exp(logarithm / turned) if turned else tolerance, scene.ellipsoid.kind == "triaxial"
-    full, gauge = load_of(find_form(full_form(scene)), solver, pilot, samples, own), gauge_of(solver)
-    count = turned * full.rotations + followed * full.following * gauge.per_time / gauge.per_rotation
+            # The windows' tolerance is the mean of their own ones, in logarithms, by the angles
+            # turned in them.
+            turned, followed, logarithm = (
+                turned + angle,
+                followed + length,
+                logarithm + angle * log(each.tolerance),
+            )
+    own, triaxial = (
+        exp(logarithm / turned) if turned else tolerance,
+        scene.ellipsoid.kind == "triaxial",
+    )
+    full, gauge = (
+        load_of(find_form(full_form(scene)), solver, pilot, samples, own),
+        gauge_of(solver),
+    )
+    count = (
+        turned * full.rotations + followed * full.following * gauge.per_time / gauge.per_rotation
+    )
     seen = (pieces, averaged * samples) if triaxial else (0, 0.0)
-    return Load(*_by_kind(count, triaxial), followed * full.damping_times, samples, pieces, *seen, own)
+    return Load(
+        *_by_kind(count, triaxial), followed * full.damping_times, samples, pieces, *seen, own
+    )
 
 
 def _by_kind(count: float, triaxial: bool) -> tuple[float, float]:
@@ -142,17 +170,25 @@ def _planned(form: Form, pilot: Pilot, solver: str, tolerance: float) -> np.ndar
             count[0] += checks
             if not share and reached == 1:
                 return count + taken
-            per_turn = np.array(taken) / (pilot.turned(share + reached * (1 - share)) - pilot.turned(share))
+            per_turn = np.array(taken) / (
+                pilot.turned(share + reached * (1 - share)) - pilot.turned(share)
+            )
         count += per_turn * (pilot.turned(until) - pilot.turned(share))
     return count
 
 
 @lru_cache(maxsize=256)
-def _beginning(form: Form, scene: Scene, solver: str, tolerance: float) -> tuple[tuple[int, int], int, float]:
+def _beginning(
+    form: Form, scene: Scene, solver: str, tolerance: float
+) -> tuple[tuple[int, int], int, float]:
     """Steps of a solver in the beginning of a run and those within them, checks, and what share of its time that is."""
     problem = form.problem(scene)
     times = np.append(0.0, np.geomspace(BEGINNING * problem.end, problem.end, ROWS))
     run = solve(problem, solver, tolerance, times, max_steps=PLANNED)
     if not run.work.steps or len(run.times) < 2:
         raise PilotFailedError(f"pilot: {form.name!r} by {solver!r} ended with {run.status.value}")
-    return (run.work.steps, run.work.inner or 0), run.work.rejected or 0, float(run.times[-1] / problem.end)
+    return (
+        (run.work.steps, run.work.inner or 0),
+        run.work.rejected or 0,
+        float(run.times[-1] / problem.end),
+    )

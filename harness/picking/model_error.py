@@ -21,12 +21,13 @@ from polhode.models.scene import Scene
 LEAST_ROTATIONS = 0.3
 # At few output times the largest error may be missed; at many it is met.
 MISSED, MET = 0.5, 1.1
-# Ratio of the two Stokes numbers that show how the error falls, the exponents believed, and what they may be off.
+# Ratio of the two Stokes numbers that show how the error falls, the exponents believed, and what
+# they may be off.
 RATIO = 3.0
 EXPONENTS = (0.5, 2.2)
 OFF, FACTOR = 0.15, 2.0
-# What a form says of its own error, over the true one, in nine of ten scenes at most, and the true one over it: of 80
-# random scenes 79 stay below, and 97.5 % below 0.85.
+# What a form says of its own error, over the true one, in nine of ten scenes at most, and the true
+# one over it: of 80 random scenes 79 stay below, and 97.5 % below 0.85.
 OVERSTATED, UNDERSTATED = 30.0, 1.0
 # What makes averaging poor: L gets so small a share of its largest size, or L²/2EI₂ so close to 1.
 PINCHED, NEAR = 0.1, 0.03
@@ -38,13 +39,17 @@ def own_estimate(form: Form, scene: Scene) -> dict[str, Interval]:
         return {}
     said: Any = form.estimate(scene)  # pyright: ignore[reportAttributeAccessIssue]
     values = {want: float(getattr(said, want)) for want in WANTS}
-    return {want: Interval(value, value / OVERSTATED, value * UNDERSTATED) for want, value in values.items()}
+    return {
+        want: Interval(value, value / OVERSTATED, value * UNDERSTATED)
+        for want, value in values.items()
+    }
 
 
 def model_errors(form: Form, pilot: Pilot) -> Mapping[str, Interval | None]:
     """Slow and orientation error of an averaged form's exact solution against the full one.
 
-    The smaller one of what the form says itself and what pilots show; raises UnfitError or PilotFailedError for none.
+    The smaller one of what the form says itself and what pilots show; raises UnfitError or
+    PilotFailedError for none.
     """
     said = own_estimate(form, pilot.scene)
     try:
@@ -53,7 +58,11 @@ def model_errors(form: Form, pilot: Pilot) -> Mapping[str, Interval | None]:
         if not said:
             raise
         return said
-    return shown | {want: own for want, own in said.items() if not (other := shown[want]) or own.high < other.high}
+    return shown | {
+        want: own
+        for want, own in said.items()
+        if not (other := shown[want]) or own.high < other.high
+    }
 
 
 def _shown(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
@@ -62,16 +71,22 @@ def _shown(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
         return {"slow": Interval(0.0, 0.0, 0.0), "orientation": None}
     check_averaging(pilot)
     if pilot.gains["slow"].error == np.inf:
-        raise UnfitError("trial runs lost the motion, so that the model error is unknown", Stage.AVERAGING)
+        raise UnfitError(
+            "trial runs lost the motion, so that the model error is unknown", Stage.AVERAGING
+        )
     if pilot.direct:
         return _measured(form, pilot)
     if not pilot.twin:
-        raise UnfitError("the start is too slow for rotations to be fast against damping", Stage.AVERAGING)
+        raise UnfitError(
+            "the start is too slow for rotations to be fast against damping", Stage.AVERAGING
+        )
     near, ellipsoid = pilot.followed, pilot.scene.ellipsoid
     far = replace(near, stokes=near.stokes / RATIO, time=near.time / RATIO)
     at_near = errors(ellipsoid, form_ladder(form, near)[-1][1], _thinned(pilot.observables, form))
     at_far = errors(ellipsoid, form_ladder(form, far)[-1][1], _thinned(_tight(far), form))
-    return {want: _interval(want, at_near, at_far, pilot.scene.stokes / near.stokes) for want in WANTS}
+    return {
+        want: _interval(want, at_near, at_far, pilot.scene.stokes / near.stokes) for want in WANTS
+    }
 
 
 def check_averaging(pilot: Pilot) -> None:
@@ -80,7 +95,9 @@ def check_averaging(pilot: Pilot) -> None:
     if pilot.scene.ellipsoid.kind != "sphere" and rotations < LEAST_ROTATIONS * damping:
         share, least = apart(rotations / damping, LEAST_ROTATIONS)
         small = "St is too small to average over rotations"
-        raise UnfitError(f"{small}: {share} of them per damping time, expected at least {least}", Stage.AVERAGING)
+        raise UnfitError(
+            f"{small}: {share} of them per damping time, expected at least {least}", Stage.AVERAGING
+        )
 
 
 def causes(form: Form, pilot: Pilot) -> list[str]:
@@ -90,7 +107,9 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
     size = np.linalg.norm(observables.angular_momentum, axis=1)
     found = []
     if pilot.damping_times > 0 and pilot.rotations < 10 * pilot.damping_times:
-        found.append(f"St is small, with {pilot.rotations / pilot.damping_times:.2g} rotations per damping time")
+        found.append(
+            f"St is small, with {pilot.rotations / pilot.damping_times:.2g} rotations per damping time"
+        )
     if size.min() < PINCHED * size.max():
         found.append("L nearly vanishes on the way (pinch point)")
     if scene.ellipsoid.kind == "triaxial":
@@ -104,7 +123,11 @@ def causes(form: Form, pilot: Pilot) -> list[str]:
 
 
 def _measured(form: Form, pilot: Pilot) -> dict[str, Interval | None]:
-    found = errors(pilot.scene.ellipsoid, form_ladder(form, pilot.scene)[-1][1], _thinned(pilot.observables, form))
+    found = errors(
+        pilot.scene.ellipsoid,
+        form_ladder(form, pilot.scene)[-1][1],
+        _thinned(pilot.observables, form),
+    )
     intervals: dict[str, Interval | None] = dict.fromkeys(WANTS)
     for want, gain in pilot.gains.items():
         if (value := getattr(found, want)) is not None:

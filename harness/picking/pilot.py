@@ -1,8 +1,9 @@
 """Pilot runs: a scene followed loosely, to learn how many rotations it takes and how it magnifies errors.
 
-A pilot costs milliseconds. It follows a full form at tolerances a hundredfold apart; the difference of two runs is the
-error of the looser one. A run of too many rotations is replaced by its twin: the same slow motion at a smaller St, in
-which every rotation stands for several. Where there is no slow motion, only the beginning is followed.
+A pilot costs milliseconds. It follows a full form at tolerances a hundredfold apart; the difference
+of two runs is the error of the looser one. A run of too many rotations is replaced by its twin: the
+same slow motion at a smaller St, in which every rotation stands for several. Where there is no slow
+motion, only the beginning is followed.
 """
 
 from contextlib import suppress
@@ -27,23 +28,25 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import Solution, solve
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-# A difference beyond this share of its largest possible value says nothing but that the tolerance was too loose.
+# A difference beyond this share of its largest possible value says nothing but that the tolerance
+# was too loose.
 SATURATED = 0.03
-# A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps: others will not be, as
-# the next one shows.
+# A pilot whose error is a smaller share of its tolerance was lucky, or took a handful of steps:
+# others will not be, as the next one shows.
 LUCKY = 0.1
 SAMPLES, FEW = 401, 51
 # Rotations and steps of a run: some tenths of a second.
 MOST_ROTATIONS, MOST_STEPS = 5_000.0, 300_000
 # Tolerance at which the beginning of a run is followed to learn where it leads.
 BEGUN = 1e-6
-# Rotations of a twin, and of one that shows no more than how many steps a slow solver takes; rotations per damping time
-# that make a motion fast enough to have the former. From rest it speeds up alike at every St, in times of √St.
+# Rotations of a twin, and of one that shows no more than how many steps a slow solver takes;
+# rotations per damping time that make a motion fast enough to have the former. From rest it speeds
+# up alike at every St, in times of √St.
 TWIN_ROTATIONS, COUNTED_ROTATIONS, FAST = 1_000.0, 300.0, 50.0
 # Tolerance at which a run errs by about as much whose tolerance is the error of the whole run.
 WHOLE_RUN_TOLERANCE = 1e-6
-# Errors grow with rotations not followed: those of L, which add up at random, at most like the root, those of an angle,
-# whose rate is off, like their number and somewhat faster.
+# Errors grow with rotations not followed: those of L, which add up at random, at most like the
+# root, those of an angle, whose rate is off, like their number and somewhat faster.
 GROWTH = {"slow": 0.5, "orientation": 1.25}
 
 
@@ -96,7 +99,12 @@ class Pilot:
     def per_radian(self) -> float | None:
         """What an error of the phase makes of L and E, of a motion that settles and was followed in its beginning."""
         slow, turned = self.gains["slow"], self.gains.get("orientation")
-        if self.to_the_end or self.rotations > FAST * self.damping_times or not turned or turned.error == inf:
+        if (
+            self.to_the_end
+            or self.rotations > FAST * self.damping_times
+            or not turned
+            or turned.error == inf
+        ):
             return None
         grown = (self.scene.time / self.followed.time) ** (GROWTH["orientation"] - GROWTH["slow"])
         return grown * slow.error / slow.tolerance * turned.tolerance / turned.error
@@ -105,7 +113,11 @@ class Pilot:
     def counted(self) -> Scene:
         """What steps of slow solvers are counted on: a short twin, whose count per rotation is mostly within half."""
         share = COUNTED_ROTATIONS / max(1.0, self.rotations * self.followed.time / self.scene.time)
-        return _shrunk(self.followed, share) if share < 1 and 0 < self.scene.stokes < inf else self.followed
+        return (
+            _shrunk(self.followed, share)
+            if share < 1 and 0 < self.scene.stokes < inf
+            else self.followed
+        )
 
     def turned(self, share: float) -> float:
         """Share of the run's rotations in the first `share` of its time."""
@@ -148,7 +160,9 @@ def _end_of(scene: Scene) -> Start | None:
     """Where a run ends, loosely followed; none if it cannot be."""
     form = find_form(reference_form(scene))
     with suppress(PilotFailedError):
-        return start_from(scene.ellipsoid, form.observe(scene, follow(form, scene, BEGUN).states[-1:]))
+        return start_from(
+            scene.ellipsoid, form.observe(scene, follow(form, scene, BEGUN).states[-1:])
+        )
     return None
 
 
@@ -159,10 +173,14 @@ def oriented(scene: Scene) -> Scene:
     ellipsoid, momentum = scene.ellipsoid, np.array(scene.start.angular_momentum)
     size = float(np.linalg.norm(momentum))
     if size == 0:
-        raise PilotFailedError("the start has L = 0 and no orientation, expected one that determines the motion")
+        raise PilotFailedError(
+            "the start has L = 0 and no orientation, expected one that determines the motion"
+        )
     first, _, last = ellipsoid.order
     low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
-    share = 1.0 if low == high else (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
+    share = (
+        1.0 if low == high else (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
+    )
     share = min(1.0, max(0.0, share))
     body = np.zeros(3)
     body[first], body[last] = np.sqrt(share), np.sqrt(1 - share)
@@ -189,7 +207,9 @@ def pilot(scene: Scene) -> Pilot:
 
 def _grown(own: dict[str, Gain], gap: float) -> dict[str, Gain]:
     """Gains over `gap` times as many rotations."""
-    return {want: gain._replace(error=gain.error * gap ** GROWTH[want]) for want, gain in own.items()}
+    return {
+        want: gain._replace(error=gain.error * gap ** GROWTH[want]) for want, gain in own.items()
+    }
 
 
 def pilot_solver(scene: Scene) -> str:
@@ -214,11 +234,17 @@ def follow(form: Form, scene: Scene, tolerance: float, solver: str | None = None
 
 def gains(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict[str, Gain]:
     """Gains of what is wanted from runs at several tolerances, the loosest first."""
-    pairs = [(tolerance, errors(ellipsoid, loose, tight)) for (tolerance, loose), (_, tight) in pairwise(found)]
-    limits = {"slow": SATURATED * max(magnitude(ellipsoid, found[-1][1]), 1e-300), "orientation": SATURATED * pi}
+    pairs = [
+        (tolerance, errors(ellipsoid, loose, tight))
+        for (tolerance, loose), (_, tight) in pairwise(found)
+    ]
+    limits = {
+        "slow": SATURATED * max(magnitude(ellipsoid, found[-1][1]), 1e-300),
+        "orientation": SATURATED * pi,
+    }
     known = [want for want in limits if getattr(pairs[-1][1], want) is not None]
-    # The loosest pair of all is left out: its error follows no law. Of one run, made twice in the same few steps,
-    # nothing follows.
+    # The loosest pair of all is left out: its error follows no law. Of one run, made twice in the
+    # same few steps, nothing follows.
     telling = [each for each in pairs[1:] if each[1].slow or each[1].orientation] or pairs[1:][-1:]
     lucky = _lucky(ellipsoid, found)
     return {want: _first_below(telling, want, limits[want], lucky[want]) for want in known}
@@ -230,12 +256,19 @@ def _lucky(ellipsoid: Ellipsoid, found: list[tuple[float, Observables]]) -> dict
 
 
 def _first_below(pairs: list[tuple[float, Errors]], name: str, limit: float, lucky: float) -> Gain:
-    below = [(tolerance, value / tolerance) for tolerance, each in pairs if (value := getattr(each, name)) < limit]
+    below = [
+        (tolerance, value / tolerance)
+        for tolerance, each in pairs
+        if (value := getattr(each, name)) < limit
+    ]
     if not below:
         return Gain(TOLERANCES[-1], inf)
     tolerance, share = below[0]
     # Where one was lucky the next tighter one need not be.
-    return Gain(tolerance, tolerance * (share if share >= lucky else max(lucky, *(each for _, each in below[:2]))))
+    return Gain(
+        tolerance,
+        tolerance * (share if share >= lucky else max(lucky, *(each for _, each in below[:2]))),
+    )
 
 
 @lru_cache(maxsize=100)
@@ -252,7 +285,9 @@ def form_ladder(form: Form, scene: Scene) -> list[tuple[float, Observables]]:
         if len(found) >= 3 + luck and all(isfinite(gain.error) for gain in own.values()):
             break
     if len(found) < 2:
-        raise PilotFailedError(f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended at no tolerance")
+        raise PilotFailedError(
+            f"pilot: {form.name!r} by {pilot_solver(scene)!r} ended at no tolerance"
+        )
     return found
 
 
@@ -285,14 +320,28 @@ def form_sensitivity(form: Form, pilot: Pilot, solver: str = "") -> dict[str, Se
     own, observables = pilot.gains, pilot.observables
     scene = pilot.scene if form.averaged else pilot.followed
     if over_whole_run(form, solver):
-        # An error of L, which is relative where L is large, turns into one of the angle with every rotation.
-        turned = {"slow": max(1.0, magnitude(scene.ellipsoid, observables)), "orientation": 1.0 + pilot.rotations}
+        # An error of L, which is relative where L is large, turns into one of the angle with every
+        # rotation.
+        turned = {
+            "slow": max(1.0, magnitude(scene.ellipsoid, observables)),
+            "orientation": 1.0 + pilot.rotations,
+        }
         own = {want: Gain(WHOLE_RUN_TOLERANCE, WHOLE_RUN_TOLERANCE * turned[want]) for want in own}
-    elif not form.angles and form.name != reference_form(scene) and form.problem(scene).parameters is not None:
+    elif (
+        not form.angles
+        and form.name != reference_form(scene)
+        and form.problem(scene).parameters is not None
+    ):
         found = form_ladder(form, scene)
-        own, observables = _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time), found[-1][1]
+        own, observables = (
+            _grown(gains(scene.ellipsoid, found), pilot.scene.time / scene.time),
+            found[-1][1],
+        )
     turns = 0.0 if form.averaged else pilot.rotations
     stiffness = 0.0 if form.averaged else pilot.damping_times / pilot.scene.time
     stiff = not form.averaged and pilot.stiff
     largest = {"slow": magnitude(scene.ellipsoid, observables), "orientation": 1.0}
-    return {want: Sensitivity(*gain, turns, stiffness, largest[want], stiff) for want, gain in own.items()}
+    return {
+        want: Sensitivity(*gain, turns, stiffness, largest[want], stiff)
+        for want, gain in own.items()
+    }

@@ -9,12 +9,28 @@ from math import inf, log10, pi
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import short
 from polhode.harness.picking.candidate import SHARE, Candidate
-from polhode.harness.picking.laws import EPS, WANTS, ErrorLaw, Interval, Laws, MethodLaws, Sensitivity, load_laws
+from polhode.harness.picking.laws import (
+    EPS,
+    WANTS,
+    ErrorLaw,
+    Interval,
+    Laws,
+    MethodLaws,
+    Sensitivity,
+    load_laws,
+)
 from polhode.harness.picking.load import held_back
 from polhode.harness.picking.model_error import causes, check_averaging, model_errors, own_estimate
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way, outside_of_fit
-from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, rounded_up, too_far_off, why_nothing
+from polhode.harness.picking.refusals import (
+    Refusal,
+    Stage,
+    UnfitError,
+    rounded_up,
+    too_far_off,
+    why_nothing,
+)
 from polhode.harness.picking.trials import with_trials
 from polhode.harness.references.errors import attainable, magnitude
 from polhode.models.catalogue import FORMS, form as find_form
@@ -39,13 +55,21 @@ class NotAttainableError(ValueError):
 
 
 def pick(
-    scene: Scene, error: float, want: str = "slow", samples: int = DEFAULT_SAMPLES, laws: Laws | None = None
+    scene: Scene,
+    error: float,
+    want: str = "slow",
+    samples: int = DEFAULT_SAMPLES,
+    laws: Laws | None = None,
 ) -> Recommendation:
     """What `polhode.harness.api.pick` answers, by laws of one's own if given; NotAttainableError if no way will do."""
     _check(scene, error, want)
     error = float(error)
     try:
-        return _recommended(scene, error, want, samples, laws) if laws else _remembered(scene, error, want, samples)
+        return (
+            _recommended(scene, error, want, samples, laws)
+            if laws
+            else _remembered(scene, error, want, samples)
+        )
     except PilotFailedError as failure:
         raise NotAttainableError(error, f"not attainable: {failure}") from None
     except OverflowError:
@@ -60,16 +84,23 @@ def _remembered(scene: Scene, error: float, want: str, samples: int) -> Recommen
 
 @lru_cache(maxsize=1000)
 def first_way(
-    scene: Scene, error: float, want: str, samples: int, form: str | None = None, solver: str | None = None
+    scene: Scene,
+    error: float,
+    want: str,
+    samples: int,
+    form: str | None = None,
+    solver: str | None = None,
 ) -> Way | None:
     """The first row of `pick` that is of this form and this solver, if given; None where it is not known."""
     _check(scene, error, want)
     solvers = [name for name in SOLVERS if solver in (None, name)]
     with suppress(PilotFailedError, OverflowError):
-        # Of explicit methods the quaternion form always beats Euler angles, whose pilots would take as long as all
-        # others together.
+        # Of explicit methods the quaternion form always beats Euler angles, whose pilots would take
+        # as long as all others together.
         known, stiff = map(find_form, FORMS), pilot(scene).stiff
-        beaten = [each.name for each in known if each.angles and each.orientation == "full" and not stiff]
+        beaten = [
+            each.name for each in known if each.angles and each.orientation == "full" and not stiff
+        ]
         forms = [name for name in FORMS if name == form or not (form or name in beaten)]
         ways, _ = _candidates(scene, error, want, samples, load_laws(), forms, solvers)
         return min(ways, key=lambda way: way.seconds.mean, default=None)
@@ -87,7 +118,10 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
     tied = [way for way in ways if way.seconds.overlaps(ways[0].seconds)]
     if len(tied) > 1:
         same = "no significant difference in time"
-        ways = [replace(way, tied=True, reason=f"{same}; {way.reason}") if way in tied else way for way in ways]
+        ways = [
+            replace(way, tied=True, reason=f"{same}; {way.reason}") if way in tied else way
+            for way in ways
+        ]
     size = found.rotations, found.damping_times
     return Recommendation(want, error, *size, tuple(ways), excluded, outside_of_fit(scene))
 
@@ -96,7 +130,9 @@ def check_asked(error: float, want: str) -> None:
     """Raise ValueError for an error that is no positive number, or too large a one, or one of a thing unknown."""
     require_numbers("error", error)
     if not 0 < float(error) <= MOST:
-        raise ValueError(f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}")
+        raise ValueError(
+            f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}"
+        )
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
 
@@ -118,10 +154,18 @@ def _check_representable(error: float, least: float) -> None:
 
 
 def _candidates(
-    scene: Scene, error: float, want: str, samples: int, laws: Laws, forms: Iterable[str], solvers: Collection[str]
+    scene: Scene,
+    error: float,
+    want: str,
+    samples: int,
+    laws: Laws,
+    forms: Iterable[str],
+    solvers: Collection[str],
 ) -> tuple[list[Way], list[Refusal]]:
     found, candidates, refusals = pilot(scene), list[Candidate](), list[Refusal]()
-    _check_representable(error, attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS)
+    _check_representable(
+        error, attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS
+    )
     for form_name in forms:
         form = find_form(form_name)
         try:
@@ -168,7 +212,9 @@ def _budget(form: Form, found: Pilot, error: float, want: str) -> tuple[float, I
     return error - model.high, model
 
 
-def _laws(laws: Laws, form: Form, solver: str, found: Pilot, want: str) -> tuple[MethodLaws, ErrorLaw, Sensitivity]:
+def _laws(
+    laws: Laws, form: Form, solver: str, found: Pilot, want: str
+) -> tuple[MethodLaws, ErrorLaw, Sensitivity]:
     """What is known of a method, of its error, and what this depends on in the scene."""
     method = find_solver(solver)
     if not method.available:
@@ -178,7 +224,9 @@ def _laws(laws: Laws, form: Form, solver: str, found: Pilot, want: str) -> tuple
         raise UnfitError("no law: not measured often enough", Stage.LAW)
     if held_back(form, solver, found):
         stability = "explicit: stability, not the tolerance, sets its steps"
-        raise UnfitError(f"{stability} over {found.damping_times:.2g} damping times", Stage.STABILITY)
+        raise UnfitError(
+            f"{stability} over {found.damping_times:.2g} damping times", Stage.STABILITY
+        )
     sensitive = form_sensitivity(form, found, solver)
     at = sensitive.get(want)
     errors = law.error_law(want, at) if at else None
@@ -190,7 +238,8 @@ def _laws(laws: Laws, form: Form, solver: str, found: Pilot, want: str) -> tuple
     turned, share = sensitive.get("orientation"), found.per_radian if want == "slow" else None
     phase = law.error_law("orientation", turned) if share and turned else None
     if turned and share and phase and turned.error < inf:
-        # Once a motion has settled L and E are off by what its phase is, which grows faster than errors of their own.
+        # Once a motion has settled L and E are off by what its phase is, which grows faster than
+        # errors of their own.
         phase = replace(phase, offset=phase.offset + log10(share), floor=phase.floor * share)
         if phase.predict(turned, at.tolerance).high > errors.predict(at, at.tolerance).high:
             return law, phase, turned

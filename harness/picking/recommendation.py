@@ -12,7 +12,8 @@ from polhode.models.scene import Scene
 if TYPE_CHECKING:
     import pandas as pd
 
-# Stokes numbers between 0 and inf, and shortest over longest semi-axes, of the scenes that laws are fitted to.
+# Stokes numbers between 0 and inf, and shortest over longest semi-axes, of the scenes that laws are
+# fitted to.
 FITTED_STOKES, FITTED_RATIO = (1e-4, 1e8), 0.1
 
 
@@ -66,7 +67,9 @@ class Recommendation:
         first, others = self.ranking[0], sum(way.tied for way in self.ranking) - 1
         low, high = duration(first.seconds.low), duration(first.seconds.high)
         of = "L and E within {} of I_max" if self.want == "slow" else "orientation within {} rad"
-        ties = f"; {others} other{'s' * (others > 1)} tie{'s' * (others == 1)}" if others > 0 else ""
+        ties = (
+            f"; {others} other{'s' * (others > 1)} tie{'s' * (others == 1)}" if others > 0 else ""
+        )
         way = f"{first.form} by {first.solver} at tolerance {short(first.tolerance)}"
         time = f"about {duration(first.seconds.predicted)} ({low} to {high})"
         return f"Run {way}: {time}, {of.format(scientific(first.error.high))}{ties}. {self.outside}".strip()
@@ -74,7 +77,13 @@ class Recommendation:
     def __repr__(self) -> str:
         """What to run, and the first ways, one a line."""
         rows = [
-            (way.form, way.solver, short(way.tolerance), scientific(way.error.high), duration(way.seconds.predicted))
+            (
+                way.form,
+                way.solver,
+                short(way.tolerance),
+                scientific(way.error.high),
+                duration(way.seconds.predicted),
+            )
             for way in self.ranking[:5]
         ]
         return f"{self.summary}\n{aligned(['form', 'solver', 'tolerance', 'error below', 'time'], rows)}"

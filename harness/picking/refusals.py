@@ -80,15 +80,25 @@ def too_far_off(model: float, error: float, share: float, causes: Sequence[str])
     made, asked = apart(model, error)
     relation = "exceeds" if model > error else f"leaves the solver less than {100 * share:g} % of"
     because = f": {'; '.join(causes)}" if causes else ""
-    return UnfitError(f"model error up to {made} {relation} {asked}{because}", Stage.AVERAGING, model / (1 - share))
+    return UnfitError(
+        f"model error up to {made} {relation} {asked}{because}",
+        Stage.AVERAGING,
+        model / (1 - share),
+    )
 
 
-def too_tight(law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: float, budget: float) -> UnfitError:
+def too_tight(
+    law: ErrorLaw, sensitivity: Sensitivity, tightest: float, error: float, budget: float
+) -> UnfitError:
     """What to raise where a method at its tightest tolerance exceeds the error asked for, `budget` of it its own."""
     least = law.predict(sensitivity, tightest).high + (error - budget)
     made, asked = apart(least, error)
     rounding = law.tolerance(sensitivity, budget) == 0
-    why = "rounding along the run" if rounding else f"{in_full(tightest)}, the tightest tolerance known to work,"
+    why = (
+        "rounding along the run"
+        if rounding
+        else f"{in_full(tightest)}, the tightest tolerance known to work,"
+    )
     return UnfitError(f"{why} leaves errors up to {made}, above {asked}", Stage.ERROR, least)
 
 

@@ -21,14 +21,17 @@ from polhode.solvers.solve import Solution, solve
 BOUNDED = 0.975
 # The tightest tolerance of a run, and of one that a run a hundred times tighter confirms.
 TIGHTEST, CONFIRMED = 1e-15, 1e-13
-# A success is false if L or E is off by more than this, over I_max, and by this share of the largest of them.
+# A success is false if L or E is off by more than this, over I_max, and by this share of the
+# largest of them.
 OFF, SHARE = 0.1, 0.01
-# Tolerances of the sharp runs. They agree if the distance between them is this share of the run's distance from them:
-# those of a chaotic motion do not, and say nothing.
+# Tolerances of the sharp runs. They agree if the distance between them is this share of the run's
+# distance from them: those of a chaotic motion do not, and say nothing.
 SHARP, AGREE = (1e-10, 1e-12), 0.1
-# What the pieces of a run state over its error, in the median of random starts (`polhode accuracy --order hybrid`).
+# What the pieces of a run state over its error, in the median of random starts (`polhode accuracy
+# --order hybrid`).
 STATED_OVER = 8.0
-# Seconds that a sharp run may take at least, and over those of the run, where its stated error is large or not known.
+# Seconds that a sharp run may take at least, and over those of the run, where its stated error is
+# large or not known.
 SUSPECTED, UNSTATED = (2.0, 20.0), (0.25, 4.0)
 
 
@@ -64,7 +67,9 @@ class RunError:
             return f"not known: {self.note}"
         return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
 
-    def asked(self, error: float, want: str, form: Form, scene: Scene, tolerance: float) -> "RunError":
+    def asked(
+        self, error: float, want: str, form: Form, scene: Scene, tolerance: float
+    ) -> "RunError":
         """The same with advice, if the error asked for was missed."""
         stated = self.wanted(want)
         if stated is None or stated.high <= error:
@@ -79,7 +84,9 @@ class RunError:
             what = able if find_form(full).takes(scene) else "no full form takes such a start"
         elif tighter >= CONFIRMED:
             what = f"do: --tolerance {short(tighter)}"
-        made = (f"about {scientific(stated.predicted)}, " if stated.low else "") + f"at most {scientific(stated.high)}"
+        made = (
+            f"about {scientific(stated.predicted)}, " if stated.low else ""
+        ) + f"at most {scientific(stated.high)}"
         advice = f"the error asked for, {short(error)}, {sure}: it is {made}; {what}"
         return replace(self, advice=advice)
 
@@ -93,9 +100,12 @@ def said_by_pieces(found: Solution) -> dict[str, float]:
     return {"slow": sum(each.error for each in found.stages), "orientation": min(pi, angle)}
 
 
-def doubt(scene: Scene, form: Form, found: Solution, observables: Observables, stated: RunError) -> str:
+def doubt(
+    scene: Scene, form: Form, found: Solution, observables: Observables, stated: RunError
+) -> str:
     """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure."""
-    # Only a run whose stated error is large or not known is compared, with two sharp runs, so that others pay nothing.
+    # Only a run whose stated error is large or not known is compared, with two sharp runs, so that
+    # others pay nothing.
     unit = max(scene.ellipsoid.inertia)
     limit = max(OFF, SHARE * magnitude(scene.ellipsoid, observables))
     if not found.success or (stated.slow and stated.slow.high <= limit):
@@ -115,7 +125,9 @@ def doubt(scene: Scene, form: Form, found: Solution, observables: Observables, s
             return ""
         sharp = form.observe(scene, run.states).slow
         off = float(np.max(np.abs(observables.slow - sharp))) / unit if run.success else 0.0
-        if off <= limit or (first is not None and np.max(np.abs(first - sharp)) / unit > AGREE * off):
+        if off <= limit or (
+            first is not None and np.max(np.abs(first - sharp)) / unit > AGREE * off
+        ):
             return ""
         first = sharp
     return f"L or E is off by {scientific(off)} of I_max, as two runs by {name} at {short(SHARP[0])} and tighter agree"

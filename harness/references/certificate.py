@@ -15,16 +15,18 @@ from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
-# Pieces of a run, evenly spread over it; so many of them must be decided, none against the reference.
+# Pieces of a run, evenly spread over it; so many of them must be decided, none against the
+# reference.
 PIECES, REQUIRED = 24, 20
-# Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow time for averaged
-# ones: those of low order are slow.
+# Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
+# time for averaged ones: those of low order are slow.
 LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0}
 # Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
 LARGEST_EXPONENT = 5.0
-# The other method's own error at the tight tolerance: the tolerance, what the loose one makes of it, ten times what an
-# ulp in the start makes, an ulp for each of its steps, and rounding of the numbers compared. Of L and E
-# too: their rounding adds up, to 2e-12 in 10,000 steps of a disc at St = 3e5, where √n ulps are 2e-14.
+# The other method's own error at the tight tolerance: the tolerance, what the loose one makes of
+# it, ten times what an ulp in the start makes, an ulp for each of its steps, and rounding of the
+# numbers compared. Of L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a disc at St
+# = 3e5, where √n ulps are 2e-14.
 TOLERANCES = {"cyrk-vern8": (1e-14, 1e-13), "ida": (1e-12, 1e-11), "exact": (1e-15, 1e-15)}
 ULPS, ROUNDING = 10.0, 1e-14
 # Ways to move the numbers of a start by an ulp, up and down.
@@ -45,16 +47,21 @@ class Certificate:
 def pieces(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
     """Pieces evenly spread over a run to `end`, in the form's own time: start, end, and end if gone back over."""
     length = min(end / PIECES, LONGEST[opposite(scene, form)[1]])
-    damping = max(scene.ellipsoid.damping) * (1.0 if form.averaged else min(scene.torque_factor, 1e300))
+    damping = max(scene.ellipsoid.damping) * (
+        1.0 if form.averaged else min(scene.torque_factor, 1e300)
+    )
     short = length if damping * length < LARGEST_EXPONENT else 0.9 * LARGEST_EXPONENT / damping
     starts = np.arange(PIECES) * (end / PIECES)
     return [(start, start + length, start + short) for start in starts.tolist()]
 
 
-def certify(scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray]) -> Certificate:
+def certify(
+    scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray]
+) -> Certificate:
     """Try a reference's states, shape (d,), at the times of `pieces` of its run; `problem` is what it solves.
 
-    Raises ReferenceFailedError if a piece disagrees by more than the other method's own error, or too few can be tried.
+    Raises ReferenceFailedError if a piece disagrees by more than the other method's own error, or
+    too few can be tried.
     """
     other, solver = opposite(scene, form)
     seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
@@ -76,7 +83,9 @@ def certify(scene: Scene, form: Form, problem: Problem, states: dict[float, np.n
                 f"{solver} on the piece from {start:g} to {stop:g}: {worst:.1f} times the method's error"
             )
     if agreed < REQUIRED:
-        raise ReferenceFailedError(f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}")
+        raise ReferenceFailedError(
+            f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}"
+        )
     return Certificate(other, solver, agreed, back, worst)
 
 
@@ -91,7 +100,9 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
         return form.name, "cyrk-vern8"
     spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
     if scene.stokes == 0:
-        return ("jeffery", "exact") if scene.ellipsoid.kind != "triaxial" else ("euler-angles", "ida")
+        return (
+            ("jeffery", "exact") if scene.ellipsoid.kind != "triaxial" else ("euler-angles", "ida")
+        )
     return "spheroid-axis" if spheroidal else "euler-angles", "cyrk-vern8"
 
 
@@ -108,9 +119,14 @@ def _other_form(
     scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
 ) -> float | None:
     """Ratio of difference to own error of a piece solved again; None where it cannot be solved."""
-    # Euler angles are taken about the three body axes in turn, from the one farthest from their pole on.
+    # Euler angles are taken about the three body axes in turn, from the one farthest from their
+    # pole on.
     form = find_form(by[0])
-    axes = [2] if by[0] != "euler-angles" else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
+    axes = (
+        [2]
+        if by[0] != "euler-angles"
+        else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
+    )
     ratios: list[float] = []
     for axis in axes:
         x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
@@ -139,39 +155,65 @@ def _same_form(
     return _tried(scene, form, solver, [replace(problem, start=start) for start in starts], after)
 
 
-def _tried(scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables) -> float | None:
+def _tried(
+    scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables
+) -> float | None:
     """Ratio of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
     tight, loose = TOLERANCES[solver]
-    solutions = [solve(problems[0], solver, loose), *(solve(problem, solver, tight) for problem in problems)]
+    solutions = [
+        solve(problems[0], solver, loose),
+        *(solve(problem, solver, tight) for problem in problems),
+    ]
     if not all(solution.success for solution in solutions):
         return None
     accumulated = tight + np.finfo(float).eps * (solutions[1].work.steps or 0)
-    return _compare(scene.ellipsoid, [form.observe(scene, each.states[-1:]) for each in solutions], after, accumulated)
+    return _compare(
+        scene.ellipsoid,
+        [form.observe(scene, each.states[-1:]) for each in solutions],
+        after,
+        accumulated,
+    )
 
 
-def _compare(ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float) -> float:
+def _compare(
+    ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float
+) -> float:
     """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
-    # Of the runs the second is compared; the first is looser, and the others start elsewhere by an ulp.
+    # Of the runs the second is compared; the first is looser, and the others start elsewhere by an
+    # ulp.
     loose, tight, *moved = runs
     found = errors(ellipsoid, tight, true)
-    own, spread = errors(ellipsoid, loose, tight), [errors(ellipsoid, other, tight) for other in moved]
+    own, spread = (
+        errors(ellipsoid, loose, tight),
+        [errors(ellipsoid, other, tight) for other in moved],
+    )
     rounding = (ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
     slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
-    angle = (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
+    angle = (
+        (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
+    )
     return max(found.slow / slow, (found.orientation or 0.0) / angle)
 
 
 def _backward(
-    scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray], piece: tuple[float, float]
+    scene: Scene,
+    form: Form,
+    problem: Problem,
+    states: dict[float, np.ndarray],
+    piece: tuple[float, float],
 ) -> float:
     """Ratio of the difference after going back over a piece to what an ulp at its end makes of it."""
     start, end = piece
     ulp = np.abs(states[end].astype(float)) * np.finfo(float).eps
     returned, moved = (
-        extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *ROUNDING_RUN)[-1]
+        extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *ROUNDING_RUN)[
+            -1
+        ]
         for state in (states[end], states[end] + ulp)
     )
-    true, found, other = (observe(form, scene, state[None]) for state in (states[start], returned, moved))
+    true, found, other = (
+        observe(form, scene, state[None]) for state in (states[start], returned, moved)
+    )
     return _compare(scene.ellipsoid, [found, found, other], true, 0.0)
 
 

@@ -10,12 +10,14 @@ from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, tangent_system
 
 TOLERANCE = 1e-12
-# The tangent is brought back to unit length after each of so many intervals, and its growth written down.
+# The tangent is brought back to unit length after each of so many intervals, and its growth written
+# down.
 INTERVALS = 400
-# Algebraic growth, like that of a phase error, makes at most a few factors of two of the second half of a run;
-# exponential growth is what exceeds this logarithm.
+# Algebraic growth, like that of a phase error, makes at most a few factors of two of the second
+# half of a run; exponential growth is what exceeds this logarithm.
 EXPONENTIAL = 5.0
-# Trajectories are meaningless once half an ulp, below which no run in double precision errs, has grown to this, in rad.
+# Trajectories are meaningless once half an ulp, below which no run in double precision errs, has
+# grown to this, in rad.
 MEANINGLESS = 1e-2
 HALF_ULP = 1e-16
 
@@ -47,7 +49,8 @@ class Growth:
 
 def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
-    # v starts in a generic direction and is renormalised after each interval (Benettin et al., Meccanica 15 (1980) 9).
+    # v starts in a generic direction and is renormalised after each interval (Benettin et al.,
+    # Meccanica 15 (1980) 9).
     times, parameters = np.linspace(0.0, problem.end, intervals + 1), parameter_array(problem)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
     integrator = tangent_integrator(problem.field, problem.dimension, len(parameters))
@@ -58,7 +61,9 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     for i, time in enumerate(times[1:], 1):
         outcome = integrator.propagate_until(time)[0]
         if outcome != load_heyoka().taylor_outcome.time_limit:
-            raise ValueError(f"form {problem.name!r}: the variational equations ended with {outcome} at t = {time:g}")
+            raise ValueError(
+                f"form {problem.name!r}: the variational equations ended with {outcome} at t = {time:g}"
+            )
         tangent = integrator.state[problem.dimension :]
         length = float(np.linalg.norm(tangent))
         tangent /= length
@@ -70,4 +75,6 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
 def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
     """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
     system = tangent_system(factory, dimension, parameters)
-    return load_heyoka().taylor_adaptive(system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True)
+    return load_heyoka().taylor_adaptive(
+        system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True
+    )

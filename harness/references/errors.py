@@ -10,10 +10,11 @@ from polhode.models.observables import Observables, angular_velocity, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Beyond this angle, in rad, a difference of orientation no longer splits into phase and shape to first order.
+# Beyond this angle, in rad, a difference of orientation no longer splits into phase and shape to
+# first order.
 SPLIT_LIMIT = 0.3
-# Samples resolve the power if a body turns by less than this, in rad, between two of them, and if half of them give the
-# same residual to this fraction, or to rounding.
+# Samples resolve the power if a body turns by less than this, in rad, between two of them, and if
+# half of them give the same residual to this fraction, or to rounding.
 LARGEST_TURN = 0.5
 RESOLVED, ROUNDING = 0.2, 1e-13
 # Fewer intervals than this cannot be halved and still carry a spline.
@@ -24,9 +25,10 @@ LEAST_INTERVALS = 16
 class Errors:
     """Errors along a run: each is the largest over the samples, and None where it cannot be known.
 
-    Slow errors are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3) for a triaxial
-    ellipsoid, the angle between symmetry axes for a spheroid, None for a sphere or where a form gives none. It splits,
-    to first order, into a phase along the motion and a shape across it; not beyond `SPLIT_LIMIT`.
+    Slow errors are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3)
+    for a triaxial ellipsoid, the angle between symmetry axes for a spheroid, None for a sphere or
+    where a form gives none. It splits, to first order, into a phase along the motion and a shape
+    across it; not beyond `SPLIT_LIMIT`.
     """
 
     slow: float
@@ -38,10 +40,13 @@ class Errors:
     balance: float | None = None  # residual of the energy balance (`balance_residual`)
 
 
-def errors(ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: Scene | None = None) -> Errors:
+def errors(
+    ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: Scene | None = None
+) -> Errors:
     """Errors of observables at the same n times; ValueError if the numbers of samples differ.
 
-    The scene that was solved is needed for `Errors.balance` alone, if the samples are equispaced over its duration.
+    The scene that was solved is needed for `Errors.balance` alone, if the samples are equispaced
+    over its duration.
     """
     if len(found.energy) != len(true.energy):
         raise ValueError(f"samples: got {len(found.energy)}, expected {len(true.energy)}")
@@ -58,13 +63,18 @@ def errors(ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: S
         along, across = phase_and_shape(ellipsoid, found, true)
         phase, shape = float(np.max(np.abs(along))), float(np.max(across))
     balance = None if scene is None else balance_residual(scene, found, true)
-    return replace(slow, orientation=float(np.max(angle)), phase=phase, shape=shape, balance=balance)
+    return replace(
+        slow, orientation=float(np.max(angle)), phase=phase, shape=shape, balance=balance
+    )
 
 
-def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.ndarray) -> np.ndarray | None:
+def orientation_difference(
+    ellipsoid: Ellipsoid, found: np.ndarray, true: np.ndarray
+) -> np.ndarray | None:
     """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3); None where there is none."""
-    # Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2 sin(angle/2) between
-    # unit vectors, which keeps small angles exact; quaternions q and -q give the same matrix.
+    # Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2
+    # sin(angle/2) between unit vectors, which keeps small angles exact; quaternions q and -q give
+    # the same matrix.
     if ellipsoid.kind == "sphere":
         return None
     if ellipsoid.kind == "triaxial":
@@ -77,12 +87,17 @@ def orientation_difference(ellipsoid: Ellipsoid, found: np.ndarray, true: np.nda
     return np.where(np.isnan(angle), np.pi, angle)
 
 
-def phase_and_shape(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> tuple[np.ndarray, np.ndarray]:
+def phase_and_shape(
+    ellipsoid: Ellipsoid, found: Observables, true: Observables
+) -> tuple[np.ndarray, np.ndarray]:
     """Signed part along the true motion and part across it, of shape (n,) in rad, of a difference of orientation."""
-    # To first order it is a rotation vector δ in space axes, t_found = t_true(1 + [δ]×), of which δ·ω/|ω| lies along
-    # the motion; of a spheroid the symmetry axes' difference, along the axis' own velocity. At rest all of it is shape.
+    # To first order it is a rotation vector δ in space axes, t_found = t_true(1 + [δ]×), of which
+    # δ·ω/|ω| lies along the motion; of a spheroid the symmetry axes' difference, along the axis'
+    # own velocity. At rest all of it is shape.
     if ellipsoid.kind == "triaxial":
-        product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(float)
+        product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(
+            float
+        )
         skew = 0.5 * (np.swapaxes(product, 1, 2) - product)
         offset = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
         velocity = angular_velocity(ellipsoid, true).astype(float)
@@ -109,14 +124,16 @@ def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
 def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> float:
     """Largest distance (Wasserstein's W₁) between the distributions over the two runs of an observable.
 
-    What can be compared where trajectories cannot: the squares of the entries of t_ij that are known, L_z and E, the
-    last two in units of their largest value.
+    What can be compared where trajectories cannot: the squares of the entries of t_ij that are
+    known, L_z and E, the last two in units of their largest value.
     """
     axes = range(3) if ellipsoid.kind == "triaxial" else [ellipsoid.symmetry_axis or 0]
 
     def columns(observables: Observables) -> np.ndarray:
         entries = observables.rotation[:, list(axes)].reshape(len(observables.energy), -1) ** 2
-        return np.column_stack([entries, observables.angular_momentum[:, 2], observables.energy]).astype(float)
+        return np.column_stack(
+            [entries, observables.angular_momentum[:, 2], observables.energy]
+        ).astype(float)
 
     a, b = columns(found), columns(true)
     scale = np.ones(b.shape[1])
@@ -129,11 +146,12 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
 def balance_residual(scene: Scene, found: Observables, true: Observables) -> float | None:
     """Largest residual over I_max of E(t) - E(0) - (1/St)∫P dt along a run, with P the power of the viscous torque.
 
-    None where it cannot be known: without orientation, at St = 0, where E has no balance of its own, or where the
-    samples, equispaced over the scene's duration, do not resolve the power.
+    None where it cannot be known: without orientation, at St = 0, where E has no balance of its
+    own, or where the samples, equispaced over the scene's duration, do not resolve the power.
     """
-    # The true solution has the residual 0, and its quadrature over the same samples hardly another error than the
-    # quadrature of the solution found: the difference of the two residuals is what is measured.
+    # The true solution has the residual 0, and its quadrature over the same samples hardly another
+    # error than the quadrature of the solution found: the difference of the two residuals is what
+    # is measured.
     intervals = len(found.energy) - 1
     if scene.stokes == 0 or intervals < LEAST_INTERVALS:
         return None
@@ -142,19 +160,32 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     rotations = [rotation for rotation in known if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
-    omega = [body_angular_velocity(ellipsoid, *pair) for pair in zip((found, true), rotations, strict=True)]
+    omega = [
+        body_angular_velocity(ellipsoid, *pair)
+        for pair in zip((found, true), rotations, strict=True)
+    ]
     if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > LARGEST_TURN:
         return None
-    power = dissipation(ellipsoid, rotations[0], omega[0]) - dissipation(ellipsoid, rotations[1], omega[1])
-    power, energy = power * scene.torque_factor / unit, (found.energy - true.energy).astype(float) / unit
+    power = dissipation(ellipsoid, rotations[0], omega[0]) - dissipation(
+        ellipsoid, rotations[1], omega[1]
+    )
+    power, energy = (
+        power * scene.torque_factor / unit,
+        (found.energy - true.energy).astype(float) / unit,
+    )
     times = np.linspace(0.0, scene.time, intervals + 1)
     even = slice(0, intervals // 2 * 2 + 1, 2)
-    fine, coarse = _residual(times, energy, power), _residual(times[even], energy[even], power[even])
+    fine, coarse = (
+        _residual(times, energy, power),
+        _residual(times[even], energy[even], power[even]),
+    )
     largest = float(np.max(np.abs(fine)))
     return largest if np.max(np.abs(fine[even] - coarse)) <= RESOLVED * largest + ROUNDING else None
 
 
-def body_angular_velocity(ellipsoid: Ellipsoid, observables: Observables, rotation: np.ndarray) -> np.ndarray:
+def body_angular_velocity(
+    ellipsoid: Ellipsoid, observables: Observables, rotation: np.ndarray
+) -> np.ndarray:
     """Angular velocity in body axes, shape (n, 3), from L and the complete rotation."""
     momentum = np.einsum("nij,nj->ni", rotation, observables.angular_momentum.astype(float))
     return momentum / np.array(ellipsoid.inertia)

@@ -25,7 +25,11 @@ class ReferenceFailedError(RuntimeError):
 
 
 def extended_run(
-    problem: Problem, times: np.ndarray, precision: Precision, tolerance: float, deadline: float = inf
+    problem: Problem,
+    times: np.ndarray,
+    precision: Precision,
+    tolerance: float,
+    deadline: float = inf,
 ) -> np.ndarray:
     """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
     # Given up at a deadline, as `time.perf_counter` reads.
@@ -40,7 +44,9 @@ def extended_run(
     most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
     status, message = propagate(integrator, Record(times, rows, deadline, most))
     if not status.success:
-        raise ReferenceFailedError(f"the reference of form {problem.name!r} ended with {status}: {message}", status)
+        raise ReferenceFailedError(
+            f"the reference of form {problem.name!r} ended with {status}: {message}", status
+        )
     if rows.dtype == np.longdouble:
         return rows
     # NumPy knows no cast from quadruple: it goes by two doubles.

@@ -16,7 +16,12 @@ from polhode.harness.common.timing import within
 from polhode.harness.references.certificate import Certificate, certify, observe, pieces
 from polhode.harness.references.chaos import growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
-from polhode.harness.references.extended import ROUNDING_RUN, ReferenceFailedError, Run, extended_run
+from polhode.harness.references.extended import (
+    ROUNDING_RUN,
+    ReferenceFailedError,
+    Run,
+    extended_run,
+)
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form, full_form, reference_form
 from polhode.models.form import Form
@@ -26,31 +31,35 @@ from polhode.models.scene import Scene
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-# Tight and loose run; their difference, times the safety factor, is the reference's own uncertainty.
+# Tight and loose run; their difference, times the safety factor, is the reference's own
+# uncertainty.
 QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
-# Cost of a run, in units of T: fast rotation makes it more, and so does stability on the stiff side. Quadruple
-# precision, 45 times as slow, is used up to the first number, two moved starts instead of one up to the second.
+# Cost of a run, in units of T: fast rotation makes it more, and so does stability on the stiff
+# side. Quadruple precision, 45 times as slow, is used up to the first number, two moved starts
+# instead of one up to the second.
 QUADRUPLE_UP_TO, TWO_MOVED_UP_TO = 5000.0, 2e5
 # Length of Taylor's interval of stability at these orders, about.
 STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost.
 ORDINARY = 3.0
-# Above this St runs of more shear times than the second number are known in double precision alone, since extended
-# precision takes hours; beyond the third not at all.
+# Above this St runs of more shear times than the second number are known in double precision alone,
+# since extended precision takes hours; beyond the third not at all.
 FREE_UP_TO, EXTENDED_TIME, HORIZON = 1e6, 5e6, 5e7
-# Runs with each number of start and parameters moved by half an ulp, which double precision cannot tell.
+# Runs with each number of start and parameters moved by half an ulp, which double precision cannot
+# tell.
 ROUNDING_SEEDS = (1, 2)
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
 SUSPICIOUS = 1e-9
-# Rotations: up to the first number extended precision is used in limited time, beyond the second one not even two
-# methods in double: the reference's own for spheroids or for other shapes, and the one that it is held against.
+# Rotations: up to the first number extended precision is used in limited time, beyond the second
+# one not even two methods in double: the reference's own for spheroids or for other shapes, and the
+# one that it is held against.
 EXTENDED_UP_TO, MOST_ROTATIONS = 2e4, 2e5
 SPHEROIDS, OTHERS = ("splitting-extended", 1e-13), ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
-# Over so many shear times that one loses the phase. It confirms the reference, and how well that is known follows from
-# this run, which errs as much as the reference: so many times their distance.
+# Over so many shear times that one loses the phase. It confirms the reference, and how well that is
+# known follows from this run, which errs as much as the reference: so many times their distance.
 FURTHER, ALIKE = ("taylor", 1e-16), 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
 APART = 1e-4
@@ -63,8 +72,8 @@ CERTIFICATES = 2
 class Reference:
     """Observables of a form's exact solution, how well they are known, and what confirmed them.
 
-    Uncertainties are those over the meaningful samples, and not less than the spread from half an ulp in start and
-    parameters.
+    Uncertainties are those over the meaningful samples, and not less than the spread from half an
+    ulp in start and parameters.
     """
 
     form: str
@@ -75,30 +84,38 @@ class Reference:
     certificate: Certificate
     precision: str  # of the tight run
     meaningful: int  # samples over which errors of trajectories mean anything: all unless the motion is chaotic
-    statistics_uncertainty: float  # `statistics_distance` of runs that double precision cannot tell apart
+    statistics_uncertainty: (
+        float  # `statistics_distance` of runs that double precision cannot tell apart
+    )
 
     @property
     def meaningful_until(self) -> float | None:
         """Time, in the form's own time, from which on errors of trajectories are meaningless; None if never."""
-        return None if self.meaningful == len(self.times) else float(self.times[self.meaningful - 1])
+        return (
+            None if self.meaningful == len(self.times) else float(self.times[self.meaningful - 1])
+        )
 
 
 def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf) -> Reference:
     """Reference solution of a scene by a form's own equations, from the cache or computed and certified.
 
-    Taylor runs in extended precision, from the very parameters in double precision that the contestants receive.
+    Taylor runs in extended precision, from the very parameters in double precision that the
+    contestants receive.
 
-    A full form gives the reference of all full forms; an averaged one its own exact solution. The times are equispaced
-    from 0 to the end, both included. Raises ReferenceFailedError if a run does not reach its end or takes more than
-    `seconds`, is contradicted by its certificate, or is beyond the horizon; what failed is kept too, and not tried
-    again within as many seconds. Long runs, within limited seconds or above St = 1e6, are known in double precision
-    alone, by methods that confirm each other.
+    A full form gives the reference of all full forms; an averaged one its own exact solution. The
+    times are equispaced from 0 to the end, both included. Raises ReferenceFailedError if a run does
+    not reach its end or takes more than `seconds`, is contradicted by its certificate, or is beyond
+    the horizon; what failed is kept too, and not tried again within as many seconds. Long runs,
+    within limited seconds or above St = 1e6, are known in double precision alone, by methods that
+    confirm each other.
     """
     shape, long = find_form(form) if isinstance(form, str) else form, False
     if not shape.averaged:
         shape, long = find_form(reference_form(scene)), _far(scene)
         if long and scene.time > HORIZON:
-            raise ReferenceFailedError(f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6")
+            raise ReferenceFailedError(
+                f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6"
+            )
     problem = shape.problem(scene)
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
         try:
@@ -115,13 +132,17 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
 
         def computed(limit: float) -> dict[str, Any]:
             try:
-                run = partial(_compared, scene) if long else partial(_compute, scene, shape, problem)
+                run = (
+                    partial(_compared, scene) if long else partial(_compute, scene, shape, problem)
+                )
                 return _packed(run(samples, perf_counter() + limit))
             except (ReferenceFailedError, ValueError) as error:
                 failed = {"failure": str(error), "status": getattr(error, "status", "")}
                 return failed | {"seconds": seconds, "certificates": CERTIFICATES}
 
-        arrays, disturbed = within(seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT)
+        arrays, disturbed = within(
+            seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT
+        )
         if not disturbed:
             arrays = cache.keep(key, arrays)
     if "failure" in arrays:
@@ -146,7 +167,9 @@ def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
     return not judged or float(arrays["seconds"]) < seconds
 
 
-def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> Reference:
+def _compute(
+    scene: Scene, form: Form, problem: Problem, samples: int, deadline: float
+) -> Reference:
     times = np.linspace(0.0, problem.end, samples)
     extra = [*chain(*pieces(scene, form, problem.end)), problem.end]
     every = np.union1d(times, extra)
@@ -155,9 +178,14 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     states = extended_run(problem, every, precision, tight_tolerance, deadline)
     tight = observe(form, scene, states[wanted])
     loose = observe(form, scene, extended_run(problem, every, *loose_run, deadline)[wanted])
-    others = (extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline) for seed in seeds)
+    others = (
+        extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline)
+        for seed in seeds
+    )
     moved = [observe(form, scene, each) for each in others]
-    certificate = certify(scene, form, problem, dict(zip(extra, states[np.searchsorted(every, extra)], strict=True)))
+    certificate = certify(
+        scene, form, problem, dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
+    )
     spread = [errors(scene.ellipsoid, other, tight) for other in moved]
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
@@ -171,7 +199,9 @@ def _compute(scene: Scene, form: Form, problem: Problem, samples: int, deadline:
     if own.orientation is not None:
         orientation = max(SAFETY * own.orientation, *(each.orientation or 0.0 for each in early))
     distance = max(statistics_distance(scene.ellipsoid, other, tight) for other in moved)
-    return Reference(form.name, times, tight, slow, orientation, certificate, precision, kept, distance)
+    return Reference(
+        form.name, times, tight, slow, orientation, certificate, precision, kept, distance
+    )
 
 
 def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
@@ -180,9 +210,17 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
         equations = find_form(form)
-        found = solve(equations.problem(scene), solver, tolerance, times, max_seconds=deadline - perf_counter())
+        found = solve(
+            equations.problem(scene),
+            solver,
+            tolerance,
+            times,
+            max_seconds=deadline - perf_counter(),
+        )
         if not found.success:
-            raise ReferenceFailedError(f"the reference by {solver} ended with {found.status}", found.status)
+            raise ReferenceFailedError(
+                f"the reference by {solver} ended with {found.status}", found.status
+            )
         return equations.observe(scene, found.states)
 
     exact = run(full_form(scene), *(OTHERS if scene.ellipsoid.kind == "triaxial" else SPHEROIDS))
@@ -196,15 +234,32 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
         apart = errors(scene.ellipsoid, other, exact)
     certificate = Certificate("quaternion", AGAINST[0], 1, 0, 1.0)
     distance = statistics_distance(scene.ellipsoid, other, exact)
-    slow, orientation = doubt * apart.slow, None if apart.orientation is None else doubt * apart.orientation
-    return Reference(reference_form(scene), times, exact, slow, orientation, certificate, "double", samples, distance)
+    slow, orientation = (
+        doubt * apart.slow,
+        None if apart.orientation is None else doubt * apart.orientation,
+    )
+    return Reference(
+        reference_form(scene),
+        times,
+        exact,
+        slow,
+        orientation,
+        certificate,
+        "double",
+        samples,
+        distance,
+    )
 
 
 def _packed(known: Reference) -> dict[str, Any]:
     """A reference as it is kept, of which `cache.keep` makes arrays."""
     by, orientation = known.certificate, known.orientation_uncertainty
     return {
-        **{name: each for name, each in vars(known).items() if name not in ("form", "observables", "certificate")},
+        **{
+            name: each
+            for name, each in vars(known).items()
+            if name not in ("form", "observables", "certificate")
+        },
         **{name: each.astype(float) for name, each in vars(known.observables).items()},
         "orientation_uncertainty": np.nan if orientation is None else orientation,
         "certificate_by": [by.form, by.solver],
@@ -213,7 +268,13 @@ def _packed(known: Reference) -> dict[str, Any]:
 
 
 def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
-    names = "slow_uncertainty", "orientation_uncertainty", "precision", "meaningful", "statistics_uncertainty"
+    names = (
+        "slow_uncertainty",
+        "orientation_uncertainty",
+        "precision",
+        "meaningful",
+        "statistics_uncertainty",
+    )
     known: dict[str, Any] = {name: arrays[name].item() for name in names}
     if isnan(known["orientation_uncertainty"]):
         known["orientation_uncertainty"] = None
@@ -229,8 +290,12 @@ def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
     """Tight and loose run of a scene, and the seeds of the moved ones."""
     if form.averaged:
         return *LONG_DOUBLE, ROUNDING_SEEDS
-    stiffness = 0.0 if scene.stokes == 0 else max(scene.ellipsoid.damping) * scene.torque_factor / STABLE
-    cost = scene.time * max(1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / ORDINARY)
+    stiffness = (
+        0.0 if scene.stokes == 0 else max(scene.ellipsoid.damping) * scene.torque_factor / STABLE
+    )
+    cost = scene.time * max(
+        1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / ORDINARY
+    )
     runs = QUADRUPLE if cost <= QUADRUPLE_UP_TO else LONG_DOUBLE
     return *runs, ROUNDING_SEEDS if cost <= TWO_MOVED_UP_TO else ROUNDING_SEEDS[:1]
 
@@ -249,7 +314,14 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
 
 
 def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, ...] = ()) -> str:
-    extended = QUADRUPLE, LONG_DOUBLE, ROUNDING_RUN, ROUNDING_SEEDS, QUADRUPLE_UP_TO, TWO_MOVED_UP_TO
+    extended = (
+        QUADRUPLE,
+        LONG_DOUBLE,
+        ROUNDING_RUN,
+        ROUNDING_SEEDS,
+        QUADRUPLE_UP_TO,
+        TWO_MOVED_UP_TO,
+    )
     content = {
         "schema": SCHEMA,
         "form": problem.name,

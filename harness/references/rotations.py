@@ -22,18 +22,23 @@ STIFF_TOLERANCE = 1e-6
 AVERAGED_TOLERANCE = 1e-6
 # Beyond so many rotations averages are cheaper than a loose run, and no less accurate.
 MANY = 1000.0
-# Longest piece of a run, in rotations, or on the stiff side in time: some tenths of a second. The rest is extrapolated.
+# Longest piece of a run, in rotations, or on the stiff side in time: some tenths of a second. The
+# rest is extrapolated.
 LONGEST_ROTATIONS = 1e5
 LONGEST_STIFF = 5e3
-# Damping rate from which an implicit method takes fewer steps than stability allows an explicit one.
+# Damping rate from which an implicit method takes fewer steps than stability allows an explicit
+# one.
 STIFF_FROM = 30.0
-# Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself (section `DAC`).
+# Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself
+# (section `DAC`).
 SEPARATED = 1.5
-# From rest a body turns by some 100 rad in so many times √(St I/8πX), so fast that averages serve from there on.
+# From rest a body turns by some 100 rad in so many times √(St I/8πX), so fast that averages serve
+# from there on.
 RISEN = 20.0
 NODES = 64
-# Damping times from which on stability may hold an explicit method back, and the share of its steps: where stability
-# asks for more of them, errors do not follow the tolerance; those of Taylor's method, whose order is higher, still do.
+# Damping times from which on stability may hold an explicit method back, and the share of its
+# steps: where stability asks for more of them, errors do not follow the tolerance; those of
+# Taylor's method, whose order is higher, still do.
 STIFF, HELD = 2e4, 0.4
 
 
@@ -83,9 +88,10 @@ def is_stiff(scene: Scene, turns: float | None = None) -> bool:
 def rotations(scene: Scene) -> float:
     """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, in milliseconds.
 
-    From the averaged slow variables where they are valid and N is large, else from a loose run that integrates |ω|
-    along. Of a chaotic scene N is known no better than the scene itself. Raises ValueError if that run fails, or if the
-    start has no orientation and the averaged equations do not apply.
+    From the averaged slow variables where they are valid and N is large, else from a loose run that
+    integrates |ω| along. Of a chaotic scene N is known no better than the scene itself. Raises
+    ValueError if that run fails, or if the start has no orientation and the averaged equations do
+    not apply.
     """
     slow_start = isinstance(scene.start, SlowStart)
     if (slow_start or _averages_well(scene)) and (turned := _averaged_angle(scene)) is not None:
@@ -115,8 +121,8 @@ def _separation(scene: Scene) -> float:
 
 def _averaged_angle(scene: Scene) -> float | None:
     """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply."""
-    # By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that the transient and a
-    # long rest are both resolved.
+    # By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that
+    # the transient and a long rest are both resolved.
     if isinf(scene.stokes):
         return scene.time * float(mean_speed(scene.ellipsoid, scene.initial.slow)[0])
     form = find_form(averaged_form(scene))
@@ -150,14 +156,18 @@ def _angle(scene: Scene) -> float:
     problem = Problem(full.name, turning, (*full.start, 0.0), full.end, full.parameters)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
-    longest = min(scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene)))
+    longest = min(
+        scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene))
+    )
     solver, tolerance = ("cyrk-radau", STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
     risen = longest if _is_separated(scene) else RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
         run = solve(problem, solver, tolerance, np.array([0.0, end / 2, end]))
         if not run.success:
-            raise ValueError(f"rotations: the loose run ended with {run.status.value}: {run.message}")
+            raise ValueError(
+                f"rotations: the loose run ended with {run.status.value}: {run.message}"
+            )
         half, whole = (float(angle) for angle in run.states[1:, -1])
         angle = whole + (scene.time - end) * (whole - half) / (end / 2)
         if end == scene.time:

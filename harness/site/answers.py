@@ -9,7 +9,15 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import NEEDED, RUN_COLUMNS, by_stokes, frame, of_runs, rows_of, where
+from polhode.harness.analysis.frames import (
+    NEEDED,
+    RUN_COLUMNS,
+    by_stokes,
+    frame,
+    of_runs,
+    rows_of,
+    where,
+)
 from polhode.harness.analysis.pareto import Cell, usual_form
 from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export
@@ -31,7 +39,14 @@ LONG = 12
 COSTS = "Cost against accuracy"
 LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
 WORDS = ("form", "solver", "status", "message")
-COLUMNS = ("slow_error", "orientation_error", "seconds", "work.rhs_calls", "work.steps", "model_slow_error")
+COLUMNS = (
+    "slow_error",
+    "orientation_error",
+    "seconds",
+    "work.rhs_calls",
+    "work.steps",
+    "model_slow_error",
+)
 
 
 def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
@@ -42,16 +57,32 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
         return "", {}
     file = folder / "runs.csv"
     runs = pd.read_csv(BytesIO(read_file(file))) if file.is_file() else pd.DataFrame()
-    reached = where(runs.reindex(columns=pd.Index(RUN_COLUMNS)), lambda own: own["status"] == Status.REACHED_END)
+    reached = where(
+        runs.reindex(columns=pd.Index(RUN_COLUMNS)), lambda own: own["status"] == Status.REACHED_END
+    )
     shapes = reached.groupby("scene_name")["scene.shape.semi_axes"].first().dropna()
     particles = {name: f"{name} {shapes.get(name, '')}".strip() for name, _ in found}
     maps = [_map(name, error, cells) for (name, error), cells in found.items()]
-    body = html("verdict", particles=particles, maps=maps, sure=sure, colour=colour, factor=factor, long=LONG)
-    data = {"particles": particles, "wants": dict(WANTS.values()), "columns": _answers(found, reached)}
+    body = html(
+        "verdict",
+        particles=particles,
+        maps=maps,
+        sure=sure,
+        colour=colour,
+        factor=factor,
+        long=LONG,
+    )
+    data = {
+        "particles": particles,
+        "wants": dict(WANTS.values()),
+        "columns": _answers(found, reached),
+    }
     return body, {"question-data": data}
 
 
-def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFrame) -> list[dict[str, Any]]:
+def _answers(
+    found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFrame
+) -> list[dict[str, Any]]:
     """What the script knows: of a particle, kind of error and St the span and averaging; of a cell there the answer."""
     columns = []
     for (name, error), cells in found.items():
@@ -67,7 +98,9 @@ def _answers(found: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFr
 def _there(runs: Any, error: str) -> dict[str, Any]:
     """How far the runs at one St go, and the least error of each averaged form among them."""
     averaged: Any = where(runs, runs["form"].map(is_averaged))
-    found: dict[str, Any] = {"averaging": averaged.groupby("form", sort=False)[error].min().to_dict()}
+    found: dict[str, Any] = {
+        "averaging": averaged.groupby("form", sort=False)[error].min().to_dict()
+    }
     for stokes, time in runs[["stokes", "scene.time"]].dropna().head(1).to_numpy().tolist():
         found["span"] = f"t = {short(time)}" + (f", t₂ = {short(time / stokes)}" if stokes else "")
     return found
@@ -79,7 +112,11 @@ def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
     if cell.winner:
         form, solver = cell.winner
         answer |= {"form": form, "solver": solver}
-        answer |= {"time": duration(cell.seconds), "next": str(cell.second or ""), "tied": cell.tied}
+        answer |= {
+            "time": duration(cell.seconds),
+            "next": str(cell.second or ""),
+            "tied": cell.tied,
+        }
         answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
         good = (runs["form"] == form) & (runs["solver"] == solver) & (runs[error] <= cell.target)
         answer["tolerance"] = short(runs.loc[good, "tolerance"].max()) if good.any() else ""
@@ -97,7 +134,9 @@ def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
 
 def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
-    studies, unreadable = read_studies(reports, (*WORDS, *COLUMNS, "backend", "jacobian", "inferred", "tags"))
+    studies, unreadable = read_studies(
+        reports, (*WORDS, *COLUMNS, "backend", "jacobian", "inferred", "tags")
+    )
     body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
         return Page(COSTS, LEAD, body)
@@ -107,7 +146,9 @@ def cost_page(reports: Path) -> Page:
             for stokes, runs in by_stokes(own):
                 rows += [[len(groups), *_row(run)] for run in rows_of(runs)]
                 tags: Any = runs["tags"] if "tags" in runs else pd.Series(dtype=object)
-                groups.append([study, scene, stokes, sorted(tags.explode().dropna().astype(str).unique())])
+                groups.append(
+                    [study, scene, stokes, sorted(tags.explode().dropna().astype(str).unique())]
+                )
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
     # Words stand once: columns hold their places.
@@ -122,7 +163,11 @@ def cost_page(reports: Path) -> Page:
             for name, values in zip(names, zip(*rows, strict=True), strict=True)
         },
         "forms": {
-            name: {"averaged": averaged, "color": look.colour if averaged else "#555", "mark": look.outline}
+            name: {
+                "averaged": averaged,
+                "color": look.colour if averaged else "#555",
+                "mark": look.outline,
+            }
             for name, look in looks(str(row[1]) for row in rows).items()
             for averaged in [is_averaged(name)]
         },
@@ -153,22 +198,37 @@ def _solvers(names: set[str]) -> dict[str, Any]:
     for solver, look in looks(name.partition(" ")[0] for name in names).items():
         method = find_solver(solver) if solver in SOLVERS else None
         for name in sorted(name for name in names if name.partition(" ")[0] == solver):
-            compiled = method and "compiled" in method.backends and "(numba" not in name and "(python" not in name
+            compiled = (
+                method
+                and "compiled" in method.backends
+                and "(numba" not in name
+                and "(python" not in name
+            )
             tags = ["implicit" if method and method.implicit else "explicit"]
             tags.append("compiled" if compiled else "Python in the loop")
             found[name] = {"color": look.colour, "mark": look.outline, "tags": tags}
     return found
 
 
-def read_studies(folder: Path, columns: Collection[str]) -> tuple[dict[str, pd.DataFrame], list[str]]:
+def read_studies(
+    folder: Path, columns: Collection[str]
+) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies, unreadable = {}, []
     # What else stands in `reports`.
     others = ("site", "paper", "accuracy", "pick", "problems")
-    folders = [path for path in sorted(folder.glob("*")) if path.name.removesuffix("-quick") not in others]
+    folders = [
+        path for path in sorted(folder.glob("*")) if path.name.removesuffix("-quick") not in others
+    ]
     # Exported records; where there are none, the table of runs.
-    for path in (file for each in folders for file in sorted(each.glob("*.jsonl")) or each.glob("runs.csv")):
-        name = path.parent.name if path.stem in ("records", "runs") else f"{path.parent.name}/{path.stem}"
+    for path in (
+        file for each in folders for file in sorted(each.glob("*.jsonl")) or each.glob("runs.csv")
+    ):
+        name = (
+            path.parent.name
+            if path.stem in ("records", "runs")
+            else f"{path.parent.name}/{path.stem}"
+        )
         try:
             if path.suffix == ".csv":
                 table = pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")

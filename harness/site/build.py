@@ -15,7 +15,16 @@ from polhode.harness.common.machine import machine, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill
 from polhode.harness.site.answers import TITLE, cost_page, question
-from polhode.harness.site.markup import FIGURES, Page, document, html, page_name, prose, render, section
+from polhode.harness.site.markup import (
+    FIGURES,
+    Page,
+    document,
+    html,
+    page_name,
+    prose,
+    render,
+    section,
+)
 from polhode.harness.site.motion import motion_page
 from polhode.models.scene import Scene
 from polhode.models.scenes import SCENES
@@ -28,14 +37,21 @@ SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"
 ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
-def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None) -> Path:
+def build(
+    reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None
+) -> Path:
     """Write the site, with scenes of one's own by name; returns its opening page; `say` receives a line about each."""
     overwritten = " Do not edit: the next run overwrites this page."
     files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
-    texts = {name: path.read_text(encoding="utf-8").replace(overwritten, "") for name, path in files.items()}
+    texts = {
+        name: path.read_text(encoding="utf-8").replace(overwritten, "")
+        for name, path in files.items()
+    }
     known = {path.resolve(): f"{name}.html" for name, path in files.items()}
     rendered = {name: render(texts[name], path, known, _as_costs) for name, path in files.items()}
-    folders = [name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"]
+    folders = [
+        name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"
+    ]
     menu = {name: REPORTS.get(name, (name.capitalize(), ""))[0] for name in dict.fromkeys(folders)}
     menu = {"index": "What to run", "cost": "Cost", **menu, "motion": "Motion"}
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
@@ -53,16 +69,28 @@ def build(reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str
     asked, data = question(reports / "regimes", next(items, "").removeprefix("- "))
     # Who is robust, who is fast and when averaging pays, from the bench; what the reports lack.
     parts = {title: section(texts.get("bench", ""), heading) for title, heading in SECTIONS.items()}
-    sections = {title: render(text, files["bench"], known).body for title, text in parts.items() if text}
+    sections = {
+        title: render(text, files["bench"], known).body for title, text in parts.items() if text
+    }
     lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
     body = html("index", asked=asked, sections=sections, lacking=lacking)
     write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
     for name, found in rendered.items():
-        body = re.sub(r"<td>([\w-]+)</td>", _runs_of, found.body) if name == "hard-cases" else found.body
-        beside = [other for other in rendered if other.startswith(f"{name}-") and f'"{other}.html' not in found.body]
-        links = ", ".join(f'<a href="{other}.html">{prose(rendered[other].title)}</a>' for other in beside)
+        body = (
+            re.sub(r"<td>([\w-]+)</td>", _runs_of, found.body)
+            if name == "hard-cases"
+            else found.body
+        )
+        beside = [
+            other
+            for other in rendered
+            if other.startswith(f"{name}-") and f'"{other}.html' not in found.body
+        ]
+        links = ", ".join(
+            f'<a href="{other}.html">{prose(rendered[other].title)}</a>' for other in beside
+        )
         body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
         write(name, Page(found.title or name, "", body))
         for picture, path in found.pictures.items():
@@ -83,4 +111,8 @@ def _runs_of(cell: re.Match[str]) -> str:
 
 
 def _as_costs(picture: str) -> str:
-    return '<p><a href="cost.html">As a diagram, run by run</a></p>' if ON_COSTS.fullmatch(picture) else ""
+    return (
+        '<p><a href="cost.html">As a diagram, run by run</a></p>'
+        if ON_COSTS.fullmatch(picture)
+        else ""
+    )

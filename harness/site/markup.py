@@ -53,16 +53,22 @@ def document(name: str, page: Page, menu: Mapping[str, str], foot: str) -> str:
 def prose(text: str) -> Markup:
     """Plain text as HTML: `code`, and the rest in `notation`."""
     parts = re.split(r"`([^`]+)`", escape(text, quote=False))
-    return Markup("").join(Markup(f"<code>{part}</code>" if i % 2 else notation(part)) for i, part in enumerate(parts))
+    return Markup("").join(
+        Markup(f"<code>{part}</code>" if i % 2 else notation(part)) for i, part in enumerate(parts)
+    )
 
 
 def notation(text: str) -> str:
     """Escaped text with X_y and Lx as subscripts, x^y raised, and numbers as people write them."""
     text = re.sub(r"(?<![\w.-])([-−]?\d+(?:\.\d+)?)e([+-]?)0*(\d+)\b", _number, text)
-    text = re.sub(r"(?<![A-Za-z_])([A-Z])_(max|min|[a-z]{1,2}\d?|\d)(?![a-z])", r"\1<sub>\2</sub>", text)
+    text = re.sub(
+        r"(?<![A-Za-z_])([A-Z])_(max|min|[a-z]{1,2}\d?|\d)(?![a-z])", r"\1<sub>\2</sub>", text
+    )
     text = re.sub(r"\b\d{4}-\d\d-\d\d\b", r"<span class=n>\g<0></span>", text)
     text = re.sub(r"\bL([xyz])\b", r"L<sub>\1</sub>", text)
-    return re.sub(r"(?<=\w)\^(?:\(([^()]*)\)|([-−]\w+(?:[/.]\d+)?|\w+(?:\.\d+)?))", r"<sup>\1\2</sup>", text)
+    return re.sub(
+        r"(?<=\w)\^(?:\(([^()]*)\)|([-−]\w+(?:[/.]\d+)?|\w+(?:\.\d+)?))", r"<sup>\1\2</sup>", text
+    )
 
 
 def _number(found: re.Match[str]) -> str:
@@ -77,7 +83,11 @@ def _number(found: re.Match[str]) -> str:
 def plain(value: Any) -> Any:
     """The value as JSON can hold it: numbers at four digits, None where they are not finite."""
     if isinstance(value, float):
-        return (round(value) if value == round(value) else float(f"{value:.4g}")) if isfinite(value) else None
+        return (
+            (round(value) if value == round(value) else float(f"{value:.4g}"))
+            if isfinite(value)
+            else None
+        )
     if isinstance(value, dict):
         return {key: plain(each) for key, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, list | tuple) else value
@@ -109,11 +119,13 @@ def section(text: str, heading: str) -> str:
     return found[1] if found else ""
 
 
-def render(text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[str], str] = lambda _: "") -> Rendered:
+def render(
+    text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[str], str] = lambda _: ""
+) -> Rendered:
     """Render the Markdown of a file, to which links and pictures are relative.
 
-    `known` holds the address on the site of each Markdown page; links elsewhere become plain text. `drawn` gives HTML
-    in place of the picture of that name; where it is empty the picture stays.
+    `known` holds the address on the site of each Markdown page; links elsewhere become plain text.
+    `drawn` gives HTML in place of the picture of that name; where it is empty the picture stays.
     """
     tokens = _parser().parse(text)
     found = Rendered("", "")
@@ -178,12 +190,15 @@ def _parser() -> MarkdownIt:
         return notation(escape(tokens[i].content, quote=False))
 
     def table_open(renderer: Any, tokens: list[Token], i: int, options: Any, __: Any) -> str:
-        # Wider than a phone's screen, it scrolls by itself; the label is the page's only one of that name.
+        # Wider than a phone's screen, it scrolls by itself; the label is the page's only one of
+        # that name.
         region = f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(tokens[i].meta["label"])}">'
         return region + renderer.renderToken(tokens, i, options, {})
 
     parser.add_render_rule("text", text)
-    parser.add_render_rule("plain", lambda _, tokens, i, *__: escape(tokens[i].content, quote=False))
+    parser.add_render_rule(
+        "plain", lambda _, tokens, i, *__: escape(tokens[i].content, quote=False)
+    )
     parser.add_render_rule("table_open", table_open)
     parser.add_render_rule("table_close", lambda *_: "</table></div>")
     return parser

@@ -21,7 +21,8 @@ from polhode.models.scene import Scene, start_from
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import SolverNotValidError
 
-# Samples per rotation that make a smooth path, and the fewest and most samples of a page of moderate size.
+# Samples per rotation that make a smooth path, and the fewest and most samples of a page of
+# moderate size.
 PER_ROTATION, FEWEST, MOST = 80, 400, 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
 MOMENTS, TURNS, POINTS = 48, 4, 40
@@ -33,7 +34,10 @@ ALONG = 15.0
 def examples() -> dict[str, Scene]:
     """Motions to show: scenes of the catalogue, in parts changed."""
     listed = tomllib.loads(Path(__file__).with_name("motions.toml").read_text("utf-8"))
-    return {name: replace(named_scene(changes.pop("scene")), **changes) for name, changes in listed.items()}
+    return {
+        name: replace(named_scene(changes.pop("scene")), **changes)
+        for name, changes in listed.items()
+    }
 
 
 def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
@@ -56,7 +60,9 @@ def motion(scene: Scene) -> dict[str, Any]:
         # In the simplest form that has an axis, far more accurate than a screen shows.
         name = simplest(scene)
         problem = form(name).problem(scene)
-        solver = "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
+        solver = (
+            "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
+        )
         solution = solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
     except (ValueError, ArithmeticError) as error:
         return {"why": str(error)}
@@ -65,7 +71,9 @@ def motion(scene: Scene) -> dict[str, Any]:
     symmetry = scene.ellipsoid.symmetry_axis
     axis = int(np.argmax(scene.ellipsoid.semi_axes)) if symmetry is None else symmetry
     length = np.linalg.norm(solution.angular_momentum, axis=1, keepdims=True)
-    direction = np.divide(solution.angular_momentum, length, out=np.zeros((samples, 3)), where=length > 0)
+    direction = np.divide(
+        solution.angular_momentum, length, out=np.zeros((samples, 3)), where=length > 0
+    )
     return {
         "time": scene.time,
         "samples": samples,
@@ -73,12 +81,16 @@ def motion(scene: Scene) -> dict[str, Any]:
         "pole": axis,
         "symmetry": symmetry,
         "semi": _rounded(np.array(scene.ellipsoid.semi_axes) / max(scene.ellipsoid.semi_axes)),
-        "rows": _rounded(solution.rotation[:, :2].reshape(samples, 6), 3) if symmetry is None else None,
+        "rows": _rounded(solution.rotation[:, :2].reshape(samples, 6), 3)
+        if symmetry is None
+        else None,
         "L": _rounded(direction),
         "plane": _rounded(_plane(solution)),
         "averaged": _averaged(scene),
         "circle": scene.stokes > 0 and scene.ellipsoid.kind in ("prolate", "oblate"),
-        "paths": _torque_free(solution, axis) if scene.stokes > 0 and scene.ellipsoid.kind == "triaxial" else [],
+        "paths": _torque_free(solution, axis)
+        if scene.stokes > 0 and scene.ellipsoid.kind == "triaxial"
+        else [],
         "parabolas": [1.0, max(scene.ellipsoid.inertia) / min(scene.ellipsoid.inertia)],
         "stokes": scene.stokes,
         "says": _sentence(solution, axis),
@@ -95,12 +107,22 @@ def _sentence(solution: SceneSolution, axis: int) -> str:
         name = f"{('longest', 'middle', 'shortest')[scene.ellipsoid.order.index(nearest)]} axis"
     angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
     turns, plane = max(1, round(rotations(scene))), _plane(solution)[[0, -1]].T.tolist()
-    return fill("site-motion-says", scene=scene, turns=turns, name=name, angles=angles, along=ALONG, plane=plane)
+    return fill(
+        "site-motion-says",
+        scene=scene,
+        turns=turns,
+        name=name,
+        angles=angles,
+        along=ALONG,
+        plane=plane,
+    )
 
 
 def _plane(solution: SceneSolution) -> np.ndarray:
     """L_z and E over I_max, shape (n, 2)."""
-    return np.column_stack([solution.angular_momentum[:, 2], solution.energy]) / max(solution.scene.ellipsoid.inertia)
+    return np.column_stack([solution.angular_momentum[:, 2], solution.energy]) / max(
+        solution.scene.ellipsoid.inertia
+    )
 
 
 def _averaged(scene: Scene) -> list[float]:
@@ -108,7 +130,9 @@ def _averaged(scene: Scene) -> list[float]:
     if not 0 < scene.stokes < inf:
         return []
     try:
-        return _rounded(_plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=TOLERANCE)))
+        return _rounded(
+            _plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=TOLERANCE))
+        )
     except (FormNotValidError, SolverNotValidError):
         return []
 
@@ -121,11 +145,15 @@ def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
         size = float(np.linalg.norm(moment.angular_momentum))
         if size == 0:
             # At rest it stays where it is.
-            paths.append(_rounded(np.repeat(moment.rotation[:, axis], TURNS * POINTS + 1, axis=0), 3))
+            paths.append(
+                _rounded(np.repeat(moment.rotation[:, axis], TURNS * POINTS + 1, axis=0), 3)
+            )
             continue
         turn = 2 * pi * float(np.median(ellipsoid.inertia)) / size
         top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), TURNS * turn)
-        free = solve(top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1)
+        free = solve(
+            top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1
+        )
         paths.append(_rounded(free.rotation[:, axis], 3))
     return paths
 

@@ -28,7 +28,8 @@ from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solutio
 SCHEMA = 2
 # A run of fewer steps than one per this many rotations cannot be right.
 ROTATIONS_PER_STEP = 20.0
-# Below this St a stiff method may well step over rotations that the particle no longer makes by itself.
+# Below this St a stiff method may well step over rotations that the particle no longer makes by
+# itself.
 OSCILLATORY_FROM = 1.0
 
 
@@ -45,22 +46,32 @@ class Case:
     max_seconds: float
     backend: Backend | None = None  # the solver's first one by default, and the first Jacobian
     jacobian: Jacobian | None = None
-    tags: tuple[str, ...] = field(default=(), compare=False)  # the scene's in its study; no part of the question
+    tags: tuple[str, ...] = field(
+        default=(), compare=False
+    )  # the scene's in its study; no part of the question
     reference_seconds: float = field(default=inf, compare=False)  # that it may take
-    counted: bool = field(default=True, compare=False)  # whether the first run counts right-hand sides, which is slow
+    counted: bool = field(
+        default=True, compare=False
+    )  # whether the first run counts right-hand sides, which is slow
 
     @property
     def content(self) -> Record:
         """The case as plain data, types coerced, with the schema and the versions it depends on."""
         method = find_solver(self.solver)
         packages = ["polhode", method.package]
-        # SUNDIALS runs in machine code or by Python's callbacks, as its C libraries are found: two measurements.
+        # SUNDIALS runs in machine code or by Python's callbacks, as its C libraries are found: two
+        # measurements.
         if method.backends[:-1] and self.backend in (None, "compiled"):
-            packages += ["llvmlite"] * ("compiled" in method.backends and not method.lacks("compiled"))
+            packages += ["llvmlite"] * (
+                "compiled" in method.backends and not method.lacks("compiled")
+            )
         return {
             "schema": SCHEMA,
             "scene": scene_table(self.scene),
-            **{name: getattr(self, name) for name in ("scene_name", "form", "solver", "backend", "jacobian")},
+            **{
+                name: getattr(self, name)
+                for name in ("scene_name", "form", "solver", "backend", "jacobian")
+            },
             **{name: float(getattr(self, name)) for name in ("tolerance", "max_seconds")},
             "samples": int(self.samples),
             "versions": {name: package_version(name) for name in packages},
@@ -123,14 +134,17 @@ def attempt(case: Case) -> tuple[Record, np.ndarray]:
 def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     """Record of an attempt with its errors.
 
-    The record's columns: `slow_error` and `orientation_error` against the exact solution of the full equations,
-    `solver_*` against the exact solution of the same form, `model_*` of that exact solution against the full one.
-    A full form has no model error. An error that cannot be measured is None. Where the motion is chaotic, errors are
-    those up to `meaningful_until`, and `statistics_distance` compares the distributions over the whole run.
+    The record's columns: `slow_error` and `orientation_error` against the exact solution of the
+    full equations, `solver_*` against the exact solution of the same form, `model_*` of that exact
+    solution against the full one. A full form has no model error. An error that cannot be measured
+    is None. Where the motion is chaotic, errors are those up to `meaningful_until`, and
+    `statistics_distance` compares the distributions over the whole run.
     """
     form, ellipsoid = find_form(case.form), case.scene.ellipsoid
     try:
-        full = reference(case.scene, reference_form(case.scene), case.samples, case.reference_seconds)
+        full = reference(
+            case.scene, reference_form(case.scene), case.samples, case.reference_seconds
+        )
     except ReferenceFailedError as error:
         return {**record, "reference_failed": str(error)}
     exact = full
@@ -146,7 +160,9 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     n = full.meaningful
     truth, early = full.observables[:n], found[:n]
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
-    distance = None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
+    distance = (
+        None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
+    )
     return (
         record
         | {
@@ -195,20 +211,35 @@ def prepared(case: Case) -> float:
 
 
 def _parted(
-    case: Case, found: Observables, truth: Observables, total: Errors, full: Reference, exact: Reference | None
+    case: Case,
+    found: Observables,
+    truth: Observables,
+    total: Errors,
+    full: Reference,
+    exact: Reference | None,
 ) -> Record:
     """The solver's error and the model's: all is the solver's if the form is a full one, both open if `exact` is."""
-    names = [f"{part}_{error}_error" for part in ("solver", "model") for error in ("slow", "orientation")]
+    names = [
+        f"{part}_{error}_error" for part in ("solver", "model") for error in ("slow", "orientation")
+    ]
     if exact is None:
         return dict.fromkeys(names)
     values = total.slow, total.orientation, 0.0, 0.0
     if exact is not full:
         own_truth = exact.observables[: len(truth.slow)]
-        own, model = (errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth)))
+        own, model = (
+            errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth))
+        )
         values = own.slow, own.orientation, model.slow, model.orientation
-    return dict(zip(names, values, strict=True)) | {"solver_slow_uncertainty": exact.slow_uncertainty}
+    return dict(zip(names, values, strict=True)) | {
+        "solver_slow_uncertainty": exact.slow_uncertainty
+    }
 
 
 def missing(case: Case) -> Record:
     """Record of a case whose library is not installed."""
-    return {"status": str(Status.ADAPTER_MISSING), "message": find_solver(case.solver).why_not, "inferred": True}
+    return {
+        "status": str(Status.ADAPTER_MISSING),
+        "message": find_solver(case.solver).why_not,
+        "inferred": True,
+    }

@@ -106,7 +106,9 @@ def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[Firs
     return found
 
 
-def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]) -> dict[tuple[str, str], float]:
+def first_seconds(
+    scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]
+) -> dict[tuple[str, str], float]:
     """Seconds that a first run by a form and solver takes beyond later ones; 0.0 where its beginning fails."""
     known: dict[tuple[str, str], float] = {}
     found = {}
@@ -115,7 +117,9 @@ def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]
         if group not in known:
             with TemporaryDirectory() as folder:
                 problem = find_form(form).problem(scenes[form])
-                run = _fresh(replace(problem, end=problem.end * BEGINNING, least_steps=0), solver, folder)
+                run = _fresh(
+                    replace(problem, end=problem.end * BEGINNING, least_steps=0), solver, folder
+                )
             known[group] = run.library + run.compilation if run else 0.0
         found[form, solver] = known[group]
     return found
@@ -124,7 +128,11 @@ def first_seconds(scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]
 def compile_group(solver: str) -> str:
     """Solvers that share what is compiled for a form."""
     method = find_solver(solver)
-    return f"{method.library}{' implicit' if method.implicit else ''}" if method.library != "CyRK" else "CyRK"
+    return (
+        f"{method.library}{' implicit' if method.implicit else ''}"
+        if method.library != "CyRK"
+        else "CyRK"
+    )
 
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
@@ -135,7 +143,9 @@ def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
 def startup_seconds() -> float:
     """Wall time of `polhode --help` in a process of its own: the minimum of some starts."""
     code = "from polhode.harness.cli import main; main(['--help'])"
-    start = partial(subprocess.run, [sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+    start = partial(
+        subprocess.run, [sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL
+    )
     return min(seconds_of(start) for _ in range(STARTS))
 
 
@@ -175,7 +185,11 @@ def measure(
     table = []
     for name in solvers:
         method = find_solver(name)
-        bare = method.bare_call(problem, method.settings(tolerance), times) if method.available else None
+        bare = (
+            method.bare_call(problem, method.settings(tolerance), times)
+            if method.available
+            else None
+        )
         if bare is None:
             continue
         best, calls = [inf, inf], (bare, lambda name=name: solve(problem, name, tolerance, times))

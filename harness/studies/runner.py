@@ -15,9 +15,11 @@ from polhode.harness.studies.study import Study
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
-# Seconds that a first run may spend on compilation, beyond its time limit; at twice their sum it is killed.
+# Seconds that a first run may spend on compilation, beyond its time limit; at twice their sum it is
+# killed.
 COMPILATION = 60.0
-# A stopped run that was further off than this had gone wrong: a tighter tolerance may well be faster.
+# A stopped run that was further off than this had gone wrong: a tighter tolerance may well be
+# faster.
 SANE_ERROR = 1.0
 
 Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
@@ -45,7 +47,9 @@ class Runner:
         """The same of cases in batches, each of which is timed in interleaved order."""
         known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
         surroundings = {"machine": machine(), "versions": versions()}
-        progress = tqdm(total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False)
+        progress = tqdm(
+            total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False
+        )
         with self._worker, progress:
             for batch in batches:
                 fresh = [case for case in batch if case.key not in known]
@@ -73,7 +77,11 @@ class Runner:
                 self._lost += 1
                 continue
             records[case] = {"date": now(), "tags": list(case.tags), **found}
-        timings = {case: Timing(()) for case, record in records.items() if record["status"] == Status.REACHED_END}
+        timings = {
+            case: Timing(())
+            for case, record in records.items()
+            if record["status"] == Status.REACHED_END
+        }
         timed = list(timings)
         steadiness = self._patience.look() if batch else 0.0
         while timed:
@@ -85,7 +93,11 @@ class Runner:
                     del records[case]
                 elif reply.failure is None:
                     timings[case] = timings[case].and_one(*reply.value)
-            timed = [case for case in timed if case in records and timings[case].runs and timings[case].wants_more]
+            timed = [
+                case
+                for case in timed
+                if case in records and timings[case].runs and timings[case].wants_more
+            ]
         for case, timing in timings.items():
             if timing.runs and case in records:
                 records[case] |= {
@@ -94,7 +106,9 @@ class Runner:
                     "seconds_runs": list(timing.runs),
                     "disturbed": timing.disturbed or self._patience.busy(steadiness),
                 }
-        return [(case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()]
+        return [
+            (case, {**record, "sentinel_seconds": steadiness}) for case, record in records.items()
+        ]
 
     def _sentinel(self) -> float:
         reply = self._worker.run(sentinel, limit=COMPILATION)
@@ -106,7 +120,11 @@ class Runner:
             return missing(case)
         earlier = self._too_slow.get(_group(case))
         if earlier is not None:
-            return {"status": earlier["status"], "message": "at a looser tolerance already", "inferred": True}
+            return {
+                "status": earlier["status"],
+                "message": "at a looser tolerance already",
+                "inferred": True,
+            }
         reply = self._worker.run(attempt, case, limit=case.max_seconds + COMPILATION)
         if reply.failure is Failure.LOST:
             return None
@@ -125,7 +143,9 @@ def how_failed(failure: Failure | None, message: str) -> Record:
 
 def _too_slow(record: Record) -> bool:
     """Whether tighter tolerances would be too slow as well: it was stopped, and not by other work or gone wrong."""
-    stopped = record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT) and not record.get("disturbed")
+    stopped = record["status"] in (Status.TIME_LIMIT, Status.STEP_LIMIT) and not record.get(
+        "disturbed"
+    )
     return stopped and record.get("slow_error_so_far", 0.0) < SANE_ERROR
 
 

@@ -79,13 +79,26 @@ class Study:
                     problem = find_form(form_name).problem(scene)
                 except FormNotValidError:
                     continue
-                wanted = (name for name in self.solvers if choice.solvers is None or name in choice.solvers)
+                wanted = (
+                    name
+                    for name in self.solvers
+                    if choice.solvers is None or name in choice.solvers
+                )
                 accepted = [name for name in wanted if find_solver(name).takes(problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
                     others = tuple(choice.tags), self.reference_seconds, self.counted
                     yield [
-                        Case(scene_name, scene, form_name, solver_name, *limits, backend, jacobian, *others)
+                        Case(
+                            scene_name,
+                            scene,
+                            form_name,
+                            solver_name,
+                            *limits,
+                            backend,
+                            jacobian,
+                            *others,
+                        )
                         for solver_name in accepted
                         for backend, jacobian in self._ways(solver_name)
                     ]
@@ -94,7 +107,9 @@ class Study:
         """What the study says of a scene."""
         return self.choices.get((scene_name, scene.stokes), Choice())
 
-    def part(self, *, scenes: Filter = (), tags: Filter = (), forms: Filter = (), solvers: Filter = ()) -> "Study":
+    def part(
+        self, *, scenes: Filter = (), tags: Filter = (), forms: Filter = (), solvers: Filter = ()
+    ) -> "Study":
         """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
         wanted = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),
@@ -117,13 +132,20 @@ class Study:
             solvers=tuple(name for name in self.solvers if kept("solver", name)),
         )
         if not any(part.batches()):
-            got = ", ".join(f"{kind} {name}" for kind, names in wanted.items() for name in sorted(names))
-            raise ValueError(f"filters: got {got}, expected some that go together in study {self.name!r}")
+            got = ", ".join(
+                f"{kind} {name}" for kind, names in wanted.items() for name in sorted(names)
+            )
+            raise ValueError(
+                f"filters: got {got}, expected some that go together in study {self.name!r}"
+            )
         return part
 
     def quick(self) -> "Study":
         """The study with every other tolerance and short time limits, for a look."""
-        choices = {scene: choice.model_copy(update={"max_seconds": None}) for scene, choice in self.choices.items()}
+        choices = {
+            scene: choice.model_copy(update={"max_seconds": None})
+            for scene, choice in self.choices.items()
+        }
         seconds = min(self.max_seconds, 0.2)
         return replace(self, tolerances=self.tolerances[::2], max_seconds=seconds, choices=choices)
 
@@ -131,8 +153,12 @@ class Study:
         """Back ends and Jacobians with which to run a solver."""
         solver = find_solver(solver_name)
         offered = {None, *(each for each in solver.backends if not solver.lacks(each))}
-        jacobians: list[Jacobian | None] = [name for name in self.jacobians or () if name in solver.jacobians]
-        backends: list[Backend | None] = [name for name in self.backends or [None] if name in offered]
+        jacobians: list[Jacobian | None] = [
+            name for name in self.jacobians or () if name in solver.jacobians
+        ]
+        backends: list[Backend | None] = [
+            name for name in self.backends or [None] if name in offered
+        ]
         return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
 
 
@@ -140,7 +166,11 @@ def _known(kind: str, names: Filter, known: Iterable[str]) -> set[str]:
     """Names of a filter; raises ValueError if the study does not know one."""
     for name in names:
         if name not in known:
-            expected = f"one of {', '.join(sorted(known))}" if known else f"none, for the study has no {kind}s"
+            expected = (
+                f"one of {', '.join(sorted(known))}"
+                if known
+                else f"none, for the study has no {kind}s"
+            )
             raise ValueError(f"{kind}: got {name!r}, expected {expected}")
     return set(names)
 
@@ -148,9 +178,9 @@ def _known(kind: str, names: Filter, known: Iterable[str]) -> set[str]:
 class StudySceneTable(Choice):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
-    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for another duration. Tags
-    are what a run may be limited to; forms and solvers, some of the study's, limit those of the scene; `max_seconds`
-    is a time limit of its own.
+    ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for
+    another duration. Tags are what a run may be limited to; forms and solvers, some of the study's,
+    limit those of the scene; `max_seconds` is a time limit of its own.
     """
 
     # A built-in scene needs no stokes.
@@ -169,7 +199,9 @@ class StudySceneTable(Choice):
             raise ValueError(f"got {sorted(scene)}, expected {expected}")
         own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
         known = scene_table(named_scene(str(scene["name"])))
-        return {name: each for name, each in known.items() if name != "time" or "slow_time" not in own} | own
+        return {
+            name: each for name, each in known.items() if name != "time" or "slow_time" not in own
+        } | own
 
 
 class StudyTable(BaseModel):
@@ -190,28 +222,45 @@ class StudyTable(BaseModel):
 
     @model_validator(mode="after")
     def _known_names(self) -> "StudyTable":
-        for kind, names, catalogue in (("forms", self.forms, FORMS), ("solvers", self.solvers, SOLVERS)):
+        for kind, names, catalogue in (
+            ("forms", self.forms, FORMS),
+            ("solvers", self.solvers, SOLVERS),
+        ):
             for name in (each for each in names if each not in catalogue):
                 try:
                     catalogue.find(name)
                 except NotFoundError as error:
-                    raise ValueError(f"got {name!r}{error.advice} in {kind}, expected {error.expected}") from None
+                    raise ValueError(
+                        f"got {name!r}{error.advice} in {kind}, expected {error.expected}"
+                    ) from None
         for scene in self.scenes:
-            for kind, own, known in (("forms", scene.forms, self.forms), ("solvers", scene.solvers, self.solvers)):
+            for kind, own, known in (
+                ("forms", scene.forms, self.forms),
+                ("solvers", scene.solvers, self.solvers),
+            ):
                 for name in own or ():
                     if name not in known:
                         expected = f"some of the study's: {', '.join(known)}"
-                        raise ValueError(f"got {name!r} in {kind} of scene {scene.name!r}, expected {expected}")
+                        raise ValueError(
+                            f"got {name!r} in {kind} of scene {scene.name!r}, expected {expected}"
+                        )
         return self
 
     @model_validator(mode="after")
     def _nothing_twice(self) -> "StudyTable":
         scenes = [(scene.name, stokes) for scene in self.scenes for stokes in scene.stokes]
-        lists = {"forms": self.forms, "solvers": self.solvers, "tolerances": self.tolerances, "scenes": scenes}
+        lists = {
+            "forms": self.forms,
+            "solvers": self.solvers,
+            "tolerances": self.tolerances,
+            "scenes": scenes,
+        }
         for kind, values in lists.items():
             for value in values:
                 if values.count(value) > 1:
-                    raise ValueError(f"got {value!r} {values.count(value)} times in {kind}, expected it once")
+                    raise ValueError(
+                        f"got {value!r} {values.count(value)} times in {kind}, expected it once"
+                    )
         return self
 
 
@@ -224,18 +273,27 @@ def read_study(path: Path | None, default: str = "bench") -> Study:
 def parse_study(contents: dict[str, Any]) -> Study:
     """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
     table = checked(StudyTable, contents)
-    own: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in table}
+    own: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in table
+    }
     own["scenes"] = ()
     for position, each in enumerate(table.scenes):
         try:
-            scenes = [parse_scene({"stokes": stokes, **(each.model_extra or {})}) for stokes in each.stokes]
+            scenes = [
+                parse_scene({"stokes": stokes, **(each.model_extra or {})})
+                for stokes in each.stokes
+            ]
         except ValueError as error:
             raise ValueError(f"scenes[{position}]: {error}") from None
         own["scenes"] += tuple((each.name, scene) for scene in scenes)
     own["choices"] = {(each.name, stokes): each for each in table.scenes for stokes in each.stokes}
     # Which is the cheapest makes sense for one scene; several ask who gets through.
-    own["page"] = table.page or ("costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes")
+    own["page"] = table.page or (
+        "costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes"
+    )
     study = Study(**own)
     if not any(study.batches()):
-        raise ValueError(f"forms: got {list(study.forms)}, expected one that some scene and solver accept")
+        raise ValueError(
+            f"forms: got {list(study.forms)}, expected one that some scene and solver accept"
+        )
     return study

@@ -19,7 +19,9 @@ def cache_folder(library: str = "") -> Path:
         return Path(own, library).absolute()
     # Who has no home keeps nothing.
     home = path if (path := os.path.expanduser("~")) != "~" else os.devnull
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path(home, ".cache"), library or "polhode").absolute()
+    return Path(
+        os.environ.get("XDG_CACHE_HOME") or Path(home, ".cache"), library or "polhode"
+    ).absolute()
 
 
 def load(key: str) -> np.ndarray | None:

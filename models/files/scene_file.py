@@ -48,7 +48,9 @@ class StartTable(Table):
     def _one_way_to_start(self) -> "StartTable":
         given = self.model_fields_set - ({"at_rest"} if not self.at_rest else set())
         if given not in map(set, _WAYS_TO_START):
-            ways = ", ".join(" + ".join(way) for way in _WAYS_TO_START).replace("at_rest", "at_rest = true")
+            ways = ", ".join(" + ".join(way) for way in _WAYS_TO_START).replace(
+                "at_rest", "at_rest = true"
+            )
             raise ValueError(f"got {sorted(given)}, expected one of {ways}")
         return self
 
@@ -100,7 +102,9 @@ class SceneTable(Table):
     def _one_duration(self) -> "SceneTable":
         one_duration(self)
         if self.time is None and self.stokes in (0, inf):
-            raise ValueError(f"got slow_time at stokes = {self.stokes:g}, expected time, for slow time is t/St")
+            raise ValueError(
+                f"got slow_time at stokes = {self.stokes:g}, expected time, for slow time is t/St"
+            )
         return self
 
     def scene(self) -> Scene:
@@ -109,7 +113,9 @@ class SceneTable(Table):
         time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
         if not (isfinite(time) and time > 0):
             got = f"{self.slow_time!r} at stokes = {self.stokes:g}"
-            raise ValueError(f"slow_time: got {got}, expected a finite positive time t = slow_time * stokes")
+            raise ValueError(
+                f"slow_time: got {got}, expected a finite positive time t = slow_time * stokes"
+            )
         return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time)
 
 

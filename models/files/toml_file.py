@@ -17,10 +17,13 @@ Model = TypeVar("Model", bound=BaseModel)
 MOST = 4_000_000
 
 
-def read_toml(source: Path | Traversable, parse: Callable[[dict[str, Any]], Made], where: str | None = None) -> Made:
+def read_toml(
+    source: Path | Traversable, parse: Callable[[dict[str, Any]], Made], where: str | None = None
+) -> Made:
     """Read a TOML file and make of its contents what `parse` makes of them; messages call it `where`, or by its path.
 
-    A ValueError says in one line the file and what is wrong, as `parse` does; an OSError that it cannot be read.
+    A ValueError says in one line the file and what is wrong, as `parse` does; an OSError that it
+    cannot be read.
     """
     where = where or str(source)
     try:
@@ -51,17 +54,25 @@ def checked(model: type[Model], contents: dict[str, Any]) -> Model:
 def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
     """The plainest complaint about the contents of a `model` in one line, and how many more there are."""
     # An unknown key comes first, for it may be the misspelt name of one that is missing.
-    complaints = sorted(error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden")
+    complaints = sorted(
+        error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden"
+    )
     first = complaints[0]
     *above, last = first["loc"] or ("",)
-    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in (*above, last)).lstrip(".")
+    where = "".join(
+        f"[{part}]" if isinstance(part, int) else f".{part}" for part in (*above, last)
+    ).lstrip(".")
     expected = first["msg"].removeprefix("Value error, ")
     if first["type"] == "missing":
         text = f"{where}: missing, expected a value"
     elif first["type"] == "extra_forbidden":
         keys = _keys(model, above)
         meant = near(str(last), keys)
-        complaints = [each for each in complaints if not (each["type"] == "missing" and each["loc"] == (*above, meant))]
+        complaints = [
+            each
+            for each in complaints
+            if not (each["type"] == "missing" and each["loc"] == (*above, meant))
+        ]
         text = f"{where}: unknown key, expected one of {', '.join(keys)}{_advice(model, above, str(last), keys)}"
     elif expected.startswith("got "):
         text = f"{where}: {expected}" if where else expected
@@ -77,7 +88,12 @@ def _advice(model: type[BaseModel], above: list[int | str], key: str, keys: list
         return f" ({key} belongs above the first [table], not under [{above[0]}])"
     for name, field in model.model_fields.items():
         table = field.annotation
-        if isinstance(table, type) and issubclass(table, BaseModel) and [name] != above and key in table.model_fields:
+        if (
+            isinstance(table, type)
+            and issubclass(table, BaseModel)
+            and [name] != above
+            and key in table.model_fields
+        ):
             return f" ({key} belongs under [{name}])"
     return hint(key, keys)
 
@@ -97,5 +113,9 @@ _OUR_WORDS = tomllib.loads(Path(__file__).with_name("our_words.toml").read_text(
 
 def _in_our_words(message: str) -> str:
     message = message.replace(" after validation", "").split(" or instance of")[0]
-    found = (ours + message.removeprefix(theirs) for theirs, ours in _OUR_WORDS.items() if message.startswith(theirs))
+    found = (
+        ours + message.removeprefix(theirs)
+        for theirs, ours in _OUR_WORDS.items()
+        if message.startswith(theirs)
+    )
     return next(found, message)

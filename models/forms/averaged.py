@@ -12,18 +12,19 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly above 0 in long
-# double, and less elsewhere.
+# Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly
+# above 0 in long double, and less elsewhere.
 AGM_STEPS = 6
-# Starts nearer than this to L² = 2EI₂ are moved so far off it, whose rates are its own on either side.
+# Starts nearer than this to L² = 2EI₂ are moved so far off it, whose rates are its own on either
+# side.
 SEPARATRIX_WIDTH = 1e-12
 
 
 def mean_squares(ops: Operations):
     """Means ⟨z_i²⟩ of the squared body components of L/|L| over the Euler top (`pz`), axes sorted by inertia."""
-    # With m the parameter of the elliptic functions and c_n the differences of the arithmetic-geometric mean,
-    # ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum has positive terms only and stays exact as m → 0
-    # and m → 1.
+    # With m the parameter of the elliptic functions and c_n the differences of the
+    # arithmetic-geometric mean, ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum
+    # has positive terms only and stays exact as m → 0 and m → 1.
     where_positive, sqrt = ops.where_positive, ops.sqrt
 
     def means(momentum2, energy2, i1, i2, i3):
@@ -46,7 +47,11 @@ def mean_squares(ops: Operations):
         z_far = far * short / ((near - far) * momentum2) * (1 - sn2)
         z_middle = i2 * short / ((near - i2) * momentum2) * sn2
         z_near = near * long / ((near - far) * momentum2) * (1 - m * sn2)
-        return where_positive(beyond, z_far, z_near), z_middle, where_positive(beyond, z_near, z_far)
+        return (
+            where_positive(beyond, z_far, z_near),
+            z_middle,
+            where_positive(beyond, z_near, z_far),
+        )
 
     return means
 
@@ -108,7 +113,9 @@ class Averaged(Form):
 
     name = "averaged"
     summary = "first-order averaged slow variables L and E of a triaxial ellipsoid"
-    valid_for = "triaxial ellipsoids at large finite St, L not 0, not about the middle axis; no orientation"
+    valid_for = (
+        "triaxial ellipsoids at large finite St, L not 0, not about the middle axis; no orientation"
+    )
     state = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "E/Imax")
     orientation = "none"
     averaged = True
@@ -124,13 +131,17 @@ class Averaged(Form):
         shares = in_body**2 / np.sum(in_body**2)
         # Of a start by L and E alone the axis is not known: no comparison with NaN holds.
         if 1 - shares[scene.ellipsoid.order[1]] < SEPARATRIX_WIDTH:
-            raise self.refuse("the start rotates about the middle axis, and lingers there", "quaternion")
+            raise self.refuse(
+                "the start rotates about the middle axis, and lingers there", "quaternion"
+            )
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         unit = max(scene.ellipsoid.inertia)
         *momentum, energy = (scene.initial.slow[0] / unit).tolist()
-        middle = sum(each * each for each in momentum) / (2 * sorted(scene.ellipsoid.inertia)[1] / unit)
+        middle = sum(each * each for each in momentum) / (
+            2 * sorted(scene.ellipsoid.inertia)[1] / unit
+        )
         if abs(energy - middle) < SEPARATRIX_WIDTH * middle:
             energy = middle * (1 - SEPARATRIX_WIDTH)
         start = (*momentum, energy)

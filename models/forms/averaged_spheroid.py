@@ -52,7 +52,8 @@ def range_excess(states: np.ndarray, ratio: float) -> np.ndarray:
 class AveragedSpheroid(Form):
     """State (L_x, L_y, L_z, η) in slow time, L in units of I_e; E follows by `EetaL`.
 
-    Its error against the full forms falls like 1/St. η = -η' is a symmetry: a start given by L and E takes η ≥ 0.
+    Its error against the full forms falls like 1/St. η = -η' is a symmetry: a start given by L and
+    E takes η ≥ 0.
     """
 
     name = "averaged-spheroid"
@@ -72,17 +73,23 @@ class AveragedSpheroid(Form):
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         parameters = spheroid.inertia_ratio, spheroid.axial_damping, spheroid.equatorial_damping
         excess = partial(range_excess, ratio=spheroid.inertia_ratio)
-        return self.slow_problem(scene, field, (*momentum.tolist(), initial_spin(scene)), parameters, excess)
+        return self.slow_problem(
+            scene, field, (*momentum.tolist(), initial_spin(scene)), parameters, excess
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
-        return observe_slow(slow_variables(spheroid, states[:, :3] * spheroid.equatorial_inertia, states[:, 3]))
+        return observe_slow(
+            slow_variables(spheroid, states[:, :3] * spheroid.equatorial_inertia, states[:, 3])
+        )
 
 
 def slow_variables(spheroid: Spheroid, momentum: np.ndarray, spin: np.ndarray) -> np.ndarray:
     """Slow variables (L_x, L_y, L_z, E), shape (n, 4), of L, shape (n, 3), and η, shape (n,) (`EetaL`)."""
     axial, equatorial = spheroid.axial_inertia, spheroid.equatorial_inertia
-    energy = (np.sum(momentum**2, axis=1) - axial * (axial - equatorial) * spin**2) / (2 * equatorial)
+    energy = (np.sum(momentum**2, axis=1) - axial * (axial - equatorial) * spin**2) / (
+        2 * equatorial
+    )
     return np.column_stack([momentum, energy])
 
 

@@ -9,10 +9,15 @@ from polhode.models.forms.motion import angular_acceleration, body_parameters, f
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import ARRAYS, Field, Operations
 from polhode.models.problem import Problem
-from polhode.models.rotation import angular_velocity_from_euler, euler_rates_from_angular_velocity, matrix_from_euler
+from polhode.models.rotation import (
+    angular_velocity_from_euler,
+    euler_rates_from_angular_velocity,
+    matrix_from_euler,
+)
 from polhode.models.scene import EulerStart, Scene
 
-# A passage at this distance costs 1e-10 rad (median of random tops), at most 1e-9, whatever the tolerance.
+# A passage at this distance costs 1e-10 rad (median of random tops), at most 1e-9, whatever the
+# tolerance.
 POLE_LIMIT = 1e-5
 IN_WORDS = np.format_float_scientific(POLE_LIMIT, exp_digits=1, trim="-")
 
@@ -60,24 +65,29 @@ def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
     """Raise FormNotValidError if a start is too close to θ = 0 or π: |sin θ| < `POLE_LIMIT`."""
     sine = abs(sin(theta))
     if not sine >= POLE_LIMIT:
-        condition = f"the start has |sin θ| = {sine:.1e} < {IN_WORDS}, where the angles are ill-conditioned"
+        condition = (
+            f"the start has |sin θ| = {sine:.1e} < {IN_WORDS}, where the angles are ill-conditioned"
+        )
         raise form.refuse(condition, instead)
 
 
 class EulerAngles(Form):
     """State (θ, φ, ψ, θ̇, φ̇, ψ̇): the form the paper integrates.
 
-    A passage of θ = 0 or π at a distance δ turns φ and ψ by about π each within a time δ/θ̇, and rounding costs about
-    1e-15/δ rad (measured: torque-free tops, median; at worst twenty times that). Smaller steps do not help, for the
-    error is in the state, and nothing shows it afterwards, for with viscous torque neither L nor E is conserved. Hence
-    the vector field itself ends at |sin θ| = `POLE_LIMIT`: there it is NaN, and every solver stops with a failure
-    (`non_finite` or `step_underflow`) instead of going on with digits lost. A run at a tolerance looser than the limit
-    may step over it, and is then wrong by its tolerance anyway.
+    A passage of θ = 0 or π at a distance δ turns φ and ψ by about π each within a time δ/θ̇, and
+    rounding costs about 1e-15/δ rad (measured: torque-free tops, median; at worst twenty times
+    that). Smaller steps do not help, for the error is in the state, and nothing shows it
+    afterwards, for with viscous torque neither L nor E is conserved. Hence the vector field itself
+    ends at |sin θ| = `POLE_LIMIT`: there it is NaN, and every solver stops with a failure
+    (`non_finite` or `step_underflow`) instead of going on with digits lost. A run at a tolerance
+    looser than the limit may step over it, and is then wrong by its tolerance anyway.
     """
 
     name = "euler-angles"
     summary = "the paper's Euler angles and their rates; singular at θ = 0 and π"
-    valid_for = f"every ellipsoid as long as |sin θ| ≥ {IN_WORDS}; at St = 0 in its implicit form alone"
+    valid_for = (
+        f"every ellipsoid as long as |sin θ| ≥ {IN_WORDS}; at St = 0 in its implicit form alone"
+    )
     state = ("theta", "phi", "psi", "dtheta", "dphi", "dpsi")
     orientation = "full"
     angles = True
@@ -97,4 +107,6 @@ class EulerAngles(Form):
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, ARRAYS)
-        return observe_body(scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1))
+        return observe_body(
+            scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1)
+        )

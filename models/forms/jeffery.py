@@ -15,13 +15,22 @@ from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import ARRAYS, Field, Operations, WithRate
 from polhode.models.problem import Problem
-from polhode.models.rotation import Quaternion, make_third, matrix_from_quaternion, quaternion_from_euler
+from polhode.models.rotation import (
+    Quaternion,
+    make_third,
+    matrix_from_quaternion,
+    quaternion_from_euler,
+)
 from polhode.models.scene import Scene
 
 
 def turning(ops: Operations) -> Callable:
     """q̇ = ½ q∘(0, Ω_J), and Ω_J; p = shares of Jeffery's angular velocity, as in `polhode.models.forms.motion`."""
-    directions_of, rates, jeffery = ops.use(directions), ops.use(quaternion_rates), ops.use(jeffery_angular_velocity)
+    directions_of, rates, jeffery = (
+        ops.use(directions),
+        ops.use(quaternion_rates),
+        ops.use(jeffery_angular_velocity),
+    )
 
     def of(y, p):
         flow, gradient = directions_of(y[0], y[1], y[2], y[3])
@@ -42,8 +51,9 @@ class JefferyOrbit:
     """Jeffery orbit of a spheroid in closed form, spin included.
 
     The symmetry axis follows a spherical ellipse (`phitraj`, and `thetraj` with the exponent 1/2):
-    p̂ ∝ (-s κ sin τ, -s cos τ, z) with τ = τ₀ + t/(κ + 1/κ); s/z is the orbit constant. The spin angle obeys
-    ψ̇ = ½ Λ cos θ cos 2φ, an elliptic integral of the third kind in τ, here in Carlson's form (DLMF 19.25.5, 19.25.14).
+    p̂ ∝ (-s κ sin τ, -s cos τ, z) with τ = τ₀ + t/(κ + 1/κ); s/z is the orbit constant. The spin
+    angle obeys ψ̇ = ½ Λ cos θ cos 2φ, an elliptic integral of the third kind in τ, here in
+    Carlson's form (DLMF 19.25.5, 19.25.14).
     """
 
     axial: float  # semi-axes in any common unit
@@ -93,7 +103,9 @@ class JefferyOrbit:
         return -(1 - kappa) * (1 + kappa) * z / (2 * kappa * size) * integral
 
 
-def _spin_integral(sine: np.ndarray, cosine: np.ndarray, kappa: float, across: float, along: float) -> np.ndarray:
+def _spin_integral(
+    sine: np.ndarray, cosine: np.ndarray, kappa: float, across: float, along: float
+) -> np.ndarray:
     """∫ (cos² - κ² sin²)/(w √(along + across w)) dτ from 0 to τ, with w = cos² + κ² sin² and along + across = 1."""
     from scipy.special import elliprf, elliprj
 
@@ -131,7 +143,9 @@ class Jeffery(Form):
     """State (q₀, q₁, q₂, q₃): inertia is gone, the angular velocity follows from the orientation."""
 
     name = "jeffery"
-    summary = "St = 0: orientation alone, with Jeffery's angular velocity; closed form for spheroids"
+    summary = (
+        "St = 0: orientation alone, with Jeffery's angular velocity; closed form for spheroids"
+    )
     valid_for = "St = 0, every ellipsoid; closed form (solver 'exact') for spheroids and spheres"
     state = ("q0", "q1", "q2", "q3")
     orientation = "full"
@@ -148,7 +162,15 @@ class Jeffery(Form):
         if scene.ellipsoid.kind != "triaxial":
             axis = Spheroid.of(scene.ellipsoid).axis
             closed_form = JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start).at
-        return Problem(self.name, field, start, scene.time, parameters, closed_form=closed_form, invariant=norm_drift)
+        return Problem(
+            self.name,
+            field,
+            start,
+            scene.time,
+            parameters,
+            closed_form=closed_form,
+            invariant=norm_drift,
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""

@@ -1,8 +1,8 @@
 """What full forms share: the one vector equation (`ultima`), resolved along the body axes, and a quaternion's turning.
 
-Parameters p of a full form: (alpha, beta, *shape), for a triaxial one (alpha, beta, gyro₁₋₃, damping₁₋₃, share₁₋₆).
-Mass alpha stands on the angular velocity, factor beta on the torque: (1, 1/St) is the explicit form, (St, 1) the
-implicit one.
+Parameters p of a full form: (alpha, beta, *shape), for a triaxial one (alpha, beta, gyro₁₋₃,
+damping₁₋₃, share₁₋₆). Mass alpha stands on the angular velocity, factor beta on the torque: (1,
+1/St) is the explicit form, (St, 1) the implicit one.
 """
 
 from collections.abc import Callable
@@ -28,10 +28,17 @@ def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
 
 
 def full_problem(
-    form: Form, scene: Scene, field: Factory, start: Floats, inertial: tuple[bool, ...], shape: Floats, **known: Any
+    form: Form,
+    scene: Scene,
+    field: Factory,
+    start: Floats,
+    inertial: tuple[bool, ...],
+    shape: Floats,
+    **known: Any,
 ) -> Problem:
     """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`."""
-    # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the inertial rows.
+    # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the
+    # inertial rows.
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
     explicit = (1.0, scene.torque_factor, *shape) if scene.stokes > 0 else None
     implicit = MassForm(mass, (scene.stokes, 1.0, *shape)) if scene.torque_factor > 0 else None
@@ -57,9 +64,10 @@ def angular_acceleration(ops: Operations) -> Callable:
 
 def directions(ops: Operations) -> Callable:
     """Flow and gradient directions in body axes, (t₁₁, t₂₁, t₃₁) and (t₁₂, t₂₂, t₃₂), of a quaternion of any norm."""
-    # Divided by |q|², so that the norm, which solvers let drift, does not enter the torque. At loose tolerances over
-    # long runs this divides the errors by 10 to 100 and keeps runs from blowing up that otherwise do; a term that
-    # restores the norm does no better, costs a third more and bounds the step (paper's ellipsoid, St = 1e4 and 1e5).
+    # Divided by |q|², so that the norm, which solvers let drift, does not enter the torque. At
+    # loose tolerances over long runs this divides the errors by 10 to 100 and keeps runs from
+    # blowing up that otherwise do; a term that restores the norm does no better, costs a third more
+    # and bounds the step (paper's ellipsoid, St = 1e4 and 1e5).
 
     def of(q0, q1, q2, q3):
         scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)

@@ -37,11 +37,12 @@ TURNING = WithRate(field, _speed)
 class Quaternion(Form):
     """State (q₀, q₁, q₂, q₃, ω₁, ω₂, ω₃): seven equations, four of them of unit norm.
 
-    Solvers let the norm drift, by up to 1e-2 in |q|² over 10⁴ time units at tolerance 1e-6 (LSODA, RK45). The
-    field divides it out of the torque (`polhode.models.forms.motion`), and `observe` out of the result. A term
-    k(1 - |q|²)q beside that was tried at St = 1e2, 1e4 and 1e6: k = 0.1 takes the drift down to 1e-5 and leaves the
-    errors of L, E and orientation where they were, up or down by a factor of two; k = 1 and 10 cost up to forty times
-    the steps, as a tighter tolerance would. Hence there is none, and the norm is only watched, as an invariant.
+    Solvers let the norm drift, by up to 1e-2 in |q|² over 10⁴ time units at tolerance 1e-6 (LSODA,
+    RK45). The field divides it out of the torque (`polhode.models.forms.motion`), and `observe` out
+    of the result. A term k(1 - |q|²)q beside that was tried at St = 1e2, 1e4 and 1e6: k = 0.1 takes
+    the drift down to 1e-5 and leaves the errors of L, E and orientation where they were, up or down
+    by a factor of two; k = 1 and 10 cost up to forty times the steps, as a tighter tolerance would.
+    Hence there is none, and the norm is only watched, as an invariant.
     """
 
     name = "quaternion"
@@ -56,7 +57,9 @@ class Quaternion(Form):
     def problem(self, scene: Scene) -> Problem:
         start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
         inertial, shape = (False,) * 4 + (True,) * 3, motion.body_parameters(scene.ellipsoid)
-        return motion.full_problem(self, scene, field, start, inertial, shape, invariant=motion.norm_drift)
+        return motion.full_problem(
+            self, scene, field, start, inertial, shape, invariant=motion.norm_drift
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:])

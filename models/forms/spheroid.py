@@ -42,7 +42,9 @@ class Spheroid:
 def require_spheroid(form: Form, scene: Scene, instead: str) -> None:
     """Raise FormNotValidError for a triaxial ellipsoid."""
     if scene.ellipsoid.kind == "triaxial":
-        raise form.refuse(f"the semi-axes {[*map(float, scene.ellipsoid.semi_axes)]} are all different", instead)
+        raise form.refuse(
+            f"the semi-axes {[*map(float, scene.ellipsoid.semi_axes)]} are all different", instead
+        )
 
 
 def axis_drift(states: np.ndarray, first: int = 3) -> np.ndarray:

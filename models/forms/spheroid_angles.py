@@ -9,14 +9,20 @@ from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spher
 from polhode.models.observables import Observables
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
-from polhode.models.rotation import Triple, euler_from_quaternion, euler_rates_from_angular_velocity, make_third
+from polhode.models.rotation import (
+    Triple,
+    euler_from_quaternion,
+    euler_rates_from_angular_velocity,
+    make_third,
+)
 from polhode.models.scene import BodyStart, EulerStart, Scene
 
 
 def field(ops: Operations) -> Field:
     """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ)."""
-    # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos θ) while the body turns
-    # with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As printed, `fsptho`–`fpsso` have misprints.
+    # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos
+    # θ) while the body turns with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As
+    # printed, `fsptho`–`fpsso` have misprints.
     sin, cos, sine = ops.sin, ops.cos, ops.use(guarded_sine)
 
     def rhs(y, p):
@@ -28,7 +34,8 @@ def field(ops: Operations) -> Field:
             dtheta,
             dphi,
             -gyration * dphi * st - beta * p[4] * (dtheta + 0.5 * p[5] * st * ct * sin(2 * phi)),
-            (gyration - alpha * dphi * ct) * dtheta / st - beta * p[4] * (dphi + 0.5 + 0.5 * p[5] * cos(2 * phi)),
+            (gyration - alpha * dphi * ct) * dtheta / st
+            - beta * p[4] * (dphi + 0.5 + 0.5 * p[5] * cos(2 * phi)),
             -beta * p[3] * (spin + 0.5 * ct),
         )
 
@@ -38,8 +45,9 @@ def field(ops: Operations) -> Field:
 class SpheroidAngles(Form):
     """State (θ, φ, θ̇, φ̇, ω₃) of the symmetry axis, whichever body axis it is.
 
-    The spin angle ψ says nothing about a spheroid and is left out; of the spin rate, ω₃ = ψ̇ + φ̇ cos θ is kept, whose
-    equation `fpsso` is regular where that of ψ̇ is not. Near θ = 0 and π the form ends as `EulerAngles` does.
+    The spin angle ψ says nothing about a spheroid and is left out; of the spin rate, ω₃ = ψ̇ + φ̇
+    cos θ is kept, whose equation `fpsso` is regular where that of ψ̇ is not. Near θ = 0 and π the
+    form ends as `EulerAngles` does.
     """
 
     name = "spheroid-angles"
@@ -77,7 +85,10 @@ class SpheroidAngles(Form):
         nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
         across = np.stack([-sf * ct, cf * ct, st], axis=1)
         axis = np.stack([st * sf, -st * cf, ct], axis=1)
-        first, second = spheroid.equatorial_inertia * dtheta, spheroid.equatorial_inertia * dphi * st
+        first, second = (
+            spheroid.equatorial_inertia * dtheta,
+            spheroid.equatorial_inertia * dphi * st,
+        )
         third = spheroid.axial_inertia * spin
         momentum = first[:, None] * nodes + second[:, None] * across + third[:, None] * axis
         energy = 0.5 * (first * dtheta + second * dphi * st + third * spin)

@@ -16,12 +16,13 @@ from polhode.models.scene import Scene
 
 def field(ops: Operations) -> Field:
     """dL/dt and dp̂/dt of `ultima` in space axes; p = (alpha, beta, 8πY_c/I_e, 8π(X_c - Y_c)/I_e, I_e/I_a - 1, Λ)."""
-    # Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With
-    # ω = L/I_e + (1/I_a - 1/I_e)(L·p̂)p̂, w = ω - Ω_J and Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x, 0)/2, the
-    # torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The state holds L/I_e, of order one like p̂ whatever the shape, so
-    # that one tolerance suits both. Products of two components of p̂ are divided by |p̂|², which solvers let drift:
-    # over 10⁴ time units at St = 100 and tolerance 1e-6 (kappa = 2; RK45, LSODA, DOP853) this takes the error of L and
-    # E from 0.1 and more to 1e-3; a term that restores the norm does no better.
+    # Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With ω = L/I_e +
+    # (1/I_a - 1/I_e)(L·p̂)p̂, w = ω - Ω_J and Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x,
+    # 0)/2, the torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The state holds L/I_e, of order one like
+    # p̂ whatever the shape, so that one tolerance suits both. Products of two components of p̂ are
+    # divided by |p̂|², which solvers let drift: over 10⁴ time units at St = 100 and tolerance 1e-6
+    # (kappa = 2; RK45, LSODA, DOP853) this takes the error of L and E from 0.1 and more to 1e-3; a
+    # term that restores the norm does no better.
 
     def rhs(y, p):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -45,10 +46,16 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
-# sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², nearest to them for 0 <= x <= 3.4²: within 2.2e-16 there.
+# sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², nearest to them for 0 <= x <= 3.4²: within
+# 2.2e-16 there.
 SINE = (
     *(1.0, -0.16666666666666666, 0.008333333333333285, -0.0001984126984125573),
-    *(2.7557319222422075e-06, -2.5052108297380684e-08, 1.6059040986523186e-10, -7.647107505284836e-13),
+    *(
+        2.7557319222422075e-06,
+        -2.5052108297380684e-08,
+        1.6059040986523186e-10,
+        -7.647107505284836e-13,
+    ),
     *(2.8107694690976557e-15, -8.169600567855619e-18, 1.7456663177824304e-20),
 )
 COSINE = (
@@ -65,8 +72,8 @@ def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ..
 
 def rotation(ops: Operations) -> Field:
     """Exact flow of dp̂/dt = (L/I_e) × p̂ at fixed L, for angles θ = |L|h/I_e up to 3.4 rad: the torque-free motion."""
-    # With l = hL/I_e, p̂ becomes p̂ + (sin θ/θ) l×p̂ + ((1 - cos θ)/θ²) l×(l×p̂). As θ² = l·l, neither a root nor a
-    # trigonometric function is needed, and l = 0 is nothing special.
+    # With l = hL/I_e, p̂ becomes p̂ + (sin θ/θ) l×p̂ + ((1 - cos θ)/θ²) l×(l×p̂). As θ² = l·l,
+    # neither a root nor a trigonometric function is needed, and l = 0 is nothing special.
 
     def advance(y, c):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -97,8 +104,9 @@ def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, 
 
 def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     """Exact flow of dL/dt of `field` at fixed p̂, |p̂| = 1, with mass 1 on L."""
-    # Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂; along p̂ at the rate
-    # 8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the spheroid rotates with the flow.
+    # Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂;
+    # along p̂ at the rate 8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the
+    # spheroid rotates with the flow.
 
     def advance(y, c, before=None, gains=None):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
@@ -196,7 +204,9 @@ class SpheroidAxis(Form):
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
         inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
-        return full_problem(self, scene, field, start, inertial, shape, invariant=axis_drift, parts=PARTS)
+        return full_problem(
+            self, scene, field, start, inertial, shape, invariant=axis_drift, parts=PARTS
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
@@ -204,5 +214,8 @@ class SpheroidAxis(Form):
         direction = states[:, 3:] / np.linalg.norm(states[:, 3:], axis=1, keepdims=True)
         axial = np.sum(momentum * direction, axis=1)
         across = momentum - axial[:, None] * direction
-        energy = axial**2 / spheroid.axial_inertia + np.sum(across**2, axis=1) / spheroid.equatorial_inertia
+        energy = (
+            axial**2 / spheroid.axial_inertia
+            + np.sum(across**2, axis=1) / spheroid.equatorial_inertia
+        )
         return Observables(momentum, 0.5 * energy, axis_rotation(spheroid.axis, direction))

@@ -14,7 +14,8 @@ from polhode.models.problem import Problem
 from polhode.models.rotation import matrix_from_euler
 from polhode.models.scene import Scene
 
-# Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken for meant.
+# Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken
+# for meant.
 PLANAR = 1e-14
 
 
@@ -42,8 +43,9 @@ class Plane:
 class Tumbling(Form):
     """State (φ, φ̇): the in-plane angle of a principal axis.
 
-    A spheroid may have its symmetry axis along the vorticity or in the plane; any other axis in the plane is then a
-    principal axis too. Small deviations from the plane may grow in reality; this form keeps to the plane.
+    A spheroid may have its symmetry axis along the vorticity or in the plane; any other axis in the
+    plane is then a principal axis too. Small deviations from the plane may grow in reality; this
+    form keeps to the plane.
     """
 
     name = "tumbling"
@@ -73,7 +75,9 @@ class Tumbling(Form):
     def _plane(self, scene: Scene) -> Plane:
         self.require_orientation(scene)
         rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid
-        x, y, rate = (float(component) for component in rotation.T @ np.array(scene.angular_velocity))
+        x, y, rate = (
+            float(component) for component in rotation.T @ np.array(scene.angular_velocity)
+        )
         if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
             condition = f"the angular velocity leaves the vorticity axis by {hypot(x, y):.1e}"
             raise self.refuse(condition, full_form(scene))

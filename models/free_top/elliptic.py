@@ -1,7 +1,8 @@
 """Elliptic integrals, Jacobi functions and theta phases in long double, for any parameter m in [0, 1].
 
-SciPy's are double precision and take m, which loses 1−m near a separatrix; here 1−m (``m1``) is what is handed over.
-Scalars are ``np.longdouble`` throughout; where that type is no wider than double, only accuracy is lost.
+SciPy's are double precision and take m, which loses 1−m near a separatrix; here 1−m (``m1``) is
+what is handed over. Scalars are ``np.longdouble`` throughout; where that type is no wider than
+double, only accuracy is lost.
 """
 
 from fractions import Fraction
@@ -14,7 +15,8 @@ LongArray = NDArray[np.longdouble]
 
 PI = Long("3.14159265358979323846264338327950288")
 EPS = np.finfo(Long).eps
-# The means below converge quadratically: two numbers this close have a mean that is good to the last bit.
+# The means below converge quadratically: two numbers this close have a mean that is good to the
+# last bit.
 _CLOSE = np.sqrt(EPS) / 8
 _TINY = np.finfo(Long).tiny ** Long(0.25)
 # exp(−_NEGLIGIBLE) adds nothing to a sum of order one.
@@ -31,7 +33,9 @@ def rounded(value: Fraction) -> Long:
     if value == 0:
         return Long(0)
     # Some bits more than the type holds, so that truncating them does not show.
-    shift = np.finfo(Long).nmant + 10 - value.numerator.bit_length() + value.denominator.bit_length()
+    shift = (
+        np.finfo(Long).nmant + 10 - value.numerator.bit_length() + value.denominator.bit_length()
+    )
     return np.ldexp(Long(int(value * Fraction(2) ** shift)), -shift)
 
 
@@ -60,7 +64,8 @@ def complete_k(m1: Long) -> Long:
 
 def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
     """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs."""
-    # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969; DLMF §19.2(iii)).
+    # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969;
+    # DLMF §19.2(iii)).
     product, mean = kc, Long(1)
     p = np.sqrt(p)
     b = b / p
@@ -76,8 +81,8 @@ def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
 
 def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
     """Jacobi functions sn, cn, dn, each shape (n,), of u, shape (n,), given m1 = 1−m in [0, 1]."""
-    # Descending Landen transformation in ratios (Bulirsch 1965, `sncndn`), so that cn and dn keep their relative
-    # accuracy where they are small; hyperbolic functions at m1 = 0 (DLMF §22.5(ii)).
+    # Descending Landen transformation in ratios (Bulirsch 1965, `sncndn`), so that cn and dn keep
+    # their relative accuracy where they are small; hyperbolic functions at m1 = 0 (DLMF §22.5(ii)).
     if m1 == 0:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
@@ -106,11 +111,12 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
 
 def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
     """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`)."""
-    # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind whose periodic part
-    # this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product (DLMF §20.5(i)) each contribute one
-    # arctangent; above m = 1/2 those of ϑ₂ in the complementary nome do (DLMF §20.7(viii)), so that a few factors are
-    # enough at any m. At m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero
-    # only where m is, and the phase with it.
+    # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind
+    # whose periodic part this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product
+    # (DLMF §20.5(i)) each contribute one arctangent; above m = 1/2 those of ϑ₂ in the complementary
+    # nome do (DLMF §20.7(viii)), so that a few factors are enough at any m. At m1 = 0 this is
+    # arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero only where m
+    # is, and the phase with it.
     if n == 0:
         return np.zeros_like(u)
     w = carlson_rf(n, n + m, n + 1)
@@ -134,11 +140,15 @@ def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
 
 def _phase_theta2(u: LongArray, w: Long, k_prime: Long, k: Long) -> LongArray:
     angle, stretched = PI * w / (2 * k_prime), PI * u / (2 * k_prime)
-    phase = np.arctan2(np.cos(angle) * np.tanh(stretched), np.sin(angle)) - PI * u / (2 * k) * (1 - w / k_prime)
+    phase = np.arctan2(np.cos(angle) * np.tanh(stretched), np.sin(angle)) - PI * u / (2 * k) * (
+        1 - w / k_prime
+    )
     for sign in (1, -1):
         exponent = 2 * sign * stretched - 2 * PI * k / k_prime
         while np.any(exponent > -_NEGLIGIBLE):
             radius = np.exp(exponent)
-            phase = phase + sign * np.arctan2(radius * np.sin(2 * angle), 1 - radius * np.cos(2 * angle))
+            phase = phase + sign * np.arctan2(
+                radius * np.sin(2 * angle), 1 - radius * np.cos(2 * angle)
+            )
             exponent = exponent - 2 * PI * k / k_prime
     return phase

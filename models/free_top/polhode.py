@@ -17,9 +17,9 @@ QUARTER_NODES = 32
 class Polhode:
     """Constants of one polhode, named for axes a, b, c: c the axis it encircles, b that of the middle inertia.
 
-    On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔ 3 of `eq:omg1`);
-    on the separatrix either would do and the greatest is taken. Where axis c is undetermined (`of`), m = 0, m1 = 1,
-    n = 0.
+    On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔
+    3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. Where axis c is
+    undetermined (`of`), m = 0, m1 = 1, n = 0.
     """
 
     order: tuple[int, int, int]  # indices of the axes a, b, c
@@ -30,14 +30,18 @@ class Polhode:
     m: Long  # k²
     m1: Long  # 1−k²
     n: Long  # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b))
-    amplitudes: tuple[Long, Long, Long]  # factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`)
+    amplitudes: tuple[
+        Long, Long, Long
+    ]  # factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`)
     quarter: Long  # K(m), infinite on the separatrix
 
     @classmethod
-    def of(cls, inertia: tuple[Fraction, ...], momentum_squared: Fraction, twice_energy: Fraction) -> Self:
+    def of(
+        cls, inertia: tuple[Fraction, ...], momentum_squared: Fraction, twice_energy: Fraction
+    ) -> Self:
         """Polhode of exact inertia, L² and 2E, which satisfy 2E min(I) ≤ L² ≤ 2E max(I)."""
-        # At rest, for a sphere, and for rotation about an axis of two equal inertias, axis c is undetermined, ω
-        # constant and the rate zero.
+        # At rest, for a sphere, and for rotation about an axis of two equal inertias, axis c is
+        # undetermined, ω constant and the rate zero.
         least, middle, greatest = sorted(range(3), key=lambda axis: inertia[axis])
         side = momentum_squared - twice_energy * inertia[middle]
         order = (least, middle, greatest) if side >= 0 else (greatest, middle, least)
@@ -46,7 +50,18 @@ class Polhode:
         sense = 1 if side >= 0 else -1
         if side == 0 and (a == b or b == c or momentum_squared == 0):
             zero, one = Long(0), Long(1)
-            return cls(order, sense, momentum, zero, momentum / rounded(b), zero, one, zero, (zero, zero, zero), PI / 2)
+            return cls(
+                order,
+                sense,
+                momentum,
+                zero,
+                momentum / rounded(b),
+                zero,
+                one,
+                zero,
+                (zero, zero, zero),
+                PI / 2,
+            )
         wobble = twice_energy * c - momentum_squared
         spin = momentum_squared - twice_energy * a
         n = rounded(c * (b - a) / (a * (c - b)))
@@ -61,9 +76,10 @@ class Polhode:
     @property
     def periods(self) -> tuple[float, float]:
         """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
-        # T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T' (`eq:prec2`, corrected)
-        # is 2πI₂/L on the separatrix and infinite at rest. At a permanent rotation about the axis of greatest or least
-        # inertia both are those of an infinitesimal wobble.
+        # T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T'
+        # (`eq:prec2`, corrected) is 2πI₂/L on the separatrix and infinite at rest. At a permanent
+        # rotation about the axis of greatest or least inertia both are those of an infinitesimal
+        # wobble.
         period = 4 * self.quarter / self.rate if self.rate > 0 else Long(np.inf)
         precession = 2 * PI / self.precession if self.precession > 0 else Long(np.inf)
         return float(period), float(precession)
@@ -71,12 +87,14 @@ class Polhode:
 
 def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
     """Mean precession rate over L: 1/I_a and 1/I_b weighted by the means of cn² and (1+n)sn², over cn² + (1+n)sn²."""
-    # Both weights are integrals of the third kind with positive integrands: unlike in `eq:prec2`, nothing is
-    # subtracted.
+    # Both weights are integrals of the third kind with positive integrands: unlike in `eq:prec2`,
+    # nothing is subtracted.
     if m1 == 0:
         return 1 / b
     kc, p = np.sqrt(m1), 1 + n
-    return (complete_cel(kc, p, Long(1), Long(0)) / a + complete_cel(kc, p, Long(0), p) / b) / complete_k(m1)
+    return (
+        complete_cel(kc, p, Long(1), Long(0)) / a + complete_cel(kc, p, Long(0), p) / b
+    ) / complete_k(m1)
 
 
 def exactly(numbers: Triple) -> tuple[Fraction, ...]:
@@ -86,8 +104,8 @@ def exactly(numbers: Triple) -> tuple[Fraction, ...]:
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     """Mean of |ω| over the torque-free motion, shape (n,), at slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
-    # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative, less on the
-    # separatrix itself.
+    # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative,
+    # less on the separatrix itself.
     from scipy.special import ellipj, ellipk
 
     momentum2, energy2 = np.sum(slow[:, :3] ** 2, axis=1), 2 * slow[:, 3]

@@ -1,7 +1,7 @@
 """The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time asked for.
 
-The invariants come from the start in rational arithmetic, so that the distance from the separatrix L² = 2EI₂ and from
-the permanent rotations suffers no cancellation; the rest is long double.
+The invariants come from the start in rational arithmetic, so that the distance from the separatrix
+L² = 2EI₂ and from the permanent rotations suffers no cancellation; the rest is long double.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from polhode.models.free_top.elliptic import PI, Long, LongArray, carlson_rf, jacobi, rounded, theta4_phase
+from polhode.models.free_top.elliptic import (
+    PI,
+    Long,
+    LongArray,
+    carlson_rf,
+    jacobi,
+    rounded,
+    theta4_phase,
+)
 from polhode.models.free_top.polhode import Polhode, exactly
 from polhode.models.rotation import Quaternion, Triple
 
@@ -20,16 +28,19 @@ from polhode.models.rotation import Quaternion, Triple
 class TorqueFree:
     """Torque-free rotation (`eulg`) from a given start, in closed form.
 
-    Body angular velocity by Jacobi functions (`eq:omg1`–`eq:omg3`; Landau & Lifshitz, Mechanics, §37); precession by
-    theta functions (`eq:prec1`, `eq:prec2`; Whittaker, Analytical Dynamics, §69). Instead of the Euler angles, which
-    are singular where the polhode passes close to its axis, their sum with the spin is used: the angle about L of the
-    frame carried along by the shortest rotation from L to axis c (Celledoni, Fassò, Säfström & Zanna, SIAM J. Sci.
-    Comput. 30 (2008) 2084), regular for every start.
+    Body angular velocity by Jacobi functions (`eq:omg1`–`eq:omg3`; Landau & Lifshitz, Mechanics,
+    §37); precession by theta functions (`eq:prec1`, `eq:prec2`; Whittaker, Analytical Dynamics,
+    §69). Instead of the Euler angles, which are singular where the polhode passes close to its
+    axis, their sum with the spin is used: the angle about L of the frame carried along by the
+    shortest rotation from L to axis c (Celledoni, Fassò, Säfström & Zanna, SIAM J. Sci. Comput. 30
+    (2008) 2084), regular for every start.
     """
 
     inertia: Triple  # about the body axes, positive, in any order
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
-    angular_velocity: Triple  # of the start, in body axes and any inverse unit of the times asked for
+    angular_velocity: (
+        Triple  # of the start, in body axes and any inverse unit of the times asked for
+    )
 
     @cached_property
     def _exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
@@ -38,7 +49,9 @@ class TorqueFree:
     @cached_property
     def _polhode(self) -> Polhode:
         inertia, omega = self._exact
-        momentum_squared = sum(((i * w) ** 2 for i, w in zip(inertia, omega, strict=True)), Fraction(0))
+        momentum_squared = sum(
+            ((i * w) ** 2 for i, w in zip(inertia, omega, strict=True)), Fraction(0)
+        )
         twice_energy = sum((i * w * w for i, w in zip(inertia, omega, strict=True)), Fraction(0))
         return Polhode.of(inertia, momentum_squared, twice_energy)
 
@@ -49,13 +62,18 @@ class TorqueFree:
         return (i3 - i2) * w2 * w3 == (i1 - i3) * w3 * w1 == (i2 - i1) * w1 * w2 == 0
 
     # As `Polhode.periods` says.
-    period = property(lambda top: top._polhode.periods[0], doc="Period T of the body angular velocity in t.")
-    precession_period = property(lambda top: top._polhode.periods[1], doc="T' of the mean precession about L in t.")
+    period = property(
+        lambda top: top._polhode.periods[0], doc="Period T of the body angular velocity in t."
+    )
+    precession_period = property(
+        lambda top: top._polhode.periods[1], doc="T' of the mean precession about L in t."
+    )
 
     def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
         """Unit quaternions, shape (n, 4), continuous from the start, and body angular velocities, shape (n, 3).
 
-        At finite times since the start, shape (n,), of either sign; rounded from long double to `dtype`.
+        At finite times since the start, shape (n,), of either sign; rounded from long double to
+        `dtype`.
         """
         t = np.asarray(times, dtype=Long)
         turn, omega = self._permanent(t) if self.is_permanent else self._wobbling(t)
@@ -75,16 +93,23 @@ class TorqueFree:
         """Rotation since the start, shape (n, 4), and ω, shape (n, 3), both in body axes."""
         polhode = self._polhode
         order = list(polhode.order)
-        # Signs of the axes a, b, c that make ω_a and ω_c non-negative and leave the axes right-handed.
-        sign_a, sign_c = (1 if self.angular_velocity[axis] >= 0 else -1 for axis in (order[0], order[2]))
+        # Signs of the axes a, b, c that make ω_a and ω_c non-negative and leave the axes
+        # right-handed.
+        sign_a, sign_c = (
+            1 if self.angular_velocity[axis] >= 0 else -1 for axis in (order[0], order[2])
+        )
         handedness = 1 if (order[1] - order[0]) % 3 == 1 else -1
         signs = np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
         start = signs * np.asarray(self.angular_velocity, dtype=Long)[order]
-        # u0 lies in [−K, K], as ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF §22.15).
-        cn, sn, dn = (rate / amplitude for rate, amplitude in zip(start, polhode.amplitudes, strict=True))
+        # u0 lies in [−K, K], as ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF
+        # §22.15).
+        cn, sn, dn = (
+            rate / amplitude for rate, amplitude in zip(start, polhode.amplitudes, strict=True)
+        )
         size = np.hypot(cn, sn)
         u0 = sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
-        # The start goes through the same functions as the times, so that what they have in common drops out.
+        # The start goes through the same functions as the times, so that what they have in common
+        # drops out.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
         half_turns = np.rint(u / (2 * polhode.quarter))
         rest = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
@@ -94,7 +119,9 @@ class TorqueFree:
         angle = theta4_phase(rest, polhode.m, polhode.m1, polhode.n) - spin
         carried = angle[1:] - angle[0] + polhode.precession * t
         omega = np.stack([parity * cn, parity * sn, dn], axis=1) * np.array(polhode.amplitudes)
-        upright = _shortest_to_third(omega * np.array([Long(self.inertia[axis]) for axis in order]) / polhode.momentum)
+        upright = _shortest_to_third(
+            omega * np.array([Long(self.inertia[axis]) for axis in order]) / polhode.momentum
+        )
         zero = np.zeros_like(t)
         about = np.stack([np.cos(carried / 2), zero, zero, np.sin(carried / 2)], axis=1)
         turn = _product(_product(upright[0] * np.array([1, -1, -1, -1]), about), upright[1:])

@@ -21,12 +21,14 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# The error of L and E that a tolerance stands for, and the share of it that windows may take, chosen by trial.
+# The error of L and E that a tolerance stands for, and the share of it that windows may take,
+# chosen by trial.
 ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
-# Error of L and E over the tolerance of the full equations, per radian that a body turns with |L||ω| below I_max, by
-# trial; solvers that err by more are run at tighter tolerances.
+# Error of L and E over the tolerance of the full equations, per radian that a body turns with
+# |L||ω| below I_max, by trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
-# Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for each one anew.
+# Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for
+# each one anew.
 AVERAGED_TOLERANCE = 1e-12
 FULL = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
 # A run of so few turns costs less than to look ahead.
@@ -39,8 +41,9 @@ MORE = 50
 class HybridCourse:
     """The course of a scene's run; its states are those of the form of the full equations.
 
-    `full` are the full equations. `stretches` are those foreseen at the time `since` from the run's state then. `spent`
-    is what the pieces before have taken of the error asked for, `worn` what the windows among them have.
+    `full` are the full equations. `stretches` are those foreseen at the time `since` from the run's
+    state then. `spent` is what the pieces before have taken of the error asked for, `worn` what the
+    windows among them have.
     """
 
     scene: Scene
@@ -58,7 +61,11 @@ class HybridCourse:
             found = foreseen(self.here(time, state), max(error - self.spent, error / 10))
             return replace(self, since=time, stretches=found)(time, state, tolerance)
         stretch, *rest = self.stretches
-        end, reason, later = self.since + stretch.end * stokes, stretch.reason, replace(self, stretches=tuple(rest))
+        end, reason, later = (
+            self.since + stretch.end * stokes,
+            stretch.reason,
+            replace(self, stretches=tuple(rest)),
+        )
         if stretch.second_order:
             try:
                 problem, states = second_order(self.scene, state)
@@ -66,7 +73,9 @@ class HybridCourse:
                 more = 2 * np.pi * MORE / speed(self.here(time, state))
                 end, reason, later = time + more, str(refusal), replace(self, stretches=())
                 turned = more * wear(self.here(time, state)) / stokes
-                stretch = replace(stretch, end=stretch.start + more / stokes, second_order=False, turned=turned)
+                stretch = replace(
+                    stretch, end=stretch.start + more / stokes, second_order=False, turned=turned
+                )
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
@@ -75,8 +84,20 @@ class HybridCourse:
         elif stretch.decisive:
             later = replace(self, stretches=())
         own, cost = full_tolerance((stretch, *rest), stokes, tolerance, self.worn)
-        angle, later = self.angle(end - time, cost), replace(later, spent=self.spent + cost, worn=self.worn + cost)
-        return Piece(replace(self.full, start=tuple(state.tolist())), end, None, reason, cost, angle, own, later)
+        angle, later = (
+            self.angle(end - time, cost),
+            replace(later, spent=self.spent + cost, worn=self.worn + cost),
+        )
+        return Piece(
+            replace(self.full, start=tuple(state.tolist())),
+            end,
+            None,
+            reason,
+            cost,
+            angle,
+            own,
+            later,
+        )
 
     def angle(self, duration: float, error: float) -> float:
         """Error in rad that angles gain in a duration from the error of L so far and a new one."""
@@ -107,10 +128,13 @@ def wear(scene: Scene) -> float:
     return speed(scene) * max(1.0, size * speed(scene))
 
 
-def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float, worn: float) -> tuple[float, float]:
+def full_tolerance(
+    ahead: Sequence[Stretch], stokes: float, tolerance: float, worn: float
+) -> tuple[float, float]:
     """Tolerance of the full equations in the first one of the stretches ahead, and what it takes of the error.
 
-    Windows share their error by how long they last, which costs least; those behind have taken `worn` of it.
+    Windows share their error by how long they last, which costs least; those behind have taken
+    `worn` of it.
     """
     first, error = ahead[0], WINDOWS * ERROR_PER_TOLERANCE * tolerance
     lasting = sum(each.end - each.start for each in ahead if not each.second_order)
@@ -124,7 +148,15 @@ def full_tolerance(ahead: Sequence[Stretch], stokes: float, tolerance: float, wo
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
     """Stretches of a run for an error asked for."""
     if speed(scene) * scene.time < 2 * np.pi * SHORT:
-        return (Stretch(0.0, scene.slow_time, False, "the run is short", turned=wear(scene) * scene.slow_time),)
+        return (
+            Stretch(
+                0.0,
+                scene.slow_time,
+                False,
+                "the run is short",
+                turned=wear(scene) * scene.slow_time,
+            ),
+        )
     return outline(scene, error).stretches
 
 
@@ -143,11 +175,15 @@ def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array],
     slow = slow_start(spheroid, factor, (*momentum, *spheroidal.unit((px, py, pz))))
     if slow is None:
         raise NotAveragedError("St is too small for |L|")
-    problem = form.slow_problem(scene, spheroidal.field, (*slow, 0.0), spheroidal.parameters(spheroid, factor))
+    problem = form.slow_problem(
+        scene, spheroidal.field, (*slow, 0.0), spheroidal.parameters(spheroid, factor)
+    )
     return problem, partial(spheroidal.exact, spheroid, factor)
 
 
 def states_of(ellipsoid: Ellipsoid, seen: Observables) -> Array:
     """States of the form `quaternion`, shape (n, 7), that have these observables."""
-    spin = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / np.array(ellipsoid.inertia)
+    spin = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / np.array(
+        ellipsoid.inertia
+    )
     return np.column_stack([quaternion_from_matrix(seen.rotation), spin])

@@ -6,34 +6,46 @@ import numpy as np
 
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, Orientation
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, FULL, HybridCourse, foreseen, full_tolerance
+from polhode.models.hybrid.course import (
+    ERROR_PER_TOLERANCE,
+    FULL,
+    HybridCourse,
+    foreseen,
+    full_tolerance,
+)
 from polhode.models.observables import Observables
 from polhode.models.problem import PlannedPiece, Problem
 from polhode.models.scene import Scene, SlowStart, Start, StartAt
 
 # Pieces of a run that are planned ahead.
 MOST_PIECES = 100
-# Times beyond which double precision tells no inverse shear rates apart, and so no windows of some turns.
+# Times beyond which double precision tells no inverse shear rates apart, and so no windows of some
+# turns.
 LONGEST = 2.0**52
 
 
 class Hybrid(Form):
     """State of the form of the full equations: `quaternion`, or `spheroid-axis` for spheroids.
 
-    The run goes in pieces (`polhode.models.hybrid.course`): averaged to second order where that is good enough for the
-    error asked for, by the full equations over windows where it is not, and where St is too small for it altogether.
+    The run goes in pieces (`polhode.models.hybrid.course`): averaged to second order where that is
+    good enough for the error asked for, by the full equations over windows where it is not, and
+    where St is too small for it altogether.
     """
 
     name = "hybrid"
     summary = "second-order averaging where it holds, full equations over windows where it does not"
-    valid_for = "spheroids and triaxial ellipsoids at finite St > 0, with an orientation; from rest too"
+    valid_for = (
+        "spheroids and triaxial ellipsoids at finite St > 0, with an orientation; from rest too"
+    )
     state = ("q0", "q1", "q2", "q3", "w1", "w2", "w3")
     orientation = "full"
 
     def check(self, scene: Scene) -> None:
         """Refuse spheres, St = 0 and inf, starts without orientation, and times without end."""
         if scene.ellipsoid.kind == "sphere":
-            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
+            raise self.refuse(
+                "a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene)
+            )
         self.require_slow_motion(scene, rest=True)
         self.require_orientation(scene)
         if scene.time > LONGEST:
@@ -63,7 +75,11 @@ class Hybrid(Form):
         self.check(scene)
         error, begin, worn, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, 0.0, list[PlannedPiece]()
         start: Start | None = scene.start
-        while not isinstance(start, SlowStart | None) and begin < scene.time and len(pieces) < MOST_PIECES:
+        while (
+            not isinstance(start, SlowStart | None)
+            and begin < scene.time
+            and len(pieces) < MOST_PIECES
+        ):
             stretches = foreseen(replace(scene, start=start, time=scene.time - begin), error)
             since = begin
             for i, each in enumerate(stretches):

@@ -23,7 +23,9 @@ class Formulas:
         """The field over numbers of a kind."""
         terms = (*self.terms, ("rates", self.rates))
         numbers = sorted(set(re.findall(r"\by(\d+)\b", " ".join(text for _, text in terms))))
-        lines = [f"y{i} = y[{int(i) - 1}]" for i in numbers] + [f"{name} = ({text})" for name, text in terms]
+        lines = [f"y{i} = y[{int(i) - 1}]" for i in numbers] + [
+            f"{name} = ({text})" for name, text in terms
+        ]
         names: dict[str, Any] = {"sqrt": ops.sqrt}
         exec("\n    ".join(["def rhs(y, p):", *lines, "return rates"]), names)
         return names["rhs"]
@@ -38,7 +40,9 @@ def _problems(table: dict[str, Any]) -> dict[str, Classical]:
 def _problem(entry: dict[str, Any], sources: dict[str, str]) -> Classical:
     field = Formulas(tuple(entry.get("terms", {}).items()), entry["rates"])
     mass = MassForm(tuple(entry["mass"]), ()) if "mass" in entry else None
-    problem = Problem(entry["name"], field, tuple(entry["start"]), entry["end"], None if mass else (), mass)
+    problem = Problem(
+        entry["name"], field, tuple(entry["start"]), entry["end"], None if mass else (), mass
+    )
     source, hopeless = entry["source"].format(**sources), tuple(entry.get("hopeless", ()))
     return Classical(problem, tuple(entry["reference"]), entry["stiff"], source, hopeless)
 

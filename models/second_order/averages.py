@@ -1,16 +1,16 @@
 """Second-order averages of a triaxial ellipsoid: functions of h alone per shape and side of L² = 2EI₂.
 
-With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x), W_n = ½(e_x n_y - e_y n_x), ⊥ the part across n, s₀ = n_x n_y and
-w₀ = n_z/2:
+With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x), W_n = ½(e_x n_y - e_y n_x), ⊥ the part across n,
+s₀ = n_x n_y and w₀ = n_z/2:
 
-========  =========================  ==================================================================================
-rate      first order                second order, over St
-========  =========================  ==================================================================================
-l         l f₀ + f₂w₀                (a₁ + a₂w₀/l) s₀/l
-y         g₀ + g₂w₀/l                (b₁ + b₂w₀/l) s₀/l²
-L⊥        n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n + p₄W_n) s₀/l + (p₅S_n⊥ + p₆W_n) w₀/l]/l
-α, β      e_α s₀/l, e_β s₀/l
-========  =========================  ==================================================================================
+========  =========================
+================================================================================== rate      first
+order                second order, over St ========  =========================
+================================================================================== l         l f₀ +
+f₂w₀                (a₁ + a₂w₀/l) s₀/l y         g₀ + g₂w₀/l                (b₁ + b₂w₀/l) s₀/l² L⊥
+n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n + p₄W_n) s₀/l + (p₅S_n⊥ + p₆W_n) w₀/l]/l α, β
+e_α s₀/l, e_β s₀/l ========  =========================
+==================================================================================
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,9 +24,11 @@ from polhode.models.second_order.torus import Torus, over_phases, times, turning
 
 Array = np.ndarray
 
-# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in steps of so many.
+# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in
+# steps of so many.
 PHASES, LEAST_PHASES, STEP_OF_PHASES = 90.0, 24, 8
-# Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be separated.
+# Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be
+# separated.
 _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
 _TURNS = _TURNS / np.array([[[3]], [[7]]])
 EVERY_FRAME, SIZES = np.repeat(_TURNS, 2, axis=0), np.tile([1.0, 2.0], len(_TURNS))
@@ -37,11 +39,15 @@ MODES = 24
 def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]:
     """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit.
 
-    Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several orientations of L: at l = 0,
-    what it gains per l, and that of all modes at l = 1.
+    Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several
+    orientations of L: at l = 0, what it gains per l, and that of all modes at l = 1.
     """
     counts, poses = phases(side, y), len(SIZES)
-    mean, second, rates = np.empty((6, poses, len(y))), np.empty((4, poses, len(y))), np.empty((2, len(y)))
+    mean, second, rates = (
+        np.empty((6, poses, len(y))),
+        np.empty((4, poses, len(y))),
+        np.empty((2, len(y))),
+    )
     strengths = np.empty((len(y), MODES, 3, 3))
     flow, gradient = EVERY_FRAME[:, None, 0], EVERY_FRAME[:, None, 1]
     for count in np.unique(counts).tolist():
@@ -49,7 +55,10 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
         polhode = Polhodes(side, y[here], np.zeros(len(here)), count)
         torus = Torus(polhode, SIZES[:, None], np.zeros(len(here)), flow, gradient)
         mean[..., here], second[..., here] = np.real(torus.spectrum[..., 0, 0]), second_order(torus)
-        rates[:, here], strengths[here] = (polhode.rate, polhode.precession), _strengths(torus.spectrum[:3])
+        rates[:, here], strengths[here] = (
+            (polhode.rate, polhode.precession),
+            _strengths(torus.spectrum[:3]),
+        )
     numbers, residual = _coefficients(mean, second)
     return dict(zip(NAMES, (*numbers, *rates), strict=True)), residual, strengths
 
@@ -60,7 +69,9 @@ def phases(side: SidedBody, y: Array) -> Array:
 
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
     needed = PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
-    return LEAST_PHASES + STEP_OF_PHASES * np.ceil(np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES).astype(int)
+    return LEAST_PHASES + STEP_OF_PHASES * np.ceil(
+        np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES
+    ).astype(int)
 
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
@@ -104,7 +115,11 @@ def second_order(torus: Torus) -> Array:
     beyond = [each[..., None, None] for each in p.beyond.T]
     spare, rare = ([each * part for each, part in zip(beyond, arm, strict=True)] for arm in (m, dm))
     rate_h = 2 * dot(spare, tau) / size**2
-    change_h = dot(rare, tau) + dot(spare, changed) - p.slope[:, None, None] * torus.generator[3] * dot(m, tau)
+    change_h = (
+        dot(rare, tau)
+        + dot(spare, changed)
+        - p.slope[:, None, None] * torus.generator[3] * dot(m, tau)
+    )
     change_h = 2 * change_h / size**2 - 2 * rate_h * change[2] / size
     means = [each.mean(axis=(-2, -1)) for each in (*change_space, change_h)]
     return np.stack([*means[:3], means[3] / p.slope])
@@ -117,7 +132,10 @@ def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array],
     """
     factors, misfit, largest = list[Array](), 0.0, 0.0
     for columns, values in parts:
-        matrix, wanted = np.stack([each.ravel() for each in columns], axis=1), values.reshape(columns[0].size, -1)
+        matrix, wanted = (
+            np.stack([each.ravel() for each in columns], axis=1),
+            values.reshape(columns[0].size, -1),
+        )
         solution = np.linalg.lstsq(matrix, wanted, rcond=1e-10)[0]
         factors += list(solution)
         misfit = max(misfit, float(np.abs(matrix @ solution - wanted).max()))

@@ -1,7 +1,7 @@
 """How large the near-identity transformation of a triaxial ellipsoid is, over the torus, per shape and side.
 
-It is linear in the coefficients c of `polhode.models.second_order.swing`: the mean of its square is a quadratic form in
-them, whose matrix depends on a alone.
+It is linear in the coefficients c of `polhode.models.second_order.swing`: the mean of its square is
+a quadratic form in them, whose matrix depends on a alone.
 """
 
 from functools import lru_cache
@@ -24,11 +24,14 @@ DEPTHS = EVERY[::2]
 UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
 # Polhode phases that means are taken over.
 PHASES = pi / 4 * (np.arange(4) + 0.25)
-# A mean over turns about L keeps products of c of the same k: |c₀|², |c₁|², |c₂|², the real and the imaginary part of
-# c₁c₂*, and those of c₃, c₄ and c₅. Of each, two pairs of units that give it, and their shares.
+# A mean over turns about L keeps products of c of the same k: |c₀|², |c₁|², |c₂|², the real and the
+# imaginary part of c₁c₂*, and those of c₃, c₄ and c₅. Of each, two pairs of units that give it, and
+# their shares.
 PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
 OTHERS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
-SHARES = np.array([[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]])
+SHARES = np.array(
+    [[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]]
+)
 # 1/St at which they are taken.
 SLIGHT = 1e-12
 
@@ -39,7 +42,13 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
     # Along L the flow's x and y are n_x and n_y, so that across it xy* is -n_x n_y - i n_z.
     x, y, z = momentum.T / size
     xx, yy, xy = x * x, y * y, -x * y
-    products = (1 - xx) * (1 - yy) / 16, (1 - xx) * yy / 4, xx * (1 - yy) / 4, -xy * xy / 4, xy * z / 4
+    products = (
+        (1 - xx) * (1 - yy) / 16,
+        (1 - xx) * yy / 4,
+        xx * (1 - yy) / 4,
+        -xy * xy / 4,
+        xy * z / 4,
+    )
     products = *products, xy * xy, z * z, size * size, xy * z, xy * size, z * size
     at = np.clip(np.searchsorted(DEPTHS, a), 1, len(DEPTHS) - 1)
     share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)
@@ -61,7 +70,10 @@ def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
 
 def squares_of(series: swing.Series) -> Array:
     """The same from the series of a side, single resonances left out."""
-    a2, alpha = (np.repeat(each.ravel(), len(UNITS)) for each in np.meshgrid(DEPTHS**2, PHASES, indexing="ij"))
+    a2, alpha = (
+        np.repeat(each.ravel(), len(UNITS))
+        for each in np.meshgrid(DEPTHS**2, PHASES, indexing="ij")
+    )
     place = Place(series, a2, alpha, series.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
     units = np.tile(UNITS, (len(DEPTHS) * len(PHASES), 1))
     moved = place.moved(units, np.ones(len(a2)), SLIGHT) / SLIGHT

@@ -1,15 +1,17 @@
 """Vector field of the second-order averaged triaxial ellipsoid, one and the same for every shape.
 
-State y = (L/I_max, a, e₁, σ_α, σ_β): a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃) says how far the polhode is from the
-permanent axis, e₁ ⊥ L is carried along by parallel transport, the polhode phase is St σ_α and the precession phase
-St σ_β. All coefficients are functions of a², whose numbers stand in the parameters p behind each other:
+State y = (L/I_max, a, e₁, σ_α, σ_β): a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃) says how far the
+polhode is from the permanent axis, e₁ ⊥ L is carried along by parallel transport, the polhode phase
+is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers stand
+in the parameters p behind each other:
 
 - `HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
 - for each of `POLES` resonances, where the averages of second order are singular, its a², 1/(St |dD/da²|), and the 10
   functions' residues of second and of first order.
 
-Within √(|dD/dt₂|/St) of its resonance a mode has no time to be averaged, and the poles end there (`regular`).
+Within √(|dD/dt₂|/St) of its resonance a mode has no time to be averaged, and the poles end there
+(`regular`).
 """
 
 from collections.abc import Callable
@@ -18,7 +20,8 @@ from typing import Any
 from polhode.models.operations import Field, Operations
 
 STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha", "sigma_beta")
-# The functions, in their order: those of first order, those of second order, which alone have poles, and the rates.
+# The functions, in their order: those of first order, those of second order, which alone have
+# poles, and the rates.
 FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
 NAMES = (*FIRST, *SECOND, "nu1", "nu2")

@@ -13,7 +13,11 @@ from polhode.models.forms.spheroid import Spheroid, axis_drift
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.models.second_order import field as triaxial, run as triaxial_run, spheroid as spheroidal
+from polhode.models.second_order import (
+    field as triaxial,
+    run as triaxial_run,
+    spheroid as spheroidal,
+)
 from polhode.models.second_order.outline import Outline, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
@@ -28,15 +32,20 @@ MEANINGLESS = 1.0
 class SecondOrder(Form):
     """State (L, q, σ) of a spheroid in slow time: L over I_e, its axis without fast turning, that angle over St.
 
-    A triaxial ellipsoid has the state of `polhode.models.second_order.field` instead, and its complete orientation; it
-    is followed on one side of L² = 2EI₂ alone, down to rotation about a principal axis, and past resonances, whose
-    kicks it misses and estimates. Caveat: the angle St σ carries St times the tolerance, and at best St times rounding,
-    so that the orientation stops gaining accuracy near St = 1e8.
+    A triaxial ellipsoid has the state of `polhode.models.second_order.field` instead, and its
+    complete orientation; it is followed on one side of L² = 2EI₂ alone, down to rotation about a
+    principal axis, and past resonances, whose kicks it misses and estimates. Caveat: the angle St σ
+    carries St times the tolerance, and at best St times rounding, so that the orientation stops
+    gaining accuracy near St = 1e8.
     """
 
     name = "averaged-second-order"
-    summary = "second-order averaging: L and E to O(1/St²), orientation to O(1/St), at a cost free of St"
-    valid_for = "large finite St, L away from 0: spheroids; triaxial ellipsoids on one side of L² = 2EI₂"
+    summary = (
+        "second-order averaging: L and E to O(1/St²), orientation to O(1/St), at a cost free of St"
+    )
+    valid_for = (
+        "large finite St, L away from 0: spheroids; triaxial ellipsoids on one side of L² = 2EI₂"
+    )
     state = ("Lx/Ie", "Ly/Ie", "Lz/Ie", "qx", "qy", "qz", "sigma")
     orientation = "axis"
     averaged = True
@@ -44,18 +53,26 @@ class SecondOrder(Form):
     def check(self, scene: Scene) -> None:
         """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and runs with windows."""
         if scene.ellipsoid.kind == "sphere":
-            raise self.refuse("a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene))
+            raise self.refuse(
+                "a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene)
+            )
         self.require_slow_motion(scene)
         self.require_orientation(scene)
         found = outline(scene)
         for each in found.stretches:
             if not each.second_order:
-                when = f"averaging does not hold from t₂ = {each.start:.2g}" if each.start > 0 else "the start"
+                when = (
+                    f"averaging does not hold from t₂ = {each.start:.2g}"
+                    if each.start > 0
+                    else "the start"
+                )
                 raise self.refuse(f"{when}: {each.reason}", full_form(scene))
         if scene.ellipsoid.kind == "triaxial":
             self._entry(scene)
         elif _started(scene) is None:
-            raise self.refuse(f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene))
+            raise self.refuse(
+                f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene)
+            )
         if not found.slow < MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
@@ -72,9 +89,13 @@ class SecondOrder(Form):
         self.check(scene)
         if scene.ellipsoid.kind == "triaxial":
             run = self._entry(scene)
-            return self.slow_problem(scene, triaxial.field, run.state, run.parameters, partial(axis_drift, first=4))
+            return self.slow_problem(
+                scene, triaxial.field, run.state, run.parameters, partial(axis_drift, first=4)
+            )
         parameters = spheroidal.parameters(Spheroid.of(scene.ellipsoid), scene.torque_factor)
-        return self.slow_problem(scene, spheroidal.field, (*(_started(scene) or ()), 0.0), parameters, axis_drift)
+        return self.slow_problem(
+            scene, spheroidal.field, (*(_started(scene) or ()), 0.0), parameters, axis_drift
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
@@ -116,7 +137,9 @@ def _started(scene: Scene) -> tuple[float, ...] | None:
     return slow_start(Spheroid.of(scene.ellipsoid), scene.torque_factor, exact)
 
 
-def slow_start(spheroid: Spheroid, torque_factor: float, exact: Sequence[float]) -> tuple[float, ...] | None:
+def slow_start(
+    spheroid: Spheroid, torque_factor: float, exact: Sequence[float]
+) -> tuple[float, ...] | None:
     """Slow L over I_e and p whose image under the transformation are the exact ones; None if none are found."""
     slow, left, size = exact, 1.0, max(1.0, hypot(*exact[:3]))
     for _ in range(START_PASSES):

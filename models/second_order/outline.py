@@ -1,8 +1,8 @@
 """Where a run can be followed by averaging to second order, and how wrong it is there, before anything is solved.
 
-The first-order solution says where the run goes. Along it rho, the size of the near-identity transformation over St,
-is what each order of averaging is smaller by than the one before. Later kicks amplify an error: it shifts the phases of
-the resonances behind it, and so what these give.
+The first-order solution says where the run goes. Along it rho, the size of the near-identity
+transformation over St, is what each order of averaging is smaller by than the one before. Later
+kicks amplify an error: it shifts the phases of the resonances behind it, and so what these give.
 """
 
 from collections.abc import Iterator
@@ -23,23 +23,28 @@ Array = np.ndarray
 MEANINGLESS = 0.35
 # The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
 HARMONIC = 2
-# Shares of the error asked for that averaging and kicks left out may cost, the latter together and one alone; by trial.
+# Shares of the error asked for that averaging and kicks left out may cost, the latter together and
+# one alone; by trial.
 SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
-# Kicks of random phases stay below so many times the root of the sum of their squares all along in 97.5 %: 2.5/√2, as a
-# walk's largest distance is beyond one at most twice as often as its last.
+# Kicks of random phases stay below so many times the root of the sum of their squares all along in
+# 97.5 %: 2.5/√2, as a walk's largest distance is beyond one at most twice as often as its last.
 RANDOM = 1.77
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
 TURNS = 300
-# A window is cut where this share of its weighted turning is left, but far more turns, for a looser tolerance.
+# A window is cut where this share of its weighted turning is left, but far more turns, for a looser
+# tolerance.
 FALLEN = 0.1
-# Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings in a run at most.
+# Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings
+# in a run at most.
 FADING, LONG_AGO = 0.15, 600.0
-# Levels between which windows are chosen: the share of the one before, and the least one's of the largest.
+# Levels between which windows are chosen: the share of the one before, and the least one's of the
+# largest.
 FALL, LEAST = 0.53, 1e-8
 # Where a window is looked at, in half widths from its middle.
 INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
-# Reasons by number; beyond the first two, for which averaging means nothing, a first-order path means little.
+# Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
+# means little.
 REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
 SEPARATRIX, TOO_SLOW, INACCURATE = 1, 2, 3
 
@@ -55,7 +60,9 @@ class Stretch:
     error: float = 0.0  # slow, over I_max, that averaging adds to the largest one of the run
     decisive: bool = False  # whether what follows is to be looked at anew from where it ends
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
-    turned: float = 0.0  # its `Path.wear` summed over slow time, times what later kicks amplify an error by
+    turned: float = (
+        0.0  # its `Path.wear` summed over slow time, times what later kicks amplify an error by
+    )
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,11 @@ class Outline:
     @property
     def slow(self) -> float:
         """Estimated slow error, over I_max, of a run by second order alone: inf if it cannot be followed."""
-        return sum(each.error for each in self.stretches) if all(s.second_order for s in self.stretches) else inf
+        return (
+            sum(each.error for each in self.stretches)
+            if all(s.second_order for s in self.stretches)
+            else inf
+        )
 
 
 @lru_cache(maxsize=64)
@@ -87,7 +98,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
     why[~(path.size > TINY)] = TOO_SLOW
     sound, sudden = why == 0, np.zeros(len(times))
-    swing, smaller, third = (np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third))
+    swing, smaller, third = (
+        np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third)
+    )
     local = swing * np.hypot(smaller, path.fading) * path.scale
     for each, half in ahead.strong.items():
         why[np.abs(times - each.time) <= half] = len(reasons)
@@ -127,14 +140,17 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
 class Ahead:
     """What kicks on a path make of errors, and which of them matter.
 
-    An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At random phases the
-    square of what comes of it is e·Ge in the mean, e = (z, φ), counted from the end of the run backwards.
+    An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At
+    random phases the square of what comes of it is e·Ge in the mean, e = (z, φ), counted from the
+    end of the run backwards.
     """
 
     path: Path
     strong: dict[Kick, float]  # half widths of windows
     left: dict[Kick, float]  # what comes of kicks that are left out
-    behind: list[tuple[float, Array, Array]]  # the times of others, G and what (α, β) have turned by there
+    behind: list[
+        tuple[float, Array, Array]
+    ]  # the times of others, G and what (α, β) have turned by there
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
@@ -144,7 +160,9 @@ class Ahead:
         if not kicks:
             return found
         g, last = np.diag([1.0, 1, 0, 0]), path.turned[-1]
-        for kick, here in zip(kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True):
+        for kick, here in zip(
+            kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True
+        ):
             onwards = np.eye(4)
             onwards[2:, :2] = last - here
             given = onwards[:, :2] @ kick.along
@@ -157,7 +175,9 @@ class Ahead:
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
             found.behind.append((kick.time, g, last))
             if kick.width:
-                found.strong[kick] = kick.window(ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1]))))
+                found.strong[kick] = kick.window(
+                    ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
+                )
         return found
 
     def weight(self, times: Array) -> Array:
@@ -170,12 +190,20 @@ class Ahead:
             at, onwards = at[before], np.zeros((int(before.sum()), 4, 2))
             onwards[:, [0, 1], [0, 1]] = 1
             onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
-            weight[before] = np.sqrt(np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1))
+            weight[before] = np.sqrt(
+                np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1)
+            )
         return weight
 
 
 def _stretches(
-    path: Path, why: Array, reasons: list[str], drifting: Array, passing: Array, lag: Array, weight: Array
+    path: Path,
+    why: Array,
+    reasons: list[str],
+    drifting: Array,
+    passing: Array,
+    lag: Array,
+    weight: Array,
 ) -> Iterator[Stretch]:
     """Stretches of the run; those by second order last a while, unless it is the whole run."""
     times, turns = path.times, path.summed(path.speed) / (2 * pi * path.torque_factor)
@@ -184,25 +212,44 @@ def _stretches(
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
     found: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
-        if found and (between[first] or turns[last] - turns[first] < TURNS) and between[found[-1][0]]:
+        if (
+            found
+            and (between[first] or turns[last] - turns[first] < TURNS)
+            and between[found[-1][0]]
+        ):
             found[-1] = found[-1][0], last
         else:
             found.append((first, last))
     gained = path.summed(path.wear * weight)
     for first, last in found:
-        here, whole = slice(first, last + 1), [each for each in dict.fromkeys(between[first:last].tolist()) if each]
+        here, whole = (
+            slice(first, last + 1),
+            [each for each in dict.fromkeys(between[first:last].tolist()) if each],
+        )
         if whole:
             reason = "; ".join(dict.fromkeys(reasons[each] for each in whole))
             decisive, until = SEPARATRIX in whole or TOO_SLOW in whole, last
             while first < last:
-                cut = int(np.searchsorted(gained, gained[last] - FALLEN * (gained[last] - gained[first])))
-                lasting = turns[last] - turns[cut] > max(TURNS, 2 * FALLEN * (turns[last] - turns[first]))
+                cut = int(
+                    np.searchsorted(gained, gained[last] - FALLEN * (gained[last] - gained[first]))
+                )
+                lasting = turns[last] - turns[cut] > max(
+                    TURNS, 2 * FALLEN * (turns[last] - turns[first])
+                )
                 until = cut if cut > first and lasting else last
-                ends, turned = (float(times[first]), float(times[until])), float(gained[until] - gained[first])
-                yield Stretch(*ends, False, reason, decisive=decisive and until == last, turned=turned)
+                ends, turned = (
+                    (float(times[first]), float(times[until])),
+                    float(gained[until] - gained[first]),
+                )
+                yield Stretch(
+                    *ends, False, reason, decisive=decisive and until == last, turned=turned
+                )
                 first = until
         else:
             error = drifting[here].max() - (drifting[first] if first else 0.0) + passing[here].max()
-            swing, turned = lag[last] - lag[first] + path.swing[here].max(), gained[last] - gained[first]
+            swing, turned = (
+                lag[last] - lag[first] + path.swing[here].max(),
+                gained[last] - gained[first],
+            )
             ends = float(times[first]), float(times[last])
             yield Stretch(*ends, True, error=float(error), swing=float(swing), turned=float(turned))

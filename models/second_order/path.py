@@ -20,8 +20,9 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# The solver that follows a path, imported on use, as models know no solvers; its tolerance, by which kicks are where
-# they are said to be. Points of a path, and of a spheroid's, which has no kicks.
+# The solver that follows a path, imported on use, as models know no solvers; its tolerance, by
+# which kicks are where they are said to be. Points of a path, and of a spheroid's, which has no
+# kicks.
 FOLLOWED, TOLERANCE = "polhode.solvers.cyrk:followed", 1e-8
 KICKED, SMOOTH = 240, 100
 # |L| over I_max below which a body does not rotate, and what times lie apart at least, over the whole: rates are taken
@@ -29,17 +30,19 @@ KICKED, SMOOTH = 240, 100
 TINY, CLOSE = 1e-12, 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
 DEEPEST = tables.MOST - 0.2
-# Third-order terms over what rho makes of those of second order, so that estimates bound most runs; chosen by trial.
+# Third-order terms over what rho makes of those of second order, so that estimates bound most runs;
+# chosen by trial.
 MARGIN = 3.6
 # Of those of first order, over the square of the damping over a radian; by trial, too.
 DAMPED = 0.05
 # Least speed at which the shear turns a body.
 LEAST_SPEED = 0.5
-# What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean square of cot α being
-# this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986). At the end of the tables the elliptic
-# integral 4K is some 15; 4π, which is less, is taken for it.
+# What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
+# square of cot α being this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986).
+# At the end of the tables the elliptic integral 4K is some 15; 4π, which is less, is taken for it.
 SADDLE = 15.0
-# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 far enough; by trial.
+# Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 far
+# enough; by trial.
 RISEN = 45.0
 
 
@@ -66,7 +69,10 @@ class Path:
         if times[-1] < scene.slow_time:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
             end = times[-1] + sqrt(RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
-            times, slow = np.append(times, min(end, scene.slow_time)), slow[[*range(len(times)), -1]]
+            times, slow = (
+                np.append(times, min(end, scene.slow_time)),
+                slow[[*range(len(times)), -1]],
+            )
         return cls(scene.ellipsoid, scene.torque_factor, times, slow)
 
     def at(self, times: Array) -> "Path":
@@ -87,7 +93,9 @@ class Path:
         """max(1, |ω|), at most."""
         # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃), as the rotation about the middle axis only lessens it.
         low, _, high = sorted(self.ellipsoid.inertia)
-        return np.sqrt(np.maximum(2 * self.slow[:, 3] * (1 / low + 1 / high) - high / low * self.size**2, 1))
+        return np.sqrt(
+            np.maximum(2 * self.slow[:, 3] * (1 / low + 1 / high) - high / low * self.size**2, 1)
+        )
 
     @cached_property
     def scale(self) -> Array:
@@ -97,7 +105,10 @@ class Path:
     @cached_property
     def longest(self) -> Array:
         """Whether the side is that of the longest axis."""
-        return 2 * self.slow[:, 3] * sorted(self.ellipsoid.inertia)[1] > (max(self.ellipsoid.inertia) * self.size) ** 2
+        return (
+            2 * self.slow[:, 3] * sorted(self.ellipsoid.inertia)[1]
+            > (max(self.ellipsoid.inertia) * self.size) ** 2
+        )
 
     @cached_property
     def a2(self) -> Array:
@@ -114,32 +125,45 @@ class Path:
     def _sides(self) -> list[tuple[bool, Array, tables.Table]]:
         """Sides of L² = 2EI₂ on which the path lies: whether that of the longest axis, where, and the table."""
         sides = (False, True) if self.ellipsoid.kind == "triaxial" else ()
-        found = [(side, np.flatnonzero(np.isfinite(self.a2) & (self.longest == side))) for side in sides]
-        return [(side, here, tables.table(self.ellipsoid, side)) for side, here in found if len(here)]
+        found = [
+            (side, np.flatnonzero(np.isfinite(self.a2) & (self.longest == side))) for side in sides
+        ]
+        return [
+            (side, here, tables.table(self.ellipsoid, side)) for side, here in found if len(here)
+        ]
 
     @cached_property
     def _orders(self) -> Array:
         swing, second = orders = np.full((2, len(self.times)), inf)
         if self.ellipsoid.kind != "triaxial":
             here = self.size > TINY
-            orders[:, here] = spheroidal.orders(Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[here])
+            orders[:, here] = spheroidal.orders(
+                Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[here]
+            )
         unit = max(self.ellipsoid.inertia)
         for longest, here, found in self._sides:
             size = extent(self.ellipsoid, longest, self.slow[here, :3], self.a2[here])
             swing[here] = size * self.torque_factor
             steep = np.exp(-self.a2[here]) * self.a2[here] * _range(self.ellipsoid, longest)[1]
-            second[here] = tables.second(found, unit, self.slow[here] / unit, self.a2[here], steep) * self.torque_factor
+            second[here] = (
+                tables.second(found, unit, self.slow[here] / unit, self.a2[here], steep)
+                * self.torque_factor
+            )
         return orders
 
     swing = property(lambda path: path._orders[0], doc="ρ, the size of the transformation.")
-    second = property(lambda path: path._orders[1], doc="|L'| or |E'| of second order over I_max, the larger one.")
+    second = property(
+        lambda path: path._orders[1], doc="|L'| or |E'| of second order over I_max, the larger one."
+    )
 
     @cached_property
     def change(self) -> Array:
         """|L'| of first order over I_max."""
         steps = np.diff(self.times)
         slopes = np.diff(self.slow[:, :3].T) / steps
-        within = (steps[1:] * slopes[:, :-1] + steps[:-1] * slopes[:, 1:]) / (steps[1:] + steps[:-1])
+        within = (steps[1:] * slopes[:, :-1] + steps[:-1] * slopes[:, 1:]) / (
+            steps[1:] + steps[:-1]
+        )
         x, y, z = np.concatenate([slopes[:, :1], within, slopes[:, -1:]], axis=1)
         return np.sqrt(x * x + y * y + z * z) / max(self.ellipsoid.inertia)
 
@@ -195,16 +219,23 @@ class Path:
         size = np.linalg.norm(slow[:, :3], axis=1)
         width = np.sqrt(self.torque_factor / (size * np.abs(slope) * drift))
         lasting = 2 / unit * np.minimum(sqrt(2 * pi) * width, times[-1])
-        found = modes_at(series_for(self.ellipsoid, side), slow[:, :3], there, k1.astype(int), k2.astype(int))
+        found = modes_at(
+            series_for(self.ellipsoid, side), slow[:, :3], there, k1.astype(int), k2.astype(int)
+        )
         strength, grown, risen = (lasting * each for each in found)
         h, fall = 2 * slow[:, 3] / size**2, np.exp(-there)
-        energy = size * h * grown + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
+        energy = (
+            size * h * grown
+            + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
+        )
         modes = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
         along = np.stack([grown, energy], axis=1)
         rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
         turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
         bend = np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
-        times, sizes, widths, *rest = (each.tolist() for each in (when, strength, width, bend, drift * width))
+        times, sizes, widths, *rest = (
+            each.tolist() for each in (when, strength, width, bend, drift * width)
+        )
         return [Kick(*each) for each in zip(times, sizes, modes, widths, along, *rest, strict=True)]
 
     def may_cross(self, error: float) -> Array:
@@ -213,7 +244,12 @@ class Path:
             return np.zeros(len(self.times), bool)
         unit, (_, width) = max(self.ellipsoid.inertia), _range(self.ellipsoid, self.longest)
         with np.errstate(all="ignore"):
-            moved = error * 2 * (1 + 2 * self.slow[:, 3] / (unit * self.size)) / (unit * self.size**2 * np.abs(width))
+            moved = (
+                error
+                * 2
+                * (1 + 2 * self.slow[:, 3] / (unit * self.size))
+                / (unit * self.size**2 * np.abs(width))
+            )
         return ~(np.exp(-self.a2) > exp(-tables.MOST) + moved)
 
     @cached_property
@@ -228,7 +264,11 @@ class Path:
     @cached_property
     def rates(self) -> Array:
         """Change of the rates of (α, β), over St, per change of (|L|, E) over I_max, shape (m, 2, 2)."""
-        unit, size, energy = max(self.ellipsoid.inertia), self.size, self.slow[:, 3] / max(self.ellipsoid.inertia)
+        unit, size, energy = (
+            max(self.ellipsoid.inertia),
+            self.size,
+            self.slow[:, 3] / max(self.ellipsoid.inertia),
+        )
         rates = np.zeros((len(self.times), 2, 2))
         for side, here, table in self._sides:
             t, (_, width) = 2 * self.a2[here] / tables.MOST - 1, _range(self.ellipsoid, side)
@@ -272,7 +312,9 @@ def path_of(scene: Scene) -> Path:
     try:
         return Path.of(scene)
     except ModuleNotFoundError as error:
-        raise FormNotValidError(f"{error.name}, which follows first-order paths, is not installed") from None
+        raise FormNotValidError(
+            f"{error.name}, which follows first-order paths, is not installed"
+        ) from None
 
 
 def _interpolated(wanted: Array, times: Array, rows: Array) -> Array:

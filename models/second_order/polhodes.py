@@ -1,8 +1,8 @@
 """Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, with their two frequencies.
 
-Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with i_j = 1/I_j,
-h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used for it. Frequencies are counted
-over l = |L|.
+Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with
+i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
+for it. Frequencies are counted over l = |L|.
 """
 
 from dataclasses import dataclass, replace
@@ -24,8 +24,8 @@ DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 class SidedBody:
     """A triaxial body on one side of L² = 2EI₂, its axes permuted and turned so that z₃ > 0.
 
-    Rows of `axes` are the permuted axes in the scene's body axes; 1/I, 8πX and the squared semi-axes, shape (3,), are
-    in permuted order.
+    Rows of `axes` are the permuted axes in the scene's body axes; 1/I, 8πX and the squared
+    semi-axes, shape (3,), are in permuted order.
     """
 
     axes: Array
@@ -50,7 +50,10 @@ class SidedBody:
         axes[1] *= np.linalg.det(axes)
         if below:
             axes[1:] *= -1
-        drag, squares = 8 * pi * np.array(ellipsoid.resistance)[order], np.array(ellipsoid.scaled_axes)[order] ** 2
+        drag, squares = (
+            8 * pi * np.array(ellipsoid.resistance)[order],
+            np.array(ellipsoid.scaled_axes)[order] ** 2,
+        )
         return cls(axes, 1 / inertia[order], drag, squares)
 
     def moduli(self, x: Array, rest: Array) -> tuple[Array, Array, Array]:
@@ -138,8 +141,12 @@ class Polhodes:
         order[[0, self.nodes // 2]] = np.inf
         return spectrum[:, 0].real / self.nodes, np.fft.ifft(1j * spectrum / order, axis=1).real
 
-    turn = property(lambda polhodes: polhodes._turn[0], doc="Turn of S about e₃ per α, shape (m,): (h - ν₂)/ν₁.")
-    lead = property(lambda polhodes: polhodes._turn[1], doc="χ, shape (m, a), of zero mean over the polhode.")
+    turn = property(
+        lambda polhodes: polhodes._turn[0], doc="Turn of S about e₃ per α, shape (m,): (h - ν₂)/ν₁."
+    )
+    lead = property(
+        lambda polhodes: polhodes._turn[1], doc="χ, shape (m, a), of zero mean over the polhode."
+    )
 
     @property
     def precession(self) -> Array:
@@ -155,7 +162,9 @@ class Polhodes:
         near, total = replace(self, y=y, phase=phase), dict[str, Array]()
         for name in ("z", "lead", "rate", "turn"):
             values = getattr(near, name)
-            total[name] = np.tensordot(weights, values.reshape(len(steps), -1, *values.shape[1:]), 1)
+            total[name] = np.tensordot(
+                weights, values.reshape(len(steps), -1, *values.shape[1:]), 1
+            )
         carried = total["rate"] * self.turn + self.rate * total["turn"]
         return Derivatives(total["z"], total["lead"], total["rate"], self.slope - carried)
 

@@ -21,7 +21,10 @@ CHUNK = 208
 # Keeps 0/0 away where nothing turns.
 TINY = 1e-300
 # Matrices of the cross products with unit vectors, as rows.
-_CROSS = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
+_CROSS = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
+    float,
+)
 
 
 class NotAveragedError(ValueError):
@@ -48,11 +51,15 @@ class Entry:
         momentum, rotation = (np.concatenate(each) for each in zip(*pieces, strict=True))
         rotation = np.swapaxes(rotation @ self.side.axes, 1, 2)
         body = np.einsum("mij,mj->mi", rotation, momentum)
-        return Observables(momentum, 0.5 * np.sum(body**2 / np.array(self.ellipsoid.inertia), axis=1), rotation)
+        return Observables(
+            momentum, 0.5 * np.sum(body**2 / np.array(self.ellipsoid.inertia), axis=1), rotation
+        )
 
     def _exact(self, states: Array) -> tuple[Array, Array]:
         """L and R of the exact poses."""
-        alpha, beta = (phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases))
+        alpha, beta = (
+            phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases)
+        )
         momentum = states[:, :3] * max(self.ellipsoid.inertia)
         a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
         place = Place(self.series, a2, alpha, self.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
@@ -65,7 +72,8 @@ class Entry:
 def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentum: Array) -> Entry:
     """Entry from a pose on: rows of `rotation`, shape (3, 3), are the body axes in space, L has shape (3,).
 
-    Raises NotAveragedError where no slow state belongs to the pose: |L| is too small, or L² = 2EI₂ too near.
+    Raises NotAveragedError where no slow state belongs to the pose: |L| is too small, or L² = 2EI₂
+    too near.
     """
     side = SidedBody.of(ellipsoid, rotation @ momentum)
     longest = abs(side.axes[2, ellipsoid.order[0]]) == 1
@@ -81,10 +89,17 @@ def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentu
 @lru_cache(maxsize=64)
 def started(scene: Scene) -> Entry:
     """Entry from a scene's start on."""
-    return entered(scene.ellipsoid, scene.torque_factor, scene.initial_rotation, scene.initial.angular_momentum[0])
+    return entered(
+        scene.ellipsoid,
+        scene.torque_factor,
+        scene.initial_rotation,
+        scene.initial.angular_momentum[0],
+    )
 
 
-def _slow_start(series: Series, torque_factor: float, exact: Array, pose: Array) -> tuple[Array, Array, Place]:
+def _slow_start(
+    series: Series, torque_factor: float, exact: Array, pose: Array
+) -> tuple[Array, Array, Place]:
     """Slow L, the e₁ of its frame and its place on the torus, whose image is the exact L and R = `pose`."""
     momentum, rotation, moved, left, close = exact, pose, np.zeros((2, 3)), 1.0, False
     for _ in range(START_PASSES):

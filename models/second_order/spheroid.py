@@ -1,12 +1,13 @@
 """Second-order averaged spheroid: slow variables to O(1/St²) and orientation to O(1/St), in slow time.
 
-State y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, the torque-free spheroid turns its symmetry
-axis p about n = L/|L| at unit rate whatever the state, so that p = Φ^s(q) with q slow. Averaging over s to second order
-(Sanders, Verhulst & Murdock, Averaging Methods in Nonlinear Dynamical Systems, 2nd ed., §2.9) leaves functions of n and
-h = n·q alone, whose coefficients are polynomials in h²: ``docs/derivations/spheroid_second_order.py`` derives them.
+State y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, the torque-free spheroid
+turns its symmetry axis p about n = L/|L| at unit rate whatever the state, so that p = Φ^s(q) with q
+slow. Averaging over s to second order (Sanders, Verhulst & Murdock, Averaging Methods in Nonlinear
+Dynamical Systems, 2nd ed., §2.9) leaves functions of n and h = n·q alone, whose coefficients are
+polynomials in h²: ``docs/derivations/spheroid_second_order.py`` derives them.
 
-With l = |L|, S = ½(n_y, n_x, 0) the rate of strain along n, S' its part across n, W = ½(n_y, -n_x, 0), s₀ = n_x n_y and
-w₀ = n_z/2:
+With l = |L|, S = ½(n_y, n_x, 0) the rate of strain along n, S' its part across n, W = ½(n_y, -n_x,
+0), s₀ = n_x n_y and w₀ = n_z/2:
 
 - n·L' = l f₀ + f₂w₀ + (a₁ + a₂w₀/l) s₀/(l St)
 - L'⊥ = n×(r₁S + r₂W) + [p₁S' + p₂W + n×(p₃S + p₄W) s₀/l + (p₅S' + p₆W) w₀/l]/(l St)
@@ -90,7 +91,12 @@ def slow_rates(ops: Operations) -> Callable[..., Any]:
     averaged = ops.use(averaged_rates)
 
     def rates(size, n, x, p):
-        f = p[0] + p[1] * x, p[2] + p[3] * x, p[12] + x * (p[13] + x * p[14]), p[15] + x * (p[16] + x * p[17])
+        f = (
+            p[0] + p[1] * x,
+            p[2] + p[3] * x,
+            p[12] + x * (p[13] + x * p[14]),
+            p[15] + x * (p[16] + x * p[17]),
+        )
         g = p[4], p[5], p[18] + x * p[19], p[20] + x * p[21]
         r = p[8] + p[9] * x, p[10] + p[11] * x
         p1, p2 = p[22] + x * (p[23] + x * p[24]), p[25] + x * (p[26] + x * p[27])
@@ -130,12 +136,15 @@ def field(ops: Operations) -> Field:
     return rhs
 
 
-def generator(spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0) -> tuple[Triple, ...]:
+def generator(
+    spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0
+) -> tuple[Triple, ...]:
     """Generator u of the near-identity transformation, and p: the exact (L, p) is the slow one plus u of it over St.
 
-    L is in units of I_e; p is first turned about L by an angle; the part of u for p is normal to p. Φ^s(p) being
-    hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their antiderivatives of zero mean at s = 0,
-    for p those of the turn of n less that of the turn of q seen from n.
+    L is in units of I_e; p is first turned about L by an angle; the part of u for p is normal to p.
+    Φ^s(p) being hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their
+    antiderivatives of zero mean at s = 0, for p those of the turn of n less that of the turn of q
+    seen from n.
     """
     D, d, c, k = torque_coefficients(spheroid).values()
     c8, k8, over = c / 8, k / 8, 1 / dot(momentum, momentum) ** 0.5
@@ -155,11 +164,15 @@ def generator(spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0
     steady, strained = D / 2 * over2, k / 6 * over2 * (h4 * h - 1)
     tilt = over2 * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz)
     turn = over * d * h + over2 * (c8 * (ez + h4 * nz) - k8 * (5 / 3 * nf + 2 * h * ef))
-    turned = plus(plus(((strained + steady) * ny, (strained - steady) * nx, 0 * nz), tilt, e), turn, f)
+    turned = plus(
+        plus(((strained + steady) * ny, (strained - steady) * nx, 0 * nz), tilt, e), turn, f
+    )
     return change, cross(axis, cross(turned, n)), axis
 
 
-def swung(spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, *turn: Any) -> tuple[Any, ...]:
+def swung(
+    spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, *turn: Any
+) -> tuple[Any, ...]:
     """Exact L over I_e and p, six components, of slow ones, p turned about L before: p stays of unit length."""
     change, tilt, axis = generator(spheroid, momentum, axis, *turn)
     return *plus(momentum, torque_factor, change), *unit(plus(axis, torque_factor, tilt))
@@ -171,7 +184,9 @@ def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.nd
     cos, sin = np.cos(turns), np.sin(turns)
     if 0 < len(states) <= FEW:
         rows = zip(states.tolist(), cos.tolist(), sin.tolist(), strict=True)
-        return np.array([swung(spheroid, torque_factor, row[:3], unit(row[3:6]), *turn) for row, *turn in rows])
+        return np.array(
+            [swung(spheroid, torque_factor, row[:3], unit(row[3:6]), *turn) for row, *turn in rows]
+        )
     columns = list(states.T.copy())
     return np.array(swung(spheroid, torque_factor, columns[:3], unit(columns[3:6]), cos, sin)).T
 
@@ -197,7 +212,9 @@ def cross(u: Triple, v: Triple) -> Triple:
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
-def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def orders(
+    spheroid: Spheroid, torque_factor: float, slow: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
     square, flattening, n = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1, unit(momentum)
@@ -211,4 +228,6 @@ def orders(spheroid: Spheroid, torque_factor: float, slow: np.ndarray) -> tuple[
     growth, rise, *across = slow_rates(ARRAYS)(np.sqrt(square), n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))
     powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)
-    return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / max(1.0, spheroid.inertia_ratio)
+    return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / max(
+        1.0, spheroid.inertia_ratio
+    )

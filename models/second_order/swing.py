@@ -1,9 +1,10 @@
 """The near-identity transformation at a place on the torus, from series per shape and side.
 
-With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `BASIS` tensors with harmonics e^(-ikβ) and
-coefficients c, each but those of k = 0 with its conjugate; the drag is one more, c = l. Of each the rates are Fourier
-series in α, whose coefficients, real or imaginary, are Chebyshev series in a, regular down to a = 0. They are divided
-by k₁ν₁ + k₂ν₂ when they are wanted. The frame of L is the one in which S is the least rotation: β = -χ there.
+With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `BASIS` tensors with
+harmonics e^(-ikβ) and coefficients c, each but those of k = 0 with its conjugate; the drag is one
+more, c = l. Of each the rates are Fourier series in α, whose coefficients, real or imaginary, are
+Chebyshev series in a, regular down to a = 0. They are divided by k₁ν₁ + k₂ν₂ when they are wanted.
+The frame of L is the one in which S is the least rotation: β = -χ there.
 `polhode.models.second_order.torus` has the same generator over all phases at once.
 """
 
@@ -36,13 +37,13 @@ _LEVEL, _TURN = np.diag([0.5, 0.5, -1]), np.array([[0, 0.5, 0], [-0.5, 0, 0], [0
 BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag.
 TURNS = np.array([2, 1, 1, 0, 0, 0])
-# Parts: a y', a α', L₃' of every tensor, L₁' + iL₂' of each and of the conjugates of three. The rate of β + tα with
-# t = (h - ν₂)/ν₁ vanishes.
+# Parts: a y', a α', L₃' of every tensor, L₁' + iL₂' of each and of the conjugates of three. The
+# rate of β + tα with t = (h - ν₂)/ν₁ vanishes.
 RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
 TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
 Y, ALONG, ACROSS = slice(0, 6), slice(12, 18), slice(18, 27)
-# Of each the harmonic k₂, whether its coefficients are real or imaginary, how often it counts, and the c that it goes
-# with, those of the conjugates behind the others.
+# Of each the harmonic k₂, whether its coefficients are real or imaginary, how often it counts, and
+# the c that it goes with, those of the conjugates behind the others.
 K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * TURNS[TENSOR]
 UNIT = np.where((TENSOR < 4) == (RATE == 1), 1, 1j)
 FACTOR = np.where((RATE < 3) & (TURNS[TENSOR] > 0), 2, 1) * UNIT
@@ -52,12 +53,15 @@ HARMONICS = np.arange(-2, 4)
 ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
 ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
 ORDERS *= np.where(HARMONICS < 0, -1, 1)
-# Harmonics k₂ >= 0 alone are summed: at -k₁, -k₂ a mode's 1/D is that at k₁, k₂ conjugate and of the other sign, its
-# 1/D² the conjugate alone.
+# Harmonics k₂ >= 0 alone are summed: at -k₁, -k₂ a mode's 1/D is that at k₁, k₂ conjugate and of
+# the other sign, its 1/D² the conjugate alone.
 SUMMED = ORDERS[:, HARMONICS >= 0]
-_BOTH = np.stack(np.broadcast_arrays(SUMMED, HARMONICS[HARMONICS >= 0])).reshape(2, -1).astype(float)
-# What makes the generator: all parts over D, and those of y and L₃ over D². Where real and imaginary parts stand among
-# the products with 1/D of these harmonics and 1/D² of the lower ones, what they count, where those of one kind begin.
+_BOTH = (
+    np.stack(np.broadcast_arrays(SUMMED, HARMONICS[HARMONICS >= 0])).reshape(2, -1).astype(float)
+)
+# What makes the generator: all parts over D, and those of y and L₃ over D². Where real and
+# imaginary parts stand among the products with 1/D of these harmonics and 1/D² of the lower ones,
+# what they count, where those of one kind begin.
 _PARTS = np.r_[: len(RATE), Y, ALONG]
 _ALL, _FIRST = SUMMED.shape[1], 1 - int(HARMONICS[0])
 _OVER, _MIRRORED = _ALL * (np.arange(len(_PARTS)) >= len(RATE)), K2[_PARTS] < 0
@@ -67,11 +71,14 @@ _PLACES = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
 _PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(K2[_PARTS]))[:, None]).ravel()
 _FACTORS, _SOURCES = (_REAL + _IMAG).view(float), SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
-# Terms are left out below this share of the largest times St: over St they are rounding. Bounds of that share.
+# Terms are left out below this share of the largest times St: over St they are rounding. Bounds of
+# that share.
 FAINT, LEAST_FAINT, MOST_FAINT, ROUNDING = 1e-14, 1e-11, 1e-6, 1e-12
-# Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the mean, which has no part.
+# Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the
+# mean, which has no part.
 CLOSE, TINY, ENDLESS = 0.01, 1e-100, 1e100
-# An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the arithmetic on them.
+# An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
+# arithmetic on them.
 np.empty(1 << 18)
 
 
@@ -93,7 +100,9 @@ class Place:
     def shape(self) -> Array:
         """χ and the change of n per y, in body axes, shape (m, 4)."""
         count = self._needed("shape", PHASES // 2, ROUNDING)
-        found = (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
+        found = (
+            (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
+        )
         waves = _powers(self.alpha, count).view(float).reshape(-1, count, 2)
         return (found @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
 
@@ -105,7 +114,9 @@ class Place:
     def moved(self, c: Array, size: Array, torque_factor: float) -> Array:
         """The same in the frame of L, shape (m, 3, 2), of the tensors' c."""
         series, m = self.series, len(size)
-        terms = self._needed("rates", TERMS, min(MOST_FAINT, max(LEAST_FAINT, FAINT / torque_factor)))
+        terms = self._needed(
+            "rates", TERMS, min(MOST_FAINT, max(LEAST_FAINT, FAINT / torque_factor))
+        )
         found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
         a, size, (nu1, nu2, rise1, rise2) = _columns(np.sqrt(self.a2)), _columns(size), _columns(nu)
@@ -120,7 +131,9 @@ class Place:
         waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, SUMMED[:terms]]
         over = np.empty((m, terms, _ALL + _FIRST), complex)
         np.multiply(once.reshape(waves.shape), waves, out=over[..., :_ALL])
-        np.multiply(twice.reshape(waves.shape)[..., :_FIRST], waves[..., :_FIRST], out=over[..., _ALL:])
+        np.multiply(
+            twice.reshape(waves.shape)[..., :_FIRST], waves[..., :_FIRST], out=over[..., _ALL:]
+        )
         products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = (np.take(products, _PLACES, axis=1) * _FACTORS).view(complex)
         # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
@@ -131,7 +144,10 @@ class Place:
         kinds = np.add.reduceat(summands, _KINDS, axis=1)
         kinds[:, 3:4] *= ahead.conj()
 
-        (u_y, u_a, u_l, _, drawn, growth), across = _columns(np.real(kinds)), _columns(kinds)[3] / size
+        (u_y, u_a, u_l, _, drawn, growth), across = (
+            _columns(np.real(kinds)),
+            _columns(kinds)[3] / size,
+        )
         (z1, z2, z3), (_, y1, y2, y3) = _columns(self.z), _columns(self.shape)
         i1, i2, i3 = series.side.inverse_inertia.tolist()
         drawn, u_y = drawn / a, u_y / a
@@ -175,11 +191,13 @@ def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
     """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian."""
-    # The integral of the mode from long before its resonance, behind it to long after, and the integral of that: their
-    # asymptotic series in q/x² or, near the resonance, what these belong to, Faddeeva's function.
+    # The integral of the mode from long before its resonance, behind it to long after, and the
+    # integral of that: their asymptotic series in q/x² or, near the resonance, what these belong
+    # to, Faddeeva's function.
     from scipy.special import wofz
 
-    # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any number does.
+    # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
+    # number does.
     square = 1 / np.maximum(x * x, np.abs(q) + TINY)
     u, once, twice = q * square, np.empty(x.shape, complex), np.empty(x.shape, complex)
     u2, over = u * u, x * square
@@ -227,7 +245,11 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
     """Q, shape (m, 3, 3), turned about n: columns e₁, n × e₁, n."""
     first = first - np.sum(n * first, axis=1)[:, None] * n
     first = first / np.linalg.norm(first, axis=1)[:, None]
-    cos, sin, second = np.cos(turn)[:, None], np.sin(turn)[:, None], np.array(cross(tuple(n.T), tuple(first.T))).T
+    cos, sin, second = (
+        np.cos(turn)[:, None],
+        np.sin(turn)[:, None],
+        np.array(cross(tuple(n.T), tuple(first.T))).T,
+    )
     return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 
@@ -237,7 +259,9 @@ def frame_of(momentum: Array) -> Array:
     return frame(n, np.eye(3)[np.argmin(np.abs(n), axis=1)], np.zeros(1))
 
 
-def modes_at(series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array) -> tuple[Array, Array, Array]:
+def modes_at(
+    series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array
+) -> tuple[Array, Array, Array]:
     """Modes P exp i(k₁α + k₂β) + c.c. of the rates in slow time, one for each L, shape (m, 3), and a²; k₂ > 0.
 
     |P| of L', then P* of l' and of y', shape (m,) each.
@@ -280,7 +304,9 @@ def series_of(side: SidedBody) -> Series:
     flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)
     tau = side.drag * np.concatenate([flows, (-side.inverse_inertia * z)[None]])
     rate_y = 2 / p.slope[:, None] * np.sum(p.beyond[:, None] * z * tau, axis=-1)
-    rate_a = (np.sum(tau * dz, axis=-1) - rate_y * np.sum(yz * dz, axis=-1)) / np.sum(dz * dz, axis=-1)
+    rate_a = (np.sum(tau * dz, axis=-1) - rate_y * np.sum(yz * dz, axis=-1)) / np.sum(
+        dz * dz, axis=-1
+    )
     lx, ly, lz = np.moveaxis(np.einsum("naik,jnak->jnai", body, tau), -1, 0)
     scale = DEPTHS[:, None]
     rates = np.stack([scale * rate_y, scale * rate_a, lz, lx + 1j * ly, lx.conj() + 1j * ly.conj()])

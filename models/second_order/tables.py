@@ -10,7 +10,16 @@ from numpy.polynomial.chebyshev import chebder
 from polhode.models.files import kept
 from polhode.models.operations import ARRAYS
 from polhode.models.second_order.averages import MODES, averages
-from polhode.models.second_order.field import NAMES, NODES, POLE, POLES, SECOND, averaged_rates, polynomials, regular
+from polhode.models.second_order.field import (
+    NAMES,
+    NODES,
+    POLE,
+    POLES,
+    SECOND,
+    averaged_rates,
+    polynomials,
+    regular,
+)
 from polhode.models.second_order.polhodes import SidedBody
 from polhode.models.shape import Ellipsoid
 
@@ -29,7 +38,8 @@ SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2
 _SECOND = slice(NAMES.index("a1"), NAMES.index("nu1"))
 # Modes of a smaller share of the torque are no resonances.
 FAINT = 1e-8
-# Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than nodes fit the others.
+# Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than
+# nodes fit the others.
 NEAR, SPARE = 0.02, 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
@@ -43,7 +53,9 @@ WIDTHS = (4.0, 40.0)
 class Table:
     """One side's functions of a², 0 <= a² <= MOST."""
 
-    series: Array  # Chebyshev coefficients, a row per function, in the order of `NAMES`; y' as (a²)'/a²
+    series: (
+        Array  # Chebyshev coefficients, a row per function, in the order of `NAMES`; y' as (a²)'/a²
+    )
     poles: Array  # a row per pole: its a², dD/da² over l, residues of second and of first order of the functions
     resonances: Array  # a row per resonance: k₁, k₂, a², dD/da² over l, |P_k| of L' at l = 0 and its gain per l
 
@@ -109,7 +121,9 @@ def made(side: SidedBody) -> Table:
     values = np.stack([found[name] for name in SECOND])
     for pole in poles:
         twice, once = regular(POINTS - pole[0], 0 * POINTS)
-        values -= np.outer(pole[2 : 2 + len(SECOND)], twice) + np.outer(pole[2 + len(SECOND) :], once)
+        values -= np.outer(pole[2 : 2 + len(SECOND)], twice) + np.outer(
+            pole[2 + len(SECOND) :], once
+        )
     weight = np.ones(NODES)
     for k1, k2 in resonances[:, :2]:
         square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
@@ -128,7 +142,9 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
     t = np.linspace(-1.1, 1.2, 400)
     nu = evaluated(rates, t)
     rows = []
-    for k1, k2 in ((-k1, k2) for k2 in (1, 2, 3) for k1 in range(1, MODES + 1) if (k1 + k2) % 2 == 0):
+    for k1, k2 in (
+        (-k1, k2) for k2 in (1, 2, 3) for k1 in range(1, MODES + 1) if (k1 + k2) % 2 == 0
+    ):
         divisor = k1 * nu[0] + k2 * nu[1]
         combined = (k1 * rates[0] + k2 * rates[1])[None]
         for i in np.flatnonzero(divisor[1:] * divisor[:-1] < 0):
@@ -155,9 +171,13 @@ def _poles(side: SidedBody, resonances: Array) -> Array:
     places = np.array(known).reshape(-1, 2)
     beside = np.concatenate([places[:, 0] - BESIDE, places[:, 0] + BESIDE])
     found = averages(side, level(beside))[0] if known else {}
-    values = [found[name] * (per_square(beside) if name[0] == "b" else 1.0) for name in SECOND if known]
+    values = [
+        found[name] * (per_square(beside) if name[0] == "b" else 1.0) for name in SECOND if known
+    ]
     below, above = np.array(values).reshape(len(SECOND), 2, -1).swapaxes(0, 1)
-    return np.column_stack([places, 0.5 * BESIDE**2 * (above + below).T, 0.5 * BESIDE * (above - below).T])
+    return np.column_stack(
+        [places, 0.5 * BESIDE**2 * (above + below).T, 0.5 * BESIDE * (above - below).T]
+    )
 
 
 def _fitted(values: Array, weight: Array) -> Array:
@@ -190,10 +210,19 @@ def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tup
     """Parameters p of `field` on one side."""
     averaged, unit = table(ellipsoid, longest), max(ellipsoid.inertia)
     over = {*SECOND, "ea", "eb"}
-    factors = np.array([(torque_factor if name in over else 1.0) / unit ** SCALES[name] for name in NAMES])
+    factors = np.array(
+        [(torque_factor if name in over else 1.0) / unit ** SCALES[name] for name in NAMES]
+    )
     places, slopes, residues = np.split(averaged.poles, [1, 2], axis=1)
-    poles = np.hstack([places, torque_factor / (unit * slopes), residues * np.tile(factors[_SECOND], 2)])
-    return 0.5 * MOST, 2 / MOST, *(factors[:, None] * averaged.series).ravel().tolist(), *poles.ravel().tolist()
+    poles = np.hstack(
+        [places, torque_factor / (unit * slopes), residues * np.tile(factors[_SECOND], 2)]
+    )
+    return (
+        0.5 * MOST,
+        2 / MOST,
+        *(factors[:, None] * averaged.series).ravel().tolist(),
+        *poles.ravel().tolist(),
+    )
 
 
 def series_of(values: Array) -> Array:
@@ -207,11 +236,19 @@ def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> A
     """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max; `steep` is how h follows ln a²."""
     values = evaluated(found.series[_SECOND], 2 * a2 / MOST - 1)
     twice, once = regular(a2 - found.poles[:, :1], 1e-2)
-    values += found.poles[:, 2 : 2 + len(SECOND)].T @ twice + found.poles[:, 2 + len(SECOND) :].T @ once
+    values += (
+        found.poles[:, 2 : 2 + len(SECOND)].T @ twice + found.poles[:, 2 + len(SECOND) :].T @ once
+    )
     values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
     momentum, energy = slow[:, :3], slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)
-    n, first, rates = (momentum / size[:, None]).T, [np.zeros(len(size))] * 2, averaged_rates(ARRAYS)
-    growth, rise, *across = rates(size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:])
+    n, first, rates = (
+        (momentum / size[:, None]).T,
+        [np.zeros(len(size))] * 2,
+        averaged_rates(ARRAYS),
+    )
+    growth, rise, *across = rates(
+        size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:]
+    )
     moved = np.linalg.norm(growth[:, None] * momentum + np.stack(across, axis=1), axis=1)
     return np.maximum(moved, np.abs(2 * growth * energy + 0.5 * unit * size**2 * steep * rise))

@@ -1,12 +1,13 @@
 """The torque as a perturbation of the Euler top, on the torus of polhode phase α and precession phase β.
 
-Q carries the frame of L (e₃ = n = L/l) to space, S the body (`polhode.models.second_order.polhodes`) to the frame of L:
-R = QS, S = R_z(β + χ)S₀(z), S₀ the least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed,
-dα/dt = lν₁(h) and dβ/dt = lν₂(h).
+Q carries the frame of L (e₃ = n = L/l) to space, S the body
+(`polhode.models.second_order.polhodes`) to the frame of L: R = QS, S = R_z(β + χ)S₀(z), S₀ the
+least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed, dα/dt = lν₁(h) and dβ/dt =
+lν₂(h).
 
-Arrays have shape (…, m, a, b): m states, a equal polhode phases and b equal precession phases counted from the state's
-own, which is entry (0, 0). What L and the flow are comes before, if there are several for each polhode; vectors are
-triples of such arrays.
+Arrays have shape (…, m, a, b): m states, a equal polhode phases and b equal precession phases
+counted from the state's own, which is entry (0, 0). What L and the flow are comes before, if there
+are several for each polhode; vectors are triples of such arrays.
 """
 
 from collections.abc import Callable, Iterable
@@ -52,13 +53,18 @@ class Torus:
     def polhodes(self) -> tuple[Triple, Triple, Triple]:
         """n in body axes and its changes per α and per y."""
         p = self.polhode
-        n, along, beside = (tuple(np.moveaxis(each, -1, 0)[..., None].copy()) for each in (p.z, p.along, p.beside.z))
+        n, along, beside = (
+            tuple(np.moveaxis(each, -1, 0)[..., None].copy()) for each in (p.z, p.along, p.beside.z)
+        )
         return n, along, beside
 
     @cached_property
     def driven(self) -> tuple[Triple, Triple, Triple]:
         """The flow's x and y and the torque τ in body axes (`ultima`, `jw1`–`jw3`)."""
-        x, y = (times(self.rows.swapaxes(0, 1), over_phases(each)) for each in (self.flow, self.gradient))
+        x, y = (
+            times(self.rows.swapaxes(0, 1), over_phases(each))
+            for each in (self.flow, self.gradient)
+        )
         return x, y, self.torque(self.momentum, turning(self.polhode.side, x, y))
 
     @cached_property
@@ -69,12 +75,19 @@ class Torus:
     def torque(self, momentum: Triple, driven: Triple) -> Triple:
         """The torque in body axes, of L in them and the angular velocity that drives the body."""
         drag, inverse = self.polhode.side.drag.tolist(), self.polhode.side.inverse_inertia.tolist()
-        return tuple(d * (w - i * m) for d, w, i, m in zip(drag, driven, inverse, momentum, strict=True))
+        return tuple(
+            d * (w - i * m) for d, w, i, m in zip(drag, driven, inverse, momentum, strict=True)
+        )
 
     @cached_property
     def perturbation(self) -> Array:
         """Rates in slow time of (L in its frame, y, α, β), shape (6, ..., m, a, b)."""
-        p, size, (z, dz, yz), (*_, tau) = self.polhode, self.size[..., None, None], self.polhodes, self.driven
+        p, size, (z, dz, yz), (*_, tau) = (
+            self.polhode,
+            self.size[..., None, None],
+            self.polhodes,
+            self.driven,
+        )
         beyond = [each[:, None] * part for each, part in zip(p.beyond.T[..., None], z, strict=True)]
         rate_y = 2 / (size * p.slope[:, None, None]) * dot(beyond, tau)
         rate_a = (dot(tau, dz) / size - rate_y * dot(yz, dz)) / dot(dz, dz)
@@ -85,7 +98,9 @@ class Torus:
     def turn_beside(self) -> Array:
         """Turn of S about e₃ per y, shape (m, a)."""
         z, dz = self.polhode.z, self.polhode.beside.z
-        return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
+        return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (
+            1 + z[..., 2]
+        )
 
     @cached_property
     def inverses(self) -> tuple[Array, Array]:
@@ -95,7 +110,12 @@ class Torus:
         k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
         k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
         divisor = k1 * p.rate[:, None, None] + k2 * p.precession[:, None, None]
-        left_out = ((k1 + k2) % 2 != 0) | (k1 == -(nodes // 2)) | (k2 == -(PRECESSIONS // 2)) | ((k1 == 0) & (k2 == 0))
+        left_out = (
+            ((k1 + k2) % 2 != 0)
+            | (k1 == -(nodes // 2))
+            | (k2 == -(PRECESSIONS // 2))
+            | ((k1 == 0) & (k2 == 0))
+        )
         once = np.where(left_out, 0, 1 / np.where(left_out, 1, divisor))
         return once**2, once
 
@@ -119,7 +139,11 @@ class Torus:
     def ambient(self) -> tuple[Triple, Triple]:
         """The generator as changes of L and turns of R, in the frame of L."""
         p, u, (z, dz, yz) = self.polhode, self.generator, self.polhodes
-        turn = plus(cross(yz, z), self.turn_beside[..., None], z), plus(cross(dz, z), p.turn[:, None, None], z), z
+        turn = (
+            plus(cross(yz, z), self.turn_beside[..., None], z),
+            plus(cross(dz, z), p.turn[:, None, None], z),
+            z,
+        )
         turned = times(self.rows, times(zip(*turn, strict=True), tuple(u[3:])))
         over = 1 / self.size[..., None, None]
         return tuple(u[:3]), (turned[0] - u[1] * over, turned[1] + u[0] * over, turned[2])

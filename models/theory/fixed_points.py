@@ -17,10 +17,14 @@ Stability = Literal["stable node", "saddle", "singular"]
 class FixedPoint:
     """One fixed point of the averaged equations, where the body turns with the fluid, ω = -½ ẑ."""
 
-    rotation: Rotation  # the body axis along the vorticity; a spheroid tumbles about an equatorial axis
-    # L and E of a triaxial ellipsoid (`lxmain`–`emain`), L and η of a spheroid (`lxsmain`–`nsmain`), L of a sphere.
+    rotation: (
+        Rotation  # the body axis along the vorticity; a spheroid tumbles about an equatorial axis
+    )
+    # L and E of a triaxial ellipsoid (`lxmain`–`emain`), L and η of a spheroid
+    # (`lxsmain`–`nsmain`), L of a sphere.
     state: tuple[float, ...]
-    # Per unit of slow time, in the order of the paper: along L_x and L_y first. A singular point has these two alone.
+    # Per unit of slow time, in the order of the paper: along L_x and L_y first. A singular point
+    # has these two alone.
     eigenvalues: tuple[float, ...]
 
     @property
@@ -34,19 +38,27 @@ class FixedPoint:
 def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
     """All fixed points of the averaged equations of an ellipsoid.
 
-    A triaxial ellipsoid has three, from the longest to the shortest axis (section `elsa`); the one of the middle axis
-    is singular, see `polhode.models.theory.separatrix`. A spheroid has a pair of spinning ones and a tumbling one
-    (`spinmode_sph`, `tumbmode_sph`, with L_z = -I_a/2 and -I_e/2), a sphere one.
+    A triaxial ellipsoid has three, from the longest to the shortest axis (section `elsa`); the one
+    of the middle axis is singular, see `polhode.models.theory.separatrix`. A spheroid has a pair of
+    spinning ones and a tumbling one (`spinmode_sph`, `tumbmode_sph`, with L_z = -I_a/2 and -I_e/2),
+    a sphere one.
     """
     if ellipsoid.kind == "sphere":
         momentum = (0.0, 0.0, -ellipsoid.inertia[0] / 2)
         return (FixedPoint("any axis of a sphere", momentum, eigenvalues(ellipsoid, 0)[:3]),)
     known: list[tuple[Rotation, int, float]]
     if ellipsoid.symmetry_axis is None:
-        known = [(get_args(ByLength)[i], axis, ellipsoid.inertia[axis] / 8) for i, axis in enumerate(ellipsoid.order)]
+        known = [
+            (get_args(ByLength)[i], axis, ellipsoid.inertia[axis] / 8)
+            for i, axis in enumerate(ellipsoid.order)
+        ]
     else:
         axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
-        known = [("symmetry axis", axial, 0.5), ("symmetry axis", axial, -0.5), ("equatorial axis", equatorial, 0.0)]
+        known = [
+            ("symmetry axis", axial, 0.5),
+            ("symmetry axis", axial, -0.5),
+            ("equatorial axis", equatorial, 0.0),
+        ]
     found = []
     for rotation, axis, last in known:
         rates = eigenvalues(ellipsoid, axis)[: 2 if rotation == "middle axis" else 4]
@@ -57,9 +69,9 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
 def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, float]:
     """Eigenvalues λ₁₋₄ of uniform rotation about a body axis along the vorticity, per unit of slow time.
 
-    The paper's lists for the longest and the shortest axis of an ellipsoid (section `elsa`) and for the spinning and
-    the tumbling spheroid (section `lsds`) are one formula. About the middle axis of a triaxial ellipsoid only the
-    first two hold, as limits that are approached like 1/log.
+    The paper's lists for the longest and the shortest axis of an ellipsoid (section `elsa`) and for
+    the spinning and the tumbling spheroid (section `lsds`) are one formula. About the middle axis
+    of a triaxial ellipsoid only the first two hold, as limits that are approached like 1/log.
     """
     squares = [length * length for length in ellipsoid.scaled_axes]
     inertia, resistance = ellipsoid.inertia, ellipsoid.resistance
@@ -83,24 +95,32 @@ class Attractor:
     reach: float  # distance, in the same units, within which a particle counts as arrived
 
 
-def attractors(ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: bool) -> tuple[Attractor, ...]:
+def attractors(
+    ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: bool
+) -> tuple[Attractor, ...]:
     """Attractors that are distinct from the other fixed points.
 
-    `radius` is the distance beyond `circle` that still counts as arrived; `circling` says whether the equations hold
-    the motion about the fixed point, which averaged ones do not. None at St = 0 and inf, nor any whose reach is half
-    the distance of another fixed point or more: a shape close to a sphere, or a small St.
+    `radius` is the distance beyond `circle` that still counts as arrived; `circling` says whether
+    the equations hold the motion about the fixed point, which averaged ones do not. None at St = 0
+    and inf, nor any whose reach is half the distance of another fixed point or more: a shape close
+    to a sphere, or a small St.
     """
     if stokes in (0, inf):
         return ()
     unit, points = max(ellipsoid.inertia), fixed_points(ellipsoid)
     states: dict[Rotation, np.ndarray] = {
-        each.rotation: np.array([0.0, 0.0, each.state[2], -each.state[2] / 4]) / unit for each in points
+        each.rotation: np.array([0.0, 0.0, each.state[2], -each.state[2] / 4]) / unit
+        for each in points
     }
     stable = {each.rotation for each in points if each.stability == "stable node"}
     reach = radius + (circle(ellipsoid, stokes) if circling else 0.0)
     found = []
     for rotation, state in states.items():
-        others = [float(np.linalg.norm(state - other)) for name, other in states.items() if name != rotation]
+        others = [
+            float(np.linalg.norm(state - other))
+            for name, other in states.items()
+            if name != rotation
+        ]
         if rotation in stable and reach < min(others, default=inf) / 2:
             found.append(Attractor(rotation, state, reach))
     return tuple(found)
@@ -108,8 +128,9 @@ def attractors(ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: 
 
 def circle(ellipsoid: Ellipsoid, stokes: float) -> float:
     """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis, to order 1/St."""
-    # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t, so that ω oscillates by dΛ/(2 St) about -½ and E = Iω²/2 by
-    # half as much; d is the damping rate and Λ the anisotropy of the section across the axis. It is 0 for oblate ones.
+    # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t, so that ω oscillates by dΛ/(2 St) about
+    # -½ and E = Iω²/2 by half as much; d is the damping rate and Λ the anisotropy of the section
+    # across the axis. It is 0 for oblate ones.
     longest, middle, shortest = ellipsoid.order
     a2, b2 = ellipsoid.scaled_axes[longest] ** 2, ellipsoid.scaled_axes[middle] ** 2
     return sqrt(5) / 4 * ellipsoid.damping[shortest] * (a2 - b2) / (a2 + b2) / stokes

@@ -1,8 +1,9 @@
 """Slow motion near the singular fixed point, rotation about the middle axis along the vorticity, L_x = L_y = 0.
 
-Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which is μ'δ of the
-paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative order y ln y, so that the local
-equations (`lzasymp`, `muasymp`) are good to powers of y and L_z', not of logarithms.
+Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which
+is μ'δ of the paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative
+order y ln y, so that the local equations (`lzasymp`, `muasymp`) are good to powers of y and L_z',
+not of logarithms.
 """
 
 from dataclasses import dataclass
@@ -19,9 +20,9 @@ Side = Literal["long", "short"]
 class Separatrix:
     """Local solution on one side of L² = 2EI₂.
 
-    Every run that passes goes from the "long" side, where the polhodes encircle the longest axis (L² < 2EI₂), to the
-    "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets the singular point. The ellipsoid is
-    triaxial.
+    Every run that passes goes from the "long" side, where the polhodes encircle the longest axis
+    (L² < 2EI₂), to the "short" side (L² > 2EI₂). One on each side, the critical trajectory, meets
+    the singular point. The ellipsoid is triaxial.
     """
 
     ellipsoid: Ellipsoid
@@ -58,8 +59,8 @@ class Separatrix:
 
     def time(self, complement: float) -> float:
         """Slow time since the separatrix at y ≥ 0; negative on the long side, which comes before it."""
-        # From `muasymp`, exactly: 2W t₂ = y ln(16/y) + y; `muassol` keeps the first term alone. It is finite: the
-        # singular point is reached, and left, in a finite time.
+        # From `muasymp`, exactly: 2W t₂ = y ln(16/y) + y; `muassol` keeps the first term alone. It
+        # is finite: the singular point is reached, and left, in a finite time.
         return _passed(complement) / self.growth
 
     def complement(self, time: float) -> float:
@@ -72,7 +73,9 @@ class Separatrix:
         passed = self.growth * time
         if not 0 <= passed <= _passed(1.0):
             low, high = sorted((0.0, self.time(1.0)))
-            raise ValueError(f"time: got {time!r}, expected a number from {low!r} to {high!r} on the {self.side} side")
+            raise ValueError(
+                f"time: got {time!r}, expected a number from {low!r} to {high!r} on the {self.side} side"
+            )
         if passed == 0:
             return 0.0
         return 16 * e * exp(float(lambertw(-passed / (16 * e), k=-1).real))
@@ -82,7 +85,13 @@ class Separatrix:
         from scipy.integrate import quad
 
         rate, here = self.decay / self.growth, _passed(complement)
-        pushed = quad(lambda y: exp(rate * (_passed(y) - here)), complement_start, complement, epsabs=0, epsrel=1e-13)
+        pushed = quad(
+            lambda y: exp(rate * (_passed(y) - here)),
+            complement_start,
+            complement,
+            epsabs=0,
+            epsrel=1e-13,
+        )
         start = exp(rate * (_passed(complement_start) - here))
         return start * shift_start - self.push / self.growth * pushed[0]
 

@@ -5,7 +5,11 @@ from math import atan2
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.averaged_spheroid import AveragedSpheroid, field as averaged_field, slow_variables
+from polhode.models.forms.averaged_spheroid import (
+    AveragedSpheroid,
+    field as averaged_field,
+    slow_variables,
+)
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables, observe_slow
 from polhode.models.operations import Field, Operations
@@ -31,12 +35,13 @@ def field(ops: Operations) -> Field:
 class CorrectedSpheroid(Form):
     """State (L_z, η, Φ) in slow time: the averaged motion of L along the vorticity, and the phase of the precession.
 
-    To the slow L_z⁽⁰⁾ the observables add L_z⁽¹⁾/St with
-    L_z⁽¹⁾ = -2πY_c Λ h̄² (I_e/L_z⁽⁰⁾) sin 2(St Φ + φ₀) (`lzsfod2`, the phase taken along the slow solution, L_z signed);
-    the slow solution starts at L_z(0) - L_z⁽¹⁾(0)/St. The error of L_z and E is then O(St⁻²).
+    To the slow L_z⁽⁰⁾ the observables add L_z⁽¹⁾/St with L_z⁽¹⁾ = -2πY_c Λ h̄² (I_e/L_z⁽⁰⁾) sin
+    2(St Φ + φ₀) (`lzsfod2`, the phase taken along the slow solution, L_z signed); the slow solution
+    starts at L_z(0) - L_z⁽¹⁾(0)/St. The error of L_z and E is then O(St⁻²).
 
-    Not in the catalogue: L_x and L_y keep their O(1/St) error (the first-order correction of the paper leaves them at
-    0), so that as a whole the form is of no higher order than `averaged-spheroid`.
+    Not in the catalogue: L_x and L_y keep their O(1/St) error (the first-order correction of the
+    paper leaves them at 0), so that as a whole the form is of no higher order than
+    `averaged-spheroid`.
     """
 
     name = "averaged-spheroid-corrected"

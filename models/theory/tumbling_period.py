@@ -14,13 +14,14 @@ ROUNDOFF = 1e-14
 def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     """Period of one full turn on the limit cycle, in units of the inverse shear rate.
 
-    The rate w = -φ̇ of the one angle φ obeys w dw/dφ = ε⁻¹(w - g), g = (a²sin²φ + b²cos²φ)/(a² + b²), with a, b the
-    semi-axes in the flow-gradient plane and ε = St I/(8πX) (`ultima`, `jw3`). Its solution of period π is found by
-    collocation, not by waiting for the transient to decay, and T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ),
-    κ = a/b, at St = 0 and tends to 4π as St → ∞.
+    The rate w = -φ̇ of the one angle φ obeys w dw/dφ = ε⁻¹(w - g), g = (a²sin²φ + b²cos²φ)/(a² +
+    b²), with a, b the semi-axes in the flow-gradient plane and ε = St I/(8πX) (`ultima`, `jw3`).
+    Its solution of period π is found by collocation, not by waiting for the transient to decay, and
+    T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ), κ = a/b, at St = 0 and tends to 4π as St → ∞.
 
-    Body axis `axis` (0, 1, 2) stays along the vorticity. The result is good to about 1e-13, relative. Raises ValueError
-    if St is not finite or negative, or a/b too far from one to be resolved (1000 still is, in seconds).
+    Body axis `axis` (0, 1, 2) stays along the vorticity. The result is good to about 1e-13,
+    relative. Raises ValueError if St is not finite or negative, or a/b too far from one to be
+    resolved (1000 still is, in seconds).
     """
     if not (isfinite(stokes) and stokes >= 0):
         raise ValueError(f"stokes: got {stokes!r}, expected a finite number from 0 on")
@@ -37,7 +38,9 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
         if abs(period - previous) <= ROUNDOFF * nodes**0.5 * period:
             return period
         nodes, previous = 2 * nodes, period
-    raise ValueError(f"semi_axes: {a!r} and {b!r} in the flow-gradient plane, expected a ratio closer to one")
+    raise ValueError(
+        f"semi_axes: {a!r} and {b!r} in the flow-gradient plane, expected a ratio closer to one"
+    )
 
 
 def weak_inertia_period_change(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
@@ -53,13 +56,16 @@ def _profile(a: float, b: float, nodes: int) -> tuple[np.ndarray, np.ndarray]:
     s = pi * np.arange(nodes) / nodes
     q = sqrt(b / a)
     stretch = np.cos(s) ** 2 + q * q * np.sin(s) ** 2
-    equilibrium = (a * a * q * q * np.sin(s) ** 2 + b * b * np.cos(s) ** 2) / (stretch * (a * a + b * b))
+    equilibrium = (a * a * q * q * np.sin(s) ** 2 + b * b * np.cos(s) ** 2) / (
+        stretch * (a * a + b * b)
+    )
     return q / stretch, equilibrium
 
 
 def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.ndarray:
     """w, shape (n,), within O(1/n), by implicit Euler steps from w = 1/2 over two half turns."""
-    # The equation contracts everywhere and each step has one positive root, so that this cannot fail.
+    # The equation contracts everywhere and each step has one positive root, so that this cannot
+    # fail.
     steps = (pi / len(slope) * damping * slope).tolist()
     rates, rate = [], 0.5
     for _ in range(2):
@@ -72,10 +78,12 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
     return np.array(rates)
 
 
-def _collocated_period(slope: np.ndarray, equilibrium: np.ndarray, damping: float, rate: np.ndarray) -> float:
+def _collocated_period(
+    slope: np.ndarray, equilibrium: np.ndarray, damping: float, rate: np.ndarray
+) -> float:
     """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method; NaN if it fails."""
-    # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩ + ε⁻¹ ∫ r ds = 0 and
-    # ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
+    # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩
+    # + ε⁻¹ ∫ r ds = 0 and ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
     from scipy.linalg import circulant
 
     nodes = len(slope)
@@ -88,7 +96,9 @@ def _collocated_period(slope: np.ndarray, equilibrium: np.ndarray, damping: floa
     for _ in range(MOST_STEPS):
         force = slope * (1 - equilibrium / rate)
         residual = rate - rate.mean() + damping * (integral @ force) + force.mean()
-        jacobian = np.eye(nodes) - mean + (damping * integral + mean) * (slope * equilibrium / rate**2)
+        jacobian = (
+            np.eye(nodes) - mean + (damping * integral + mean) * (slope * equilibrium / rate**2)
+        )
         step = np.linalg.solve(jacobian, residual)
         rate = rate - step * min(1.0, 0.5 / max(0.5, np.max(step / rate)))
         if np.max(np.abs(step / rate)) < 1e-9:

@@ -1,11 +1,12 @@
 """Averaged forms for many particles at once: Dormand and Prince's pair in SIMD lanes, each particle with its own steps.
 
-A Taylor series would be the wrong method here: on L² = 2EI₂, which every run of an ellipsoid that starts on the
-long-axis side crosses, the averaged field is continuous but not Lipschitz, no series converges, and the step shrinks to
-nothing; a Runge–Kutta step goes across.
+A Taylor series would be the wrong method here: on L² = 2EI₂, which every run of an ellipsoid that
+starts on the long-axis side crosses, the averaged field is continuous but not Lipschitz, no series
+converges, and the step shrinks to nothing; a Runge–Kutta step goes across.
 
-A tried step is a map of the row (y, rates of y, its bend, time, next step). Where the bend, the change of y by `BENDS`,
-vanishes, dense output is the cubic through the two states and rates of a step.
+A tried step is a map of the row (y, rates of y, its bend, time, next step). Where the bend, the
+change of y by `BENDS`, vanishes, dense output is the cubic through the two states and rates of a
+step.
 """
 
 import tomllib
@@ -28,15 +29,17 @@ from polhode.solvers.machine_code.tracing import OPERATIONS
 
 _TABLE = tomllib.loads(Path(__file__).with_name("dormand_prince.toml").read_text(encoding="utf-8"))
 *STAGES, DIFFERENCE, BENDS = (
-    [float(Fraction(each)) for each in row] for row in (*_TABLE["stages"], _TABLE["difference"], _TABLE["bends"])
+    [float(Fraction(each)) for each in row]
+    for row in (*_TABLE["stages"], _TABLE["difference"], _TABLE["bends"])
 )
 # Of the step that the error asks for; between these factors a step changes.
 SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
 FIRST_STEP, LEAST_STEP = 1e-2, 1e-15
-# A particle is given up after this many steps over tolerance^(1/5), and this many per relaxation time besides, which
-# stability asks for: three times what the slowest of 20 000 took. Where L shrinks to nothing, averaging breaks down, E
-# loses to the tolerance what L² leaves of it, and steps stay tiny without end.
+# A particle is given up after this many steps over tolerance^(1/5), and this many per relaxation
+# time besides, which stability asks for: three times what the slowest of 20 000 took. Where L
+# shrinks to nothing, averaging breaks down, E loses to the tolerance what L² leaves of it, and
+# steps stay tiny without end.
 MOST_STEPS, STEPS_PER_RELAXATION = 16.0, 4.0
 # Particles under way at once, and the steps after which those that have arrived are replaced.
 AT_ONCE, STEPS = 1024, 8
@@ -44,12 +47,14 @@ AT_ONCE, STEPS = 1024, 8
 NOTHING = 1e-12
 
 
-def run_adaptive(problem: Problem, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
+def run_adaptive(
+    problem: Problem, starts: Array, times: Array, tolerance: float
+) -> tuple[Array, Array]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN from where one failed, and statuses.
 
-    The times increase from 0 to the end; the tolerance is of the local error per step, absolute below 1 and relative
-    above, in the Euclidean norm. Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19; Shampine's
-    fourth-order interpolation.
+    The times increase from 0 to the end; the tolerance is of the local error per step, absolute
+    below 1 and relative above, in the Euclidean norm. Source: Dormand and Prince, J. Comput. Appl.
+    Math. 6 (1980) 19; Shampine's fourth-order interpolation.
     """
     (n, d), end = starts.shape, float(times[-1])
     parameters = parameter_array(problem)
@@ -68,7 +73,11 @@ def run_adaptive(problem: Problem, starts: Array, times: Array, tolerance: float
     index, rows, begun = np.arange(0), fresh[:0], 0
     while begun < n or len(index):
         more = np.arange(begun, min(n, begun + AT_ONCE - len(index)))
-        index, rows, begun = np.append(index, more), np.concatenate([rows, fresh[more]]), begun + len(more)
+        index, rows, begun = (
+            np.append(index, more),
+            np.concatenate([rows, fresh[more]]),
+            begun + len(more),
+        )
         path = code.march(rows, STEPS + 1, constants, 1)
         first = np.arange(len(index)) // width() * path[0].size + np.arange(len(index)) % width()
         counts = np.array([len(index), len(times)], dtype=float)
@@ -90,7 +99,11 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
     rhs, (sqrt, where) = field(OPERATIONS), (OPERATIONS.sqrt, OPERATIONS.where_positive)
 
     def step(row: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
-        y, rates, (time, wish) = row[:dimension], row[dimension : 2 * dimension], row[3 * dimension :]
+        y, rates, (time, wish) = (
+            row[:dimension],
+            row[dimension : 2 * dimension],
+            row[3 * dimension :],
+        )
         tolerance, end, p = c[0], c[1], c[2:]
         left = end - time
         last = wish - left
@@ -105,10 +118,15 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
             size = where(before, before, -before)
             share = error / (tolerance * where(size - 1, size, 1.0))
             square = square + share * share
-        # The error's power -3/16: nearly the -1/5 of theory, by roots alone. Of no number it is the least factor.
+        # The error's power -3/16: nearly the -1/5 of theory, by roots alone. Of no number it is the
+        # least factor.
         eighth = sqrt(sqrt(sqrt(square)))
         factor = SAFETY * sqrt(sqrt(eighth)) / eighth
-        factor = where(GREATEST_FACTOR - factor, where(factor - LEAST_FACTOR, factor, LEAST_FACTOR), GREATEST_FACTOR)
+        factor = where(
+            GREATEST_FACTOR - factor,
+            where(factor - LEAST_FACTOR, factor, LEAST_FACTOR),
+            GREATEST_FACTOR,
+        )
         factor = where(square, factor, LEAST_FACTOR)
         arrived = where(last, end, time + h)
 
@@ -129,7 +147,8 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
 @cache
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
     """What fills the rows of states that steps in lanes have passed, and counts which is due next."""
-    # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due` and `states`.
+    # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due`
+    # and `states`.
     size = 3 * dimension + 2
     program = Program("fill", "path first index times due states counts")
     path, first, index, times, due, states, counts = program.arguments

@@ -1,8 +1,8 @@
 """Full forms for many particles at once by equal steps in SIMD lanes, the error of each particle checked.
 
-Method and step are chosen on a sample. Every particle then runs twice, by those steps and by steps twice as wide; one
-whose two runs differ by more than those of the sample that were right is run anew by smaller steps, and at last by
-Taylor's method, whose steps adapt.
+Method and step are chosen on a sample. Every particle then runs twice, by those steps and by steps
+twice as wide; one whose two runs differ by more than those of the sample that were right is run
+anew by smaller steps, and at last by Taylor's method, whose steps adapt.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,20 @@ from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.machine_code.lanes import by_particle
 
-# Pieces that a run has at least; two runs of a particle are compared after every other one, or at as many times.
+# Pieces that a run has at least; two runs of a particle are compared after every other one, or at
+# as many times.
 PIECES = 16
-# Share of the sample whose error the chosen steps keep to, and the error aimed at, over the tolerance.
+# Share of the sample whose error the chosen steps keep to, and the error aimed at, over the
+# tolerance.
 KEPT, AIM = 0.98, 0.5
-# A reference's error over the tolerance, by comparison with half as many steps, and how often they are doubled.
+# A reference's error over the tolerance, by comparison with half as many steps, and how often they
+# are doubled.
 SURE, DOUBLINGS = 0.05, 8
-# Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave less in doubt.
+# Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave
+# less in doubt.
 ORDER, ROUNDS, SMALLER = 8, 6, 1.15
-# Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times this.
+# Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times
+# this.
 HALVINGS, TAYLOR = 4, 1e-3
 # Steps are first tried at this angle, in rad, and at this share of a relaxation time.
 ANGLE, RELAXATION = 1.0, 2.0
@@ -45,15 +50,19 @@ class Plan:
 def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Plan | None:
     """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
 
-    The problem has no periodic components; the sample holds starts, shape (n, d); the times are equispaced from 0 to
-    the end; the tolerance is that of any component on the way, over the largest one at the start, or 1 if that is less.
+    The problem has no periodic components; the sample holds starts, shape (n, d); the times are
+    equispaced from 0 to the end; the tolerance is that of any component on the way, over the
+    largest one at the start, or 1 if that is less.
     """
     times, _ = _in_pieces(times)
     steps = _first_steps(problem, sample, times)
     exact = _reference(problem, sample, times, tolerance, steps)
     if exact is None:
         return None
-    found = [_fitting(method(name, problem), sample, times, tolerance, exact, steps) for name in names(problem)]
+    found = [
+        _fitting(method(name, problem), sample, times, tolerance, exact, steps)
+        for name in names(problem)
+    ]
     return min((each for each in found if each), key=lambda each: each.cost, default=None)
 
 
@@ -64,7 +73,9 @@ def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -
     return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
 
 
-def run(problem: Problem, starts: Array, times: Array, tolerance: float, chosen: Plan) -> tuple[Array, Array]:
+def run(
+    problem: Problem, starts: Array, times: Array, tolerance: float, chosen: Plan
+) -> tuple[Array, Array]:
     """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts; parameters as of `plan`."""
     by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
     found = _march(by, starts, times, steps)
@@ -109,7 +120,9 @@ def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -
     # An even number of times lies from one check to the next.
     stride = 2 * -(-(len(times) - 1) // (2 * PIECES))
     rows, wide = 1 + (len(times) - 1) // stride, by.constants(2 * _step(times, steps))
-    return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[: len(starts)]
+    return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[
+        : len(starts)
+    ]
 
 
 def _in_pieces(times: Array) -> tuple[Array, int]:
@@ -123,12 +136,17 @@ def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
     rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
     length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
-    if problem.parts is not None and (strength := problem.parts.strength(problem.parameters or ())) > 0:
+    if (
+        problem.parts is not None
+        and (strength := problem.parts.strength(problem.parameters or ())) > 0
+    ):
         length = min(length, RELAXATION / strength)
     return max(1, int(np.ceil(_step(times, 1) / length)))
 
 
-def _reference(problem: Problem, sample: Array, times: Array, tolerance: float, steps: int) -> Array | None:
+def _reference(
+    problem: Problem, sample: Array, times: Array, tolerance: float, steps: int
+) -> Array | None:
     """States of the sample whose error is small against the tolerance."""
     by, before = method(RUNGE_KUTTA, problem), None
     for _ in range(DOUBLINGS):
@@ -144,7 +162,9 @@ def _kept(errors: Array) -> float:
     return float(np.quantile(np.nan_to_num(errors, nan=np.inf), KEPT, method="higher"))
 
 
-def _fitting(by: Method, sample: Array, times: Array, tolerance: float, exact: Array, steps: int) -> Plan | None:
+def _fitting(
+    by: Method, sample: Array, times: Array, tolerance: float, exact: Array, steps: int
+) -> Plan | None:
     """The fewest steps found that keep the sample's errors, if any do."""
     tried: dict[int, Array] = {}
     good: list[int] = []
@@ -160,7 +180,10 @@ def _fitting(by: Method, sample: Array, times: Array, tolerance: float, exact: A
     plans = []
     for each in {min(good), int(np.ceil(SMALLER * min(good)))}:
         states = tried[each] if each in tried else _march(by, sample, times, each)
-        errors, apart = _apart(exact, states)[: len(sample)], _doubt(by, sample, times, each, states)
+        errors, apart = (
+            _apart(exact, states)[: len(sample)],
+            _doubt(by, sample, times, each, states),
+        )
         wrong = ~(errors <= AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))

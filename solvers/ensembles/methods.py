@@ -43,14 +43,20 @@ def method(name: str, problem: Problem) -> Method:
         return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages, 2.0**6.5)
     (scheme,) = (each for each in SCHEMES if each.name == name)
     assert parts is not None
-    # The last of one step and the first of the next in one, and the first one undone, stand behind those of a step.
+    # The last of one step and the first of the next in one, and the first one undone, stand behind
+    # those of a step.
     fast = *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
-    shares = *((parts.fast, share) for share in fast), *((parts.slow, share) for share in scheme.slow)
+    shares = (
+        *((parts.fast, share) for share in fast),
+        *((parts.slow, share) for share in scheme.slow),
+    )
 
     def constants(h: float) -> Array:
         return np.concatenate([part.constants(p, share * h) for part, share in shares])
 
-    return Method(name, _splitting(parts, scheme, problem.dimension), constants, scheme.stages, 2.0**5)
+    return Method(
+        name, _splitting(parts, scheme, problem.dimension), constants, scheme.stages, 2.0**5
+    )
 
 
 @cache
@@ -91,9 +97,14 @@ def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes
 def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
     """What a step of length h adds to each component, by the shares of slopes."""
     used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
-    return [h * sum((share * slope[i] for share, slope in used), start=0.0) for i in range(len(slopes[0]))]
+    return [
+        h * sum((share * slope[i] for share, slope in used), start=0.0)
+        for i in range(len(slopes[0]))
+    ]
 
 
-def moved(y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
+def moved(
+    y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]
+) -> list[Any]:
     """The state that lies there."""
     return [before + more for before, more in zip(y, change(h, shares, slopes), strict=True)]

@@ -10,15 +10,19 @@ from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array,
 from polhode.solvers.contract import Status
 from polhode.solvers.machine_code.program import REGISTERS
 
-# A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for this method.
+# A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for
+# this method.
 MOST_STEPS = 10_000_000
 
 
-def run_batches(problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float) -> tuple[np.ndarray, ...]:
+def run_batches(
+    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, ...]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where a particle failed, and statuses.
 
-    Particles of like speed share a batch, so that no lane waits long for the others. The problem has no periodic
-    components, whose angles would need wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`.
+    Particles of like speed share a batch, so that no lane waits long for the others. The problem
+    has no periodic components, whose angles would need wrapping; the times increase from 0 to the
+    end; the tolerance is heyoka's `tol`.
     """
     parameters = parameter_array(problem)
     integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
@@ -32,7 +36,10 @@ def run_batches(problem: Problem, starts: np.ndarray, times: np.ndarray, toleran
         together = order[first : first + lanes]
         rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
         if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
-            states[:, together], statuses[together] = rows[:, : len(together)], str(Status.REACHED_END)
+            states[:, together], statuses[together] = (
+                rows[:, : len(together)],
+                str(Status.REACHED_END),
+            )
             continue
         # One particle's failure stops its whole batch: each of them gets a run of its own.
         for who in together:
@@ -58,7 +65,11 @@ def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.n
 
 def _status(outcome: Any) -> str:
     known = load_heyoka().taylor_outcome
-    statuses = {known.time_limit: "REACHED_END", known.step_limit: "STEP_LIMIT", known.err_nf_state: "NON_FINITE"}
+    statuses = {
+        known.time_limit: "REACHED_END",
+        known.step_limit: "STEP_LIMIT",
+        known.err_nf_state: "NON_FINITE",
+    }
     return str(Status[statuses.get(outcome, "STEP_UNDERFLOW")])
 
 

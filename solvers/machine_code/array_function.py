@@ -25,16 +25,28 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     It raises a TypeError unless each is contiguous, of float64 and of its length.
     """
     python, message = ctypes.pythonapi, ctypes.create_string_buffer(_EXPECTED)
-    calls = {name: ctypes.cast(python[name], ctypes.c_void_p).value for name in ("PyErr_SetString", "Py_IncRef")}
-    own: dict[str, Any] = {"lines": lines, "count": len(arrays), "message": ctypes.addressof(message)}
+    calls = {
+        name: ctypes.cast(python[name], ctypes.c_void_p).value
+        for name in ("PyErr_SetString", "Py_IncRef")
+    }
+    own: dict[str, Any] = {
+        "lines": lines,
+        "count": len(arrays),
+        "message": ctypes.addressof(message),
+    }
     for i, (name, length) in enumerate(arrays.items()):
         flags = _WRITEABLE if name == "out" else _READABLE
         own |= {f"name{i}": name, f"length{i}": length, f"flags{i}": flags}
     code = compile_file(Path(__file__).with_suffix(".ll"), **_KNOWN, **calls, **own)
     # Python's `PyMethodDef`: name, function, flags and no documentation.
     name = ctypes.create_string_buffer(b"field")
-    definition = ctypes.create_string_buffer(pack("PPiP", ctypes.addressof(name), code.address, _FASTCALL, 0))
+    definition = ctypes.create_string_buffer(
+        pack("PPiP", ctypes.addressof(name), code.address, _FASTCALL, 0)
+    )
     new = python.PyCFunction_NewEx
-    new.argtypes, new.restype = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p], ctypes.py_object
+    new.argtypes, new.restype = (
+        [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p],
+        ctypes.py_object,
+    )
     # The function keeps alive what it is bound to.
     return new(ctypes.addressof(definition), (code, definition, name, message), None)

@@ -6,7 +6,15 @@ from typing import Any
 
 from polhode.models.operations import Operations
 from polhode.models.problem import Factory
-from polhode.solvers.machine_code.tracing import OPERATIONS, Number, call, either_side, read, trace, written
+from polhode.solvers.machine_code.tracing import (
+    OPERATIONS,
+    Number,
+    call,
+    either_side,
+    read,
+    trace,
+    written,
+)
 
 
 def _value(x: Any) -> Any:
@@ -44,7 +52,9 @@ def _power(base: Any, exponent: Any) -> "Dual":
     x, n = _value(base), _value(exponent)
     power = x**n
     by_base = n * x ** (n - 1) if isinstance(exponent, Dual) or n != 0 else 0.0
-    return _chained(power, (base, by_base), (exponent, power * call("log", x) if _slopes(exponent) else 0.0))
+    return _chained(
+        power, (base, by_base), (exponent, power * call("log", x) if _slopes(exponent) else 0.0)
+    )
 
 
 class Dual:
@@ -56,9 +66,15 @@ class Dual:
     def __init__(self, value: Any, slopes: dict[int, Any]) -> None:
         self.value, self.slopes = value, slopes
 
-    __add__, __radd__ = either_side(lambda a, b: _chained(_value(a) + _value(b), (a, 1.0), (b, 1.0)))
-    __sub__, __rsub__ = either_side(lambda a, b: _chained(_value(a) - _value(b), (a, 1.0), (b, -1.0)))
-    __mul__, __rmul__ = either_side(lambda a, b: _chained(_value(a) * _value(b), (a, _value(b)), (b, _value(a))))
+    __add__, __radd__ = either_side(
+        lambda a, b: _chained(_value(a) + _value(b), (a, 1.0), (b, 1.0))
+    )
+    __sub__, __rsub__ = either_side(
+        lambda a, b: _chained(_value(a) - _value(b), (a, 1.0), (b, -1.0))
+    )
+    __mul__, __rmul__ = either_side(
+        lambda a, b: _chained(_value(a) * _value(b), (a, _value(b)), (b, _value(a)))
+    )
     __truediv__, __rtruediv__ = either_side(_quotient)
     __pow__, __rpow__ = either_side(_power)
 
@@ -98,7 +114,8 @@ _DUAL = Operations(
 def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
 
-    Of the mass form it is that of the residual, ``cj * mass - jacobian``, where the slope follows the state by %cj.
+    Of the mass form it is that of the residual, ``cj * mass - jacobian``, where the slope follows
+    the state by %cj.
     """
     # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)

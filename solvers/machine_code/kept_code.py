@@ -1,6 +1,7 @@
 """heyoka's machine code on disk, beside it a checksum of every entry: what is damaged is dropped, never run.
 
-The checksums are for accidents. Who may write to the folder may write code, hence it is the user's alone.
+The checksums are for accidents. Who may write to the folder may write code, hence it is the user's
+alone.
 """
 
 import json
@@ -18,7 +19,8 @@ MOST = 20_000_000
 def check(folder: Path) -> bool:
     """Make the folder private, and drop what it holds if an entry does not match its checksum.
 
-    False if the folder is of no use: it cannot be written, or holds what can neither be read nor dropped.
+    False if the folder is of no use: it cannot be written, or holds what can neither be read nor
+    dropped.
     """
     from sqlite3 import DatabaseError
 
@@ -75,7 +77,9 @@ def _sums(folder: Path, known: Container[str] = ()) -> dict[str, int]:
     if not file.exists():
         return {}
     with closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)) as code:
-        names = [row[1] for row in code.execute("PRAGMA table_info(cache)") if row[1] != "last_access"]
+        names = [
+            row[1] for row in code.execute("PRAGMA table_info(cache)") if row[1] != "last_access"
+        ]
         entry = f"SELECT {', '.join(names)} FROM cache WHERE hash = ?"
         keys = [key for (key,) in code.execute("SELECT hash FROM cache") if str(key) not in known]
         return {str(key): _sum(code.execute(entry, (key,)).fetchone() or ()) for key in keys}

@@ -1,6 +1,7 @@
 """Maps of states, repeated for many particles at once in machine code: one particle in each SIMD lane.
 
-A map is a straight line of arithmetic, traced like a vector field; its lines serve vectors of doubles as they are.
+A map is a straight line of arithmetic, traced like a vector field; its lines serve vectors of
+doubles as they are.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,13 +40,22 @@ class Lanes:
 def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
     """States in lanes as states of particles, shape (particles, rows, d), component by component in memory."""
     groups, rows, dimension, wide = states.shape
-    return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[:particles]
+    return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[
+        :particles
+    ]
 
 
-def lanes(step: Step, dimension: int, constants: int, before: Step | None = None, after: Step | None = None) -> Lanes:
+def lanes(
+    step: Step,
+    dimension: int,
+    constants: int,
+    before: Step | None = None,
+    after: Step | None = None,
+) -> Lanes:
     """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles.
 
-    Rows are states as the map `after` makes them of what is stepped, and the map `before` makes that of a row.
+    Rows are states as the map `after` makes them of what is stepped, and the map `before` makes
+    that of a row.
     """
     wide = width()
     program = Program("march", "states constants counts", attribute=WIDEST_REGISTERS)

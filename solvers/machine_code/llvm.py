@@ -32,27 +32,33 @@ class MachineCode:
 def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCode:
     """Compile a file of LLVM's language that defines the function; fields, or a library's `functions`, are ``$name``.
 
-    Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time with its own ``{i}``.
+    Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time
+    with its own ``{i}``.
     """
 
     def repeated(block: re.Match[str]) -> str:
         return "".join(block[2].replace("{i}", str(i)) for i in range(fields[block[1]]))
 
-    text = re.sub(r"(?ms)^; for each (\w+)\n(.*?)^; end\n", repeated, path.read_text(encoding="utf-8"))
+    text = re.sub(
+        r"(?ms)^; for each (\w+)\n(.*?)^; end\n", repeated, path.read_text(encoding="utf-8")
+    )
     engine = compile_text(Template(text).substitute(functions or {}, **fields))
     return MachineCode(engine.get_function_address("function"), engine)
 
 
 def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
     """Compile definitions for this processor into an engine, which knows the addresses of the functions."""
-    # At a lower level of optimization it takes less time. Extended, every double is x86's long double of 80 bits.
+    # At a lower level of optimization it takes less time. Extended, every double is x86's long
+    # double of 80 bits.
     llvm, text = _llvm(), _DECLARATIONS + text
     module = llvm.parse_assembly(_extended(text) if extended else text)
     target = llvm.Target.from_default_triple()
     cpu, features = _host()
     machine = target.create_target_machine(cpu=cpu, features=features, opt=3)
     module.data_layout = str(machine.target_data)
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=level))
+    passes = llvm.create_pass_builder(
+        machine, llvm.create_pipeline_tuning_options(speed_level=level)
+    )
     passes.getModulePassManager().run(module, passes)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
@@ -65,7 +71,9 @@ def _extended(text: str) -> str:
         return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
 
     text = re.sub(r"0x([0-9A-F]{16})|\b0\.0\b", constant, text)
-    return text.replace("double", "x86_fp80").replace(".f64(", ".f80(").replace("@expm1(", "@expm1l(")
+    return (
+        text.replace("double", "x86_fp80").replace(".f64(", ".f80(").replace("@expm1(", "@expm1l(")
+    )
 
 
 def host_features() -> dict[str, bool]:

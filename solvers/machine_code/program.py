@@ -1,7 +1,7 @@
 """Functions with loops and branches around traced numbers. Every number is a double, counts included.
 
-A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. What outlives a block lies
-in an `Array`; LLVM keeps small ones of the program's own in registers.
+A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. What
+outlives a block lies in an `Array`; LLVM keeps small ones of the program's own in registers.
 """
 
 import ctypes
@@ -42,11 +42,13 @@ def widened(line: str, lanes: int = 0) -> str:
 class Program(dict[str, str]):
     """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
 
-    Names of arguments stand between blanks. The linkage is "internal" if other programs alone are to call it, the
-    attribute "noinline", or what registers it may take.
+    Names of arguments stand between blanks. The linkage is "internal" if other programs alone are
+    to call it, the attribute "noinline", or what registers it may take.
     """
 
-    def __init__(self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = "") -> None:
+    def __init__(
+        self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = ""
+    ) -> None:
         super().__init__()
         arguments = [f"ptr noalias %{each}" for each in arrays.split()]
         arguments += [f"double %{each}" for each in numbers.split()]
@@ -90,7 +92,10 @@ class Program(dict[str, str]):
 
     def call(self, other: "Program", *arguments: Any) -> None:
         """Run another program."""
-        given = [f"ptr {each.pointer}" if isinstance(each, Array) else f"double {operand(each)}" for each in arguments]
+        given = [
+            f"ptr {each.pointer}" if isinstance(each, Array) else f"double {operand(each)}"
+            for each in arguments
+        ]
         self.text.append(f"call void @{other.name}({', '.join(given)})")
 
     def _begin(self, label: str) -> None:
@@ -148,7 +153,9 @@ class Wide(Number):
     def total(self) -> Number:
         """The sum over the lanes."""
         kind = f"{operand(-0.0)}, {widened('double', self.lanes)} {self.name}"
-        return super().emit(f"call reassoc double @llvm.vector.reduce.fadd.v{self.lanes}f64(double {kind})")
+        return super().emit(
+            f"call reassoc double @llvm.vector.reduce.fadd.v{self.lanes}f64(double {kind})"
+        )
 
 
 def splat(number: Number, lanes: int) -> Number:
@@ -158,7 +165,9 @@ def splat(number: Number, lanes: int) -> Number:
     vector = widened("double", lanes)
     first = number.emit(f"insertelement {vector} poison, double {number.name}, i64 0")
     all_ = f"{vector} poison, <{lanes} x i32> zeroinitializer"
-    return Wide(number.lines, number.emit(f"shufflevector {vector} {first.name}, {all_}").name, lanes)
+    return Wide(
+        number.lines, number.emit(f"shufflevector {vector} {first.name}, {all_}").name, lanes
+    )
 
 
 class Array:
@@ -174,12 +183,16 @@ class Array:
             whole = int(index)
         else:
             whole = self.program.setdefault(f"fptosi double {index.name} to i64", "")
-        place = self.program.setdefault(f"getelementptr {self.kind}, ptr {self.pointer}, i64 {whole}", "")
+        place = self.program.setdefault(
+            f"getelementptr {self.kind}, ptr {self.pointer}, i64 {whole}", ""
+        )
         return Array(self.program, place, self.lanes)
 
     def __getitem__(self, index: Any) -> Number:
         name = self.program.fresh(f"load {self.kind}, ptr {(self + index).pointer}, align 8")
-        return Wide(self.program, name, self.lanes) if self.lanes > 1 else Number(self.program, name)
+        return (
+            Wide(self.program, name, self.lanes) if self.lanes > 1 else Number(self.program, name)
+        )
 
     def __setitem__(self, index: Any, value: Any) -> None:
         line = f"store double {operand(value)}, ptr {(self + index).pointer}, align 8"
@@ -241,11 +254,13 @@ def _address(array: np.ndarray) -> int:
 def compiled(*programs: Program, number: type = float, level: int = 1) -> list[Callable[..., None]]:
     """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
 
-    The arrays, or their addresses, are contiguous and of the type named, float or x86's `numpy.longdouble`: nothing
-    checks that. A call releases Python's lock.
+    The arrays, or their addresses, are contiguous and of the type named, float or x86's
+    `numpy.longdouble`: nothing checks that. A call releases Python's lock.
     """
     # Loops as these gain nothing by more.
-    engine = compile_text("\n".join(str(each) for each in programs), level=level, extended=number is not float)
+    engine = compile_text(
+        "\n".join(str(each) for each in programs), level=level, extended=number is not float
+    )
 
     def function(program: Program) -> Callable[..., None]:
         types = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(program.arguments))

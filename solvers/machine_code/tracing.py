@@ -1,9 +1,10 @@
 """Vector fields as lines of LLVM's language: a number type of our own over `Operations`, and what no field may do.
 
-A field is a straight line of arithmetic. Called with numbers that write down what is done to them, it yields one line
-for each operation, ``%v7 = fmul contract double %v1, %v4``. Equal lines are written once; arithmetic on constants is
-Python's own. `contract` lets the processor round a*b + c once instead of twice, which changes the last bit and never
-the meaning; the compiler may change nothing else.
+A field is a straight line of arithmetic. Called with numbers that write down what is done to them,
+it yields one line for each operation, ``%v7 = fmul contract double %v1, %v4``. Equal lines are
+written once; arithmetic on constants is Python's own. `contract` lets the processor round a*b + c
+once instead of twice, which changes the last bit and never the meaning; the compiler may change
+nothing else.
 """
 
 import inspect
@@ -38,13 +39,17 @@ class _RefusedError(TypeError):
         self.in_function = f"{what}; use {in_function}"
 
 
-def either_side(operation: Callable[[Any, Any], Any]) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
+def either_side(
+    operation: Callable[[Any, Any], Any],
+) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
     """An operator of numbers and arrays of them, and the one that Python calls where the number is on the right."""
 
     def of_any(left: Any, right: Any) -> Any:
         if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
             return operation(left, right)
-        return np.vectorize(operation, otypes=[object])(*(np.array(each, dtype=object) for each in (left, right)))
+        return np.vectorize(operation, otypes=[object])(
+            *(np.array(each, dtype=object) for each in (left, right))
+        )
 
     return of_any, lambda right, left: of_any(left, right)
 
@@ -99,12 +104,18 @@ class Number:
         return call("pow", base, self)
 
     def _compare(self, other: Any = None) -> bool:
-        raise _RefusedError("a field cannot compare or branch", "ops.where_positive(x, a, b)", BRANCHES)
+        raise _RefusedError(
+            "a field cannot compare or branch", "ops.where_positive(x, a, b)", BRANCHES
+        )
 
     __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _compare  # pyright: ignore
 
     def __float__(self) -> float:
-        raise _RefusedError("a field cannot use float() or math's functions", "ops.sin, ops.cos, ops.sqrt", FUNCTIONS)
+        raise _RefusedError(
+            "a field cannot use float() or math's functions",
+            "ops.sin, ops.cos, ops.sqrt",
+            FUNCTIONS,
+        )
 
 
 def call(function: str, *arguments: Any) -> Any:
@@ -127,10 +138,16 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
 
 
 def _expm1(x: Any) -> Any:
-    return x.emit(f"call contract double @expm1(double {x.name})") if isinstance(x, Number) else math.expm1(x)
+    return (
+        x.emit(f"call contract double @expm1(double {x.name})")
+        if isinstance(x, Number)
+        else math.expm1(x)
+    )
 
 
-_SIN, _COS, _SQRT, _EXP, _LOG = (partial(call, name) for name in ("sin", "cos", "sqrt", "exp", "log"))
+_SIN, _COS, _SQRT, _EXP, _LOG = (
+    partial(call, name) for name in ("sin", "cos", "sqrt", "exp", "log")
+)
 OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
 
 
@@ -138,8 +155,8 @@ OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
 def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
 
-    With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope and %mass. A
-    FieldError says where the field does what no field may do.
+    With `mass` it is the residual ``mass * slope - field(y, p)``, with two further arrays %slope
+    and %mass. A FieldError says where the field does what no field may do.
     """
     lines: dict[str, str] = {}
     rates = _evaluate(factory, read(lines, "y", dimension), read(lines, "p", parameters))
@@ -160,7 +177,10 @@ def written(lines: dict[str, str], numbers: Iterable[Any]) -> str:
     """The lines, and those that write numbers at %out."""
     text = [f"{name} = {line}" for line, name in lines.items()]
     for i, number in enumerate(numbers):
-        text += [f"%out{i} = getelementptr double, ptr %out, i64 {i}", f"store double {operand(number)}, ptr %out{i}"]
+        text += [
+            f"%out{i} = getelementptr double, ptr %out, i64 {i}",
+            f"store double {operand(number)}, ptr %out{i}",
+        ]
     return "\n".join(text)
 
 
@@ -171,14 +191,24 @@ def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) ->
         rhs = factory(OPERATIONS)
     code = getattr(rhs, "__code__", None)
     place = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(rhs)
-    names = [name for name, each in inspect.signature(rhs).parameters.items() if each.default is each.empty]
+    names = [
+        name
+        for name, each in inspect.signature(rhs).parameters.items()
+        if each.default is each.empty
+    ]
     if len(names) != 2 or names[0] == "t":
         raise FieldError(f"{place}: got rhs({', '.join(names)}), expected rhs(y, p)")
     with _located(own):
         rates = rhs(y, p)
     if not isinstance(rates, tuple | list) or len(rates) != len(y):
-        got = f"{len(rates)} rates" if isinstance(rates, tuple | list) else f"{type(rates).__name__!r}"
-        raise FieldError(f"{place}: got {got}, expected a tuple of {len(y)}, one per component of the state")
+        got = (
+            f"{len(rates)} rates"
+            if isinstance(rates, tuple | list)
+            else f"{type(rates).__name__!r}"
+        )
+        raise FieldError(
+            f"{place}: got {got}, expected a tuple of {len(y)}, one per component of the state"
+        )
     wrong = next((rate for rate in rates if not isinstance(rate, Number | Real)), None)
     if wrong is not None:
         raise FieldError(f"{place}: got the rate {wrong!r}, expected a number")
@@ -192,7 +222,9 @@ def _located(own: bool) -> Iterator[None]:
         yield
     except Exception as error:
         frame = line_of(error, __file__)
-        where, line = (f"{frame.filename}:{frame.lineno}: ", f": {frame.line}") if frame else ("", "")
+        where, line = (
+            (f"{frame.filename}:{frame.lineno}: ", f": {frame.line}") if frame else ("", "")
+        )
         words = str(error)
         if own and isinstance(error, _RefusedError):
             words = error.in_function

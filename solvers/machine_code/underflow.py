@@ -1,7 +1,7 @@
 """Numbers below 2e-308 as zero while a library runs.
 
-Components that have died out leave such numbers, on which a processor spends fifty times the time of others: a run that
-goes on long after its particle has settled would stall.
+Components that have died out leave such numbers, on which a processor spends fifty times the time
+of others: a run that goes on long after its particle has settled would stall.
 """
 
 import ctypes
@@ -12,14 +12,16 @@ from pathlib import Path
 
 from polhode.solvers.machine_code.llvm import compile_file
 
-# Control word of x86's floating-point unit: its usual one, with results and operands flushed to zero.
+# Control word of x86's floating-point unit: its usual one, with results and operands flushed to
+# zero.
 _FLUSHING = 0x1F80 | 0x8000 | 0x0040
 
 
 class FlushedToZero:
     """Within it numbers below 2e-308 are zero in this thread; on x86 alone, elsewhere nothing happens.
 
-    The first one compiles what it needs: a solver makes one while it prepares, lest a run be charged with it.
+    The first one compiles what it needs: a solver makes one while it prepares, lest a run be
+    charged with it.
     """
 
     def __init__(self) -> None:

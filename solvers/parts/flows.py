@@ -3,7 +3,15 @@
 from collections.abc import Sequence
 
 from polhode.models.problem import Parts
-from polhode.solvers.machine_code.program import WIDE, WIDEST_REGISTERS, Array, Program, Same, splat, width
+from polhode.solvers.machine_code.program import (
+    WIDE,
+    WIDEST_REGISTERS,
+    Array,
+    Program,
+    Same,
+    splat,
+    width,
+)
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
 # More slow flows than a step of any scheme has.
@@ -13,9 +21,9 @@ MOST_STAGES = 16
 class Flows:
     """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
-    Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a fast flow and a
-    slow one, are row i of an array; then come those of the last fast flow and, of one chain alone, of the last and the
-    next one together.
+    Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a
+    fast flow and a slow one, are row i of an array; then come those of the last fast flow and, of
+    one chain alone, of the last and the next one together.
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
@@ -25,7 +33,11 @@ class Flows:
         self.rate = parts.rate(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
-        self.both = parts.both(OPERATIONS) if parts.both else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
+        self.both = (
+            parts.both(OPERATIONS)
+            if parts.both
+            else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
+        )
         self.prepare = self._prepare()
         self.spread = self._spread()
 
@@ -40,7 +52,9 @@ class Flows:
     def whole(self, y: Array, base: Sequence[Number]) -> tuple[Number, ...]:
         """The state of which an array holds what the first components gain beside a base."""
         state = y.load(self.dimension)
-        return *(number + gain for number, gain in zip(base, state, strict=False)), *state[len(base) :]
+        return *(number + gain for number, gain in zip(base, state, strict=False)), *state[
+            len(base) :
+        ]
 
     def fast_flow(self, y: Array, constants: Array, base: Sequence[Number] = ()) -> None:
         """Advance a state."""
@@ -63,15 +77,23 @@ class Flows:
         self.fill(constants.of(self.chains), scheme[0], shares, p, splat(h, self.chains))
         return program
 
-    def fill(self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number) -> None:
+    def fill(
+        self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number
+    ) -> None:
         """Compute the constants of a step h, in as many lanes as they have."""
         fast, slow, lanes = self.parts.fast, self.parts.slow, constants.lanes
         mirrored = self.chains == 1 or isinstance(shares, Same)
-        ops, parameters, program = WIDE if lanes > 1 else OPERATIONS, Same(p, lanes), constants.program
+        ops, parameters, program = (
+            WIDE if lanes > 1 else OPERATIONS,
+            Same(p, lanes),
+            constants.program,
+        )
         with program.times(stages + 1.0) as i:
             self.row(constants, i).store(fast.constants(parameters, shares[i] * h, ops))
         if self.chains == 1:
-            self.row(constants, stages + 1.0).store(fast.constants(parameters, 2.0 * shares[0] * h, ops))
+            self.row(constants, stages + 1.0).store(
+                fast.constants(parameters, 2.0 * shares[0] * h, ops)
+            )
         with program.times(0.5 * stages if mirrored else stages) as i:
             made = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
             for row in (i, stages - 1.0 - i) if mirrored else (i,):
@@ -79,9 +101,17 @@ class Flows:
 
     def _spread(self) -> Program:
         """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""
-        program = Program("spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS)
+        program = Program(
+            "spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS
+        )
         scheme, p, number, times, rows = program.arguments
-        stages, last, steps, dimension, lanes = scheme[0], number[0] - 1.0, number[1], self.dimension, float(self.lanes)
+        stages, last, steps, dimension, lanes = (
+            scheme[0],
+            number[0] - 1.0,
+            number[1],
+            self.dimension,
+            float(self.lanes),
+        )
         y, h = program.room(dimension, self.lanes), program.room(1, self.lanes)
         constants, entries, lengths = self.constants(program, self.lanes), y.of(1), h.of(1)
         with program.times(number[0] / lanes) as i:

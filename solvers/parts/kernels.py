@@ -9,21 +9,30 @@ from math import inf, pi
 import numpy as np
 
 from polhode.models.problem import Parts
-from polhode.solvers.machine_code.program import WIDEST_REGISTERS, Array, Program, compare, compiled, splat
+from polhode.solvers.machine_code.program import (
+    WIDEST_REGISTERS,
+    Array,
+    Program,
+    compare,
+    compiled,
+    splat,
+)
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.flows import Flows
 
-# A step follows the rate of the fast angle when that has changed by this factor; in between it stays, since what errs
-# to and fro within a turn adds up to nothing only while steps are equal.
+# A step follows the rate of the fast angle when that has changed by this factor; in between it
+# stays, since what errs to and fro within a turn adds up to nothing only while steps are equal.
 BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
 BACKWARD = 0.05
-# Numbers in a law; times at which a check compares runs, in either part; what rounding makes of their difference.
+# Numbers in a law; times at which a check compares runs, in either part; what rounding makes of
+# their difference.
 LAW, POINTS, ROUNDING = 6, 8, {float: 1e-13, np.longdouble: 5e-17}
 # How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
-# Places in a clock: the time at which the step was last changed, the step, the rates between which it stays, the steps
-# since then, rows filled, steps in all, the code; then the limits of a call: a time, steps, and the number of times.
+# Places in a clock: the time at which the step was last changed, the step, the rates between which
+# it stays, the steps since then, rows filled, steps in all, the code; then the limits of a call: a
+# time, steps, and the number of times.
 At = IntEnum("At", "BEGIN STEP LOW HIGH SINCE FILLED STEPS CODE UNTIL LIMIT ROWS", start=0)
 
 sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
@@ -33,18 +42,21 @@ sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
 class Kernels:
     """Compiled functions of one problem's parts; all arguments are arrays.
 
-    A scheme holds the number of slow flows in a step, the fast and the slow shares of each chain, and the chains'
-    weights; then comes the scheme, of one chain, that leads to a row. A law holds the factor, the exponent and the
-    widest angle of a step, the square of the least rate that counts, and the rates between which it holds.
+    A scheme holds the number of slow flows in a step, the fast and the slow shares of each chain,
+    and the chains' weights; then comes the scheme, of one chain, that leads to a row. A law holds
+    the factor, the exponent and the widest angle of a step, the square of the least rate that
+    counts, and the rates between which it holds.
     """
 
-    # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a limit in the clock is
-    # met, from which state and clock go on. `rests` is room for a number of each row.
+    # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a
+    # limit in the clock is met, from which state and clock go on. `rests` is room for a number of
+    # each row.
     advance: Callable[..., None]
-    # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at the end. The
-    # numbers: the laws, the length of either part and of the whole, the rate, and what is found. Of what the two runs
-    # differ by: the most of the slow quantities, the most of the fast components per turn, and the change of
-    # the slow quantities' mean; the amplitudes of the fast components in either part; the steps; the codes' sum.
+    # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at
+    # the end. The numbers: the laws, the length of either part and of the whole, the rate, and what
+    # is found. Of what the two runs differ by: the most of the slow quantities, the most of the
+    # fast components per turn, and the change of the slow quantities' mean; the amplitudes of the
+    # fast components in either part; the steps; the codes' sum.
     check: Callable[..., None]
 
 
@@ -73,11 +85,17 @@ def length(vector: Sequence[Number]) -> Number:
 
 
 def _advance(flows: Flows) -> Program:
-    program = Program("advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS)
+    program = Program(
+        "advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS
+    )
     scheme, law, p, state, clock, times, rests, rows = program.arguments
     stages, dimension, kept = scheme[0], flows.dimension, flows.parts.moving[0]
     constants, number = flows.constants(program), program.room(2)
-    y, at, each = program.room(dimension), program.room(dimension), program.room(dimension, flows.chains)
+    y, at, each = (
+        program.room(dimension),
+        program.room(dimension),
+        program.room(dimension, flows.chains),
+    )
     rest = program.room(kept)
     rest.store([0.0] * kept)
     y.store(state.load(dimension))
@@ -97,7 +115,10 @@ def _advance(flows: Flows) -> Program:
         rate = flows.rate(y, p)
         speed = sqrt(rate * rate + law[3])
         outside = program.cell(1.0)
-        with program.when(compare("oge", speed, low[0])), program.when(compare("ole", speed, high[0])):
+        with (
+            program.when(compare("oge", speed, low[0])),
+            program.when(compare("ole", speed, high[0])),
+        ):
             outside[0] = 0.0
         with program.when(compare("ogt", outside[0], 0.0)):
             close(y)
@@ -115,7 +136,8 @@ def _advance(flows: Flows) -> Program:
             leave(compare("ule", begin[0] + step[0], begin[0]))
             program.call(flows.prepare, scheme, p, constants, step[0])
         now = begin[0] + since[0] * step[0]
-        # Rows are reached from the nearer end of a step, except back in time where the slow part is strong.
+        # Rows are reached from the nearer end of a step, except back in time where the slow part is
+        # strong.
         near = now + where_positive(BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
         with program.when(compare("ole", times[filled[0]], near)):
             at.store(y.load(dimension))
@@ -135,10 +157,13 @@ def _advance(flows: Flows) -> Program:
             leave(condition)
         code[0] = float(Code.FINISHED)
         if flows.chains > 1:
-            # All chains begin where the step does, and their mean, by weight, is where it ends. What components gain
-            # that the fast flow leaves alone is summed apart: rounding of the same sign in each step would pile up.
+            # All chains begin where the step does, and their mean, by weight, is where it ends.
+            # What components gain that the fast flow leaves alone is summed apart: rounding of the
+            # same sign in each step would pile up.
             start = y.load(dimension)
-            each.store([splat(number, flows.chains) for number in (*rest.load(kept), *start[kept:])])
+            each.store(
+                [splat(number, flows.chains) for number in (*rest.load(kept), *start[kept:])]
+            )
             base = [splat(number, flows.chains) for number in start[:kept]]
             with program.times(stages) as i:
                 flows.both_flows(each, flows.row(constants, i), flows.row(constants, i), base)
@@ -146,13 +171,20 @@ def _advance(flows: Flows) -> Program:
             weights = (scheme + 1).of(flows.chains)[2.0 * stages + 1.0]
             means = [(weights * number).total() for number in each.load(dimension)]
             ends = [before + gain for before, gain in zip(start, means[:kept], strict=False)]
-            rest.store([gain - (end - before) for before, gain, end in zip(start, means, ends, strict=False)])
+            rest.store(
+                [
+                    gain - (end - before)
+                    for before, gain, end in zip(start, means, ends, strict=False)
+                ]
+            )
             assert flows.parts.restored is not None
             y.store(flows.parts.restored([*ends, *means[kept:]]))
         else:
             first = open_[0] * (stages + 1.0)
             with program.times(stages) as i:
-                flows.both_flows(y, flows.row(constants, where_positive(i, i, first)), flows.row(constants, i))
+                flows.both_flows(
+                    y, flows.row(constants, where_positive(i, i, first)), flows.row(constants, i)
+                )
             open_[0] = 1.0
         since[0], steps[0] = since[0] + 1.0, steps[0] + 1.0
     close(y)
@@ -198,11 +230,16 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
 
         with program.times(points) as k:
             first, second = row(k, 0.0), row(k, 1.0)
-            slow = [b - a for a, b in zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)]
+            slow = [
+                b - a
+                for a, b in zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
+            ]
             change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
             out[0] = larger(out[0], length(slow))
             turns = times[part * points + k + 1.0] * rate / (2 * pi)
-            out[1] = larger(out[1], (length([second[i] - first[i] for i in moving]) - rounding) / (1.0 + turns))
+            out[1] = larger(
+                out[1], (length([second[i] - first[i] for i in moving]) - rounding) / (1.0 + turns)
+            )
             middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
         most[0] = 0.0
         with program.times(points) as k:

@@ -7,34 +7,37 @@ import numpy as np
 
 from polhode.solvers.contract import Record
 
-# A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the slow components with
-# errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what accumulates does so no longer than the
-# slow components remember, a time 1/γ. The angle h r is never wider than flows reach.
+# A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the
+# slow components with errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what
+# accumulates does so no longer than the slow components remember, a time 1/γ. The angle h r is
+# never wider than flows reach.
 ORDER, POWER, COEFFICIENT = 6, 2.0, 6e-7
-# What errors are to the law at first, by the strength of the torque squared over the rate at which it is forgotten.
+# What errors are to the law at first, by the strength of the torque squared over the rate at which
+# it is forgotten.
 SCALE, SHARE = 1.4, 0.6
 # Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
 EXPONENT = 1 - POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
 AIM = 0.2
-# A check takes this share of what is left of the run, within so many turns, against steps smaller by this factor, at so
-# many times within some turns at its beginning and at its end. It takes all of a run of few turns, or of more where
-# they are damped, in proportion.
+# A check takes this share of what is left of the run, within so many turns, against steps smaller
+# by this factor, at so many times within some turns at its beginning and at its end. It takes all
+# of a run of few turns, or of more where they are damped, in proportion.
 CHECKED, LEAST_TURNS, MOST_TURNS = 0.003, 2.0, 500.0
 ALL, DAMPED, MOST_ALL = 4.0, 4.0, 200.0
 FINER, MEAN_OVER = 0.8, 5.0
 # No step is a larger share of the run.
 SEEN = 0.4
-# The step stands if the estimated error is within these factors of the one wanted; else the law is scaled, so often,
-# for an error so much of that; where none is estimated the least is taken.
+# The step stands if the estimated error is within these factors of the one wanted; else the law is
+# scaled, so often, for an error so much of that; where none is estimated the least is taken.
 FITTING, MIDDLE, LEAST, ROUNDS = (0.3, 2.0), 0.8, 1e-6, 4
-# Of the errors of steps that are not checked again, where they fall more slowly: where the slow part is not so small.
+# Of the errors of steps that are not checked again, where they fall more slowly: where the slow
+# part is not so small.
 LEAST_ORDER = 4
-# A check sees errors from so many times what rounding makes of them; for smaller ones steps are narrowed unseen. No
-# error is aimed at below so many times the rounding of one number.
+# A check sees errors from so many times what rounding makes of them; for smaller ones steps are
+# narrowed unseen. No error is aimed at below so many times the rounding of one number.
 CLEAR, LEAST_ERROR = 4.0, 100.0
-# Another round pays if wider steps cost no more than this share of those at hand, and if the plans differ by a check,
-# which costs as much as so many steps beside its own.
+# Another round pays if wider steps cost no more than this share of those at hand, and if the plans
+# differ by a check, which costs as much as so many steps beside its own.
 REWARDING, CHECK = 0.85, 250.0
 # Numbers that a check finds.
 FOUND = 7
@@ -69,10 +72,14 @@ class Planner:
 
     def __init__(self, problem: Any, tolerance: float) -> None:
         self.problem, self.error = problem, max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
-        # The error that checked steps are to have, no less than a check sees; what errors are to the law, as far as is
-        # known; the plan of checked steps.
+        # The error that checked steps are to have, no less than a check sees; what errors are to
+        # the law, as far as is known; the plan of checked steps.
         self.seen = self.error
-        self.scale = SCALE * (problem.strength**2 / problem.forgetting) ** SHARE if problem.strength > 0 else 1.0
+        self.scale = (
+            SCALE * (problem.strength**2 / problem.forgetting) ** SHARE
+            if problem.strength > 0
+            else 1.0
+        )
         self.checked: Plan | None = None
 
     def by_law(self, rate: float, longest: float) -> Plan:
@@ -106,7 +113,9 @@ class Planner:
                 break
             if good and bad:
                 # Between two that were checked.
-                order = log(bad[1] / max(good[1], LEAST)) / log(bad[0].step(rate) / good[0].step(rate))
+                order = log(bad[1] / max(good[1], LEAST)) / log(
+                    bad[0].step(rate) / good[0].step(rate)
+                )
                 return self.next(plan, ratio, order, rate, longest)
             before, plan = plan, self.next(plan, ratio, ORDER, rate, longest)
             saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
@@ -127,12 +136,15 @@ class Planner:
         self.seen = max(self.error, CLEAR * rounding)
         return error / self.seen if isfinite(error) else HOPELESS
 
-    def estimated(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> tuple[float, float]:
+    def estimated(
+        self, plan: Plan, state: np.ndarray, now: float, record: Record
+    ) -> tuple[float, float]:
         """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.
 
-        What the two differ by in a turn's mean grows with time, as long as the slow quantities remember; the rest goes
-        to and fro within a turn. What the fast components err by, in rad per turn, counts as well: over their amplitude
-        where that is small and grows, as at a saddle. The second number is what rounding makes of it.
+        What the two differ by in a turn's mean grows with time, as long as the slow quantities
+        remember; the rest goes to and fro within a turn. What the fast components err by, in rad
+        per turn, counts as well: over their amplitude where that is small and grows, as at a
+        saddle. The second number is what rounding makes of it.
         """
         problem, length = self.problem, float(record.times[-1]) - now
         rate = problem.rate(state)
@@ -143,7 +155,9 @@ class Planner:
         span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
         given = *plan.law(), *plan.narrowed(FINER).law(), span, window, rate
         numbers = np.array((*given, *(0.0,) * FOUND), problem.number)
-        problem.kernels.check(problem.scheme.addresses[problem.number], problem.address, state, numbers)
+        problem.kernels.check(
+            problem.scheme.addresses[problem.number], problem.address, state, numbers
+        )
         slow, fast, change, begin, end, steps, failed = numbers[-FOUND:].tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:
@@ -153,6 +167,9 @@ class Planner:
         # Slow components remember for a time between those of the fastest and of the slowest one.
         remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
         grown = remaining / (window - span)
-        # To and fro in the slow quantities; of the same sign in the phase, where that moves little in a step.
-        rounding = problem.epsilon * max(rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / PER_TURN)
+        # To and fro in the slow quantities; of the same sign in the phase, where that moves little
+        # in a step.
+        rounding = problem.epsilon * max(
+            rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / PER_TURN
+        )
         return max(slow + change * grown, fast / PER_TURN) / (1 - FINER**ORDER), rounding

@@ -35,7 +35,10 @@ class Scheme:
 
     def listed(self, number: type) -> np.ndarray:
         """Stages, fast shares, slow shares, weights of the chains."""
-        shares = [_mirrored(*each, number) for each in ((self.fast, self.stages + 1), (self.slow, self.stages))]
+        shares = [
+            _mirrored(*each, number)
+            for each in ((self.fast, self.stages + 1), (self.slow, self.stages))
+        ]
         return np.concatenate([np.array([self.stages], number), *shares, np.ones(1, number)])
 
     @cached_property
@@ -69,11 +72,18 @@ class Parallel(Scheme):
         return 2 * len(self.weights)
 
     def listed(self, number: type) -> np.ndarray:
-        nodes, slow = (np.array(each, number).reshape(-1, self.stages) for each in (self.nodes, self.slow))
+        nodes, slow = (
+            np.array(each, number).reshape(-1, self.stages) for each in (self.nodes, self.slow)
+        )
         slow /= slow.sum(axis=1, keepdims=True)
-        nodes, slow = np.concatenate([nodes, 1 - nodes[:, ::-1]]), np.concatenate([slow, slow[:, ::-1]])
+        nodes, slow = (
+            np.concatenate([nodes, 1 - nodes[:, ::-1]]),
+            np.concatenate([slow, slow[:, ::-1]]),
+        )
         fast = np.diff(nodes, axis=1, prepend=0, append=1)
-        return np.concatenate([[self.stages], fast.T.ravel(), slow.T.ravel(), np.tile(self.weights, 2)])
+        return np.concatenate(
+            [[self.stages], fast.T.ravel(), slow.T.ravel(), np.tile(self.weights, 2)]
+        )
 
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
@@ -88,4 +98,6 @@ def dop853() -> SimpleNamespace:
     """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
     scipy = find_spec("scipy")
     folder = Path((scipy and scipy.origin) or "scipy is not installed").parent
-    return SimpleNamespace(**run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py")))
+    return SimpleNamespace(
+        **run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py"))
+    )

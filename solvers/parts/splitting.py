@@ -10,7 +10,15 @@ import numpy as np
 from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.problem import Parts, Problem
 from polhode.solvers.compile import parameter_array
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
+from polhode.solvers.contract import (
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    SolverNotValidError,
+    Status,
+)
 from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
@@ -18,19 +26,24 @@ from polhode.solvers.parts.schemes import ABA, PARALLEL
 
 # Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
 CHUNK = 120_000
-# The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it. The kernels read
-# half the relaxation's rate from its square as well, which holds for this number alone.
+# The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
+# The kernels read half the relaxation's rate from its square as well, which holds for this number
+# alone.
 SHEAR = 0.5
 # From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
 STRONG = 10.0
-# Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take a tenth more.
+# Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
+# a tenth more.
 WIDEST = 0.99
 # Plans are made anew after these shares of a run, if that is so many turns at least.
 AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
 # And where the rate has changed by this factor, which widens by another each time.
 WIDTH, WIDER = 2.4, 1.15
 
-_FAILED: dict[int, Status] = {Code.NOT_FINITE: Status.NON_FINITE, Code.NO_STEP: Status.STEP_UNDERFLOW}
+_FAILED: dict[int, Status] = {
+    Code.NOT_FINITE: Status.NON_FINITE,
+    Code.NO_STEP: Status.STEP_UNDERFLOW,
+}
 
 
 class Split:
@@ -42,7 +55,10 @@ class Split:
         p = parameter_array(problem)
         self.number, self.epsilon, self.p = number, float(np.finfo(number).eps), p.astype(number)
         self.address, self.dimension = self.p.ctypes.data, problem.dimension
-        self.strength, self.forgetting = self.parts.strength(p.tolist()), self.parts.forgetting(p.tolist())
+        self.strength, self.forgetting = (
+            self.parts.strength(p.tolist()),
+            self.parts.forgetting(p.tolist()),
+        )
         self.floor, self.speed = SHEAR * self.strength, self.parts.rate(FLOAT)
         means = number is float and self.parts.restored and self.strength < STRONG
         self.scheme = PARALLEL if means else ABA
@@ -136,16 +152,16 @@ def now_of(own: np.ndarray) -> Any:
 class Splitting(Solver):
     """Exact rotation and exact relaxation in turns, by a mean of eight compositions of four relaxations each.
 
-    Class: compositions for nearly integrable systems, each in a SIMD lane; torque-free motion is exact at any step.
-    The step follows from the tolerance by a law, and from checks by two step sizes at the beginning and, on longer
-    runs, where the rate has changed and at shares of the run.
-    Stability: unconditional in the relaxation but for short backward ones; the step is bound by the angle, so that at
-    small St, where relaxation outpaces the rotation, steps are as short as those of an explicit method.
-    Tolerance: error of L/I_e over the whole run, however long; orientation errs by that times the angle turned.
-    Caveat: what lingers at a saddle amplifies errors after the check; L of a body that tumbles for ever sways with its
-    orientation, and errs with that.
-    Error per rotation over tolerance: at most 10; 2 measured.
-    Source: for one composition, Blanes, Casas, Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58.
+    Class: compositions for nearly integrable systems, each in a SIMD lane; torque-free motion is
+    exact at any step. The step follows from the tolerance by a law, and from checks by two step
+    sizes at the beginning and, on longer runs, where the rate has changed and at shares of the run.
+    Stability: unconditional in the relaxation but for short backward ones; the step is bound by the
+    angle, so that at small St, where relaxation outpaces the rotation, steps are as short as those
+    of an explicit method. Tolerance: error of L/I_e over the whole run, however long; orientation
+    errs by that times the angle turned. Caveat: what lingers at a saddle amplifies errors after the
+    check; L of a body that tumbles for ever sways with its orientation, and errs with that. Error
+    per rotation over tolerance: at most 10; 2 measured. Source: for one composition, Blanes, Casas,
+    Farrés, Laskar, Makazaga and Murua, Appl. Numer. Math. 68 (2013) 58.
     """
 
     name = "splitting"
@@ -164,7 +180,9 @@ class Splitting(Solver):
         super().check(problem)
         if problem.parts is None:
             condition = f"{problem.name!r} states no parts with exact flows"
-            raise SolverNotValidError(f"{condition}; use form 'spheroid-axis' or solver 'taylor'", self.name)
+            raise SolverNotValidError(
+                f"{condition}; use form 'spheroid-axis' or solver 'taylor'", self.name
+            )
 
     def bound(self, problem: Problem, tolerance: float) -> Any:
         """The problem bound to machine code, whose `run` fills a record."""
@@ -186,8 +204,8 @@ class Splitting(Solver):
 class SplittingExtended(Splitting):
     """`Splitting` in x86's long double: for orientations of long runs, tighter than rounding to double lets them be.
 
-    By one composition, of order (10, 6, 4), each of whose flows takes some four times as long. Rows are rounded to
-    double, which is how exactly the start is known.
+    By one composition, of order (10, 6, 4), each of whose flows takes some four times as long. Rows
+    are rounded to double, which is how exactly the start is known.
     """
 
     name = "splitting-extended"
@@ -198,4 +216,8 @@ class SplittingExtended(Splitting):
     def why_not(self) -> str | None:
         """What is missing, NumPy's long double of x86 processors besides the library; None if nothing is."""
         wide = np.finfo(np.longdouble).nmant == 63
-        return super().why_not if wide else "x86's long double of 80 bits is missing, on this machine or in NumPy"
+        return (
+            super().why_not
+            if wide
+            else "x86's long double of 80 bits is missing, on this machine or in NumPy"
+        )

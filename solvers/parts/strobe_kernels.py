@@ -10,12 +10,13 @@ from polhode.solvers.machine_code.program import Array, Program, compare, compil
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.flows import Flows
 
-# Turns between a row and the point of whole turns from which it is reached, at most; trials to find that point, after
-# which the row is NaN.
+# Turns between a row and the point of whole turns from which it is reached, at most; trials to find
+# that point, after which the row is NaN.
 NEAR, TRIALS = 0.505, 20.0
 # Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
 TERMS, WHOLE = 7, 1.5 * 2.0**52
-# Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta table.
+# Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta
+# table.
 MOST_TURNS, TABLE = 3, 16
 
 
@@ -23,15 +24,18 @@ MOST_TURNS, TABLE = 3, 16
 class StrobeKernels:
     """Those of stroboscopic averaging; a point is a state with its time behind it."""
 
-    # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of differences of the map of 1,
-    # 2, ... turns: the averaged field, per turn. `setting` holds the steps of a turn, the turns, the rows.
+    # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of
+    # differences of the map of 1, 2, ... turns: the averaged field, per turn. `setting` holds the
+    # steps of a turn, the turns, the rows.
     mean: Callable[..., None]
-    # (scheme, p, setting, weights, point, table, stages, ends): stages of a Runge-Kutta step by the averaged field, the
-    # last one taken at `ends`; `setting` holds besides the first stage, the one behind the last, the turns in the step.
+    # (scheme, p, setting, weights, point, table, stages, ends): stages of a Runge-Kutta step by the
+    # averaged field, the last one taken at `ends`; `setting` holds besides the first stage, the one
+    # behind the last, the turns in the step.
     macro: Callable[..., None]
-    # (scheme, p, setting, terms, point, times, rests, rows): rows at times within a macro-step from `point` on, whose
-    # points are those of an interpolant, from the end of a whole turn next to each by a part of a turn. `setting` holds
-    # the rows, the steps to each, the turns in the step; `rests` is room for a number of each row.
+    # (scheme, p, setting, terms, point, times, rests, rows): rows at times within a macro-step from
+    # `point` on, whose points are those of an interpolant, from the end of a whole turn next to
+    # each by a part of a turn. `setting` holds the rows, the steps to each, the turns in the step;
+    # `rests` is room for a number of each row.
     rows: Callable[..., None]
 
 
@@ -47,8 +51,8 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 def _turn(flows: Flows) -> Program:
     """One turn of the fast angle forth, of the first point, and back, of the second, side by side."""
-    # Each takes so many steps, and two short ones that close it: one of the scheme, and for what it leaves one of
-    # Strang.
+    # Each takes so many steps, and two short ones that close it: one of the scheme, and for what it
+    # leaves one of Strang.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
     fast, slow, dimension = flows.parts.fast, flows.parts.slow, flows.dimension

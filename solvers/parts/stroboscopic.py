@@ -12,10 +12,12 @@ from polhode.solvers.parts.schemes import ABA, dop853
 from polhode.solvers.parts.splitting import Split, Splitting
 from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_kernels
 
-# Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step would be of fewer than
-# so many times its order: it costs fifteen times its order. A stretch is doubled so often while that fails.
+# Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step
+# would be of fewer than so many times its order: it costs fifteen times its order. A stretch is
+# doubled so often while that fails.
 LEAST_TURNS, PAYING, STRETCH, LONGEST = 1000, 20.0, 600.0, 4
-# Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the micro-steps.
+# Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the
+# micro-steps.
 MACRO, AVERAGING, MICRO = 0.1, 0.1, 0.1
 # Micro-steps per turn: at first, at least, at most.
 FIRST, FEWEST, MOST = 6, 4, 24
@@ -63,7 +65,8 @@ class Strobe:
         self.p, self.scheme, self.table = self.split.address, ABA.addresses[float], dop853()
         # Machine code takes addresses in less time than arrays.
         self.nodes, self.inner = self.table.A.ctypes.data, 0
-        # Either machine code is compiled beforehand if it is the one needed, and else where it turns out to be.
+        # Either machine code is compiled beforehand if it is the one needed, and else where it
+        # turns out to be.
         _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
 
     @cached_property
@@ -90,7 +93,9 @@ class Strobe:
             setting.failed = setting.failed + 1 if moved is None else 0
             if moved is None:
                 # Ever longer, so that vain attempts cost little.
-                outcome = self.stretch(point, STRETCH * 2 ** min(setting.failed - 1, LONGEST), record)
+                outcome = self.stretch(
+                    point, STRETCH * 2 ** min(setting.failed - 1, LONGEST), record
+                )
                 if outcome is not None:
                     return outcome
             else:
@@ -134,11 +139,21 @@ class Strobe:
         if last > record.filled:
             numbers[3:5] = N, len(stages)
             self.stages(numbers, point, stages, end.copy())
-            record.put(self.rows(point, end, stages, turns, setting.micro, record.times[record.filled : last]))
+            record.put(
+                self.rows(
+                    point, end, stages, turns, setting.micro, record.times[record.filled : last]
+                )
+            )
         return end
 
     def rows(
-        self, point: np.ndarray, end: np.ndarray, stages: np.ndarray, turns: float, micro: int, times: np.ndarray
+        self,
+        point: np.ndarray,
+        end: np.ndarray,
+        stages: np.ndarray,
+        turns: float,
+        micro: int,
+        times: np.ndarray,
     ) -> np.ndarray:
         """Rows within a macro-step."""
         rows, rests = np.empty((len(times), len(point) - 1)), np.empty(len(times))
@@ -154,7 +169,8 @@ class Strobe:
             setting.micro = max(FEWEST, setting.micro - 1)
         while True:
             self.mean(point, setting.micro, fields)
-            # Differences of single turns show what smaller steps change; of the smallest, what larger ones do.
+            # Differences of single turns show what smaller steps change; of the smallest, what
+            # larger ones do.
             more = min(MOST, setting.micro + 2) if setting.micro < MOST else MOST - 2
             self.mean(point, more, other)
             off = np.max(np.maximum(np.abs(fields[0] - other[0]) - ROUNDING, 0.0) * horizon) / MICRO
@@ -164,10 +180,14 @@ class Strobe:
         setting.easy = off < EASY
         return fields
 
-    def stages(self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray) -> None:
+    def stages(
+        self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray
+    ) -> None:
         """Stages of a macro-step; `end` is the point of the last one."""
         self.inner += int(2 * numbers[0] * numbers[1] * (numbers[4] - numbers[3]))
-        self.kernels.macro(self.scheme, self.p, numbers, ROWS[int(numbers[1])], point, self.nodes, stages, end)
+        self.kernels.macro(
+            self.scheme, self.p, numbers, ROWS[int(numbers[1])], point, self.nodes, stages, end
+        )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Averaged fields of so many orders, from the second on, by so many micro-steps."""
@@ -180,7 +200,9 @@ class Strobe:
         apart = np.maximum(np.abs(fields[:-1] - fields[1:]) - ROUNDING, 0.0)
         second, fourth = np.max(apart * horizon, axis=1)
         errors = second, fourth, fourth * min(1.0, fourth / second) if second > 0 else 0.0
-        return next((order for order, error in zip(ORDERS, errors, strict=True) if error <= AVERAGING), None)
+        return next(
+            (order for order, error in zip(ORDERS, errors, strict=True) if error <= AVERAGING), None
+        )
 
     def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:
         """Error of a macro-step over the one allowed, as DOP853 has it, from its estimates of orders 5 and 3."""
@@ -205,7 +227,9 @@ class Strobe:
         done = min(piece.filled - 1, len(inner))
         record.put(piece.rows[1 : 1 + done])
         if at_end or not status.success:
-            return status, message.replace(f"{piece.work.steps} steps", f"{steps + (piece.work.steps or 0)} steps")
+            return status, message.replace(
+                f"{piece.work.steps} steps", f"{steps + (piece.work.steps or 0)} steps"
+            )
         point[:] = *piece.rows[-1], until
         return None
 
@@ -213,16 +237,17 @@ class Strobe:
 class Stroboscopic(Splitting):
     """Stroboscopic averaging of order 2, 4 or 6 in 1/St; its cost depends on the slow time alone, not on St.
 
-    Class: heterogeneous multiscale. With the angle turned about L as the independent variable torque-free motion is
-    periodic; central differences of the map of one turn give the averaged equations, DOP853 integrates them by
-    macro-steps of whole turns, and parts of a turn lead to the times asked for. Turns are made of micro-steps of
-    one composition, of order (10, 6, 4). Order of the difference and micro-steps follow from comparison with the next.
-    Stability: of explicit macro-steps, short against the time of relaxation.
-    Tolerance: error of L/I_e over the whole run; orientation errs by that times the angle turned.
-    Caveat: short runs, and stretches where averaging does not hold (L nearly vanishes) or does not pay, are runs of
-    `splitting`. Differences of turns lose digits in proportion to St: 1e-10 is the least error at St = 1e8.
-    Error per rotation over tolerance: at most 10; 2 measured.
-    Source: Calvo, Chartier, Murua and Sanz-Serna, Appl. Numer. Math. 61 (2011) 1077.
+    Class: heterogeneous multiscale. With the angle turned about L as the independent variable
+    torque-free motion is periodic; central differences of the map of one turn give the averaged
+    equations, DOP853 integrates them by macro-steps of whole turns, and parts of a turn lead to the
+    times asked for. Turns are made of micro-steps of one composition, of order (10, 6, 4). Order of
+    the difference and micro-steps follow from comparison with the next. Stability: of explicit
+    macro-steps, short against the time of relaxation. Tolerance: error of L/I_e over the whole run;
+    orientation errs by that times the angle turned. Caveat: short runs, and stretches where
+    averaging does not hold (L nearly vanishes) or does not pay, are runs of `splitting`.
+    Differences of turns lose digits in proportion to St: 1e-10 is the least error at St = 1e8.
+    Error per rotation over tolerance: at most 10; 2 measured. Source: Calvo, Chartier, Murua and
+    Sanz-Serna, Appl. Numer. Math. 61 (2011) 1077.
     """
 
     name = "stroboscopic"

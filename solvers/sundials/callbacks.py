@@ -1,7 +1,7 @@
 """CVODE and IDA through scikit-sundae: Python calls the field, the Jacobian and every row, over the very same steps.
 
-Whatever a callback raises ends a run, Ctrl-C among it, with its rows kept. A step too small to advance the time is no
-error to the library: it "will continue anyway". Here it is.
+Whatever a callback raises ends a run, Ctrl-C among it, with its rows kept. A step too small to
+advance the time is no error to the library: it "will continue anyway". Here it is.
 """
 
 import io
@@ -63,19 +63,28 @@ class Callbacks:
             np.subtract(self.mass * rates, out, out=out)
 
         if settings.jacobian == "exact":
-            jacobian, diagonal = exact_jacobian(problem.field, problem.dimension, len(values)), np.diag(self.mass)
+            jacobian, diagonal = (
+                exact_jacobian(problem.field, problem.dimension, len(values)),
+                np.diag(self.mass),
+            )
 
             def of_field(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
                 out[:] = jacobian(y, values)
 
-            def of_residual(t: float, y: np.ndarray, rates: np.ndarray, r: Any, cj: float, out: np.ndarray) -> None:
+            def of_residual(
+                t: float, y: np.ndarray, rates: np.ndarray, r: Any, cj: float, out: np.ndarray
+            ) -> None:
                 out[:] = cj * diagonal - jacobian(y, values)
 
             options["jacfn"] = of_residual if self.implicit else of_field
         algebraic = np.flatnonzero(self.mass == 0)
         if len(algebraic):
             options |= {"algebraic_idx": algebraic.tolist(), "calc_initcond": "yp0"}
-        options |= {"rtol": settings.tolerance, "atol": settings.tolerance, "max_num_steps": UNLIMITED}
+        options |= {
+            "rtol": settings.tolerance,
+            "atol": settings.tolerance,
+            "max_num_steps": UNLIMITED,
+        }
         self.rates = lambda y, out: callback(y, parameters, out)
         self.library = library(residual if self.implicit else field, **options)
 
@@ -85,7 +94,9 @@ class Callbacks:
             return (record.start,)
         rates = np.empty(len(record.start))
         self.rates(record.start, rates)
-        return record.start, np.divide(rates, self.mass, out=np.zeros(len(rates)), where=self.mass > 0)
+        return record.start, np.divide(
+            rates, self.mass, out=np.zeros(len(rates)), where=self.mass > 0
+        )
 
     def run(self, record: Record, every: bool) -> Outcome:
         """Fill the record's rows, row by row or by every step, which costs more and counts them."""
@@ -120,7 +131,9 @@ class Callbacks:
         result = self.library.step(time, method=method, tstop=float(record.times[-1]))
         record.work.jacobians = result.njev
         if not result.success:
-            raise _StoppedError(FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message)
+            raise _StoppedError(
+                FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
+            )
         return result
 
     def _rows(self, record: Record, last: int) -> None:

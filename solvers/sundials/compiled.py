@@ -1,8 +1,8 @@
 """CVODE and IDA in machine code alone: field, Jacobian and the loop over rows are compiled, Python looks on in between.
 
-A call takes a bounded number of steps, after which the library says "too much work" and goes on, when called again,
-from where it stands: deadlines and Ctrl-C are looked at there, over the very same steps. While it runs, numbers below
-2e-308 count as zero.
+A call takes a bounded number of steps, after which the library says "too much work" and goes on,
+when called again, from where it stands: deadlines and Ctrl-C are looked at there, over the very
+same steps. While it runs, numbers below 2e-308 count as zero.
 """
 
 import ctypes
@@ -33,13 +33,19 @@ _ALGEBRAIC, _BEYOND = 1, 0.01
 class Memory:
     """A problem in the library's memory, which is freed with this object; every run or piece of it begins anew."""
 
-    def __init__(self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]) -> None:
+    def __init__(
+        self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]
+    ) -> None:
         self.library, self.implicit, _ = library, library.prefix == "IDA", FlushedToZero()
         d = problem.dimension
         self.mass, values = posed(problem, self.implicit)
         # The arrays live as long as what points to them.
         self.data, self.start = np.array([*values, *self.mass]), np.array(problem.start)
-        self.slope, self.residual, self.differential = np.zeros(d), np.zeros(d), (self.mass != 0).astype(float)
+        self.slope, self.residual, self.differential = (
+            np.zeros(d),
+            np.zeros(d),
+            (self.mass != 0).astype(float),
+        )
         self._owned: list[tuple[str, int, Any]] = []
         finalize(self, _free, library, self._owned)
 
@@ -49,7 +55,10 @@ class Memory:
         context = box.value
         library("SUNContext_ClearErrHandlers", context)
         arrays = (self.start, self.slope, self.residual, self.differential)
-        vectors = [self._own("N_VDestroy", "N_VMake_Serial", d, each.ctypes.data, context) for each in arrays]
+        vectors = [
+            self._own("N_VDestroy", "N_VMake_Serial", d, each.ctypes.data, context)
+            for each in arrays
+        ]
         self.state, self.rate, self.rest, identity = vectors
         # Vectors made after its image add several others at once: the same numbers, 5 % faster.
         library("N_VEnableFusedOps_Serial", self.state, 1)
@@ -64,7 +73,8 @@ class Memory:
         self._set("SetUserData", self.data.ctypes.data)
         self._set("SStolerances", settings.tolerance, settings.tolerance)
         self._set("SetLinearSolver", linear, matrix)
-        # At a step of 0, where it ends if the time stands still, CVODE's corrector repeats itself for ever.
+        # At a step of 0, where it ends if the time stands still, CVODE's corrector repeats itself
+        # for ever.
         self._set("SetMinStep", 1e-150)
         if settings.jacobian == "exact":
             self.jacobian = _callback(library, "jacobian", problem.field, d, len(values))
@@ -104,7 +114,14 @@ class Memory:
     def advance(self, record: Record, most: int) -> int:
         """Go on until the end, a failure or a number of steps; the library's last code."""
         times, rows = record.times, record.rows
-        pointers = self.address, self.state, self.rate, times.ctypes.data, rows.ctypes.data, self.report.ctypes.data
+        pointers = (
+            self.address,
+            self.state,
+            self.rate,
+            times.ctypes.data,
+            rows.ctypes.data,
+            self.report.ctypes.data,
+        )
         record.filled = self._advance(*pointers, record.filled, len(times), rows.shape[1], most)
         return int(self.report[0])
 
@@ -122,7 +139,18 @@ def integrator(memory: Memory, count: bool) -> Integrator:
             with FlushedToZero():
                 code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
             record.now, step = report.view(float)[[2, 9]].tolist()
-            _, work.steps, _, calls, linear, errors, failures, work.jacobians, work.factorizations, _ = report.tolist()
+            (
+                _,
+                work.steps,
+                _,
+                calls,
+                linear,
+                errors,
+                failures,
+                work.jacobians,
+                work.factorizations,
+                _,
+            ) = report.tolist()
             steps, work.rejected = work.steps, errors + failures
             work.rhs_calls = calls + linear if count else None
             if code >= 0:
@@ -145,11 +173,14 @@ def _free(library: Sundials, owned: list[tuple[str, int, Any]]) -> None:
 
 
 @cache
-def _callback(library: Sundials, what: str, factory: Factory, dimension: int, parameters: int) -> MachineCode:
+def _callback(
+    library: Sundials, what: str, factory: Factory, dimension: int, parameters: int
+) -> MachineCode:
     """The "field" or its "jacobian" as the library calls it."""
     traced = trace if what == "field" else trace_jacobian
     lines = traced(factory, dimension, parameters, mass=library.prefix == "IDA")
-    # Where an entry is not finite, their sum times zero is no number: at code 1 the library tries a shorter step.
+    # Where an entry is not finite, their sum times zero is no number: at code 1 the library tries a
+    # shorter step.
     total = "0.0"
     for i, entry in enumerate(re.findall(r"store double (\S+),", lines)):
         lines += f"\n%sum{i} = fadd reassoc double {total}, {entry}"
@@ -166,7 +197,12 @@ def _loop(library: Sundials) -> Callable[..., int]:
     implicit = library.prefix == "IDA"
     solve, kind = ("Solve", "Res") if implicit else ("", "Rhs")
     fields = {"solve": library[solve], "too_much_work": TOO_MUCH_WORK}
-    fields |= {"evaluations": library[f"GetNum{kind}Evals"], "differences": library[f"GetNumLin{kind}Evals"]}
+    fields |= {
+        "evaluations": library[f"GetNum{kind}Evals"],
+        "differences": library[f"GetNumLin{kind}Evals"],
+    }
     arguments = "ptr %now_at, ptr %y, ptr %slope" if implicit else "ptr %y, ptr %now_at"
     code = compile_file(Path(__file__).with_name("rows.ll"), library, arguments=arguments, **fields)
-    return code.function(ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4))
+    return code.function(
+        ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4)
+    )

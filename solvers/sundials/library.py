@@ -41,7 +41,9 @@ class Sundials:
 
     def __call__(self, name: str, *arguments: float) -> int:
         """Call a function, the library's own as ``SetStopTime``; RuntimeError if it fails."""
-        converted = [ctypes.c_double(x) if isinstance(x, float) else ctypes.c_int64(x) for x in arguments]
+        converted = [
+            ctypes.c_double(x) if isinstance(x, float) else ctypes.c_int64(x) for x in arguments
+        ]
         code = self.function(name)(*converted) or 0
         if code < 0:
             raise RuntimeError(f"{self.prefix}, {name}: code {code}")
@@ -85,5 +87,9 @@ def _files(pattern: str) -> list[Path]:
     """Files beside the installed scikit-sundae, where wheels for Linux, Windows and macOS keep them."""
     spec = find_spec("sksundae")
     packages = [Path(place) for place in (spec.submodule_search_locations or ())] if spec else []
-    folders = [folder for one in packages for folder in (one.parent / "scikit_sundae.libs", one / ".dylibs")]
+    folders = [
+        folder
+        for one in packages
+        for folder in (one.parent / "scikit_sundae.libs", one / ".dylibs")
+    ]
     return sorted(file for folder in folders for file in folder.glob(f"*{pattern}"))

@@ -1,13 +1,15 @@
 """SUNDIALS' CVODE and IDA, in machine code alone or through scikit-sundae.
 
-Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the weighted root-mean-square norm. Rows come from
-the library's own interpolation, of the order of the step; of the requested times the first alone has a say in the
-steps, the first one being at most a tenth of it (CVODE). The order and the step change seldom and by large factors
-(a step grows by half or not at all), so that the error falls with the tolerance on the average only: by a factor of
-ten up or down between neighbours, whatever the Jacobian or the corrector.
+Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the weighted root-mean-square
+norm. Rows come from the library's own interpolation, of the order of the step; of the requested
+times the first alone has a say in the steps, the first one being at most a tenth of it (CVODE). The
+order and the step change seldom and by large factors (a step grows by half or not at all), so that
+the error falls with the tolerance on the average only: by a factor of ten up or down between
+neighbours, whatever the Jacobian or the corrector.
 
-Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step, which takes several
-times as long: so it runs when counts or a limit of steps are asked for, over the very same steps.
+Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step,
+which takes several times as long: so it runs when counts or a limit of steps are asked for, over
+the very same steps.
 """
 
 import os
@@ -19,7 +21,15 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import methods
-from polhode.solvers.contract import UNLIMITED, Integrator, Outcome, Record, Settings, Solver, SolverNotValidError
+from polhode.solvers.contract import (
+    UNLIMITED,
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    SolverNotValidError,
+)
 from polhode.solvers.sundials.callbacks import Callbacks
 from polhode.solvers.sundials.compiled import Memory, integrator
 from polhode.solvers.sundials.library import load_sundials
@@ -35,14 +45,17 @@ class SundialsSolver(Solver):
     implicit = True
     backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
-    # How the names of the C library's functions begin, the arguments of its constructor, and those of scikit-sundae's.
+    # How the names of the C library's functions begin, the arguments of its constructor, and those
+    # of scikit-sundae's.
     prefix: ClassVar[str] = "CVode"
     number: ClassVar[tuple[int, ...]] = ()
     options: ClassVar[dict[str, str]] = {}
 
     def lacks(self, choice: str) -> str | None:
         found = choice != "compiled" or load_sundials(self.prefix)
-        return super().lacks(choice) or (None if found else "SUNDIALS' C libraries, which its wheels bring")
+        return super().lacks(choice) or (
+            None if found else "SUNDIALS' C libraries, which its wheels bring"
+        )
 
     @property
     def note(self) -> str | None:
@@ -54,7 +67,9 @@ class SundialsSolver(Solver):
         if self.prefix != "IDA":
             super().check(problem)
         elif problem.parameters is None and problem.mass_form is None:
-            raise SolverNotValidError(f"{problem.name!r} has no vector field; use solver 'exact'", self.name)
+            raise SolverNotValidError(
+                f"{problem.name!r} has no vector field; use solver 'exact'", self.name
+            )
 
     def load(self) -> None:
         if self.lacks("compiled"):
@@ -83,7 +98,9 @@ class SundialsSolver(Solver):
         module = import_module(f"{self.library}.{self.prefix.lower()}")
         return Callbacks(getattr(module, self.prefix.upper()), problem, settings, **self.options)
 
-    def bare_call(self, problem: Problem, settings: Settings, times: np.ndarray) -> Callable[[], object] | None:
+    def bare_call(
+        self, problem: Problem, settings: Settings, times: np.ndarray
+    ) -> Callable[[], object] | None:
         """The solver object's `solve` with these times, or SUNDIALS' own calls; the rows."""
         record = Record(times, np.array([problem.start] * len(times)))
         if settings.backend == "compiled":

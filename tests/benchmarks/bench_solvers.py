@@ -1,8 +1,9 @@
 """Every solver on every form of the paper's ellipsoid, across St and tolerance, as pytest-benchmark cases.
 
-Run by ``pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-json=FILE``. Errors, work and status are in
-`extra_info`; `polhode compare` reads the file. A run that failed keeps its row, with its status and without a time.
-Plug-ins take part; so do ``--with-solver my_module:Mine`` and ``--with-form my_module:Mine``.
+Run by ``pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-json=FILE``. Errors, work
+and status are in `extra_info`; `polhode compare` reads the file. A run that failed keeps its row,
+with its status and without a time. Plug-ins take part; so do ``--with-solver my_module:Mine`` and
+``--with-form my_module:Mine``.
 """
 
 import json
@@ -23,16 +24,19 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError, Status
 
-# Duration in units of the inverse shear rate, by St: t₂ = 0.5, and some thousand relaxation times on the stiff side.
+# Duration in units of the inverse shear rate, by St: t₂ = 0.5, and some thousand relaxation times
+# on the stiff side.
 TIMES = {1e2: 50.0, 1e3: 500.0, 1e4: 5e3, 1e-3: 20.0}
 TOLERANCES = (1e-4, 1e-7, 1e-10)
 SAMPLES = 201
 # Limit of each run, and of the repeated runs of a case together, in seconds.
 MAX_SECONDS, REPEATED_SECONDS = 0.3, 0.3
 MOST_ROUNDS = 10
-# A run shorter than this is slow when the processor's caches hold something else: another one goes before it.
+# A run shorter than this is slow when the processor's caches hold something else: another one goes
+# before it.
 SHORT = 0.01
-# Slow moments of the machine are waited out before every round, for a quarter of the suite's time at most.
+# Slow moments of the machine are waited out before every round, for a quarter of the suite's time
+# at most.
 PATIENCE = Patience(sentinel, share=0.25)
 # Below it averaged forms describe nothing.
 AVERAGED_FROM = 1.0
@@ -70,7 +74,11 @@ def examined(case: Case) -> Record:
     if position:
         looser = examined(_at(case, TOLERANCES[position - 1]))
         if looser["status"] == Status.TIME_LIMIT:
-            return {"status": looser["status"], "message": "at a looser tolerance already", "inferred": True}
+            return {
+                "status": looser["status"],
+                "message": "at a looser tolerance already",
+                "inferred": True,
+            }
     try:
         tried = attempt(case)
     except Exception as error:
@@ -81,7 +89,15 @@ def examined(case: Case) -> Record:
 
 
 def _at(case: Case, tolerance: float) -> Case:
-    return Case(case.scene_name, case.scene, case.form, case.solver, tolerance, case.samples, case.max_seconds)
+    return Case(
+        case.scene_name,
+        case.scene,
+        case.form,
+        case.solver,
+        tolerance,
+        case.samples,
+        case.max_seconds,
+    )
 
 
 def _name(case: Case) -> str:
@@ -90,7 +106,9 @@ def _name(case: Case) -> str:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """One test per case."""
-    outside = (metafunc.config.getoption(option) or () for option in ("--with-form", "--with-solver"))
+    outside = (
+        metafunc.config.getoption(option) or () for option in ("--with-form", "--with-solver")
+    )
     metafunc.parametrize("case", list(cases(*outside)), ids=_name)
 
 
@@ -114,7 +132,9 @@ def test_solve(benchmark, case: Case) -> None:
                 case.solve()
 
         benchmark.pedantic(case.solve, setup=ready, rounds=rounds, iterations=1, warmup_rounds=1)
-        benchmark.extra_info["seconds_runs"] = [float(seconds) for seconds in benchmark.stats.stats.data]
+        benchmark.extra_info["seconds_runs"] = [
+            float(seconds) for seconds in benchmark.stats.stats.data
+        ]
     else:
         benchmark.pedantic(_nothing, rounds=1, iterations=1, warmup_rounds=1)
     benchmark.extra_info["sentinel_seconds"] = min(steadiness)

@@ -35,7 +35,9 @@ def python(*words: str, fresh: bool = False) -> str:
     with TemporaryDirectory() as folder:
         environment = {**os.environ, "POLHODE_CACHE": folder} if fresh else os.environ
         command = [sys.executable, *words]
-        return subprocess.run(command, check=True, capture_output=True, text=True, env=environment).stdout
+        return subprocess.run(
+            command, check=True, capture_output=True, text=True, env=environment
+        ).stdout
 
 
 def clocks() -> tuple[float, float]:
@@ -51,7 +53,9 @@ def seconds(*words: str, fresh: bool = False) -> str:
     for _ in range(RUNS):
         python(*words, fresh=fresh)
         marks.append(clocks())
-    wall, processor = (median(b - a for a, b in pairwise(column)) for column in zip(*marks, strict=True))
+    wall, processor = (
+        median(b - a for a, b in pairwise(column)) for column in zip(*marks, strict=True)
+    )
     return f"{wall:.2f} | {processor:.2f}"
 
 
@@ -59,7 +63,12 @@ if __name__ == "__main__":
     print("| what | wall, s | processor, s |\n|---|---|---|")
     for command in COMMANDS:
         print(f"| `{command}` | {seconds('-m', *command.split())} |", flush=True)
-    print(f"| `{COMMANDS[5]}`, a new shape | {seconds('-m', *COMMANDS[5].split(), fresh=True)} |", flush=True)
+    print(
+        f"| `{COMMANDS[5]}`, a new shape | {seconds('-m', *COMMANDS[5].split(), fresh=True)} |",
+        flush=True,
+    )
     for code in PYTHON:
         print(f'| `python -c "{code}"` | {seconds("-c", code)} |', flush=True)
-    print(f"| `polhode.solve('paper')` once more | {median(float(python('-c', AGAIN)) for _ in range(RUNS)):.4f} | |")
+    print(
+        f"| `polhode.solve('paper')` once more | {median(float(python('-c', AGAIN)) for _ in range(RUNS)):.4f} | |"
+    )

@@ -31,4 +31,10 @@ def pytest_benchmark_update_machine_info(config: pytest.Config, machine_info: di
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Forms and solvers from outside."""
     for option in ("--with-form", "--with-solver"):
-        parser.addoption(option, action="append", default=[], metavar="MODULE:CLASS", help="one from outside, too")
+        parser.addoption(
+            option,
+            action="append",
+            default=[],
+            metavar="MODULE:CLASS",
+            help="one from outside, too",
+        )

@@ -27,7 +27,13 @@ def polhode(tmp_path: Path, environment: dict[str, str]) -> Run:
     def run(*arguments: object, folder: Path = tmp_path) -> subprocess.CompletedProcess[str]:
         words = [SCRIPT, *map(str, arguments)]
         return subprocess.run(
-            words, cwd=folder, env=environment, capture_output=True, text=True, timeout=120, check=False
+            words,
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
         )
 
     return run
@@ -35,7 +41,10 @@ def polhode(tmp_path: Path, environment: dict[str, str]) -> Run:
 
 @pytest.fixture
 def here(
-    tmp_path: Path, environment: dict[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    environment: dict[str, str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> Run:
     """As `polhode`, but in this process, which has imported and compiled already what it needs."""
     monkeypatch.chdir(tmp_path)
@@ -46,7 +55,9 @@ def here(
         with pytest.raises(SystemExit) as end:
             main([*map(str, arguments)])
         printed = capsys.readouterr()
-        return subprocess.CompletedProcess(arguments, int(end.value.code or 0), printed.out, printed.err)
+        return subprocess.CompletedProcess(
+            arguments, int(end.value.code or 0), printed.out, printed.err
+        )
 
     return run
 
@@ -72,7 +83,9 @@ def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> 
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+def cluster(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[tuple[str, list[subprocess.Popen]]]:
     """Address of a scheduler on the loopback, and its two workers' processes."""
     pytest.importorskip("distributed")
     folder = tmp_path_factory.mktemp("dask")

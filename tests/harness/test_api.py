@@ -12,7 +12,17 @@ import pandas as pd
 import pytest
 from commandline import SCENE, Run
 
-from polhode import Ellipsoid, EulerStart, Problem, Scene, SceneSolution, WorkPrecision, pick, solve, solve_ivp
+from polhode import (
+    Ellipsoid,
+    EulerStart,
+    Problem,
+    Scene,
+    SceneSolution,
+    WorkPrecision,
+    pick,
+    solve,
+    solve_ivp,
+)
 from polhode.harness.api import as_scene, plan
 from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
@@ -42,7 +52,9 @@ def test_names_are_imported_on_first_use():
         "from polhode import pick, solve, WorkPrecision\n"
         "assert pick.__name__ == 'pick' and callable(pick)\n"
     )
-    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -79,7 +91,11 @@ def test_frame_is_the_csv(here: Run, scene_file: Path, tmp_path: Path):
 @pytest.mark.parametrize(("name", "t2"), [("jeffery", np.nan), ("top", 0.0)])
 def test_slow_time_at_the_limits(name: str, t2: float):
     found = solve(
-        name, form={"jeffery": "jeffery", "top": "euler-top"}[name], solver="exact", tolerance=1e-9, samples=5
+        name,
+        form={"jeffery": "jeffery", "top": "euler-top"}[name],
+        solver="exact",
+        tolerance=1e-9,
+        samples=5,
     )
     np.testing.assert_array_equal(found.frame()["t2"], [t2] * 5)
 
@@ -102,7 +118,9 @@ def test_left_to_choose_it_meets_the_error(solution: SceneSolution, times: list[
 
 
 def test_an_object_of_the_catalogue_is_chosen_for_as_its_name():
-    by_name, by_object = (plan("paper", each, None, None, 1e-6, "slow", 201) for each in ("quaternion", Quaternion()))
+    by_name, by_object = (
+        plan("paper", each, None, None, 1e-6, "slow", 201) for each in ("quaternion", Quaternion())
+    )
     assert (by_object.solver, by_object.tolerance) == (by_name.solver, by_name.tolerance)
     assert by_object.note == by_name.note
 
@@ -144,7 +162,9 @@ def test_failure_is_a_status_with_the_rows_so_far():
     assert found.status in (Status.NON_FINITE, Status.STEP_UNDERFLOW)
     assert 1 < len(found.frame()) == len(found.times) < 201
     # Of no row that was asked for the start is left.
-    assert solve(scene, form="euler-angles", solver="cyrk-vern8", tolerance=1e-8, times=[40.0]).times.tolist() == [0.0]
+    assert solve(
+        scene, form="euler-angles", solver="cyrk-vern8", tolerance=1e-8, times=[40.0]
+    ).times.tolist() == [0.0]
 
 
 @pytest.mark.parametrize(
@@ -152,7 +172,10 @@ def test_failure_is_a_status_with_the_rows_so_far():
     [
         ({"samples": 1}, "samples: got 1, expected a whole number from 2 to"),
         ({"samples": 2.5}, "samples: got 2.5, expected a whole number from 2 to"),
-        ({"form": "quaternoin"}, "form: got 'quaternoin' .did you mean 'quaternion'.., expected one of"),
+        (
+            {"form": "quaternoin"},
+            "form: got 'quaternoin' .did you mean 'quaternion'.., expected one of",
+        ),
         ({"tolerance": -1.0}, "tolerance: got -1.0, expected a number from 1e-16"),
         ({"tolerance": 1e-300}, "tolerance: got 1e-300, expected a number from 1e-16"),
         ({"form": "spheroid-axis"}, "use 'quaternion'"),
@@ -162,12 +185,24 @@ def test_failure_is_a_status_with_the_rows_so_far():
         ({"tolerance": "1e-8"}, "^tolerance: got '1e-8', expected a number"),
         ({"tolerance": [1e-8]}, r"^tolerance: got \[1e-08\], expected a number"),
         ({"tolerance": None, "error": None}, "^error: got None, expected a number"),
-        ({"times": [1.0, 2.0], "samples": 5}, "^samples: got 5 beside times, expected one of them$"),
+        (
+            {"times": [1.0, 2.0], "samples": 5},
+            "^samples: got 5 beside times, expected one of them$",
+        ),
         ({"times": "now"}, "^times: got 'now', expected increasing numbers from 0 to 500$"),
-        ({"times": [0.0, None, 1.0]}, r"^times: got \[0.0, None, 1.0\], expected increasing numbers"),
+        (
+            {"times": [0.0, None, 1.0]},
+            r"^times: got \[0.0, None, 1.0\], expected increasing numbers",
+        ),
         ({"times": [0.0, "1"]}, r"^times: got \[0.0, '1'\], expected increasing numbers"),
-        ({"times": [0.0, [1.0, 2.0]]}, r"^times: got \[0.0, \[1.0, 2.0\]\], expected increasing numbers"),
-        ({"events": None}, "^events: got None, expected one of separatrix, lz, settled, or a function$"),
+        (
+            {"times": [0.0, [1.0, 2.0]]},
+            r"^times: got \[0.0, \[1.0, 2.0\]\], expected increasing numbers",
+        ),
+        (
+            {"events": None},
+            "^events: got None, expected one of separatrix, lz, settled, or a function$",
+        ),
         ({"events": [3]}, "^events: got 3, expected one of separatrix"),
         ({"events": [["lz"]]}, r"^events: got \['lz'\], expected one of separatrix"),
     ],
@@ -179,11 +214,16 @@ def test_refusals_name_value_and_expectation(change: dict, words: str):
 
 def test_a_form_without_what_every_form_has_is_refused_in_a_line():
     methods = {"check": Quaternion.check, "problem": Quaternion.problem}
-    bare = type("Bare", (Form,), {"name": "bare", "state": ("q",), "observe": Quaternion.observe, **methods})()
-    with pytest.raises(ValueError, match=r"^form: got 'Bare', expected a class that has orientation$"):
+    bare = type(
+        "Bare", (Form,), {"name": "bare", "state": ("q",), "observe": Quaternion.observe, **methods}
+    )()
+    with pytest.raises(
+        ValueError, match=r"^form: got 'Bare', expected a class that has orientation$"
+    ):
         solve("paper", form=bare)
     with pytest.raises(
-        ValueError, match=r"^form: got 'Quaternion', expected an object, not the class: Quaternion\(\)$"
+        ValueError,
+        match=r"^form: got 'Quaternion', expected an object, not the class: Quaternion\(\)$",
     ):
         solve("paper", form=Quaternion)  # pyright: ignore
 
@@ -206,7 +246,9 @@ def test_points_that_the_reference_cannot_tell_are_grey():
     import matplotlib.pyplot as plt
 
     problem = replace(form("quaternion").problem(named_scene("paper")), end=5.0)
-    study = WorkPrecision(problem, solvers=("taylor", "cyrk-vern8"), tolerances=(1e-4, 1e-8), samples=11)
+    study = WorkPrecision(
+        problem, solvers=("taylor", "cyrk-vern8"), tolerances=(1e-4, 1e-8), samples=11
+    )
     exact, _ = study.reference
     limit = study.frame["error"].sort_values().iloc[1]
     unsure = replace(study)
@@ -218,7 +260,12 @@ def test_points_that_the_reference_cannot_tell_are_grey():
     grey = [line for line in axes.get_lines() if line.get_color() == GREY]
     points = sorted(float(x) for line in grey for x in line.get_xdata())
     assert points == sorted(errors[errors <= limit])
-    assert set(axes.get_legend_handles_labels()[1]) == {"Pareto front", "taylor", "cyrk-vern8", UNKNOWN}
+    assert set(axes.get_legend_handles_labels()[1]) == {
+        "Pareto front",
+        "taylor",
+        "cyrk-vern8",
+        UNKNOWN,
+    }
     plt.close(figure)
 
 
@@ -229,7 +276,9 @@ def branching(t, y):
 def test_a_kink_that_the_reference_steps_over_leaves_errors_unknown():
     """The solution goes from 1 to 2.5; Taylor's method, which sees no kink, goes to 2."""
     problem = Problem.from_function(branching, [1.0], 1.0)
-    study = WorkPrecision(problem, solvers=("taylor", "cyrk-dop853"), tolerances=(1e-8,), quiet=True)
+    study = WorkPrecision(
+        problem, solvers=("taylor", "cyrk-dop853"), tolerances=(1e-8,), quiet=True
+    )
     assert study.frame["uncertainty"].tolist() == pytest.approx([0.25, 0.25], rel=1e-6)
     assert not study.frame["known"].any()
     assert len(repr(study)) < 600
@@ -237,7 +286,9 @@ def test_a_kink_that_the_reference_steps_over_leaves_errors_unknown():
 
 @pytest.mark.parametrize("given", ["paper", None, branching])
 def test_a_study_of_what_is_no_problem_is_refused_in_one_line(given):
-    with pytest.raises(ValueError, match=r"^problem: got .*, expected a Problem: Problem.from_function"):
+    with pytest.raises(
+        ValueError, match=r"^problem: got .*, expected a Problem: Problem.from_function"
+    ):
         WorkPrecision(given)
 
 
@@ -271,12 +322,19 @@ def test_a_printed_solution_is_short():
 @pytest.mark.parametrize("kind", [list, np.array, lambda each: tuple(np.float32(each))])
 def test_scenes_of_lists_arrays_and_single_precision_are_solved_in_doubles(kind):
     """As data from a file of particles are; numbers that single precision holds, so that the motion is the same."""
-    axes, angles, rates, stokes, time = (1.0, 0.75, 0.5), (1.0, 0.5, 0.0), (1.0, 1.0, -1.0), 7.0, 50.0
+    axes, angles, rates, stokes, time = (
+        (1.0, 0.75, 0.5),
+        (1.0, 0.5, 0.0),
+        (1.0, 1.0, -1.0),
+        7.0,
+        50.0,
+    )
     own = Scene(Ellipsoid(axes), stokes, EulerStart(angles, rates), time)
     start = EulerStart(kind(angles), kind(rates))
     like = Scene(Ellipsoid(kind(axes)), np.float32(stokes), start, np.float32(time))
     runs = [
-        solve(each, form="quaternion", solver="cyrk-vern8", tolerance=1e-12, estimate=False) for each in (own, like)
+        solve(each, form="quaternion", solver="cyrk-vern8", tolerance=1e-12, estimate=False)
+        for each in (own, like)
     ]
     assert np.array_equal(runs[0].states, runs[1].states)
     assert pick(like).ranking == pick(own).ranking

@@ -90,7 +90,9 @@ def test_shape_of_a_sphere_and_of_the_papers_ellipsoid(here: Run):
     assert list(paper) == ["semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes"]
 
 
-@pytest.mark.parametrize(("axes", "kind"), [((1, 1, 2), "prolate"), ((2, 1, 2), "oblate"), ((1, 1, 1e-70), "oblate")])
+@pytest.mark.parametrize(
+    ("axes", "kind"), [((1, 1, 2), "prolate"), ((2, 1, 2), "oblate"), ((1, 1, 1e-70), "oblate")]
+)
 def test_shape_in_words(here: Run, axes: tuple[float, ...], kind: str):
     done = here("shape", *axes)
     assert done.stderr == ""
@@ -103,7 +105,9 @@ def test_shape_in_words(here: Run, axes: tuple[float, ...], kind: str):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_built_in_scene_printed_is_the_same_scene_as_a_file(name: str):
-    assert parse_scene(tomllib.loads(scene_text(scene_table(named_scene(name))))) == named_scene(name)
+    assert parse_scene(tomllib.loads(scene_text(scene_table(named_scene(name))))) == named_scene(
+        name
+    )
 
 
 def test_scenes_are_listed_and_printed(here: Run, tmp_path: Path):
@@ -141,51 +145,143 @@ BAD_ARGUMENTS = [
     (["solvers", "--jason"], "--jason", "Did you mean '--json'? expected: polhode solvers"),
     (["solve"], "Missing argument 'SCENE'", "expected: polhode solve [OPTIONS] SCENE"),
     (["solve", "scene.toml", "--out"], "'--out'", "requires an argument"),
-    (["solve", "no-such-scene", "--out", "a.csv"], "got 'no-such-scene'", "expected a file or one of paper,"),
+    (
+        ["solve", "no-such-scene", "--out", "a.csv"],
+        "got 'no-such-scene'",
+        "expected a file or one of paper,",
+    ),
     (["solve", "", "--out", "a.csv"], "got ''", "expected a file or one of paper,"),
     (["solve", "..", "--out", "a.csv"], "got '..'", "a folder, expected a file"),
-    (["solve", "scene.toml", "--out", "a.csv", "--form", "quarternion"], "got 'quarternion'", "expected one of euler"),
-    (["solve", "scene.toml", "--out", "a.csv", "--form", "os:path"], "got 'os:path'", "expected a class derived from"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--form", "quarternion"],
+        "got 'quarternion'",
+        "expected one of euler",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--form", "os:path"],
+        "got 'os:path'",
+        "expected a class derived from",
+    ),
     (
         ["solve", "scene.toml", "--out", "a.csv", "--form", "nothing:at_all"],
         "'nothing:at_all'",
         "is its folder on PYTHONPATH?",
     ),
-    (["solve", "scene.toml", "--out", "a.csv", "--form", "averaged-spheroid"], "[1.0, 0.8, 0.5]", "use 'averaged'"),
-    (["solve", "scene.toml", "--out", "a.csv", "--solver", "rk4"], "got 'rk4'", "expected one of taylor, dop853"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--form", "averaged-spheroid"],
+        "[1.0, 0.8, 0.5]",
+        "use 'averaged'",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--solver", "rk4"],
+        "got 'rk4'",
+        "expected one of taylor, dop853",
+    ),
     (
         ["solve", "scene.toml", "--out", "a.csv", "--solver", "vern8"],
         "got 'vern8' (did you mean 'cyrk-vern8'?)",
         "expected one of",
     ),
-    (["solve", "scene.toml", "--out", "a.csv", "--sample", "3"], "--sample", "Did you mean one of: '--samples'"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--sample", "3"],
+        "--sample",
+        "Did you mean one of: '--samples'",
+    ),
     (["report", "--out", "scene.toml"], "--out", "Directory 'scene.toml' is a file"),
-    (["solve", "scene.toml", "--out", "a.csv", *GIVEN, "--solver", "exact"], "'quaternion'", "use solver 'taylor'"),
-    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "0"], "got 0.0", "expected a number from 1e-16"),
-    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "-1e-6"], "got -1e-06", "expected a number from"),
-    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "nan"], "got nan", "expected a number from"),
-    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "tight"], "'tight'", "is not a valid float"),
-    (["solve", "scene.toml", "--out", "a.csv", "--tolerance", "1e-30"], "got 1e-30", "expected a number from 1e-16"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", *GIVEN, "--solver", "exact"],
+        "'quaternion'",
+        "use solver 'taylor'",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--tolerance", "0"],
+        "got 0.0",
+        "expected a number from 1e-16",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--tolerance", "-1e-6"],
+        "got -1e-06",
+        "expected a number from",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--tolerance", "nan"],
+        "got nan",
+        "expected a number from",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--tolerance", "tight"],
+        "'tight'",
+        "is not a valid float",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--tolerance", "1e-30"],
+        "got 1e-30",
+        "expected a number from 1e-16",
+    ),
     (["solve", "scene.toml", *GIVEN, "--out", "a.csv", "--tolerance", "3"], "got 3.0", "to 1"),
     (
         ["solve", "scene.toml", "--out", "a.csv", "--form", "averaged", "--want", "orientation"],
         "got 'orientation' for form 'averaged'",
         "expected 'slow'",
     ),
-    (["solve", "scene.toml", "--out", "a.csv", "--error", "-1"], "got -1.0", "expected a finite positive number"),
-    (["solve", "scene.toml", "--out", "a.csv", "--want", "all"], "'all'", "is not one of 'slow', 'orientation'"),
-    (["solve", "scene.toml", "--out", "a.csv", "--samples", "1"], "got 1,", "expected a whole number from 2 to"),
-    (["solve", "scene.toml", "--out", "a.csv", "--samples", "-5"], "got -5,", "expected a whole number from 2 to"),
-    (["solve", "scene.toml", "--out", "a.csv", "--samples", "1e12"], "'1e12'", "is not a valid integer"),
-    (["solve", "scene.toml", "--out", "a.csv", "--samples", "1000000000000"], "1000000000000", "from 2 to 10000000"),
-    (["solve", "scene.toml", "--out", "a.xlsx"], "got 'a.xlsx'", "in .csv, .txt, .dat, .parquet, or without"),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--error", "-1"],
+        "got -1.0",
+        "expected a finite positive number",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--want", "all"],
+        "'all'",
+        "is not one of 'slow', 'orientation'",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--samples", "1"],
+        "got 1,",
+        "expected a whole number from 2 to",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--samples", "-5"],
+        "got -5,",
+        "expected a whole number from 2 to",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--samples", "1e12"],
+        "'1e12'",
+        "is not a valid integer",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.csv", "--samples", "1000000000000"],
+        "1000000000000",
+        "from 2 to 10000000",
+    ),
+    (
+        ["solve", "scene.toml", "--out", "a.xlsx"],
+        "got 'a.xlsx'",
+        "in .csv, .txt, .dat, .parquet, or without",
+    ),
     (["solve", "scene.toml", "--out", "."], ".: is a folder", "expected a file name"),
-    (["solve", "scene.toml", "--out", "no/such/a.csv"], "no/such: no such folder", "expected an existing one"),
-    (["solve", "scene.toml", *GIVEN, "--out", "/proc/a.csv"], "/proc/a.csv", "expected an existing one"),
-    (["solve", "scene.toml", "again", "--out", "a.csv"], "(again)", "expected: polhode solve [OPTIONS] SCENE"),
+    (
+        ["solve", "scene.toml", "--out", "no/such/a.csv"],
+        "no/such: no such folder",
+        "expected an existing one",
+    ),
+    (
+        ["solve", "scene.toml", *GIVEN, "--out", "/proc/a.csv"],
+        "/proc/a.csv",
+        "expected an existing one",
+    ),
+    (
+        ["solve", "scene.toml", "again", "--out", "a.csv"],
+        "(again)",
+        "expected: polhode solve [OPTIONS] SCENE",
+    ),
     (["bench", "no-such-study.toml"], "no-such-study.toml", "expected an existing one"),
     (["bench", "scene.toml"], "scene.toml: stokes: unknown key", "expected one of name, title, "),
-    (["bench", "scene.toml", "--out", "a", "--tolerance", "3"], "--tolerance", "expected: polhode bench [OPTIONS]"),
+    (
+        ["bench", "scene.toml", "--out", "a", "--tolerance", "3"],
+        "--tolerance",
+        "expected: polhode bench [OPTIONS]",
+    ),
     (["throughput", "--out", "/proc"], "/proc/README.md", "expected an existing one"),
     (["accuracy", "--out", "/proc"], "/proc/README.md", "expected an existing one"),
     (["paper", "--out", "/proc"], "/proc/README.md", "expected an existing one"),
@@ -196,7 +292,11 @@ BAD_ARGUMENTS = [
     (["compare", "a.json", "b.json", "--slower", "x"], "'x'", "is not a valid float"),
     (["export"], "Missing argument 'STORE'", "expected: polhode export [OPTIONS] STORE OUT"),
     (["export", "no-such-store", "a.csv"], "no-such-store", "expected a file of `polhode bench`"),
-    (["export", "scene.toml", "a.csv"], "scene.toml: not a readable store", "file is not a database"),
+    (
+        ["export", "scene.toml", "a.csv"],
+        "scene.toml: not a readable store",
+        "file is not a database",
+    ),
 ]
 
 
@@ -206,7 +306,9 @@ BAD_ARGUMENTS = [
     BAD_ARGUMENTS,
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_bad_arguments_get_one_line(here: Run, tmp_path: Path, arguments: list[str], got: str, expected: str):
+def test_bad_arguments_get_one_line(
+    here: Run, tmp_path: Path, arguments: list[str], got: str, expected: str
+):
     line = refusal(here(*arguments), tmp_path)
     assert got in line
     assert expected in line
@@ -215,13 +317,33 @@ def test_bad_arguments_get_one_line(here: Run, tmp_path: Path, arguments: list[s
 BAD_FILES = [
     ("", "stokes: missing", "expected a value"),
     ("stokes = [", "expected a TOML file", "Invalid value"),
-    (SCENE.replace("1000.0", "-3.0"), "stokes: got -3.0", "expected a number greater than or equal to 0"),
+    (
+        SCENE.replace("1000.0", "-3.0"),
+        "stokes: got -3.0",
+        "expected a number greater than or equal to 0",
+    ),
     (SCENE.replace("0.8", "nan"), "shape.semi_axes[1]: got nan", "expected a finite number"),
-    (SCENE.replace("= [1.0, 1.0, -1.0]", "= [1e160, 1.0, 0.0]"), "got [1e+160, 1.0, 0.0]", "of at most 1e+30"),
-    (SCENE.replace("slow_time = 0.5", "time = 5e-324"), "time: got 5e-324", "expected a finite number from 1e-60"),
+    (
+        SCENE.replace("= [1.0, 1.0, -1.0]", "= [1e160, 1.0, 0.0]"),
+        "got [1e+160, 1.0, 0.0]",
+        "of at most 1e+30",
+    ),
+    (
+        SCENE.replace("slow_time = 0.5", "time = 5e-324"),
+        "time: got 5e-324",
+        "expected a finite number from 1e-60",
+    ),
     ("x = " + "[" * 20_000, "expected a TOML file", "nested too deeply"),
-    (SCENE + '"\\u001b[31mred" = 3', "start.\\x1b[31mred: unknown key", "expected one of euler_angles,"),
-    (SCENE.replace("euler_rates", "euler_rate"), "start.euler_rate: unknown key", "expected one of euler_angles,"),
+    (
+        SCENE + '"\\u001b[31mred" = 3',
+        "start.\\x1b[31mred: unknown key",
+        "expected one of euler_angles,",
+    ),
+    (
+        SCENE.replace("euler_rates", "euler_rate"),
+        "start.euler_rate: unknown key",
+        "expected one of euler_angles,",
+    ),
 ]
 
 
@@ -242,7 +364,9 @@ def test_a_bad_scene_file_gets_one_line(
 
 def test_a_scene_that_is_no_text_gets_one_line(here: Run, scene_file: Path, tmp_path: Path):
     scene_file.write_bytes(b"\xff\xfe\x00")
-    assert "expected a TOML file" in refusal(here("solve", "scene.toml", "--out", "a.csv"), tmp_path)
+    assert "expected a TOML file" in refusal(
+        here("solve", "scene.toml", "--out", "a.csv"), tmp_path
+    )
 
 
 @pytest.mark.parametrize(
@@ -265,28 +389,46 @@ def test_a_scene_that_begins_with_a_byte_order_mark_is_a_scene(here: Run, tmp_pa
 @pytest.mark.parametrize(
     ("start", "question"),
     [
-        ("euler_angles = [60.0, 30.0, 0.0]", "start.euler_angles: got [60.0, 30.0, 0.0] rad, beyond 2π; were degrees"),
-        ("quaternion = [1.0, 1.0, 0.0, 0.0]", "start.quaternion: got [1.0, 1.0, 0.0, 0.0] of norm 1.41"),
+        (
+            "euler_angles = [60.0, 30.0, 0.0]",
+            "start.euler_angles: got [60.0, 30.0, 0.0] rad, beyond 2π; were degrees",
+        ),
+        (
+            "quaternion = [1.0, 1.0, 0.0, 0.0]",
+            "start.quaternion: got [1.0, 1.0, 0.0, 0.0] of norm 1.41",
+        ),
     ],
 )
-def test_what_is_legal_and_surely_not_meant_is_questioned(here: Run, scene_file: Path, start: str, question: str):
-    scene_file.write_text(SCENE.partition("euler_angles")[0] + f"{start}\nat_rest = true\n", encoding="utf-8")
+def test_what_is_legal_and_surely_not_meant_is_questioned(
+    here: Run, scene_file: Path, start: str, question: str
+):
+    scene_file.write_text(
+        SCENE.partition("euler_angles")[0] + f"{start}\nat_rest = true\n", encoding="utf-8"
+    )
     done = here("scenes", "scene.toml")
     assert done.returncode == 0
     assert done.stderr.startswith(f"note: {question}")
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [("forms",), ("solve", "paper", *GIVEN, "--samples", "9", "--out", "-")])
-def test_a_full_standard_output_is_said_in_a_line_and_a_closed_one_is_none(environment, arguments: tuple[str, ...]):
+@pytest.mark.parametrize(
+    "arguments", [("forms",), ("solve", "paper", *GIVEN, "--samples", "9", "--out", "-")]
+)
+def test_a_full_standard_output_is_said_in_a_line_and_a_closed_one_is_none(
+    environment, arguments: tuple[str, ...]
+):
     with open("/dev/full", "w") as full:
-        done = subprocess.run([SCRIPT, *arguments], stdout=full, stderr=subprocess.PIPE, env=environment, check=False)
+        done = subprocess.run(
+            [SCRIPT, *arguments], stdout=full, stderr=subprocess.PIPE, env=environment, check=False
+        )
     assert done.returncode == 1
     assert done.stderr.decode().splitlines()[-1].startswith("polhode: ")
     assert b"Traceback" not in done.stderr
     reading, writing = os.pipe()
     os.close(reading)
-    done = subprocess.run([SCRIPT, *arguments], stdout=writing, stderr=subprocess.PIPE, env=environment, check=False)
+    done = subprocess.run(
+        [SCRIPT, *arguments], stdout=writing, stderr=subprocess.PIPE, env=environment, check=False
+    )
     os.close(writing)
     assert b"polhode:" not in done.stderr
     assert b"Traceback" not in done.stderr

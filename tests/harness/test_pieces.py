@@ -14,7 +14,9 @@ from polhode.models.shape import Ellipsoid
 @pytest.fixture(scope="module")
 def solution() -> SceneSolution:
     scene = Scene(Ellipsoid((1.0, 1.0, 2.0)), 1e5, EulerStart((1.0, 0.3, 0.2)), 2e4)
-    return solve(scene, form="hybrid", solver="cyrk-vern8", tolerance=1e-6, estimate=False, samples=11)
+    return solve(
+        scene, form="hybrid", solver="cyrk-vern8", tolerance=1e-6, estimate=False, samples=11
+    )
 
 
 def test_a_solution_knows_its_pieces(solution: SceneSolution):

@@ -42,13 +42,22 @@ def test_what_is_in_the_store_is_not_run_again(folder: Path, monkeypatch: pytest
 def test_a_kill_from_outside_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("polhode.harness.common.worker.ATTEMPTS", 1)
     with Store(tmp_path / "store.sqlite") as store:
-        with pytest.raises(KilledFromOutsideError, match="lorenz by planted:Victim: crashed with SIGKILL"):
+        with pytest.raises(
+            KilledFromOutsideError, match="lorenz by planted:Victim: crashed with SIGKILL"
+        ):
             run_problems(store, ("lorenz",), ("planted:Victim",), quick=True, quiet=True)
         assert not store.keys()
 
 
-def test_a_solver_that_hangs_is_stopped_and_one_that_raises_says_how_in_a_line(tmp_path: Path, monkeypatch):
-    replies = iter([Reply(None, Failure.KILLED, "killed after 9 s", 9.0), Reply(None, Failure.RAISED, "a\nb\n", 1.0)])
+def test_a_solver_that_hangs_is_stopped_and_one_that_raises_says_how_in_a_line(
+    tmp_path: Path, monkeypatch
+):
+    replies = iter(
+        [
+            Reply(None, Failure.KILLED, "killed after 9 s", 9.0),
+            Reply(None, Failure.RAISED, "a\nb\n", 1.0),
+        ]
+    )
     monkeypatch.setattr(Worker, "run", lambda *_, **__: next(replies))
     with Store(tmp_path / "store.sqlite") as store:
         rows = run_problems(store, ("lorenz",), ("taylor", "ida"), quick=True, quiet=True)
@@ -58,23 +67,58 @@ def test_a_solver_that_hangs_is_stopped_and_one_that_raises_says_how_in_a_line(t
 
 def test_the_page(here: Run, folder: Path):
     words = ("bench", "--problems", "--quick", "--resume", "--quiet", "--out", folder)
-    done = here(*words, "--scene", "kepler", "--scene", "robertson-dae", "--solver", "cyrk-dop853", "--solver", "ida")
+    done = here(
+        *words,
+        "--scene",
+        "kepler",
+        "--scene",
+        "robertson-dae",
+        "--solver",
+        "cyrk-dop853",
+        "--solver",
+        "ida",
+    )
     assert done.returncode == 0, done.stderr
     page = (folder / "README.md").read_text()
     assert re.search(r"\| kepler +\| cyrk-dop853: [\d.]+ .s, [\d.]+ × as fast as ida", page)
     assert "**robertson-dae**: F. Mazzia" in page
     assert "- Of 2 problems that somebody solves, " in page
-    assert {"profiles.png", "work-precision.png", "runs.csv"} <= {path.name for path in folder.iterdir()}
-    nobody = "--quick", "--quiet", "--out", folder / "nobody", "--scene", "robertson", "--solver", "rk45"
+    assert {"profiles.png", "work-precision.png", "runs.csv"} <= {
+        path.name for path in folder.iterdir()
+    }
+    nobody = (
+        "--quick",
+        "--quiet",
+        "--out",
+        folder / "nobody",
+        "--scene",
+        "robertson",
+        "--solver",
+        "rk45",
+    )
     assert here("bench", "--problems", *nobody).returncode == 0
-    assert "- No solver reaches an error of 1e-6 of any problem." in (folder / "nobody" / "README.md").read_text()
-    look = here("bench", "--problems", "--quick", "--quiet", "--scene", "kepler", "--solver", "cyrk-dop853")
+    assert (
+        "- No solver reaches an error of 1e-6 of any problem."
+        in (folder / "nobody" / "README.md").read_text()
+    )
+    look = here(
+        "bench", "--problems", "--quick", "--quiet", "--scene", "kepler", "--solver", "cyrk-dop853"
+    )
     assert (look.returncode, look.stdout) == (0, "reports/problems-quick/README.md\n")
     refused = here("bench", "--problems", "--scene", "keppler", "--out", folder / "other")
     assert refused.returncode == 2
     assert "got 'keppler' (did you mean 'kepler'?), expected one of hires" in refused.stderr
     assert here("bench", "--problems", "--solver", "rk4", "--out", folder / "other").returncode == 2
-    refused = here("bench", "--problems", "--scene", "kepler", "--solver", "splitting", "--out", folder / "other")
+    refused = here(
+        "bench",
+        "--problems",
+        "--scene",
+        "kepler",
+        "--solver",
+        "splitting",
+        "--out",
+        folder / "other",
+    )
     assert refused.returncode == 2
     assert refused.stderr == "polhode: solver: got splitting, expected one that takes kepler\n"
     assert not (folder / "other").exists()

@@ -81,17 +81,27 @@ def test_failures_stand_beside_successes_with_their_reasons():
     assert (bad["solver"], bad["status"]) == ("idle", "false_success")
     assert bad["message"] == "the library stopped at t = 0.0, expected 3.0"
     assert (raising["status"], bare["status"]) == ("crashed", "crashed")
-    assert re.match(r"solver 'raising' raised ZeroDivisionError: .*test_work_precision.py:\d+: ", raising["message"])
-    assert (unprepared["status"], unprepared["message"][:27]) == ("crashed", "solver 'unprepared' raised ")
+    assert re.match(
+        r"solver 'raising' raised ZeroDivisionError: .*test_work_precision.py:\d+: ",
+        raising["message"],
+    )
+    assert (unprepared["status"], unprepared["message"][:27]) == (
+        "crashed",
+        "solver 'unprepared' raised ",
+    )
     assert bare["message"].startswith("solver 'bare' returned <Status.REACHED_END")
 
 
 def test_timed_runs_are_not_cut_by_the_limit(monkeypatch):
     limits = []
     monkeypatch.setattr(
-        work_precision, "solve", lambda *args, **kw: limits.append(kw["max_seconds"]) or solve(*args, **kw)
+        work_precision,
+        "solve",
+        lambda *args, **kw: limits.append(kw["max_seconds"]) or solve(*args, **kw),
     )
-    _ = WorkPrecision(PROBLEM, solvers=["taylor"], tolerances=(1e-6,), samples=4, max_seconds=5.0).frame
+    _ = WorkPrecision(
+        PROBLEM, solvers=["taylor"], tolerances=(1e-6,), samples=4, max_seconds=5.0
+    ).frame
     assert limits[0] == 5
     assert set(limits[1:]) == {inf}
 
@@ -112,7 +122,10 @@ NAMELESS = type("Nameless", (Solver,), {"prepare": Idle.prepare})()
         ({"solvers": "taylor"}, r"solvers: got 'taylor', expected a sequence: \['taylor'\]"),
         ({"solvers": []}, r"solvers: got \[\], expected a sequence: \['taylor'\]"),
         ({"solvers": [Idle]}, r"solver: got 'Idle', expected an object, not the class: Idle\(\)"),
-        ({"solvers": [decay]}, "solver: got '<function decay .*expected a name, or an object of a class derived from"),
+        (
+            {"solvers": [decay]},
+            "solver: got '<function decay .*expected a name, or an object of a class derived from",
+        ),
         ({"solvers": [NAMELESS]}, "got 'Nameless', expected a class that has name"),
         ({"solvers": ["work_precision_absent:X"]}, "expected an importable module:class"),
         ({"samples": 1}, "^samples: got 1, expected a whole number from 2 to"),

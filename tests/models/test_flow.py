@@ -25,8 +25,12 @@ def test_energy_is_the_integral_of_the_power(semi_axes, stokes):
     quaternion = form("quaternion")
     run = solve(quaternion.problem(scene), "cyrk-vern8", 1e-15, times)
     assert run.success
-    power = dissipation(scene.ellipsoid, matrix_from_quaternion(run.states[:, :4]), run.states[:, 4:])
-    gained = np.cumsum(np.sum(half * weight * power[np.searchsorted(times, inner)], axis=1)) / stokes
+    power = dissipation(
+        scene.ellipsoid, matrix_from_quaternion(run.states[:, :4]), run.states[:, 4:]
+    )
+    gained = (
+        np.cumsum(np.sum(half * weight * power[np.searchsorted(times, inner)], axis=1)) / stokes
+    )
     energy = quaternion.observe(scene, run.states).energy[np.searchsorted(times, edges)]
     assert np.max(np.abs(energy - energy[0])) > 1e-3
     np.testing.assert_allclose(energy[1:] - energy[0], gained, rtol=0, atol=1e-12)
@@ -39,4 +43,6 @@ def test_power_is_torque_times_angular_velocity():
     q, omega = random.normal(size=(20, 4)), random.normal(size=(20, 3))
     rotation = matrix_from_quaternion(q)
     _, power = first_principles.slow_rates(first_principles.body(semi_axes), rotation, omega)
-    np.testing.assert_allclose(dissipation(Ellipsoid(semi_axes), rotation, omega), power, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        dissipation(Ellipsoid(semi_axes), rotation, omega), power, rtol=1e-10, atol=1e-10
+    )

@@ -45,12 +45,17 @@ def matrix(t, y, k):
 
 def bent(t, y, k):
     x, v = y
-    force = np.heaviside(x, 0.5) * np.sin(np.array([v, x])) - np.heaviside(-x, 0.5) * np.maximum([v, x], -0.3)
+    force = np.heaviside(x, 0.5) * np.sin(np.array([v, x])) - np.heaviside(-x, 0.5) * np.maximum(
+        [v, x], -0.3
+    )
     return k * -y + y / k - np.abs(k - y) + np.minimum(force, 0.4)
 
 
 def with_constants(t, y):
-    return math.sin(0.3) * np.cos(0.2) * y[::-1] - np.sqrt(2.0) * np.exp(-0.5) * np.log(3) * np.abs(-0.4) * y
+    return (
+        math.sin(0.3) * np.cos(0.2) * y[::-1]
+        - np.sqrt(2.0) * np.exp(-0.5) * np.log(3) * np.abs(-0.4) * y
+    )
 
 
 def scaled_by_itself(t, y):
@@ -68,16 +73,25 @@ def by_name(t, y, of, also):
 
 @pytest.mark.parametrize(
     ("f", "parameters", "timed"),
-    [(driven, (1.0, 0.3), True), (matrix, (0.2,), False), (with_constants, (), False), (scaled_by_itself, (), False)],
+    [
+        (driven, (1.0, 0.3), True),
+        (matrix, (0.2,), False),
+        (with_constants, (), False),
+        (scaled_by_itself, (), False),
+    ],
 )
 def test_every_solver_agrees_with_scipy(f, parameters, timed):
     problem = Problem.from_function(f, [1.0, 0.5], 10.0, parameters)
     assert (problem.name, problem.dimension) == (f.__name__, 2 + timed)
-    exact = scipys(f, (0, 10), [1.0, 0.5], "DOP853", rtol=1e-13, atol=1e-13, args=parameters).y[:, -1]
+    exact = scipys(f, (0, 10), [1.0, 0.5], "DOP853", rtol=1e-13, atol=1e-13, args=parameters).y[
+        :, -1
+    ]
     names = accepting(problem)
     assert {"taylor", "radau", "ida", "cvode-bdf", "cyrk-vern8"} <= set(names)
     for name in names:
-        np.testing.assert_allclose(solve(problem, name, 1e-9).states[-1, :2], exact, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(
+            solve(problem, name, 1e-9).states[-1, :2], exact, atol=1e-6, err_msg=name
+        )
     again = pickle.loads(pickle.dumps(problem))
     assert again == problem
 
@@ -99,9 +113,19 @@ def test_arrays_and_branches_are_numpys_in_machine_code_and_for_taylor():
         (lambda t, y: [1.0], [1.0, 2.0], (), "f: got 1 rates, expected 2"),
         (lambda y: [1.0], [1.0], (), r"f: got <lambda>\(y\), expected f\(t, y\)"),
         (lambda t, y, a: [a], [1.0], (), r"f: got <lambda>\(t, y, a\), expected f\(t, y\)"),
-        (lambda t, y: [y[5]], [1.0], (), r"f: got IndexError at the start: index 5.*test_own_function.py:\d+: .lambda"),
+        (
+            lambda t, y: [y[5]],
+            [1.0],
+            (),
+            r"f: got IndexError at the start: index 5.*test_own_function.py:\d+: .lambda",
+        ),
         (lambda y, t: [y], [1.0], (), r"expected f\(t, y\).*the time comes first"),
-        (lambda t, y: [math.inf], [1.0], (), r"f: got the rates \[inf\] at the start, expected finite"),
+        (
+            lambda t, y: [math.inf],
+            [1.0],
+            (),
+            r"f: got the rates \[inf\] at the start, expected finite",
+        ),
         (driven, "ab", (), "y0: got 'ab', expected a sequence of finite numbers"),
         (driven, [], (), "y0: got no numbers"),
         (driven, [1.0, 2.0], 3.0, "parameters: got 3.0, expected a sequence"),
@@ -123,9 +147,13 @@ def test_a_branch_is_refused_with_its_line():
     def branching(t, y):
         return [np.where(y[0] > 0, y[0], 0.0)]
 
-    with pytest.raises(ValueError, match=r"test_own_function.py:\d+: a field cannot compare.*use np.heaviside"):
+    with pytest.raises(
+        ValueError, match=r"test_own_function.py:\d+: a field cannot compare.*use np.heaviside"
+    ):
         check_field(Problem.from_function(branching, [1.0], 1.0))
-    with pytest.raises(ValueError, match=r"test_own_function.py:\d+: a field cannot use this function; use sin"):
+    with pytest.raises(
+        ValueError, match=r"test_own_function.py:\d+: a field cannot use this function; use sin"
+    ):
         check_field(Problem.from_function(lambda t, y: -np.tanh(y[0]), [1.0], 1.0))
 
 
@@ -143,8 +171,12 @@ def test_what_comprehensions_lambdas_and_keywords_name_is_compiled_too():
     ours = solve_ivp(of_two, (0.0, 2.0), [1.0, 0.0], "cyrk-dop853", rtol=1e-10)
     theirs = scipys(of_two, (0.0, 2.0), [1.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(ours.y[:, -1], theirs.y[:, -1], atol=1e-8)
-    given = solve_ivp(partial(by_name, of=np.sin, also=bell), (0.0, 2.0), [1.0], "cyrk-dop853", rtol=1e-10)
-    theirs = scipys(partial(by_name, of=np.sin, also=bell), (0.0, 2.0), [1.0], "DOP853", rtol=1e-12, atol=1e-12)
+    given = solve_ivp(
+        partial(by_name, of=np.sin, also=bell), (0.0, 2.0), [1.0], "cyrk-dop853", rtol=1e-10
+    )
+    theirs = scipys(
+        partial(by_name, of=np.sin, also=bell), (0.0, 2.0), [1.0], "DOP853", rtol=1e-12, atol=1e-12
+    )
     np.testing.assert_allclose(given.y[:, -1], theirs.y[:, -1], atol=1e-8)
 
 
@@ -153,7 +185,9 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
     span, start, args = (0.5, 8.0), [1.0, 0.5], (1.0, 0.3)
     times = np.linspace(1.0, 7.0, 13)
     ours = solve_ivp(driven, span, start, method, times, args=args, events=falls, rtol=1e-10)
-    theirs = scipys(driven, span, start, "DOP853", times, args=args, events=falls, rtol=1e-12, atol=1e-12)
+    theirs = scipys(
+        driven, span, start, "DOP853", times, args=args, events=falls, rtol=1e-12, atol=1e-12
+    )
     np.testing.assert_array_equal(ours.t, theirs.t)
     np.testing.assert_allclose(ours.y, theirs.y, atol=1e-7)
     np.testing.assert_allclose(ours.t_events[0], theirs.t_events[0], rtol=1e-7)
@@ -170,7 +204,10 @@ def test_solve_ivp_gives_what_scipy_gives(method: str):
 def test_an_event_may_end_a_run_at_its_second_time(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(falls, "terminal", 2)
     question = (lambda t, y: [y[1], -y[0]]), (0, 20), [1.0, 0.0]
-    ours, theirs = solve_ivp(*question, events=falls, rtol=1e-10), scipys(*question, events=falls, rtol=1e-10)
+    ours, theirs = (
+        solve_ivp(*question, events=falls, rtol=1e-10),
+        scipys(*question, events=falls, rtol=1e-10),
+    )
     np.testing.assert_allclose(ours.t_events[0], theirs.t_events[0], rtol=1e-3)
     assert len(ours.t_events[0]) == 2
     assert ours.status == theirs.status == 1
@@ -189,7 +226,10 @@ def test_of_scipys_options_those_that_would_change_nothing_are_taken():
         ({"max_step": 0.1}, "^solve_ivp: got max_step, expected no options of SciPy's but"),
         ({"t_span": (0, 10, 20)}, r"^t_span: got \(0, 10, 20\), expected 2 numbers"),
         ({"t_span": 2.0}, r"^t_span: got 2.0, expected 2 numbers"),
-        ({"t_span": (20, 0)}, r"^t_span: got \(20, 0\), expected a start and a finite end after it$"),
+        (
+            {"t_span": (20, 0)},
+            r"^t_span: got \(20, 0\), expected a start and a finite end after it$",
+        ),
         ({"rtol": 0}, "^rtol: got 0, expected a finite positive number$"),
         ({"events": 3}, "^events: got 3, expected .* a function$"),
         ({"events": [[]]}, r"^events: got \[\], expected .* a function$"),
@@ -209,7 +249,9 @@ def test_an_event_that_does_not_happen_has_no_times(terminal: bool):
     question = (lambda t, y: -y), (0, 2), [1.0]
     ours = solve_ivp(*question, events=[half, lambda t, y: y[0] + 1], rtol=1e-10)
     theirs = scipys(*question, events=[half, lambda t, y: y[0] + 1], rtol=1e-10)
-    assert [len(each) for each in ours.t_events] == [len(each) for each in theirs.t_events] == [1, 0]
+    assert (
+        [len(each) for each in ours.t_events] == [len(each) for each in theirs.t_events] == [1, 0]
+    )
     assert [len(each) for each in ours.y_events] == [len(each) for each in theirs.y_events]
 
 
@@ -255,7 +297,8 @@ def test_branching_by_time_is_refused(f):
 
 
 @pytest.mark.parametrize(
-    "use", [lambda t, y: y - t, lambda t, y: [math.cos(t)], lambda t, y: y * np.cos(t), lambda t, y: [t]]
+    "use",
+    [lambda t, y: y - t, lambda t, y: [math.cos(t)], lambda t, y: y * np.cos(t), lambda t, y: [t]],
 )
 def test_time_that_is_used_only_after_the_start_is_refused(use, monkeypatch):
     problem = Problem.from_function(lambda t, y: use(t, y) if RATE > 1 else -y, [1.0], 1.0)
@@ -311,7 +354,9 @@ def with_rate(t, y, rate):
 
 
 @pytest.mark.parametrize("name", ["taylor", "radau", "ida"])
-@pytest.mark.parametrize("f", [Damped().rhs, Damped(), closed_over(), partial(with_rate, rate=Damped.rate)])
+@pytest.mark.parametrize(
+    "f", [Damped().rhs, Damped(), closed_over(), partial(with_rate, rate=Damped.rate)]
+)
 def test_methods_and_closures_are_functions_too(f, name: str):
     """The solution of y' = -exp(-y)/2 is ln(e - t/2)."""
     solution = solve(Problem.from_function(f, [1.0], 1.0), name, 1e-9)
@@ -319,5 +364,8 @@ def test_methods_and_closures_are_functions_too(f, name: str):
 
 
 def test_functions_that_a_method_calls_are_refused_with_the_reason():
-    with pytest.raises(ValueError, match=r"py:\d+: a field cannot use this.*not in methods called: return -self.rate"):
+    with pytest.raises(
+        ValueError,
+        match=r"py:\d+: a field cannot use this.*not in methods called: return -self.rate",
+    ):
         check_field(Problem.from_function(Damped().through_itself, [1.0], 1.0))

@@ -50,7 +50,9 @@ def quadrature(axes):
         for j, k in ((1, 2), (2, 0), (0, 1)):
             both = squares[j] + squares[k]
             inertia.append(4 * mpmath.pi / 15 * volume * both)
-            resistance.append(2 * volume * both / (3 * (squares[j] * betas[j] + squares[k] * betas[k])))
+            resistance.append(
+                2 * volume * both / (3 * (squares[j] * betas[j] + squares[k] * betas[k]))
+            )
         return inertia, resistance
 
 
@@ -58,7 +60,9 @@ def quadrature(axes):
 def test_inertia_and_resistance_to_thirteen_digits(axes):
     inertia, resistance = quadrature(axes)
     ellipsoid = Ellipsoid(axes)
-    for ours, precise in zip(ellipsoid.inertia + ellipsoid.resistance, inertia + resistance, strict=True):
+    for ours, precise in zip(
+        ellipsoid.inertia + ellipsoid.resistance, inertia + resistance, strict=True
+    ):
         assert abs(ours / precise - 1) < 1e-13
 
 
@@ -110,7 +114,9 @@ def test_kind(axes, kind, axis):
         assert ellipsoid.stokes_star_per_stokes == pytest.approx(1 / ellipsoid.damping[axis or 0])
 
 
-@pytest.mark.parametrize("axes", [(1, 1, 0), (1, -1, 1), (1, 1, float("nan")), (1, 1, float("inf")), (1, 1)])
+@pytest.mark.parametrize(
+    "axes", [(1, 1, 0), (1, -1, 1), (1, 1, float("nan")), (1, 1, float("inf")), (1, 1)]
+)
 def test_shapes_without_meaning_are_refused(axes):
     with pytest.raises(ValueError, match="semi_axes: got"):
         Ellipsoid(axes)
@@ -123,10 +129,13 @@ def test_carlson_rd_is_that_of_scipy_and_symmetric(x: float, y: float, z: float)
     assert carlson_rd(x, y, z) == carlson_rd(y, x, z)
 
 
-# Leading orders of I/(8πX) of a spheroid as κ → ∞ and κ → 0, about the symmetry axis (St*/St) and about the equator.
+# Leading orders of I/(8πX) of a spheroid as κ → ∞ and κ → 0, about the symmetry axis (St*/St) and
+# about the equator.
 LIMITS = {
     2: lambda kappa: 1 / (10 * kappa**2) if kappa > 1 else np.pi * kappa / 20,
-    0: lambda kappa: (2 * np.log(2 * kappa) - 1) / (20 * kappa**2) if kappa > 1 else np.pi * kappa / 40,
+    0: lambda kappa: (
+        (2 * np.log(2 * kappa) - 1) / (20 * kappa**2) if kappa > 1 else np.pi * kappa / 40
+    ),
 }
 
 

@@ -23,7 +23,9 @@ def integrator():
         (w2, (i3 - i1) * w3 * w1 / i2),
         (w3, (i1 - i2) * w1 * w2 / i3),
     ]
-    return hy.taylor_adaptive(system, [Long(0)] * 7, pars=[Long(1)] * 3, fp_type=Long, compact_mode=True)
+    return hy.taylor_adaptive(
+        system, [Long(0)] * 7, pars=[Long(1)] * 3, fp_type=Long, compact_mode=True
+    )
 
 
 def integrate(inertia, quaternion, omega, times):
@@ -31,7 +33,9 @@ def integrate(inertia, quaternion, omega, times):
     taylor = integrator()
     taylor.time = Long(0)
     taylor.pars[:] = np.array(inertia, dtype=Long)
-    taylor.state[:] = np.concatenate([unit(np.array(quaternion, dtype=Long)), np.array(omega, dtype=Long)])
+    taylor.state[:] = np.concatenate(
+        [unit(np.array(quaternion, dtype=Long)), np.array(omega, dtype=Long)]
+    )
     outcome, *_, states = taylor.propagate_grid(np.concatenate([[0], times]).astype(Long))
     assert outcome == hy.taylor_outcome.time_limit
     return states[1:, :4], states[1:, 4:]
@@ -117,15 +121,28 @@ def textbook(inertia, quaternion, omega, times):
 
 
 def about_z(angle):
-    return mp.matrix([[mp.cos(angle), -mp.sin(angle), 0], [mp.sin(angle), mp.cos(angle), 0], [0, 0, 1]])
+    return mp.matrix(
+        [[mp.cos(angle), -mp.sin(angle), 0], [mp.sin(angle), mp.cos(angle), 0], [0, 0, 1]]
+    )
 
 
 def about_x(angle):
-    return mp.matrix([[1, 0, 0], [0, mp.cos(angle), -mp.sin(angle)], [0, mp.sin(angle), mp.cos(angle)]])
+    return mp.matrix(
+        [[1, 0, 0], [0, mp.cos(angle), -mp.sin(angle)], [0, mp.sin(angle), mp.cos(angle)]]
+    )
 
 
 def small_angle(matrix):
     """Angle of a rotation matrix close to one."""
     return float(
-        mp.norm(mp.matrix([matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]])) / 2
+        mp.norm(
+            mp.matrix(
+                [
+                    matrix[2, 1] - matrix[1, 2],
+                    matrix[0, 2] - matrix[2, 0],
+                    matrix[1, 0] - matrix[0, 1],
+                ]
+            )
+        )
+        / 2
     )

@@ -1,11 +1,13 @@
 """Rotation of a massive ellipsoid in simple shear flow, straight from the definitions.
 
-NumPy and SciPy only; nothing of the project is imported and no printed formula of the paper is used where a
-definition can be computed instead. The inputs are the vector equation (`ultima`), Stokes flow around an ellipsoid (a
-single layer of stokeslets), rotation matrices built from elementary rotations, and quadrature along the polhode.
+NumPy and SciPy only; nothing of the project is imported and no printed formula of the paper is used
+where a definition can be computed instead. The inputs are the vector equation (`ultima`), Stokes
+flow around an ellipsoid (a single layer of stokeslets), rotation matrices built from elementary
+rotations, and quadrature along the polhode.
 
-Conventions: flow u = y x̂, time in inverse shear rates, slow time t₂ = t/St; row i of a rotation matrix is body axis i
-in space components; L is in space axes; the semi-axes (a, b, c) belong to the body axes (x', y', z'), in any order.
+Conventions: flow u = y x̂, time in inverse shear rates, slow time t₂ = t/St; row i of a rotation
+matrix is body axis i in space components; L is in space axes; the semi-axes (a, b, c) belong to the
+body axes (x', y', z'), in any order.
 """
 
 from functools import cache
@@ -15,7 +17,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 SHEAR = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-LEVI_CIVITA = np.array([[[(i - j) * (j - k) * (k - i) / 2 for k in range(3)] for j in range(3)] for i in range(3)])
+LEVI_CIVITA = np.array(
+    [[[(i - j) * (j - k) * (k - i) / 2 for k in range(3)] for j in range(3)] for i in range(3)]
+)
 CYCLIC = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
@@ -43,7 +47,11 @@ def unit_sphere(order=120):
     azimuth = np.arange(2 * order) * np.pi / order
     sine = np.sqrt(1 - cosine**2)
     nodes = np.stack(
-        [np.outer(sine, np.cos(azimuth)), np.outer(sine, np.sin(azimuth)), np.outer(cosine, np.ones_like(azimuth))],
+        [
+            np.outer(sine, np.cos(azimuth)),
+            np.outer(sine, np.sin(azimuth)),
+            np.outer(cosine, np.ones_like(azimuth)),
+        ],
         axis=-1,
     )
     return nodes.reshape(-1, 3), np.repeat(weight * np.pi / order, 2 * order)
@@ -59,17 +67,23 @@ def inertia(axes):
 def stokeslet_gradient(axes):
     """Tensor K[i, k, j, m]: gradient ∂_k u_i at the centre made by the force density f_j dS = A_jm y_m abc dΩ.
 
-    A layer of that form makes a linear flow throughout the ellipsoid, so the gradient at the centre is the gradient on
-    the surface. Viscosity is one.
+    A layer of that form makes a linear flow throughout the ellipsoid, so the gradient at the centre
+    is the gradient on the surface. Viscosity is one.
     """
     nodes, weights = unit_sphere()
     y = nodes * axes
     distance = np.linalg.norm(y, axis=1)
     r = -y
     delta = np.eye(3)
-    first = np.einsum("ik,nj->nikj", delta, r) + np.einsum("jk,ni->nikj", delta, r) - np.einsum("ij,nk->nikj", delta, r)
+    first = (
+        np.einsum("ik,nj->nikj", delta, r)
+        + np.einsum("jk,ni->nikj", delta, r)
+        - np.einsum("ij,nk->nikj", delta, r)
+    )
     third = np.einsum("ni,nj,nk->nikj", r, r, r)
-    gradient = first / distance[:, None, None, None] ** 3 - 3 * third / distance[:, None, None, None] ** 5
+    gradient = (
+        first / distance[:, None, None, None] ** 3 - 3 * third / distance[:, None, None, None] ** 5
+    )
     return np.prod(axes) / (8 * np.pi) * np.einsum("n,nikj,nm->ikjm", weights, gradient, y)
 
 
@@ -80,7 +94,9 @@ def resistance(axes):
     for i, j, k in CYCLIC:
         matrix = _pair_block(tensor, j, k)
         force_kj, force_jk = np.linalg.solve(matrix, [1.0, -1.0])
-        torque[i] = 4 * np.pi / 3 * np.prod(axes) * (axes[j] ** 2 * force_kj - axes[k] ** 2 * force_jk)
+        torque[i] = (
+            4 * np.pi / 3 * np.prod(axes) * (axes[j] ** 2 * force_kj - axes[k] ** 2 * force_jk)
+        )
     return torque / (8 * np.pi)
 
 
@@ -99,19 +115,23 @@ def torque_free_angular_velocity(axes, gradient):
 
 def _pair_block(tensor, j, k):
     """Map from the force coefficients (A_kj, A_jk) to the gradients (∂_j u_k, ∂_k u_j)."""
-    return np.array([[tensor[k, j, k, j], tensor[k, j, j, k]], [tensor[j, k, k, j], tensor[j, k, j, k]]])
+    return np.array(
+        [[tensor[k, j, k, j], tensor[k, j, j, k]], [tensor[j, k, k, j], tensor[j, k, j, k]]]
+    )
 
 
 def jeffery(semi_axes, rotation):
     """Jeffery's angular velocity in body axes, (b² G'₃₂ − c² G'₂₃)/(b² + c²) and cyclic with G' the shear in body axes.
 
-    `rotation` has shape (..., 3, 3); the result (..., 3). A test compares it with `torque_free_angular_velocity`.
+    `rotation` has shape (..., 3, 3); the result (..., 3). A test compares it with
+    `torque_free_angular_velocity`.
     """
     gradient = rotation @ SHEAR @ np.swapaxes(rotation, -1, -2)
     square = np.asarray(semi_axes) ** 2
     return np.stack(
         [
-            (square[j] * gradient[..., k, j] - square[k] * gradient[..., j, k]) / (square[j] + square[k])
+            (square[j] * gradient[..., k, j] - square[k] * gradient[..., j, k])
+            / (square[j] + square[k])
             for _, j, k in CYCLIC
         ],
         axis=-1,
@@ -125,9 +145,13 @@ def rotation_from_euler(theta, phi, psi):
     """Rotation matrix of the zxz Euler angles from three elementary rotations (`tiju`); the angles may be complex."""
 
     def about_z(angle):
-        return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        return np.array(
+            [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+        )
 
-    about_x = np.array([[1, 0, 0], [0, np.cos(theta), np.sin(theta)], [0, -np.sin(theta), np.cos(theta)]])
+    about_x = np.array(
+        [[1, 0, 0], [0, np.cos(theta), np.sin(theta)], [0, -np.sin(theta), np.cos(theta)]]
+    )
     return about_z(psi) @ about_x @ about_z(phi)
 
 
@@ -157,7 +181,8 @@ def slow_rates(shape, rotation, omega):
 def integrate(shape, stokes, angles, rates, times, tolerance=1e-11):
     """Solve `ultima` and return the rotation matrices (n, 3, 3) and body-axis angular velocities (n, 3) at `times`.
 
-    The state is the rotation matrix and L in space axes: d t_ij/dt = −[ω×] t and dL/dt from `slow_rates`.
+    The state is the rotation matrix and L in space axes: d t_ij/dt = −[ω×] t and dL/dt from
+    `slow_rates`.
     """
     start = rotation_from_euler(*angles)
     omega = body_rates(angles, rates)
@@ -165,11 +190,19 @@ def integrate(shape, stokes, angles, rates, times, tolerance=1e-11):
     def field(_, state):
         rotation, momentum = state[:9].reshape(3, 3), state[9:]
         omega = rotation @ momentum / shape.inertia
-        return np.concatenate([-np.cross(omega, rotation.T).T.ravel(), slow_rates(shape, rotation, omega)[0] / stokes])
+        return np.concatenate(
+            [-np.cross(omega, rotation.T).T.ravel(), slow_rates(shape, rotation, omega)[0] / stokes]
+        )
 
     state = np.concatenate([start.ravel(), momentum_and_energy(shape, start, omega)[0]])
     solution = solve_ivp(
-        field, (0, times[-1]), state, method="DOP853", t_eval=times, rtol=tolerance, atol=tolerance * 1e-2
+        field,
+        (0, times[-1]),
+        state,
+        method="DOP853",
+        t_eval=times,
+        rtol=tolerance,
+        atol=tolerance * 1e-2,
     )
     assert solution.success
     rotation = solution.y[:9].T.reshape(-1, 3, 3)
@@ -200,14 +233,19 @@ def enclosed_axis(moments, momentum, energy):
 def polhode(moments, momentum, energy, nodes=512):
     """Polhode over the angle about the axis it encloses; the time spent per angle is 1/(rate of the angle).
 
-    The rate comes from Euler's equations dm/dt = m × ω; equispaced nodes make every quadrature spectrally accurate.
+    The rate comes from Euler's equations dm/dt = m × ω; equispaced nodes make every quadrature
+    spectrally accurate.
     """
     i, j, k = CYCLIC[enclosed_axis(moments, momentum, energy)]
     angle = 2 * np.pi * np.arange(nodes) / nodes
     shape = np.sin(angle) ** 2 / moments[j] + np.cos(angle) ** 2 / moments[k] - 1 / moments[i]
     radius = np.sqrt((2 * energy - momentum**2 / moments[i]) / shape)
     m = np.empty((nodes, 3))
-    m[:, j], m[:, k], m[:, i] = radius * np.sin(angle), radius * np.cos(angle), np.sqrt(momentum**2 - radius**2)
+    m[:, j], m[:, k], m[:, i] = (
+        radius * np.sin(angle),
+        radius * np.cos(angle),
+        np.sqrt(momentum**2 - radius**2),
+    )
     turn = np.cross(m, m / moments)
     rate = (turn[:, j] * m[:, k] - m[:, j] * turn[:, k]) / radius**2
     per_angle = 1 / np.abs(rate)
@@ -226,7 +264,8 @@ def euler_top_ensemble(moments, momentum, energy, phases=8, nodes=512):
     """Orientations of the Euler top with the given L (3,) and E, its body rates and weights of the long-time average.
 
     Uniform in time along the polhode and uniform in the precession angle about L. Returns rotations
-    (n, 3, 3) in space axes, rotations in L-aligned axes, body rates (n, 3) and weights (n,) that add up to one.
+    (n, 3, 3) in space axes, rotations in L-aligned axes, body rates (n, 3) and weights (n,) that
+    add up to one.
     """
     size = np.linalg.norm(momentum)
     curve = polhode(moments, size, energy, nodes)

@@ -14,7 +14,10 @@ def jacobian(field, state, step=1e-3):
     state = np.asarray(state, dtype=float)
     shifts = step * np.eye(len(state))
     columns = [
-        sum(w * (field(state + n * shift) - field(state - n * shift)) for n, w in enumerate(coefficients, start=1))
+        sum(
+            w * (field(state + n * shift) - field(state - n * shift))
+            for n, w in enumerate(coefficients, start=1)
+        )
         / step
         for shift in shifts
     ]

@@ -20,19 +20,22 @@ from polhode.solvers.taylor import propagate, taylor_integrator
 _PAPER = EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0))
 _SPINNING = EulerStart((1.1, 0.4, 0.2), (0.2, 0.3, -1.0))
 
-# None is stiff, which is asked of the classical problems, and no averaged one meets L² = 2EI₂, where its field is
-# continuous but not Lipschitz, so that no method keeps to its tolerance.
+# None is stiff, which is asked of the classical problems, and no averaged one meets L² = 2EI₂,
+# where its field is continuous but not Lipschitz, so that no method keeps to its tolerance.
 SCENES = {
     "triaxial": Scene(Ellipsoid((1.0, 0.8, 0.5)), 3e3, _PAPER, 80.0),
     "triaxial-damped": Scene(Ellipsoid((0.6, 1.0, 0.8)), 30.0, _SPINNING, 30.0),
     "prolate": Scene(Ellipsoid((1.0, 1.0, 2.0)), 200.0, _PAPER, 40.0),
     "oblate": Scene(Ellipsoid((0.5, 1.0, 1.0)), 50.0, _SPINNING, 40.0),
-    "planar": Scene(Ellipsoid((1.0, 0.5, 0.8)), 20.0, BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.8)), 30.0),
+    "planar": Scene(
+        Ellipsoid((1.0, 0.5, 0.8)), 20.0, BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.8)), 30.0
+    ),
     "torque-free": Scene(Ellipsoid((1.0, 0.8, 0.5)), inf, _PAPER, 20.0),
     "no-inertia": Scene(Ellipsoid((1.0, 0.8, 0.5)), 0.0, EulerStart((1.1, 0.4, 0.2)), 40.0),
 }
 SAMPLES = 41
-# heyoka needs many seconds for its series at each tolerance; few steps take it to its end, so that doubles will do.
+# heyoka needs many seconds for its series at each tolerance; few steps take it to its end, so that
+# doubles will do.
 SLOW_TO_COMPILE = "averaged-second-order"
 
 
@@ -71,14 +74,17 @@ class Run:
 
 def runs(*, closed: bool = False) -> list[Run]:
     """Every scene in every form that accepts it and has a vector field; only those with a closed form, if asked."""
-    problems = ((Run(scene, name), _problem_or_none(scene, name)) for scene in SCENES for name in FORMS)
+    problems = (
+        (Run(scene, name), _problem_or_none(scene, name)) for scene in SCENES for name in FORMS
+    )
     return [
         run
         for run, problem in problems
         if problem is not None
         and problem.parameters is not None
         and (problem.closed_form or not closed)
-        # The equations of a run of several pieces follow the tolerance, so that its error does in steps.
+        # The equations of a run of several pieces follow the tolerance, so that its error does in
+        # steps.
         and problem.course is None
     ]
 
@@ -104,7 +110,9 @@ def _states(scene: str, name: str) -> np.ndarray:
         assert solution.success, solution.message
         return solution.states
     parameters = parameter_array(problem)
-    integrator = taylor_integrator(problem.field, problem.dimension, len(parameters), 1e-18, "long double")
+    integrator = taylor_integrator(
+        problem.field, problem.dimension, len(parameters), 1e-18, "long double"
+    )
     rows = np.empty((len(times), problem.dimension), np.longdouble)
     rows[0] = problem.start
     integrator.time, integrator.state[:], integrator.pars[:] = np.longdouble(0), rows[0], parameters

@@ -44,7 +44,9 @@ def grown(now: dict[str, list[int | None]], before: dict[str, list[int | None]])
     return [
         f"{name}: {new} {what}, {old} before"
         for name, pair in now.items()
-        for what, new, old in zip(("steps", "right-hand sides"), pair, before.get(name, pair), strict=True)
+        for what, new, old in zip(
+            ("steps", "right-hand sides"), pair, before.get(name, pair), strict=True
+        )
         if new is not None and old is not None and new > old * (1 + SLACK) + 1
     ]
 

@@ -21,20 +21,39 @@ from polhode.solvers.solve import solve
 IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
 MULTISTEP = ("bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-lsoda", "cyrk-bdf")
 # SciPy's implicit methods take long where steps are many; CyRK's are the same in machine code.
-SLOW = dict.fromkeys(("oregonator", "oscillators", "lorenz", "pleiades", "kepler", "arenstorf"), ("radau", "bdf"))
+SLOW = dict.fromkeys(
+    ("oregonator", "oscillators", "lorenz", "pleiades", "kepler", "arenstorf"), ("radau", "bdf")
+)
 # Thousands of steps by the interpreter's pace, of problems that all their compiled twins solve.
-LONG = {"stiff-van-der-pol": ("radau", "bdf"), "van-der-pol": ("radau",), "oscillators": ("rk45",), "hires": ("rk45",)}
+LONG = {
+    "stiff-van-der-pol": ("radau", "bdf"),
+    "van-der-pol": ("radau",),
+    "oscillators": ("rk45",),
+    "hires": ("rk45",),
+}
 SETTLING = ("robertson", "oregonator", "e5")
 
 TOLERANCE = 1e-9
 # Solvers that the errors allowed below were measured with.
 MEASURED = frozenset(
     (
-        *("taylor", "dop853", "rk45", "radau", "bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-vern8"),
+        *(
+            "taylor",
+            "dop853",
+            "rk45",
+            "radau",
+            "bdf",
+            "lsoda",
+            "cvode-adams",
+            "cvode-bdf",
+            "ida",
+            "cyrk-vern8",
+        ),
         *("cyrk-vern7", "cyrk-dop853", "cyrk-tsit5", "cyrk-lsoda", "cyrk-bdf", "cyrk-radau"),
     )
 )
-# Error allowed at that tolerance to one-step and to multistep methods, some four times the worst that was measured.
+# Error allowed at that tolerance to one-step and to multistep methods, some four times the worst
+# that was measured.
 ALLOWED = {
     "hires": (2e-9, 1.5e-7),
     "robertson": (1e-13, 1e-8),
@@ -50,7 +69,8 @@ ALLOWED = {
     "lorenz": (6e-2, 5e-1),
     "kepler": (1.6e-6, 6e-5),
 }
-# How closely a run at tolerance 1e-15 meets the published digits: what the problem makes of double precision.
+# How closely a run at tolerance 1e-15 meets the published digits: what the problem makes of double
+# precision.
 DIGITS = {
     "hires": 5e-15,
     "stiff-van-der-pol": 2e-13,
@@ -79,11 +99,15 @@ def cases() -> list[ParameterSet]:
 def amplification(problem: str) -> float:
     """By how much the problem amplifies small changes of its start, one at least: what errors of early steps become."""
     classical = CLASSICAL[problem]
-    solver_name, tolerance, change = ("cyrk-radau", 1e-13, 1e-7) if classical.stiff else ("taylor", 1e-15, 1e-9)
+    solver_name, tolerance, change = (
+        ("cyrk-radau", 1e-13, 1e-7) if classical.stiff else ("taylor", 1e-15, 1e-9)
+    )
     start = np.array(classical.problem.start)
 
     def end(moved: np.ndarray) -> np.ndarray:
-        return solve(replace(classical.problem, start=tuple(moved.tolist())), solver_name, tolerance).states[-1]
+        return solve(
+            replace(classical.problem, start=tuple(moved.tolist())), solver_name, tolerance
+        ).states[-1]
 
     directions = np.random.default_rng(1).choice([-1.0, 1.0], (2, len(start)))
     exact, moves = end(start), change * directions * np.maximum(1.0, np.abs(start))
@@ -110,7 +134,8 @@ def test_published_solution(problem: str, name: str):
 def test_amplification_is_that_of_the_problem():
     """The rigid body's neighbours drift apart in phase, as the period depends on the start: slowly."""
     assert 1 <= amplification("rigid-body") < 100
-    # Close passages of the moon amplify by thousands; of kinetics that settle the conserved mass alone is left.
+    # Close passages of the moon amplify by thousands; of kinetics that settle the conserved mass
+    # alone is left.
     assert amplification("arenstorf") > 1000
     assert amplification("robertson") < 4
 
@@ -146,7 +171,9 @@ def test_kepler_is_solved_by_his_equation():
 
 def test_lorenz_in_quadruple_precision():
     classical = CLASSICAL["lorenz"]
-    end = extended_run(classical.problem, np.array([0.0, classical.problem.end]), "quadruple", 1e-28)[-1]
+    end = extended_run(
+        classical.problem, np.array([0.0, classical.problem.end]), "quadruple", 1e-28
+    )[-1]
     assert classical.error(end) < 1e-14
 
 
@@ -168,7 +195,8 @@ def test_published_digits_of_robertson():
     for name, relative in (("cyrk-radau", 1e-6), ("lsoda", 1e-3)):
         state = solve(classical.problem, name, 1e-13).states[-1]
         assert state == pytest.approx(reference, rel=relative)
-    # The fast component sits where its rate vanishes; mass is conserved but for the published digits, 1e-14 short.
+    # The fast component sits where its rate vanishes; mass is conserved but for the published
+    # digits, 1e-14 short.
     field = plain_field(classical.problem.field)
     assert abs(field(classical.reference, ())[1]) < 1e-9 * 0.04 * reference[0]
     assert np.sum(reference) == pytest.approx(1, abs=2e-14)
@@ -191,6 +219,9 @@ def test_a_wrong_digit_is_noticed():
 def test_digits_of_the_oscillators_are_those_of_their_cosines():
     one = CLASSICAL["oscillators"]
     for t, state in ((0.0, one.problem.start), (one.problem.end, one.reference)):
-        slow, fast = np.array([np.cos(t), -np.sin(t)]), np.array([np.cos(50 * t), -50 * np.sin(50 * t)])
+        slow, fast = (
+            np.array([np.cos(t), -np.sin(t)]),
+            np.array([np.cos(50 * t), -50 * np.sin(50 * t)]),
+        )
         expected = np.array([slow + fast, slow - fast]).T.ravel() / np.sqrt(2)
         np.testing.assert_allclose(state, expected, rtol=1e-14, atol=1e-14)

@@ -35,7 +35,8 @@ TIMES = np.linspace(0.0, 20.0, 33)
 
 
 @pytest.mark.parametrize(
-    ("name", "jacobian"), [(name, each) for name in IN_PYTHON for each in solver(name).jacobians or (None,)]
+    ("name", "jacobian"),
+    [(name, each) for name in IN_PYTHON for each in solver(name).jacobians or (None,)],
 )
 def test_calls_are_those_that_the_field_sees(name: str, jacobian):
     """With the exact Jacobian's tracing of the field done before."""
@@ -59,7 +60,9 @@ def test_compiled_solvers_call_as_often_as_the_same_method_of_scipy(name: str):
     assert ours.rhs_calls == pytest.approx(theirs.rhs_calls, rel=0.03)
 
 
-@pytest.mark.parametrize(("name", "stages"), [("cyrk-vern8", 13), ("cyrk-vern7", 10), ("cyrk-tsit5", 6)])
+@pytest.mark.parametrize(
+    ("name", "stages"), [("cyrk-vern8", 13), ("cyrk-vern7", 10), ("cyrk-tsit5", 6)]
+)
 def test_calls_of_an_explicit_method_are_its_stages(name: str, stages: int):
     """Calls per step without interpolation, but for the start's two and an unknown number of rejections."""
     work = solve(RIGID_BODY, name, 1e-10, count=True).work
@@ -97,18 +100,24 @@ def test_rejected_steps_are_those_that_scipy_takes_back(name: str, order: int, m
 def test_finite_differences_cost_right_hand_sides(name: str):
     """More calls per step, by at least one and a half per Jacobian, of a problem of two components."""
     problem = replace(VAN_DER_POL, end=0.5)
-    exact, difference = (solve(problem, name, 1e-6, jacobian=each, count=True) for each in ("exact", "difference"))
+    exact, difference = (
+        solve(problem, name, 1e-6, jacobian=each, count=True) for each in ("exact", "difference")
+    )
     assert exact.success
     assert difference.success
     assert difference.states[-1] == pytest.approx(exact.states[-1], abs=1e-3)
     assert difference.work.jacobians > 0
-    extra = difference.work.rhs_calls / difference.work.steps - exact.work.rhs_calls / exact.work.steps
+    extra = (
+        difference.work.rhs_calls / difference.work.steps - exact.work.rhs_calls / exact.work.steps
+    )
     assert extra > 1.5 * difference.work.jacobians / difference.work.steps
 
 
 def test_counts_that_a_library_does_not_report_are_none():
     taylor = solve(RIGID_BODY, "taylor", 1e-6, count=True).work
-    assert (taylor.rhs_calls, taylor.rejected, taylor.jacobians, taylor.factorizations) == (None,) * 4
+    assert (taylor.rhs_calls, taylor.rejected, taylor.jacobians, taylor.factorizations) == (
+        None,
+    ) * 4
     cyrk = solve(RIGID_BODY, "cyrk-bdf", 1e-6).work
     assert (cyrk.rhs_calls, cyrk.rejected, cyrk.jacobians, cyrk.factorizations) == (None,) * 4
     cvode = solve(RIGID_BODY, "cvode-bdf", 1e-6, backend="numba").work

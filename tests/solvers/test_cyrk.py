@@ -33,9 +33,13 @@ print(solve(problem, "cyrk-radau", 1e-9).states[-1, 0])
 @pytest.mark.parametrize("known", [(), ("unknown",)])
 def test_the_package_runs_when_it_is_asked_for(known: tuple[str, ...]):
     program = [sys.executable, "-c", PROGRAM.format(known=known)]
-    first, second, third = subprocess.run(program, capture_output=True, text=True, check=True).stdout.splitlines()
+    first, second, third = subprocess.run(
+        program, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
     assert float(first.split()[0]) == pytest.approx(0.36787944117144233, abs=1e-9)
-    assert first.split()[1] == str(bool(known)), "the package's own bridge to versions unknown imports numba"
+    assert first.split()[1] == str(bool(known)), (
+        "the package's own bridge to versions unknown imports numba"
+    )
     assert second.split()[1:] == ["True", "True"]
     assert float(third) == pytest.approx(0.36787944117144233, abs=1e-8)
 
@@ -62,14 +66,24 @@ def test_a_start_without_rates_ends_at_once():
 def test_a_start_of_which_the_library_has_no_norm_ends_at_once(name: str):
     """LSODA has a norm of its own, and the others one of larger rates where the state is as large."""
     problem = Problem("oscillator", lambda ops: lambda y, p: (y[1], -1.0 * y[0]), (1.0, 0.0), 2.0)
-    ends = [solve(replace(problem, start=(y0, 0.0)), name, 1e-6).status for y0 in (1e148, 1e149, 1e300)]
-    beyond = (Status.REACHED_END, Status.STEP_UNDERFLOW) if name == "cyrk-lsoda" else [Status.NON_FINITE] * 2
+    ends = [
+        solve(replace(problem, start=(y0, 0.0)), name, 1e-6).status for y0 in (1e148, 1e149, 1e300)
+    ]
+    beyond = (
+        (Status.REACHED_END, Status.STEP_UNDERFLOW)
+        if name == "cyrk-lsoda"
+        else [Status.NON_FINITE] * 2
+    )
     assert ends == [Status.REACHED_END, *beyond]
 
 
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="nothing is flushed to zero elsewhere")
+@pytest.mark.skipif(
+    platform.machine() not in ("x86_64", "AMD64"), reason="nothing is flushed to zero elsewhere"
+)
 def test_rates_at_the_start_are_those_that_the_library_sees():
     """The square of 1e-160 is no longer there where underflow is flushed to zero."""
-    problem = Problem("tiny", lambda ops: lambda y, p: (y[0] / ops.sqrt(y[0] * y[0]),), (1e-160,), 2.0)
+    problem = Problem(
+        "tiny", lambda ops: lambda y, p: (y[0] / ops.sqrt(y[0] * y[0]),), (1e-160,), 2.0
+    )
     assert solve(problem, "cyrk-vern8", 1e-9).status is Status.NON_FINITE
     assert followed(problem, 1e-9, 100)[0].tolist() == [0.0]

@@ -34,7 +34,12 @@ def test_interpolated_rows_are_as_accurate_as_steps(name: str):
     exact = solve(RIGID_BODY, "taylor", 1e-15, MANY).states
     rows = np.abs(solve(RIGID_BODY, name, TOLERANCE, MANY).states - exact).max(axis=1)
     steps = [
-        np.abs(solve(replace(RIGID_BODY, end=end), name, TOLERANCE, np.array([0.0, 0.5, end])).states[-1] - state).max()
+        np.abs(
+            solve(replace(RIGID_BODY, end=end), name, TOLERANCE, np.array([0.0, 0.5, end])).states[
+                -1
+            ]
+            - state
+        ).max()
         for end, state in zip(ends, exact[200::100], strict=True)
     ]
     assert rows.max() <= 3 * max(steps)

@@ -41,7 +41,11 @@ def test_ida_at_zero_inertia_follows_jeffery(name: str, backend, jacobian):
     solution = solve(run.problem, "ida", 1e-10, times, backend=backend, jacobian=jacobian)
     assert solution.success
     rotation = form(name).observe(NO_INERTIA, solution.states).rotation
-    expected = form("jeffery").observe(NO_INERTIA, solve(JEFFERY.problem, "cyrk-vern8", 1e-14, times).states).rotation
+    expected = (
+        form("jeffery")
+        .observe(NO_INERTIA, solve(JEFFERY.problem, "cyrk-vern8", 1e-14, times).states)
+        .rotation
+    )
     known = ~np.isnan(rotation)
     assert known.any()
     assert np.abs(rotation - expected)[known].max() < 1e-6
@@ -53,7 +57,9 @@ def test_ida_computes_consistent_initial_values():
     wrong = replace(problem, start=(*problem.start[:4], 5.0, -3.0, 2.0))
     right, corrected = (solve(each, "ida", 1e-10, JEFFERY.times) for each in (problem, wrong))
     rotation = form("quaternion").observe(NO_INERTIA, right.states[:1]).rotation[0]
-    assert corrected.states[0, 4:] == pytest.approx(jeffery(NO_INERTIA.ellipsoid.semi_axes, rotation), abs=1e-10)
+    assert corrected.states[0, 4:] == pytest.approx(
+        jeffery(NO_INERTIA.ellipsoid.semi_axes, rotation), abs=1e-10
+    )
     assert corrected.states[:, :4] == pytest.approx(right.states[:, :4], abs=1e-7)
 
 

@@ -23,18 +23,35 @@ def every_operation(ops: Operations) -> Field:
             + where_positive(a - b, a * b, 1.5)
             + where_positive(b - a, p[0], sqrt(c) / a)
             + cos(-b * a) * p[0] ** 2,
-            a**2 + b**-3 + c**0.5 + c**17 + a**b + p[0] ** c + 1.7**b + where_positive(1.0, sin(c), c) + sqrt(2.0),
+            a**2
+            + b**-3
+            + c**0.5
+            + c**17
+            + a**b
+            + p[0] ** c
+            + 1.7**b
+            + where_positive(1.0, sin(c), c)
+            + sqrt(2.0),
         )
 
     return rhs
 
 
-PROBLEMS = {str(run): run.problem for run in runs()} | {name: each.problem for name, each in CLASSICAL.items()}
-PROBLEMS["every operation"] = Problem("every operation", every_operation, (0.7, 0.4, 0.9), 1.0, (1.2,))
+PROBLEMS = {str(run): run.problem for run in runs()} | {
+    name: each.problem for name, each in CLASSICAL.items()
+}
+PROBLEMS["every operation"] = Problem(
+    "every operation", every_operation, (0.7, 0.4, 0.9), 1.0, (1.2,)
+)
 CONTEXT = mpmath.MPContext()
 CONTEXT.dps = 40
 MPMATH = Operations(
-    CONTEXT.sin, CONTEXT.cos, CONTEXT.sqrt, lambda x, a, b: a if x > 0 else b, exp=CONTEXT.exp, log=CONTEXT.log
+    CONTEXT.sin,
+    CONTEXT.cos,
+    CONTEXT.sqrt,
+    lambda x, a, b: a if x > 0 else b,
+    exp=CONTEXT.exp,
+    log=CONTEXT.log,
 )
 STEP = CONTEXT.mpf("1e-13")
 
@@ -60,12 +77,18 @@ def test_exact_jacobian(name: str):
     # Off the start, where terms vanish by chance.
     shift = 1e-3 * np.cos(np.arange(problem.dimension))
     state = np.array(problem.start) + shift
-    exact = exact_jacobian(problem.field, problem.dimension, len(parameters))(state, np.array(parameters))
-    expected = differences(problem, [CONTEXT.mpf(y) for y in state], [CONTEXT.mpf(p) for p in parameters])
+    exact = exact_jacobian(problem.field, problem.dimension, len(parameters))(
+        state, np.array(parameters)
+    )
+    expected = differences(
+        problem, [CONTEXT.mpf(y) for y in state], [CONTEXT.mpf(p) for p in parameters]
+    )
     assert np.abs(exact - expected).max() <= 1e-11 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("name", ["triaxial-quaternion", "prolate-spheroid-axis", "stiff-van-der-pol"])
+@pytest.mark.parametrize(
+    "name", ["triaxial-quaternion", "prolate-spheroid-axis", "stiff-van-der-pol"]
+)
 def test_exact_jacobian_is_that_of_heyoka(name: str):
     problem, heyoka = PROBLEMS[name], load_heyoka()
     d, p = problem.dimension, np.array(problem.parameters)
@@ -74,4 +97,6 @@ def test_exact_jacobian_is_that_of_heyoka(name: str):
     tensors = heyoka.diff_tensors([rate for _, rate in system], diff_args=variables, diff_order=1)
     state = np.array(problem.start) + 0.01
     expected = heyoka.cfunc(list(tensors.jacobian.ravel()), variables)(state, pars=p).reshape(d, d)
-    assert exact_jacobian(problem.field, d, len(p))(state, p) == pytest.approx(expected, rel=1e-14, abs=1e-15)
+    assert exact_jacobian(problem.field, d, len(p))(state, p) == pytest.approx(
+        expected, rel=1e-14, abs=1e-15
+    )

@@ -23,7 +23,9 @@ KILLED = "import os\nfrom polhode.solvers.compile import load_heyoka\nload_heyok
 def run(cache: Path, code: str = CODE) -> tuple[str, str]:
     words = [sys.executable, "-P", "-c", code]
     variables = {**os.environ, "POLHODE_CACHE": str(cache)}
-    done = subprocess.run(words, env=variables, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(
+        words, env=variables, capture_output=True, text=True, timeout=60, check=True
+    )
     return done.stdout, done.stderr
 
 

@@ -24,7 +24,9 @@ from polhode.solvers.solve import solve
 TOLERANCE = 1e-6
 
 
-def problem_of(axes: tuple[float, float, float], stokes: float, time: float) -> tuple[Problem, np.ndarray]:
+def problem_of(
+    axes: tuple[float, float, float], stokes: float, time: float
+) -> tuple[Problem, np.ndarray]:
     """A problem, and starts that turn at all speeds from 0 to 1.2, some of them with L along the vorticity."""
     scene = Scene(Ellipsoid(axes), stokes, BodyStart((1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3)), time)
     form = find_form("quaternion" if scene.ellipsoid.kind == "triaxial" else "spheroid-axis")
@@ -34,12 +36,17 @@ def problem_of(axes: tuple[float, float, float], stokes: float, time: float) -> 
     three[:8] = [[0.0, 0.0, z] for z in (-0.5, 0.0, 0.01, 0.05, 0.1, 0.3, 0.6, 1.0)]
     if form.name == "quaternion":
         return problem, np.column_stack([four / np.linalg.norm(four, axis=1)[:, None], three])
-    return problem, np.column_stack([three, four[:, :3] / np.linalg.norm(four[:, :3], axis=1)[:, None]])
+    return problem, np.column_stack(
+        [three, four[:, :3] / np.linalg.norm(four[:, :3], axis=1)[:, None]]
+    )
 
 
 def one_by_one(problem: Problem, starts: np.ndarray, times: np.ndarray) -> np.ndarray:
     """States of each particle, shape (m, n, d), by a method of its own that takes no time to compile."""
-    runs = [solve(replace(problem, start=tuple(start)), "cyrk-dop853", 1e-14, times) for start in starts.tolist()]
+    runs = [
+        solve(replace(problem, start=tuple(start)), "cyrk-dop853", 1e-14, times)
+        for start in starts.tolist()
+    ]
     assert all(run.success for run in runs)
     return np.stack([run.states for run in runs], axis=1)
 
@@ -52,7 +59,11 @@ def apart(states: np.ndarray, others: np.ndarray) -> np.ndarray:
 @given(st.integers(1, 40), st.integers(1, 5), st.integers(1, 3))
 def test_lanes_are_the_map_repeated(particles: int, rows: int, steps: int):
     def step(ops):
-        return lambda y, c: (ops.where_positive(y[1], 0.5, y[0]) - c[0] * y[1], ops.sqrt(y[0] * y[0] + c[1]) / -2, 0.25)
+        return lambda y, c: (
+            ops.where_positive(y[1], 0.5, y[0]) - c[0] * y[1],
+            ops.sqrt(y[0] * y[0] + c[1]) / -2,
+            0.25,
+        )
 
     def before(y, c):
         return y[0] + c[0], y[2], y[1] * y[1]
@@ -113,7 +124,9 @@ def test_splitting_serves_where_the_torque_is_weak_and_runge_kutta_elsewhere(sto
     assert chosen.method.startswith(expected)
 
 
-def test_particles_are_the_same_to_the_last_bit_in_lanes_of_any_width(monkeypatch: pytest.MonkeyPatch):
+def test_particles_are_the_same_to_the_last_bit_in_lanes_of_any_width(
+    monkeypatch: pytest.MonkeyPatch,
+):
     problem, starts = problem_of((1.0, 1.0, 2.0), 100.0, 20.0)
     found = []
     for wide in (4, 16):
@@ -132,7 +145,9 @@ def test_methods_converge_as_their_order_says(name: str):
     by = method(name, problem)
     errors = []
     for steps in (16, 32):
-        end = by_particle(by.lanes.march(starts[:8], 2, by.constants(problem.end / steps), steps), 8)[:, -1]
+        end = by_particle(
+            by.lanes.march(starts[:8], 2, by.constants(problem.end / steps), steps), 8
+        )[:, -1]
         errors.append(np.abs(end - exact).max())
     # To order ε² splittings are of order 2 or 4.
     least = {"SABA2": 1.7, RUNGE_KUTTA: 7.0}.get(name, 3.7)

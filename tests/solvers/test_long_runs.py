@@ -81,7 +81,10 @@ for argument in sys.argv[1:]:
 
 def assert_bounded(*arguments: str):
     done = subprocess.run(
-        [sys.executable, "-c", PREAMBLE + GROWTH, *arguments], capture_output=True, text=True, check=True
+        [sys.executable, "-c", PREAMBLE + GROWTH, *arguments],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     for line in done.stdout.splitlines():
         name, success, megabytes = line.split()
@@ -98,7 +101,13 @@ def test_memory_does_not_grow_with_the_length_of_a_run():
 @pytest.mark.slow
 def test_memory_does_not_grow_in_a_million_units_of_time():
     assert_bounded(
-        "taylor:1e6", "cyrk-vern8:1e6", "cyrk-lsoda:2e5", "cyrk-bdf:2e5", "lsoda:5e4", "cvode-bdf:5e4", "ida:2e4"
+        "taylor:1e6",
+        "cyrk-vern8:1e6",
+        "cyrk-lsoda:2e5",
+        "cyrk-bdf:2e5",
+        "lsoda:5e4",
+        "cvode-bdf:5e4",
+        "ida:2e4",
     )
 
 
@@ -111,7 +120,9 @@ def test_angles_stay_wrapped_on_a_long_run():
     solution = solve(tumbling.problem(scene), "cyrk-vern8", 1e-12, times)
     assert solution.success
     assert np.abs(solution.states[:, list(tumbling.problem(scene).periodic)]).max() < 150 * pi
-    expected = quaternion.observe(scene, solve(quaternion.problem(scene), "cyrk-vern8", 1e-14, times).states)
+    expected = quaternion.observe(
+        scene, solve(quaternion.problem(scene), "cyrk-vern8", 1e-14, times).states
+    )
     got = tumbling.observe(scene, solution.states)
     assert np.abs(got.rotation[:, 2] - expected.rotation[:, 2]).max() < 1e-7
 
@@ -131,10 +142,17 @@ print("end")
 
 def test_nothing_is_printed_even_without_a_home():
     """heyoka says on standard output that it cannot write its cache, SUNDIALS that it will continue anyway."""
-    environment = os.environ | {"HOME": os.devnull, "XDG_CACHE_HOME": os.path.join(os.devnull, "cache")}
+    environment = os.environ | {
+        "HOME": os.devnull,
+        "XDG_CACHE_HOME": os.path.join(os.devnull, "cache"),
+    }
     environment.pop("POLHODE_CACHE", None)
     done = subprocess.run(
-        [sys.executable, "-c", PREAMBLE + QUIET], capture_output=True, text=True, check=True, env=environment
+        [sys.executable, "-c", PREAMBLE + QUIET],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
     )
     assert (done.stdout, done.stderr) == ("end\n", "")
 

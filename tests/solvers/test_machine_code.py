@@ -38,11 +38,15 @@ def strict(factory, dimension: int, parameters: int):
 
 def alone(lines: str) -> MachineCode:
     """The C callback of traced lines."""
-    return compile_file(Path(compilation.__file__).with_name("callback.ll"), lines=lines, parameters=0, count=0)
+    return compile_file(
+        Path(compilation.__file__).with_name("callback.ll"), lines=lines, parameters=0, count=0
+    )
 
 
 def called(code: MachineCode):
-    return code.function(ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p))
+    return code.function(
+        ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
+    )
 
 
 def in_python(factory, y, p) -> np.ndarray:
@@ -92,7 +96,9 @@ def every_operation(ops):
         a, b, c = y
         return (
             -a + b * 2 - 3 / c + (+b) - (1 - a) / 7,
-            where_positive(a, sin(b), cos(c)) + where_positive(1.0, a, b) + where_positive(-a * b, 0.25, sqrt(c * c)),
+            where_positive(a, sin(b), cos(c))
+            + where_positive(1.0, a, b)
+            + where_positive(-a * b, 0.25, sqrt(c * c)),
             a**2 + 2 * b**0 + np.float64(0.1) * c + sqrt(2.0) + sin(True * a) - p[0],
         )
 
@@ -121,7 +127,9 @@ def powers(ops):
 def test_powers_are_those_of_python(base: float, exponent: float):
     d = len(EXPONENTS) + 2
     y = [base, exponent] + [0.0] * (d - 2)
-    assert evaluated(compiled_callback(powers, d, 0), y, (), d) == pytest.approx(in_python(powers, y, ()), rel=1e-14)
+    assert evaluated(compiled_callback(powers, d, 0), y, (), d) == pytest.approx(
+        in_python(powers, y, ()), rel=1e-14
+    )
 
 
 def constant(ops):
@@ -208,7 +216,11 @@ def unknown_operation(ops):
     ("factory", "line", "message"),
     [
         (unknown_operation, 1, "'Operations' object has no attribute 'tan': tan = ops.tan"),
-        (comparing, 2, r"a field cannot compare .*ops.where_positive.*: return \(y\[0\] if y\[0\] > 0 else -y\[0\],\)"),
+        (
+            comparing,
+            2,
+            r"a field cannot compare .*ops.where_positive.*: return \(y\[0\] if y\[0\] > 0 else -y\[0\],\)",
+        ),
         (branching, 2, "a field cannot compare or branch; use ops.where_positive"),
         (with_math, 2, r"a field cannot use .*use ops.sin.*: return \(math.sin\(y\[0\]\),\)"),
         (with_numpy, 2, "a field cannot use this function; use those of ops"),
@@ -260,7 +272,13 @@ def test_an_array_function_refuses_other_arrays():
         y.astype(">f8"),
         np.array(1.0),
     )
-    for arguments in ((), (y, p), (y, p, out, out), (y, p, read_only), *((other, p, out) for other in others)):
+    for arguments in (
+        (),
+        (y, p),
+        (y, p, out, out),
+        (y, p, read_only),
+        *((other, p, out) for other in others),
+    ):
         with pytest.raises(TypeError, match="contiguous arrays of float64"):
             function(*arguments)
 
@@ -278,9 +296,15 @@ def test_the_mass_form_is_the_field_times_its_masses():
 @pytest.mark.parametrize(("count", "expected"), [(False, 0), (True, 3)])
 def test_a_callback_counts_where_it_is_asked_to(count: bool, expected: int):
     calls = np.zeros(1, dtype=np.int64)
-    y, out, p = np.array([0.3]), np.empty(1), np.append(2.0, np.array([calls.ctypes.data]).view(float))
+    y, out, p = (
+        np.array([0.3]),
+        np.empty(1),
+        np.append(2.0, np.array([calls.ctypes.data]).view(float)),
+    )
     for _ in range(3):
-        called(c_callback(repeating, 1, 1, count=count))(out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data)
+        called(c_callback(repeating, 1, 1, count=count))(
+            out.ctypes.data, 0.0, y.ctypes.data, p.ctypes.data
+        )
     assert calls[0] == expected
     assert out[0] == pytest.approx(math.sin(0.6) + math.sin(0.6) ** 2, rel=1e-15)
 
@@ -293,7 +317,11 @@ def test_a_run_is_that_of_the_field_in_python(name: str):
     field = plain_field(problem.field)
 
     @ctypes.CFUNCTYPE(
-        None, ctypes.POINTER(ctypes.c_double), ctypes.c_double, ctypes.POINTER(ctypes.c_double), ctypes.c_void_p
+        None,
+        ctypes.POINTER(ctypes.c_double),
+        ctypes.c_double,
+        ctypes.POINTER(ctypes.c_double),
+        ctypes.c_void_p,
     )
     def in_python(out, t, y, parameters) -> None:
         for i, rate in enumerate(field(y[:d], problem.parameters)):

@@ -20,7 +20,13 @@ LOOSE = {"rtol": 1e6, "atol": 1e6}
 
 def with_scipy(method: str, step: float) -> np.ndarray:
     return solve_ivp(
-        lambda t, y: FIELD(y, ()), (0, END), RIGID_BODY.start, method, max_step=step, first_step=step, **LOOSE
+        lambda t, y: FIELD(y, ()),
+        (0, END),
+        RIGID_BODY.start,
+        method,
+        max_step=step,
+        first_step=step,
+        **LOOSE,
     ).y[:, -1]
 
 
@@ -54,7 +60,9 @@ def with_cyrk(method: str, step: float) -> np.ndarray:
         ("cyrk-dop853", with_cyrk, 8, (40, 57, 80, 113)),
     ],
 )
-def test_order(name: str, run: Callable[[str, float], np.ndarray], order: int, steps: tuple[int, ...]):
+def test_order(
+    name: str, run: Callable[[str, float], np.ndarray], order: int, steps: tuple[int, ...]
+):
     exact = solve(RIGID_BODY, "taylor", 1e-16, np.array([0.0, END])).states[-1]
     method = solver(name).method
     errors = [np.abs(run(method, END / n) - exact).max() for n in steps]

@@ -45,7 +45,9 @@ TOLERANCE = 1e-8
 TIGHT = 1e-16
 
 
-def problem(stokes: float, end: float, kappa: float = 2.0, start=SCENES["prolate"].start) -> Problem:
+def problem(
+    stokes: float, end: float, kappa: float = 2.0, start=SCENES["prolate"].start
+) -> Problem:
     return FORM.problem(Scene(Ellipsoid((1.0, 1.0, kappa)), stokes, start, end))
 
 
@@ -53,7 +55,11 @@ def any_state(seed: int) -> tuple[np.ndarray, tuple[float, ...]]:
     random = np.random.default_rng(seed)
     state = random.normal(size=6)
     state[3:] /= np.linalg.norm(state[3:])
-    return state, PARAMETERS if seed == 0 else (1.0, *random.uniform(0.1, 1.0, 2), *random.normal(size=3))
+    return state, PARAMETERS if seed == 0 else (
+        1.0,
+        *random.uniform(0.1, 1.0, 2),
+        *random.normal(size=3),
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -61,7 +67,11 @@ def test_the_parts_add_up_to_the_field(seed: int):
     state, p = any_state(seed)
     step = 1e-4
     rates = [
-        (np.array(advance(state, part.constants(p, step))) - advance(state, part.constants(p, -step))) / (2 * step)
+        (
+            np.array(advance(state, part.constants(p, step)))
+            - advance(state, part.constants(p, -step))
+        )
+        / (2 * step)
         for part in (PARTS.fast, PARTS.slow)
         for advance in [part.flow(FLOAT)]
     ]
@@ -96,7 +106,10 @@ def test_the_slow_flow_is_that_of_the_field_at_fixed_axis(seed: int):
 
 def test_both_flows_at_once_are_one_after_the_other():
     assert PARTS.both
-    together, (fast, slow) = PARTS.both(FLOAT), (part.flow(FLOAT) for part in (PARTS.fast, PARTS.slow))
+    together, (fast, slow) = (
+        PARTS.both(FLOAT),
+        (part.flow(FLOAT) for part in (PARTS.fast, PARTS.slow)),
+    )
     for seed in range(20):
         state, p = any_state(seed)
         constants = PARTS.fast.constants(p, 0.5), PARTS.slow.constants(p, 0.3)
@@ -113,7 +126,9 @@ def test_flows_of_many_states_at_once():
     for part in (PARTS.fast, PARTS.slow):
         constants = part.constants(PARAMETERS, 0.4)
         together = np.array(part.flow(ARRAYS)(states.T, constants)).T
-        assert together == pytest.approx(np.array([part.flow(FLOAT)(state, constants) for state in states]), abs=1e-15)
+        assert together == pytest.approx(
+            np.array([part.flow(FLOAT)(state, constants) for state in states]), abs=1e-15
+        )
 
 
 def test_a_problem_with_parts_pickles():
@@ -138,13 +153,20 @@ def test_chains_integrate_products_of_slow_flows():
     """In the mean over the chains, their nodes and shares are a quadrature of the first order and of the second."""
     stages, chains = PARALLEL.stages, PARALLEL.chains
     first, numbers = (stages + 1) * chains, PARALLEL.numbers[float][1:]
-    fast, slow = numbers[:first].reshape(-1, chains), numbers[first : first + stages * chains].reshape(-1, chains)
+    fast, slow = (
+        numbers[:first].reshape(-1, chains),
+        numbers[first : first + stages * chains].reshape(-1, chains),
+    )
     weights = numbers[first + stages * chains :][:chains]
-    assert [weights.sum(), *fast.sum(axis=0), *slow.sum(axis=0)] == pytest.approx([1.0] * (1 + 2 * chains), abs=1e-15)
+    assert [weights.sum(), *fast.sum(axis=0), *slow.sum(axis=0)] == pytest.approx(
+        [1.0] * (1 + 2 * chains), abs=1e-15
+    )
     nodes = np.cumsum(fast, axis=0)[:-1]
     powers = [slow * nodes**k for k in range(9)]
     for k, each in enumerate(powers):
-        assert weights @ each.sum(axis=0) == pytest.approx(1 / (k + 1), abs=5e-12 if k < 6 else 1e-9)
+        assert weights @ each.sum(axis=0) == pytest.approx(
+            1 / (k + 1), abs=5e-12 if k < 6 else 1e-9
+        )
     for k in range(4):
         for m in range(4 - k):
             before, after = powers[k], powers[m]
@@ -177,7 +199,9 @@ def end_state(each: Problem, scheme: Scheme, steps: int) -> np.ndarray:
         ("parallel", 20.0, 6.0, 4, (24, 32, 48)),
     ],
 )
-def test_order_at_fixed_steps(name: str, stokes: float, end: float, order: int, steps: tuple[int, ...]):
+def test_order_at_fixed_steps(
+    name: str, stokes: float, end: float, order: int, steps: tuple[int, ...]
+):
     each = problem(stokes, end)
     scheme = next(scheme for scheme in (*SCHEMES, PARALLEL) if scheme.name == name)
     exact = solve(each, "taylor", TIGHT).states[-1]
@@ -192,7 +216,10 @@ def test_means_of_compositions_are_taken_where_they_hold():
         exact = solve(each, "taylor", TIGHT).states[-1]
         # Of 1.3 to 3.3 rad.
         for steps in (100, 200):
-            one, mean = (np.abs(end_state(each, scheme, steps) - exact)[:3].max() for scheme in (ABA, PARALLEL))
+            one, mean = (
+                np.abs(end_state(each, scheme, steps) - exact)[:3].max()
+                for scheme in (ABA, PARALLEL)
+            )
             assert 0 < 4 * mean < one
     assert each.parts is not None
     assert Split(each, TOLERANCE).scheme is PARALLEL
@@ -218,10 +245,15 @@ def test_the_tolerance_bounds_the_error_of_l_in_long_runs(kappa: float, stokes: 
 
 @pytest.mark.parametrize(
     ("kappa", "stokes", "end", "start"),
-    [(0.31, 5.5e5, 2.2e5, EulerStart((1.2, 0.5, 0.0))), (0.2, 1.3e6, 1.2e5, SCENES["prolate"].start)],
+    [
+        (0.31, 5.5e5, 2.2e5, EulerStart((1.2, 0.5, 0.0))),
+        (0.2, 1.3e6, 1.2e5, SCENES["prolate"].start),
+    ],
     ids=["from-rest", "turning"],
 )
-def test_tolerances_near_rounding_ask_for_no_end_of_steps(kappa: float, stokes: float, end: float, start: EulerStart):
+def test_tolerances_near_rounding_ask_for_no_end_of_steps(
+    kappa: float, stokes: float, end: float, start: EulerStart
+):
     """Nor does rounding in as many steps pile up: it had the same sign in each, and errors grew with the steps."""
     each = problem(stokes, end, kappa, start)
     times = np.linspace(0.0, each.end, 101)
@@ -260,7 +292,9 @@ def test_torque_free_motion_is_exact(name: str):
     along = about @ axis * about
     expected = along + np.cos(angle) * (axis - along) + np.sin(angle) * np.cross(about, axis)
     assert solution.states[:, :3] == pytest.approx(np.tile(momentum.astype(float), (51, 1)), abs=0)
-    assert np.abs(solution.states[:, 3:] - expected).max() < (2e-15 if name == "splitting-extended" else 1e-11)
+    assert np.abs(solution.states[:, 3:] - expected).max() < (
+        2e-15 if name == "splitting-extended" else 1e-11
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -312,7 +346,9 @@ def test_requested_times_do_not_change_the_steps(name: str):
 def test_rows_between_steps_are_as_accurate_as_steps(name: str):
     each = problem(1e4, 2000.0)
     times = np.linspace(0.0, each.end, 5001)
-    errors = np.abs(solve(each, name, 1e-7, times).states - solve(each, "taylor", TIGHT, times).states)[:, :3]
+    errors = np.abs(
+        solve(each, name, 1e-7, times).states - solve(each, "taylor", TIGHT, times).states
+    )[:, :3]
     assert errors.max(axis=1)[1::7].max() < 3e-7
     # Next to a step's end and far from one alike.
     assert errors.max() < 1.5 * errors[::10].max()
@@ -324,7 +360,11 @@ def test_step_limit_keeps_the_rows_before_it(name: str):
     times = np.linspace(0.0, each.end, 201)
     full = solve(each, name, TOLERANCE, times)
     limited = solve(each, name, TOLERANCE, times, max_steps=20)
-    assert (limited.status, limited.work.steps, limited.message) == (Status.STEP_LIMIT, 20, "20 steps")
+    assert (limited.status, limited.work.steps, limited.message) == (
+        Status.STEP_LIMIT,
+        20,
+        "20 steps",
+    )
     assert 1 < len(limited.times) < len(times)
     assert limited.states.tolist() == full.states[: len(limited.states)].tolist()
     steps = full.work.steps
@@ -343,7 +383,9 @@ def test_time_limit_keeps_the_rows_before_it(name: str):
     assert solution.status is Status.TIME_LIMIT
     assert 0.1 <= solution.seconds < 1.0
     assert 2 <= len(solution.times) < len(times)
-    assert solution.states[1] == pytest.approx(solve(replace(each, end=1.0), "taylor", TIGHT).states[-1], abs=1e-6)
+    assert solution.states[1] == pytest.approx(
+        solve(replace(each, end=1.0), "taylor", TIGHT).states[-1], abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -363,14 +405,18 @@ def test_a_library_that_is_absent(name: str, monkeypatch):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_problems_without_parts_are_refused_in_a_line(name: str):
-    with pytest.raises(SolverNotValidError, match=r"states no parts.*use form 'spheroid-axis'") as refusal:
+    with pytest.raises(
+        SolverNotValidError, match=r"states no parts.*use form 'spheroid-axis'"
+    ) as refusal:
         solve(CLASSICAL["rigid-body"].problem, name, TOLERANCE)
     assert "\n" not in str(refusal.value)
     assert takes(name, PROLATE)
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("scene", ["spheroid", "spheroid-near-pole", "rest-spheroid", "needle", "thin-plate", "sphere"])
+@pytest.mark.parametrize(
+    "scene", ["spheroid", "spheroid-near-pole", "rest-spheroid", "needle", "thin-plate", "sphere"]
+)
 def test_hard_cases(name: str, scene: str):
     """Errors stay within bounds, and where a saddle amplifies them, within those of another good method."""
     each = FORM.problem(named_scene(scene))
@@ -427,8 +473,14 @@ def test_long_double_keeps_the_phase():
     """Beside Taylor's method in long double: what rounding to double leaves is far larger."""
     each = problem(1e5, 8000.0)
     times = np.linspace(0.0, each.end, 21)
-    integrator = taylor_integrator(each.field, each.dimension, len(PARAMETERS), 1e-18, "long double")
-    integrator.time, integrator.state[:], integrator.pars[:] = np.longdouble(0), each.start, each.parameters
+    integrator = taylor_integrator(
+        each.field, each.dimension, len(PARAMETERS), 1e-18, "long double"
+    )
+    integrator.time, integrator.state[:], integrator.pars[:] = (
+        np.longdouble(0),
+        each.start,
+        each.parameters,
+    )
     exact = contract.Record(times, np.tile(np.array(each.start, np.longdouble), (21, 1)))
     assert propagate(integrator, exact) == (Status.REACHED_END, "")
     wide, double = (solve(each, name, 1e-15, times) for name in ("splitting-extended", "splitting"))
@@ -453,7 +505,9 @@ def test_turns_close_as_closely_as_their_steps_are_taken():
     """A rod that tumbles in the flow's plane: the rate of its turns varies, and much is left to close them."""
     each = problem(5e4, 5e4, 4.0)
     times = np.linspace(0.0, each.end, 51)
-    solution, exact = (solve(each, *method, times) for method in (("stroboscopic", 1e-11), ("taylor", TIGHT)))
+    solution, exact = (
+        solve(each, *method, times) for method in (("stroboscopic", 1e-11), ("taylor", TIGHT))
+    )
     assert solution.success
     errors = np.abs(solution.states - exact.states).max(axis=0)
     # The phase acts on L, which sways by a hundredth within a turn.
@@ -464,7 +518,9 @@ def test_turns_close_as_closely_as_their_steps_are_taken():
 def test_plans_whose_checks_fail_are_narrowed_to_the_last(monkeypatch):
     each = problem(1e4, 1e4)
     split, state, tried = Split(each, TOLERANCE), np.array(each.start), []
-    monkeypatch.setattr(split.planner, "estimated", lambda plan, *_: (tried.append(plan.step(1.0)) or inf, 0.0))
+    monkeypatch.setattr(
+        split.planner, "estimated", lambda plan, *_: (tried.append(plan.step(1.0)) or inf, 0.0)
+    )
     record = contract.Record(np.array([0.0, each.end]), np.empty((2, each.dimension)))
     tried.append(split.planner.plan(None, state, 0.0, record).step(1.0))
     assert np.all(np.diff(tried) < 0)
@@ -510,7 +566,10 @@ def test_averaging_hands_over_where_l_nearly_vanishes(tolerance: float):
     scene = replace(named_scene("pinch-point"), stokes=1e5, time=1e4)
     each = FORM.problem(scene)
     times = np.linspace(0.0, each.end, 201)
-    solution, exact = solve(each, "stroboscopic", tolerance, times), solve(each, "taylor", TIGHT, times)
+    solution, exact = (
+        solve(each, "stroboscopic", tolerance, times),
+        solve(each, "taylor", TIGHT, times),
+    )
     assert solution.success
     assert np.linalg.norm(exact.states[:, :3], axis=1).min() < 0.05
     assert np.abs(solution.states - exact.states)[:, :3].max() < 100 * tolerance
@@ -542,12 +601,18 @@ def test_any_spheroid_and_start(name: str, kappa, stokes, size, spin, angles, to
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
-@given(kappa=st.floats(-2.3, 2.3).map(exp), stokes=st.floats(4.5, 6.0), spin=st.tuples(UNIT, UNIT, UNIT))
+@given(
+    kappa=st.floats(-2.3, 2.3).map(exp),
+    stokes=st.floats(4.5, 6.0),
+    spin=st.tuples(UNIT, UNIT, UNIT),
+)
 def test_averaging_any_spheroid(kappa, stokes, spin):
     start = EulerStart((1.0, 0.5, 0.0), tuple(3.0 + each for each in spin))
     each = problem(10**stokes, 3000.0, kappa, start)
     times = np.linspace(0.0, each.end, 21)
-    solution, exact = (solve(each, *method, times) for method in (("stroboscopic", TOLERANCE), ("taylor", TIGHT)))
+    solution, exact = (
+        solve(each, *method, times) for method in (("stroboscopic", TOLERANCE), ("taylor", TIGHT))
+    )
     assert solution.success
     # Over a thousand turns and more, needles included, whose phase acts on L.
     assert np.abs(solution.states - exact.states)[:, :3].max() < 10 * TOLERANCE

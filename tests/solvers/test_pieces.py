@@ -35,7 +35,8 @@ def angle_field(ops: Operations) -> Field:
     return rhs
 
 
-# Pieces end at multiples of this time: turning of a point, by turns as itself and as an angle in a slower clock.
+# Pieces end at multiples of this time: turning of a point, by turns as itself and as an angle in a
+# slower clock.
 LENGTH, UNIT, TURNS = 0.7, 5.0, (2.0,)
 
 
@@ -50,7 +51,12 @@ def course(time: float, state: np.ndarray, tolerance: float) -> Piece:
         angle = float(np.arctan2(state[1], state[0]))
         slow = Problem("angle", angle_field, (angle,), 9.0, (TURNS[0] * UNIT,), time_unit=UNIT)
         return Piece(slow, end, point, "odd", 1e-3)
-    return Piece(Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS), end, reason="even", error=2e-3)
+    return Piece(
+        Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS),
+        end,
+        reason="even",
+        error=2e-3,
+    )
 
 
 COURSE = Problem("several", circle_field, (1.0, 0.0), 9.0, TURNS, course=course)
@@ -89,7 +95,9 @@ def test_pieces_are_made_as_they_are_needed():
 
 
 @pytest.mark.parametrize("stopped", [1, 2])
-def test_a_deadline_in_each_kind_of_piece_keeps_the_rows(stopped: int, monkeypatch: pytest.MonkeyPatch):
+def test_a_deadline_in_each_kind_of_piece_keeps_the_rows(
+    stopped: int, monkeypatch: pytest.MonkeyPatch
+):
     now = [0.0]
 
     def watch(record: Record) -> None:
@@ -115,7 +123,8 @@ def test_limits_of_steps_hold_for_the_whole_run():
 
 
 @pytest.mark.parametrize(
-    ("limit", "words"), [("max_steps", "step_limit: 0 steps"), ("max_seconds", "time_limit: stopped at t = 0.7")]
+    ("limit", "words"),
+    [("max_steps", "step_limit: 0 steps"), ("max_seconds", "time_limit: stopped at t = 0.7")],
 )
 def test_limits_between_pieces_need_no_count_of_steps(limit: str, words: str):
     solution = solve(COURSE, "cvode-bdf", 1e-4, backend="python", **{limit: 0})
@@ -127,10 +136,14 @@ def no_way_on(piece: Piece) -> Piece:
 
 
 def refused(piece: Piece) -> Piece:
-    return replace(piece, problem=replace(piece.problem, field=lambda ops: lambda y, p: (y[0] > 0.0,)))
+    return replace(
+        piece, problem=replace(piece.problem, field=lambda ops: lambda y, p: (y[0] > 0.0,))
+    )
 
 
-@pytest.mark.parametrize(("breaks", "change"), [(0.0, no_way_on), (3 * LENGTH, no_way_on), (3 * LENGTH, refused)])
+@pytest.mark.parametrize(
+    ("breaks", "change"), [(0.0, no_way_on), (3 * LENGTH, no_way_on), (3 * LENGTH, refused)]
+)
 def test_a_course_that_goes_wrong_keeps_the_rows(breaks: float, change: Callable[[Piece], Piece]):
     def broken(time: float, state: np.ndarray, tolerance: float) -> Piece:
         piece = course(time, state, tolerance)
@@ -144,15 +157,21 @@ def test_a_course_that_goes_wrong_keeps_the_rows(breaks: float, change: Callable
 
 
 def test_a_course_is_not_asked_beyond_its_end():
-    with pytest.raises(ValueError, match=r"^times: got 9.5, expected none beyond the course's end, 9.0$"):
+    with pytest.raises(
+        ValueError, match=r"^times: got 9.5, expected none beyond the course's end, 9.0$"
+    ):
         solve(COURSE, "dop853", 1e-6, np.array([0.0, 9.5]))
 
 
 def test_an_observer_reads_the_time_of_the_run():
     records: list[tuple[Record, float]] = []
-    solve(COURSE, "dop853", 1e-8, EVERY, watch=lambda record: records.append((record, record.reached)))
+    solve(
+        COURSE, "dop853", 1e-8, EVERY, watch=lambda record: records.append((record, record.reached))
+    )
     assert [begin for _, begin in records] == pytest.approx(LENGTH * np.arange(13))
-    assert [record.reached for record, _ in records] == pytest.approx([*(LENGTH * np.arange(1, 13)), 9.0])
+    assert [record.reached for record, _ in records] == pytest.approx(
+        [*(LENGTH * np.arange(1, 13)), 9.0]
+    )
 
 
 def test_an_interrupted_run_keeps_what_was_finished():
@@ -169,7 +188,11 @@ def test_an_interrupted_run_keeps_what_was_finished():
 
 def test_a_piece_may_ask_for_a_tolerance_of_its_own():
     def tight(time: float, state: np.ndarray, tolerance: float) -> Piece:
-        return Piece(Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS), 9.0, tolerance=tolerance**2)
+        return Piece(
+            Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS),
+            9.0,
+            tolerance=tolerance**2,
+        )
 
     loose, own = (
         solve(COURSE, "dop853", 1e-4, EVERY),

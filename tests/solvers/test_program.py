@@ -40,7 +40,12 @@ def rooted():
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
-@given(n=st.integers(0, 4), m=st.integers(0, 5), seed=st.integers(0, 2**32 - 1), threshold=st.floats(0.0, 10.0))
+@given(
+    n=st.integers(0, 4),
+    m=st.integers(0, 5),
+    seed=st.integers(0, 2**32 - 1),
+    threshold=st.floats(0.0, 10.0),
+)
 def test_loops_and_branches(rooted, n: int, m: int, seed: int, threshold: float):
     rows, sums = np.random.default_rng(seed).uniform(0.0, 10.0, (n, m)), np.full(n + 1, -1.0)
     rooted(np.array([n, m, threshold]), rows, sums)

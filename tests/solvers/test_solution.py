@@ -38,7 +38,10 @@ def test_a_failure_prints_its_reason():
 
 def test_a_solution_without_rows_has_none_at_other_times():
     solution = solve(replace(PROBLEM, start=(np.nan,) * PROBLEM.dimension), "taylor", 1e-9)
-    with pytest.raises(ValueError, match=r"t: got array\(\[0.5\]\), expected a solution with rows, not .* non_finite$"):
+    with pytest.raises(
+        ValueError,
+        match=r"t: got array\(\[0.5\]\), expected a solution with rows, not .* non_finite$",
+    ):
         solution(0.5)
 
 

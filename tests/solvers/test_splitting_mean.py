@@ -22,19 +22,33 @@ def test_moments_are_those_of_products_of_exponentials(derivation):
     """Over matrices whose products of four vanish; places (0, 1), (0, 2), (0, 3) hold products of one, two, three."""
     random, h = np.random.default_rng(3), 0.3
     entries = random.normal(size=(5, 3))
-    nodes, shares, weights = random.uniform(-1, 1, (3, 4)), random.normal(size=(3, 4)), random.normal(size=3)
+    nodes, shares, weights = (
+        random.uniform(-1, 1, (3, 4)),
+        random.normal(size=(3, 4)),
+        random.normal(size=3),
+    )
     weights /= weights.sum()
 
     def part(x):
         """Oscillations of up to two per turn."""
         angle = h * np.asarray(x) / 2
-        waves = [np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)]
+        waves = [
+            np.ones_like(angle),
+            np.cos(angle),
+            np.sin(angle),
+            np.cos(2 * angle),
+            np.sin(2 * angle),
+        ]
         return np.stack(waves, axis=-1) @ entries
 
     def rate(x, u):
         return (u.reshape(4, 4) @ np.diag(h / 2 * part(x), 1)).ravel()
 
-    exact = solve_ivp(rate, (-1, 1), np.eye(4).ravel(), "DOP853", rtol=1e-13, atol=1e-15).y[:, -1].reshape(4, 4)
+    exact = (
+        solve_ivp(rate, (-1, 1), np.eye(4).ravel(), "DOP853", rtol=1e-13, atol=1e-15)
+        .y[:, -1]
+        .reshape(4, 4)
+    )
     composed = np.zeros((4, 4))
     for weight, *flows in zip(weights, nodes, shares, strict=True):
         product = np.eye(4)
@@ -51,7 +65,13 @@ def test_moments_are_those_of_products_of_exponentials(derivation):
     expected = [
         one @ first,
         first[:pairs] @ two.reshape(pairs, pairs) @ second[:pairs],
-        np.einsum("klm,k,l,m", three.reshape((triples,) * 3), first[:triples], second[:triples], third[:triples]),
+        np.einsum(
+            "klm,k,l,m",
+            three.reshape((triples,) * 3),
+            first[:triples],
+            second[:triples],
+            third[:triples],
+        ),
     ]
     found = (composed - exact)[0, 1:]
     # To where their polynomials end: of degree 12, 7 and 2.
@@ -70,7 +90,10 @@ def test_moments_count_as_the_quickest_oscillation_has_them(derivation, h: float
 def test_the_mean_in_use_errs_less_than_one_composition(derivation):
     """As `schemes` claims; what symmetric products are off by is kept below a hundredth of the commutators'."""
     for h in np.linspace(0.4, 3.8, 35):
-        (_, symmetric, commutators, _), single = derivation.residuals(PARALLEL, h), derivation.residuals(ABA, h)
+        (_, symmetric, commutators, _), single = (
+            derivation.residuals(PARALLEL, h),
+            derivation.residuals(ABA, h),
+        )
         assert np.linalg.norm(derivation.residuals(PARALLEL, h)) < 0.1 * np.linalg.norm(single)
         assert 0 < symmetric < 0.01 * commutators
 

@@ -16,7 +16,15 @@ from polhode.models.operations import Field, Operations
 from polhode.models.problem import Factory, Problem
 from polhode.solvers import contract
 from polhode.solvers.catalogue import solver
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, SolverNotValidError, Status
+from polhode.solvers.contract import (
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    SolverNotValidError,
+    Status,
+)
 from polhode.solvers.solve import solve
 from polhode.solvers.sundials.methods import CvodeBdf, Ida
 from polhode.solvers.taylor import taylor_integrator
@@ -36,7 +44,10 @@ class IdaCallback(Ida):
 
 RUN = Run("triaxial", "quaternion")
 INTEGRATORS = accepting(RUN.problem)
-WAYS = [*INTEGRATORS, *(pytest.param(one(), id=one.__name__) for one in (CvodeCallback, IdaCallback))]
+WAYS = [
+    *INTEGRATORS,
+    *(pytest.param(one(), id=one.__name__) for one in (CvodeCallback, IdaCallback)),
+]
 
 
 def square_field(ops: Operations) -> Field:
@@ -104,7 +115,9 @@ def test_blow_up_in_finite_time(name: str | Solver):
     assert solution.status in (Status.STEP_UNDERFLOW, Status.NON_FINITE)
     assert (solution.status is Status.NON_FINITE) == (name == "taylor")
     assert len(solution.times) in (10, 11)
-    assert_finished_rows(replace(solution, times=times[:9], states=solution.states[:9]), lambda t: 1 / (1 - t))
+    assert_finished_rows(
+        replace(solution, times=times[:9], states=solution.states[:9]), lambda t: 1 / (1 - t)
+    )
 
 
 @pytest.mark.parametrize("name", WAYS)
@@ -127,13 +140,19 @@ class OutsideTableError(ValueError):
     """What a field of a user's own may raise."""
 
 
-@pytest.mark.parametrize(("field", "start"), [(root_field, -1.0), (inverse_field, 0.0), (growth_field, np.nan)])
+@pytest.mark.parametrize(
+    ("field", "start"), [(root_field, -1.0), (inverse_field, 0.0), (growth_field, np.nan)]
+)
 @pytest.mark.parametrize("name", WAYS)
-def test_rates_that_are_no_numbers_end_a_run_at_its_start(name: str | Solver, field: Factory, start: float):
+def test_rates_that_are_no_numbers_end_a_run_at_its_start(
+    name: str | Solver, field: Factory, start: float
+):
     """SciPy's explicit methods would look for a first step without end."""
     for backend in solver(name).backends:
         solution = solve(Problem("start", field, (start,), 1.0), name, 1e-6, backend=backend)
-        assert (solution.status, len(solution.times)) == (Status.NON_FINITE, np.isfinite(start)), backend
+        assert (solution.status, len(solution.times)) == (Status.NON_FINITE, np.isfinite(start)), (
+            backend
+        )
 
 
 @pytest.mark.parametrize("name", ["dop853", "radau", "lsoda", *WAYS[-2:]])
@@ -192,7 +211,9 @@ def test_time_limit_keeps_the_rows_before_it(name: str | Solver):
     assert 0.1 <= solution.seconds < 1.0
     assert 2 <= len(solution.times) < len(times)
     assert solution.times[1] == 1.0
-    assert solution.states[1] == pytest.approx(solve(replace(long, end=1.0), name, 1e-9).states[-1], abs=1e-6)
+    assert solution.states[1] == pytest.approx(
+        solve(replace(long, end=1.0), name, 1e-9).states[-1], abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("name", [*WAYS[-2:], "cvode-adams", "cvode-bdf", "ida"])
@@ -212,7 +233,9 @@ def test_absent_library(name: str, monkeypatch):
     assert solution.times.tolist() == [0.0]
 
 
-@pytest.mark.parametrize("name", [name for name in INTEGRATORS if "exact" in solver(name).jacobians])
+@pytest.mark.parametrize(
+    "name", [name for name in INTEGRATORS if "exact" in solver(name).jacobians]
+)
 def test_without_a_compiler_jacobians_are_differences(name: str, monkeypatch):
     monkeypatch.setattr(contract, "installed", lambda library: library != "llvmlite")
     solution = solve(RUN.problem, name, 1e-6)
@@ -244,7 +267,9 @@ statuses = {name: solve(problem, name, 1e-6).status.value for name in SOLVERS if
 print(sorted(name for name, status in statuses.items() if status == "reached_end"))
 print(sorted(set(statuses.values())))
 """
-    output = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    output = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
     assert output.splitlines() == [
         "['bdf', 'dop853', 'lsoda', 'radau', 'rk45']",
         "['adapter_missing', 'reached_end']",
@@ -315,7 +340,13 @@ def test_a_solver_that_breaks_its_contract_has_crashed_in_one_line(rows: int, me
 
 @pytest.mark.parametrize(
     ("steps", "factor", "good"),
-    [(30, 1.25, False), (5000, 1.25, True), (None, 1.25, False), (5000, 3.0, False), (50_000, 3.0, False)],
+    [
+        (30, 1.25, False),
+        (5000, 1.25, True),
+        (None, 1.25, False),
+        (5000, 3.0, False),
+        (50_000, 3.0, False),
+    ],
 )
 def test_at_a_loose_tolerance_a_norm_may_drift_step_by_step(steps, factor, good):
     status = Status.REACHED_END if good else Status.FALSE_SUCCESS
@@ -328,7 +359,9 @@ def test_at_a_loose_tolerance_a_norm_may_drift_step_by_step(steps, factor, good)
 def test_two_failed_taylor_runs_do_not_agree(problem: Problem, limit: int):
     """heyoka reports err_nf_state and step_limit as values, so that two failed runs would differ by nothing."""
     times = np.linspace(0.0, problem.end, 5)
-    loose, tight = (solve(problem, "taylor", tolerance, times, max_steps=limit) for tolerance in (1e-6, 1e-12))
+    loose, tight = (
+        solve(problem, "taylor", tolerance, times, max_steps=limit) for tolerance in (1e-6, 1e-12)
+    )
     for solution in (loose, tight):
         assert not solution.success
         assert len(solution.states) == len(solution.times) < len(times)
@@ -342,7 +375,9 @@ def test_impossible_tolerances_are_refused(tolerance: float):
         solve(RUN.problem, "taylor", tolerance)
 
 
-@pytest.mark.parametrize("times", [[0.0], [1.0, 2.0], [0.0, 1.0, 1.0], [0.0, np.nan], [0.0, np.inf], [[0.0, 1.0]]])
+@pytest.mark.parametrize(
+    "times", [[0.0], [1.0, 2.0], [0.0, 1.0, 1.0], [0.0, np.nan], [0.0, np.inf], [[0.0, 1.0]]]
+)
 def test_impossible_times_are_refused(times):
     with pytest.raises(ValueError, match="times: got"):
         solve(RUN.problem, "taylor", 1e-6, np.array(times))
@@ -373,7 +408,9 @@ def test_threads_do_not_share_an_integrator_that_holds_a_state():
     assert taylor_integrator(*given) is taylor_integrator(*given)
 
 
-@pytest.mark.parametrize(("left", "usual", "steps"), [(60.0, 1600, 1600), (0.01, 1600, 100), (-1.0, 10, 1)])
+@pytest.mark.parametrize(
+    ("left", "usual", "steps"), [(60.0, 1600, 1600), (0.01, 1600, 100), (-1.0, 10, 1)]
+)
 def test_a_deadline_is_looked_at_more_often_when_it_is_near(left: float, usual: int, steps: int):
     record = Record(np.zeros(2), np.zeros((2, 1)), deadline=perf_counter() + left)
     assert record.chunk(usual) == steps

@@ -89,7 +89,11 @@ def test_all_memory_is_given_back(monkeypatch: pytest.MonkeyPatch):
     for name in NAMES:
         solve(PROBLEM, name, 1e-8)
         solve(PROBLEM, name, 1e-17)
-    pairs = {"N_VMake_Serial": "N_VDestroy", "SUNContext_Create": "SUNContext_Free", "Create": "Free"}
+    pairs = {
+        "N_VMake_Serial": "N_VDestroy",
+        "SUNContext_Create": "SUNContext_Free",
+        "Create": "Free",
+    }
     pairs |= {"SUNDenseMatrix": "SUNMatDestroy", "SUNLinSol_Dense": "SUNLinSolFree"}
     assert all(called[made] == called[freed] >= 6 for made, freed in pairs.items())
     monkeypatch.undo()
@@ -107,10 +111,20 @@ def test_all_memory_is_given_back(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_runs_side_by_side():
-    alone = [solve(PROBLEM, name, tolerance, TIMES).states for name in NAMES for tolerance in (1e-5, 1e-9)]
+    alone = [
+        solve(PROBLEM, name, tolerance, TIMES).states
+        for name in NAMES
+        for tolerance in (1e-5, 1e-9)
+    ]
     with ThreadPoolExecutor(4) as pool:
-        runs = [pool.submit(solve, PROBLEM, name, each, TIMES) for name in NAMES for each in (1e-5, 1e-9)] * 5
-        assert all(np.array_equal(run.result().states, alone[i % len(alone)]) for i, run in enumerate(runs))
+        runs = [
+            pool.submit(solve, PROBLEM, name, each, TIMES)
+            for name in NAMES
+            for each in (1e-5, 1e-9)
+        ] * 5
+        assert all(
+            np.array_equal(run.result().states, alone[i % len(alone)]) for i, run in enumerate(runs)
+        )
 
 
 def test_runs_side_by_side_through_python_give_standard_output_back():
@@ -123,7 +137,9 @@ def test_runs_side_by_side_through_python_give_standard_output_back():
 
 
 def test_input_that_the_library_refuses_is_no_state_that_is_not_finite():
-    solution = solve(Problem("short", lambda ops: lambda y, p: (3.0,), (0.0,), 1e-300), "cvode-bdf", 1e-6)
+    solution = solve(
+        Problem("short", lambda ops: lambda y, p: (3.0,), (0.0,), 1e-300), "cvode-bdf", 1e-6
+    )
     assert (solution.status, solution.message) == (Status.CRASHED, "illegal input at t = 0.0")
 
 
@@ -135,7 +151,10 @@ def square(ops: Operations) -> Field:
 def test_a_stall_ends_without_a_word(name: str, capfd: pytest.CaptureFixture[str]):
     """Before t = 1, where the solution is infinite, steps no longer advance the time, which the library warns of."""
     solution = solve(Problem("blow-up", square, (1.0,), 2.0), name, 1e-4, max_seconds=20.0)
-    assert (solution.status, solution.message[:19]) == (Status.STEP_UNDERFLOW, "stalled at t = 0.99")
+    assert (solution.status, solution.message[:19]) == (
+        Status.STEP_UNDERFLOW,
+        "stalled at t = 0.99",
+    )
     assert tuple(capfd.readouterr()) == ("", "")
 
 
@@ -163,5 +182,7 @@ def test_without_the_libraries_python_calls(name: str, monkeypatch: pytest.Monke
     monkeypatch.setattr(methods, "load_sundials", lambda prefix: None)
     assert solve(PROBLEM, name, 1e-6).settings.backend == "numba"
     assert "no C libraries found" in str(solver(name).note)
-    with pytest.raises(SolverNotValidError, match="backend: got 'compiled', expected SUNDIALS' C libraries"):
+    with pytest.raises(
+        SolverNotValidError, match="backend: got 'compiled', expected SUNDIALS' C libraries"
+    ):
         solve(PROBLEM, name, 1e-6, backend="compiled")

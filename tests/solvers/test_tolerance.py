@@ -53,7 +53,8 @@ def test_error_follows_the_tolerance(run: Run, name: str):
     solutions = [solve(run.problem, name, float(tolerance), run.times) for tolerance in tolerances]
     assert all(solution.success for solution in solutions)
     errors = np.array([run.error(solution.states) for solution in solutions])
-    # At tolerances at which a run takes the least steps that it ever takes its error stays the same.
+    # At tolerances at which a run takes the least steps that it ever takes its error stays the
+    # same.
     own = np.append(np.abs(np.diff(np.log(errors + FLOOR))) > 1e-3, True)
     above = (errors > FLOOR) & own
     assert above.sum() >= min(4, len(tolerances))

@@ -1,7 +1,8 @@
 """Torture: `python -m torture --minutes 20 --seed 1`, in the folder `tests`. Exit code 1 and a line for each complaint.
 
-Inputs, flips and kills come from the seed; how many, from the minutes. `--full`: more of each, and 5,000 runs whose
-true error is known, in 50 minutes or so. Names of parts, such as `kills`, leave out the others.
+Inputs, flips and kills come from the seed; how many, from the minutes. `--full`: more of each, and
+5,000 runs whose true error is known, in 50 minutes or so. Names of parts, such as `kills`, leave
+out the others.
 """
 
 import argparse
@@ -13,7 +14,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-# How many inputs, flips, kills, and runs of each command on a full disk: in 20 minutes, and in all that was asked for.
+# How many inputs, flips, kills, and runs of each command on a full disk: in 20 minutes, and in all
+# that was asked for.
 USUAL, FULL = (1000, 500, 40, 2), (2000, 500, 100, 5)
 PARTS = ("flips", "races", "disks", "kills", "inputs", "runs")
 SUCCESSES = ("-m", "torture.successes", "--runs", "5000")
@@ -28,7 +30,9 @@ def successes() -> list[str]:
 def main() -> None:
     """Do it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=20.0, help="at most; the counts shrink with it")
+    parser.add_argument(
+        "--minutes", type=float, default=20.0, help="at most; the counts shrink with it"
+    )
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}")
@@ -36,7 +40,9 @@ def main() -> None:
     if unknown := [name for name in given.parts if name not in PARTS]:
         parser.error(f"got {unknown[0]!r}, expected one of {', '.join(PARTS)}")
     share = 1.0 if given.full else min(1.0, given.minutes / 20.0)
-    fuzzes, flips, kills, fills = (round(share * count) for count in (FULL if given.full else USUAL))
+    fuzzes, flips, kills, fills = (
+        round(share * count) for count in (FULL if given.full else USUAL)
+    )
     with tempfile.TemporaryDirectory() as place:
         os.environ["POLHODE_CACHE"] = str(Path(place, "p"))
         # They read the cache's place when they are imported.
@@ -54,7 +60,10 @@ def main() -> None:
         parts: dict[str, tuple[str, Callable[[], list[str]]]] = {
             "flips": (f"{flips} bit flips", lambda: flipped(given.seed, flips)),
             "races": ("races", lambda: raced(folder("races"))),
-            "disks": (f"{fills} full disks for each command", lambda: filled(given.seed, fills, folder("full"))),
+            "disks": (
+                f"{fills} full disks for each command",
+                lambda: filled(given.seed, fills, folder("full")),
+            ),
             "kills": (f"{kills} kills", lambda: killed(given.seed, kills, folder("kills"))),
             "inputs": (f"{fuzzes} inputs", lambda: fuzzed(given.seed, fuzzes, spoiled)),
             "runs": ("5000 runs", successes),
@@ -66,7 +75,12 @@ def main() -> None:
         for name, part in (parts[each] for each in chosen):
             began, found = time.monotonic(), part()
             complaints += len(found)
-            print(f"{name}: {len(found)} complaints, {time.monotonic() - began:.0f} s", *found, sep="\n  ", flush=True)
+            print(
+                f"{name}: {len(found)} complaints, {time.monotonic() - began:.0f} s",
+                *found,
+                sep="\n  ",
+                flush=True,
+            )
     sys.exit(complaints > 0)
 
 

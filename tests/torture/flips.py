@@ -32,7 +32,10 @@ class Row:
 
 
 ROWS = [Row(f"case {i}", (i / 7, -i / 3), i) for i in range(30)]
-RECORDS = [{"key": f"{i}", "status": "reached_end", "seconds": i / 7, "work": {"steps": i}} for i in range(30)]
+RECORDS = [
+    {"key": f"{i}", "status": "reached_end", "seconds": i / 7, "work": {"steps": i}}
+    for i in range(30)
+]
 
 
 def _store(path: Path) -> list[Any]:
@@ -50,7 +53,9 @@ def _machine_code(folder: Path) -> Path:
     """A database as heyoka has it, with noise for code, and the checksums beside it."""
     folder.mkdir()
     with closing(sqlite3.connect(folder / "cache.db")) as code, code:
-        code.execute("CREATE TABLE cache (hash INTEGER PRIMARY KEY, opt_level, object BLOB, last_access)")
+        code.execute(
+            "CREATE TABLE cache (hash INTEGER PRIMARY KEY, opt_level, object BLOB, last_access)"
+        )
         rows = [(number, 3, Random(number).randbytes(3000), number) for number in range(5)]
         code.executemany("INSERT INTO cache VALUES (?, ?, ?, ?)", rows)
     kept_code.note(folder)
@@ -74,7 +79,9 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     cache.keep("key", arrays)
     load_laws().save(own_laws_path())
     kept.save("shape", np.arange(300) / 7)
-    numbers = max((kept.cache_folder() / "numbers").iterdir(), key=lambda file: file.stat().st_mtime_ns)
+    numbers = max(
+        (kept.cache_folder() / "numbers").iterdir(), key=lambda file: file.stat().st_mtime_ns
+    )
     code = _machine_code(folder / "code")
 
     def reference() -> Any:

@@ -1,7 +1,7 @@
 """Hostile scenes, studies, sweeps and command lines, each in a forked process: answered soon, in a line.
 
-A run that is named on standard error, with its form and solver, has been answered: how long it then takes was asked
-for.
+A run that is named on standard error, with its form and solver, has been answered: how long it then
+takes was asked for.
 """
 
 import os
@@ -36,12 +36,77 @@ bins = 8
 start.motion = "fluid"
 """
 NUMBERS = (
-    *("0", "-0.0", "-1", "nan", "inf", "-inf", "1e308", "-1e308", "5e-324", "1e400", "1e155", "1e-200", "1e12"),
-    *("99999999999999999999", "0x10", "1_000", "true", "''", "'x'", "[]", "{}", "1979-05-27", "1e30", "6", "360.0"),
+    *(
+        "0",
+        "-0.0",
+        "-1",
+        "nan",
+        "inf",
+        "-inf",
+        "1e308",
+        "-1e308",
+        "5e-324",
+        "1e400",
+        "1e155",
+        "1e-200",
+        "1e12",
+    ),
+    *(
+        "99999999999999999999",
+        "0x10",
+        "1_000",
+        "true",
+        "''",
+        "'x'",
+        "[]",
+        "{}",
+        "1979-05-27",
+        "1e30",
+        "6",
+        "360.0",
+    ),
 )
-SIGNS = ("\0", "\x1b[31m", "\ufeff", "\u202e", "é", "\ud800", "=", "[", "]]", '"""', "\r", "#", "\n\n[shape]\n")
-WORDS = ("--", "-", "", "paper", "top", "quaternion", "taylor", "averaged", "os:path", "../x", "~", "a\\nb")
-OPTIONS = ("--form", "--solver", "--tolerance", "--error", "--want", "--samples", "--out", "--quiet", "-v", "--json")
+SIGNS = (
+    "\0",
+    "\x1b[31m",
+    "\ufeff",
+    "\u202e",
+    "é",
+    "\ud800",
+    "=",
+    "[",
+    "]]",
+    '"""',
+    "\r",
+    "#",
+    "\n\n[shape]\n",
+)
+WORDS = (
+    "--",
+    "-",
+    "",
+    "paper",
+    "top",
+    "quaternion",
+    "taylor",
+    "averaged",
+    "os:path",
+    "../x",
+    "~",
+    "a\\nb",
+)
+OPTIONS = (
+    "--form",
+    "--solver",
+    "--tolerance",
+    "--error",
+    "--want",
+    "--samples",
+    "--out",
+    "--quiet",
+    "-v",
+    "--json",
+)
 SECONDS, ENOUGH, ROOM = 10.0, 2.5, 2**30
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d._]*(?:e[-+]?\d+)?")
 ANSWERED = re.compile(r"^\S+ by \S+ at tolerance", re.MULTILINE)
@@ -63,7 +128,11 @@ def mutated(text: str, random: Random) -> str:
             place = random.randrange(len(text) + 1)
             text = text[:place] + random.choice(SIGNS) + text[place:]
         else:
-            text = text[: random.randrange(len(text) + 1)] if random.random() < 0.3 else text.swapcase()
+            text = (
+                text[: random.randrange(len(text) + 1)]
+                if random.random() < 0.3
+                else text.swapcase()
+            )
     return text
 
 
@@ -72,18 +141,33 @@ def inputs(random: Random) -> Iterator[tuple[str, list[str]]]:
     while True:
         kind = random.randrange(6)
         if kind <= 2:
-            extra = [random.choice(OPTIONS + WORDS + NUMBERS) for _ in range(random.choice((0, 0, 1, 2, 4)))]
+            extra = [
+                random.choice(OPTIONS + WORDS + NUMBERS)
+                for _ in range(random.choice((0, 0, 1, 2, 4)))
+            ]
             command = random.choice(("solve", "solve", "scenes", "pick", "shape"))
             yield mutated(SCENE.replace("0.5\n", "0.01\n", 1), random), [command, "x.toml", *extra]
         elif kind == 3:
             # Read and checked as ever; then no scene is left.
             yield mutated(STUDY, random), ["bench", "x.toml", "--scene", "nothing"]
         elif kind == 4:
-            yield mutated(SWEEP, random), ["sweep", "x.toml", "--workers", "0", "--quiet", "--out", "o"]
+            yield (
+                mutated(SWEEP, random),
+                ["sweep", "x.toml", "--workers", "0", "--quiet", "--out", "o"],
+            )
         else:
-            some = random.choice(("export", "compare", "report", "paper", "bench", "scenes", "solve", "pick"))
-            more = {"export": ["x.toml", "o.csv"], "compare": ["x.jsonl", "x.toml"], "paper": ["nothing"]}
-            yield mutated(SCENE, random), [some, *more.get(some, ["x.toml", "--scene", random.choice(WORDS)])]
+            some = random.choice(
+                ("export", "compare", "report", "paper", "bench", "scenes", "solve", "pick")
+            )
+            more = {
+                "export": ["x.toml", "o.csv"],
+                "compare": ["x.jsonl", "x.toml"],
+                "paper": ["nothing"],
+            }
+            yield (
+                mutated(SCENE, random),
+                [some, *more.get(some, ["x.toml", "--scene", random.choice(WORDS)])],
+            )
 
 
 def fuzzed(seed: int, count: int, folder: Path) -> list[str]:
@@ -149,7 +233,9 @@ def _said(place: Path) -> str:
 
 def _spent(child: int) -> tuple[float, bool]:
     """Processor time of a process, in seconds, which a busy machine leaves as it is, and whether it wants more."""
-    state, *numbers = Path(f"/proc/{child}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    state, *numbers = (
+        Path(f"/proc/{child}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    )
     return sum(map(float, numbers[10:12])) / os.sysconf("SC_CLK_TCK"), state == "R"
 
 

@@ -37,7 +37,9 @@ def _stored(folder: Path) -> Any:
     (path,) = folder.glob("*.sqlite")
     with Store(path) as store:
         return {
-            record["key"]: json.dumps({name: value for name, value in record.items() if name not in TIMES})
+            record["key"]: json.dumps(
+                {name: value for name, value in record.items() if name not in TIMES}
+            )
             for record in store
         }
 
@@ -47,7 +49,11 @@ def _tables(folder: Path) -> Any:
 
 
 def _pages(folder: Path) -> Any:
-    return {path.name: path.read_bytes() for path in sorted(folder.rglob("*.html")) if path.name != "index.html"}
+    return {
+        path.name: path.read_bytes()
+        for path in sorted(folder.rglob("*.html"))
+        if path.name != "index.html"
+    }
 
 
 # Without long scenes, 200 runs instead of 10.
@@ -72,7 +78,9 @@ JOBS = {
     "bench": Job(("bench", "study.toml", "--quiet", "--resume"), _stored),
     "regimes": Job(("regimes", "study.toml", "--quiet", "--resume"), _stored),
     "laws": Job(
-        ("calibrate", "--to", "laws.json", "--add", "--scenes", "3", "--quiet", "--resume"), _stored, ("-c", SHORT)
+        ("calibrate", "--to", "laws.json", "--add", "--scenes", "3", "--quiet", "--resume"),
+        _stored,
+        ("-c", SHORT),
     ),
     "sweep": Job(("sweep", "sweep.toml", "--quiet", "--resume", "--workers", "2"), _stored),
     "paper": Job(("paper", "euler-top", "symmetric-top", "--quick", "--quiet"), _tables),
@@ -81,7 +89,9 @@ JOBS = {
 
 
 @contextmanager
-def running(job: Job, folder: Path, room: int = resource.RLIM_INFINITY) -> Iterator[subprocess.Popen[bytes]]:
+def running(
+    job: Job, folder: Path, room: int = resource.RLIM_INFINITY
+) -> Iterator[subprocess.Popen[bytes]]:
     """The command in a process of its own; its standard error goes into a file."""
     environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
     words = [sys.executable, "-P", *job.program, *job.words, "--out", "o"]
@@ -92,7 +102,12 @@ def running(job: Job, folder: Path, room: int = resource.RLIM_INFINITY) -> Itera
     with (
         (folder / "stderr").open("wb") as said,
         subprocess.Popen(
-            words, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=said, preexec_fn=limit
+            words,
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            preexec_fn=limit,
         ) as process,
     ):
         yield process
@@ -127,7 +142,9 @@ def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
                 share -= 1
                 with running(job, folder) as process:
                     time.sleep(random.uniform(0.0, 1.1 * usual))
-                    process.send_signal(random.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM)))
+                    process.send_signal(
+                        random.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM))
+                    )
                 until = time.monotonic() + GONE
                 while (left := orphans(folder)) and time.monotonic() < until:
                     time.sleep(0.05)
@@ -157,7 +174,9 @@ def filled(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
             # Caches that cannot be written are named beside it.
             lines = [line for line in said.splitlines() if not line.endswith("anew")]
             if code not in (0, 1) or len(lines) > 1 or "Traceback" in said:
-                complaints.append(f"{name} with room for {room} bytes: exit code {code}: {said[-300:]}")
+                complaints.append(
+                    f"{name} with room for {room} bytes: exit code {code}: {said[-300:]}"
+                )
             complaints += _finished(job, folder, f"{name}: taken up")
             if job.outcome(folder / "o") != true:
                 complaints.append(f"{name}: after room for {room} bytes other results")
@@ -173,7 +192,11 @@ def _afresh(folder: Path) -> None:
     (folder / "reports" / "small").mkdir(parents=True, exist_ok=True)
     (folder / "reports" / "small" / "README.md").write_text("# Small\n\nText.\n", encoding="utf-8")
     known = load_laws()
-    lacking = {method: law for method, law in known.methods.items() if method != ("quaternion", "cyrk-dop853")}
+    lacking = {
+        method: law
+        for method, law in known.methods.items()
+        if method != ("quaternion", "cyrk-dop853")
+    }
     replace(known, methods=lacking).save(folder / "laws.json")
 
 
@@ -204,7 +227,9 @@ def raced(folder: Path, cold: int = 10) -> list[str]:
         out = "same.csv" if number < 2 else f"{number}.csv"
         words = [sys.executable, "-P", *solve.program, *solve.words, "--out", out]
         environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
-        processes.append(subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True))
+        processes.append(
+            subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True)
+        )
     said = [process.communicate()[1] for process in processes]
     if any(process.returncode for process in processes) or any(said):
         complaints.append(f"{cold} cold processes: {said}")

@@ -1,7 +1,7 @@
 """False successes: thousands of runs that claim success, each with its true error, before and after doubt.
 
-In the folder `tests`, `python -m torture.successes --runs 5000` goes on where it stopped, and writes its counts into
-docs/false-successes.md.
+In the folder `tests`, `python -m torture.successes --runs 5000` goes on where it stopped, and
+writes its counts into docs/false-successes.md.
 """
 
 import argparse
@@ -33,7 +33,8 @@ SEED = 20
 FAST = 10.0
 # Solvers with Python in the loop take too long beyond.
 MOST_ROTATIONS, MOST_IN_PYTHON = 1000.0, 2.0
-# Two unrelated runs as sharp as double precision allows; where they differ by more, there is no truth to compare with.
+# Two unrelated runs as sharp as double precision allows; where they differ by more, there is no
+# truth to compare with.
 TRUTH, KNOWN = (("taylor", 1e-16), ("cyrk-vern8", 1e-13)), 0.01
 # What a check says, by its name.
 CHECKS = {
@@ -84,12 +85,16 @@ def runs(scene: Scene, samples: int, rotations: float, index: int) -> Iterator[d
             solver = find_solver(method)
             if solver.closed_form or (method not in fast_solvers() and rotations > MOST_IN_PYTHON):
                 continue
-            for row, tolerance in enumerate((1e-4, 10.0 ** -random.integers(5, 8), 10.0 ** -random.integers(8, 11))):
+            for row, tolerance in enumerate(
+                (1e-4, 10.0 ** -random.integers(5, 8), 10.0 ** -random.integers(8, 11))
+            ):
                 if solver.low_order and row == LOW_ORDER_ROWS - 1:
                     continue
                 try:
                     solver.check(problem)
-                    found = solve(scene, form=name, solver=method, tolerance=tolerance, samples=samples)
+                    found = solve(
+                        scene, form=name, solver=method, tolerance=tolerance, samples=samples
+                    )
                 except SolverNotValidError:
                     break
                 whole = len(found.observables.energy) == samples
@@ -119,11 +124,15 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
     left = [row for row in off if row["status"] == Status.REACHED_END]
     unstated = [row for row in left if row["stated"] is None or row["stated"] < OFF]
     good = [row for row in known if row["error"] <= OFF and row["status"] == Status.FALSE_SUCCESS]
-    by = ", ".join(f"{name} {count}" for name, count in Counter(row["solver"] for row in off).most_common())
+    by = ", ".join(
+        f"{name} {count}" for name, count in Counter(row["solver"] for row in off).most_common()
+    )
     bounds = [row for row in known if row["stated"] is not None]
     above = sum(row["error"] > row["stated"] for row in bounds)
     caught = Counter(
-        next(by for by, words in CHECKS.items() if words in row["message"]) for row in off if row not in left
+        next(by for by, words in CHECKS.items() if words in row["message"])
+        for row in off
+        if row not in left
     )
     unsaid, below = (percent(count / max(1, len(known)), ".2%") for count in (len(unstated), 3))
     exceeded = percent(above / max(1, len(bounds)), ".1%")
@@ -152,7 +161,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=5000)
     parser.add_argument("--kept", type=Path, default=Path("false-successes.partial"))
-    parser.add_argument("--page", type=Path, default=Path(__file__).parents[2] / "docs" / "false-successes.md")
+    parser.add_argument(
+        "--page", type=Path, default=Path(__file__).parents[2] / "docs" / "false-successes.md"
+    )
     given = parser.parse_args()
     given.kept.touch()
     rows = [json.loads(line) for line in given.kept.read_text(encoding="utf-8").splitlines()]

@@ -33,23 +33,40 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
     own, good = laws(rows), []
     first = [law for law in own if first_order(law.form)]
     for family, stokes in GOOD_FROM.items():
-        there = [row for row in rows if row.family == family and row.stokes == stokes and first_order(row.form)]
+        there = [
+            row
+            for row in rows
+            if row.family == family and row.stokes == stokes and first_order(row.form)
+        ]
         needed = [law.needed(1e-2)[0] for law in first if law.family == family]
         known = sorted(number for number in needed if not isnan(number))
         good.append((family, stokes, sorted(there, key=lambda row: row.model_error), known))
     promised = [("First order", 1, first)]
-    for family, title in (("spheroid", "spheroids"), ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂")):
+    for family, title in (
+        ("spheroid", "spheroids"),
+        ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂"),
+    ):
         second = [law for law in own if law.family == family and law not in first]
         promised.append((f"Second order, {title}", 2, second))
     known = [(*each, [law for law in each[2] if not isnan(law.order)]) for each in promised]
-    single = [(name, law) for name in VARIABLES for law in laws(rows, name) if first_order(law.form)]
-    return lines_of("accuracy-findings", good=good, promised=known, single=single, points=LEAST_POINTS)
+    single = [
+        (name, law) for name in VARIABLES for law in laws(rows, name) if first_order(law.form)
+    ]
+    return lines_of(
+        "accuracy-findings", good=good, promised=known, single=single, points=LEAST_POINTS
+    )
 
 
 def as_text(study: PaperStudy) -> str:
     """What was found, and the table of the page, for a terminal."""
     columns = columns_of("accuracy")
-    return "\n".join([*statements(study.errors), "", aligned([*columns], cells(case_rows(study.errors), columns))])
+    return "\n".join(
+        [
+            *statements(study.errors),
+            "",
+            aligned([*columns], cells(case_rows(study.errors), columns)),
+        ]
+    )
 
 
 def as_json(study: PaperStudy) -> dict[str, Any]:
@@ -57,7 +74,10 @@ def as_json(study: PaperStudy) -> dict[str, Any]:
     rows = study.errors
     return {
         "variables": list(VARIABLES),
-        "errors": [asdict(row) | {"model_error": row.model_error, "solver_error": row.solver_error} for row in rows],
+        "errors": [
+            asdict(row) | {"model_error": row.model_error, "solver_error": row.solver_error}
+            for row in rows
+        ],
         "laws": rows_of(pd.DataFrame(law_rows(rows))),
         "absent": [asdict(row) for row in study.absent],
         "statements": statements(rows),
@@ -67,7 +87,9 @@ def as_json(study: PaperStudy) -> dict[str, Any]:
 def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     """Write the page, its figure and its data into a folder."""
     write_study(study, folder)
-    write_file(folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True)
+    write_file(
+        folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True
+    )
     lines: dict[str, list[Line]] = {title: [] for title in PANELS.values()}
     for law in laws(study.errors):
         order = 1 if first_order(law.form) else 2
@@ -78,13 +100,22 @@ def write_page(study: PaperStudy, folder: Path, command: str) -> None:
 
 def law_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, Any]]:
     """One row per case and form: the orders per variable and of the slow error, and the St that errors need."""
-    each = {(law.subject, law.form, name): law.order for name in VARIABLES for law in laws(rows, name)}
+    each = {
+        (law.subject, law.form, name): law.order for name in VARIABLES for law in laws(rows, name)
+    }
     found = []
     for law in laws(rows):
         row = {"case": law.subject, "form": law.form, "to_t2": law.horizon}
-        row |= {"St_from": law.alike[0][0], "St_to": law.alike[0][-1], "St_fitted": len(law.fitted[0])}
+        row |= {
+            "St_from": law.alike[0][0],
+            "St_to": law.alike[0][-1],
+            "St_fitted": len(law.fitted[0]),
+        }
         row |= {f"order_{name}": each.get((law.subject, law.form, name), nan) for name in VARIABLES}
-        row |= {"order": law.order, **dict(zip(("order_low", "order_high"), law.order_interval, strict=True))}
+        row |= {
+            "order": law.order,
+            **dict(zip(("order_low", "order_high"), law.order_interval, strict=True)),
+        }
         for target in TARGETS:
             row[f"St_for_{target:g}"], row[f"from_{target:g}"] = law.needed(target)
         found.append(row)
@@ -97,7 +128,10 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
     for law in laws(rows):
         row, which = found[law.subject], "first" if first_order(law.form) else "second"
         low, high = law.order_interval
-        row |= {"case": law.subject, which: "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})"}
+        row |= {
+            "case": law.subject,
+            which: "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})",
+        }
         row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in SHOWN}
         if which == "second":
             row["until"] = f"{law.horizon:.3g}"

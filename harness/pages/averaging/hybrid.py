@@ -28,7 +28,11 @@ def page(study: Study, command: str) -> str:
     """The report as Markdown."""
     timed = [study.timed.get(part, {}) for part in hybrid.PARTS if getattr(study, part)]
     how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
-    how |= {"largest": ("slow", "max"), "over": ("over", "median"), "full": ("full_share", "median")}
+    how |= {
+        "largest": ("slow", "max"),
+        "over": ("over", "median"),
+        "full": ("full_share", "median"),
+    }
     errors = _judged(study.errors).dropna(subset=["slow"]).groupby(["stokes", "error"]).agg(**how)
     speeds = _compared(study.speed).groupby(["stokes", "bodies"])
     medians = speeds[["seconds", "few_seconds", "full_share", "gain", "over_knowing"]].median()
@@ -70,7 +74,9 @@ def _judged(rows: Sequence[HybridError]) -> Any:
     """The runs as a table, with whether each kept its word and how its estimate compares."""
     runs = frame_of(HybridError, rows)
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
-    runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(runs["estimated"].notna())
+    runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(
+        runs["estimated"].notna()
+    )
     runs["over"] = runs["estimated"] / runs[["slow", "uncertainty"]].max(axis=1)
     return runs
 

@@ -6,7 +6,13 @@ from pathlib import Path
 
 from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import cases, orders, second_order
-from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, write_study
+from polhode.harness.averaging.data import (
+    Cost,
+    Passage,
+    SecondOrderErrors,
+    SecondOrderStudy,
+    write_study,
+)
 from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
@@ -26,7 +32,12 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     fitted = slopes(study.orders)
     write_table(folder / "slopes.csv", Slope, fitted)
     # Slow errors of both orders, and the orientation's, which second order alone knows.
-    found = [own for _, own in frame_of(SecondOrderErrors, study.orders).groupby(["shape", "start"], sort=False)]
+    found = [
+        own
+        for _, own in frame_of(SecondOrderErrors, study.orders).groupby(
+            ["shape", "start"], sort=False
+        )
+    ]
     both = (1, "first_order_slow"), (2, "slow")
     slow = [Line(order, order, own["stokes"], own[name]) for own in found for order, name in both]
     turned = [Line(2, 1, own["stokes"], own["orientation"]) for own in found]
@@ -42,10 +53,14 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     # The slopes of each case, and the errors at its largest St.
     last = frame_of(SecondOrderErrors, study.orders).sort_values("stokes")
     last = last.drop_duplicates(["shape", "start"], keep="last")
-    last = last.rename(columns={"slow": "error", "first_order_slow": "first", "orientation": "turned"})
+    last = last.rename(
+        columns={"slow": "error", "first_order_slow": "first", "orientation": "turned"}
+    )
     return fill(
         "second-order",
-        header=header("Second-order averaging: orders and cost", command, list(study.timed.values())),
+        header=header(
+            "Second-order averaging: orders and cost", command, list(study.timed.values())
+        ),
         findings=findings(study),
         orders=frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records"),
         runs=dict.fromkeys([*second[:1], *compared, *second[-1:]]),
@@ -62,7 +77,11 @@ def findings(study: SecondOrderStudy) -> list[str]:
     fitted = slopes(study.orders)
     passages = {"Through resonances": study.resonances, "Up to L² = 2EI₂": study.crossings}
     triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
-    full = [each for each in study.cost if each.form == "spheroid-axis" and each.stokes == second_order.COMPARED]
+    full = [
+        each
+        for each in study.cost
+        if each.form == "spheroid-axis" and each.stokes == second_order.COMPARED
+    ]
     return lines_of(
         "second-order-findings",
         fitted={
@@ -73,24 +92,35 @@ def findings(study: SecondOrderStudy) -> list[str]:
         there=_estimates([row for rows in passages.values() for row in rows]),
         # How many times smaller than first order's errors are.
         gains={
-            where: [row.first_order_slow / row.slow for row in rows if row.stokes == GAIN_AT and not row.refused]
+            where: [
+                row.first_order_slow / row.slow
+                for row in rows
+                if row.stokes == GAIN_AT and not row.refused
+            ]
             for where, rows in passages.items()
         },
         stokes=GAIN_AT,
         passages=passages,
         second=_of_second_order(study.cost),
-        full=sorted((each for each in full if each.slow <= second_order.TARGET), key=lambda each: each.seconds),
+        full=sorted(
+            (each for each in full if each.slow <= second_order.TARGET),
+            key=lambda each: each.seconds,
+        ),
         measured=second_order,
     )
 
 
 def _of_second_order(costs: Sequence[Cost]) -> list[Cost]:
     """Costs of the form itself, by St."""
-    return sorted((each for each in costs if each.form == SecondOrder.name), key=lambda each: each.stokes)
+    return sorted(
+        (each for each in costs if each.form == SecondOrder.name), key=lambda each: each.stokes
+    )
 
 
 def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]:
     """Errors estimated over those measured, of the slow variables and of the orientation; nothing without runs."""
     own = [row for row in rows if not isnan(row.slow)]
-    pairs = [(row.estimated_slow / row.slow, row.estimated_orientation / row.orientation) for row in own]
+    pairs = [
+        (row.estimated_slow / row.slow, row.estimated_orientation / row.orientation) for row in own
+    ]
     return [sorted(each) for each in zip(*pairs, strict=True)]

@@ -28,10 +28,17 @@ class Line:
 
 def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the promised slopes."""
-    figure, row = plt.subplots(1, len(panels), figsize=SIZE, sharex=True, sharey=True, layout="constrained")
+    figure, row = plt.subplots(
+        1, len(panels), figsize=SIZE, sharex=True, sharey=True, layout="constrained"
+    )
     for axes, (title, lines) in zip(row, panels.items(), strict=True):
         for line in lines:
-            style = {"color": COLOURS[line.order], "linewidth": 1.2, "markersize": 3.5, "alpha": 0.8}
+            style = {
+                "color": COLOURS[line.order],
+                "linewidth": 1.2,
+                "markersize": 3.5,
+                "alpha": 0.8,
+            }
             axes.loglog(line.stokes, line.error, "o-", **style)
         for order, power in sorted({(line.order, line.power) for line in lines}):
             _promise(axes, [line for line in lines if line.order == order], power)
@@ -51,7 +58,9 @@ def errors_and_speed(runs: Any, speeds: Any) -> Figure:
     draw = np.random.default_rng(0)
     for stokes, own in runs.groupby("stokes"):
         asked = own["error"] * 10 ** draw.uniform(-0.6, 0.6, len(own))
-        left.loglog(asked, own["slow"], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}")
+        left.loglog(
+            asked, own["slow"], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}"
+        )
     for asked in sorted(runs["error"].unique()):
         left.plot([asked / 4, asked * 4], [asked, asked], color="black", linewidth=1.5)
     left.set_xlabel("error asked for (spread sideways)", fontsize=11)
@@ -65,13 +74,17 @@ def errors_and_speed(runs: Any, speeds: Any) -> Figure:
     right.set_ylabel("times as fast as cyrk-vern8 or taylor", fontsize=11)
     for axes in (left, right):
         # Within the panel it would hide the largest errors.
-        axes.legend(fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+        axes.legend(
+            fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False
+        )
     return figure
 
 
 def _promise(axes: Axes, own: Sequence[Line], power: int) -> None:
     """A dotted line of the promised slope above nine in ten of the errors."""
-    stokes, errors = (np.concatenate([getattr(line, name) for line in own]) for name in ("stokes", "error"))
+    stokes, errors = (
+        np.concatenate([getattr(line, name) for line in own]) for name in ("stokes", "error")
+    )
     ends = np.array([stokes.min(), stokes.max()])
     order, exponent = own[0].order, f"^{power}" if power > 1 else ""
     label = f"{NAMES[order]}, dotted: $\\propto 1/\\mathrm{{St}}{exponent}$"

@@ -34,7 +34,9 @@ ERRORS = {
 
 def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
     """Two maps, full solution above slow variables, with one legend; `times` are the runs' durations by St."""
-    columns, rows = (len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target"))
+    columns, rows = (
+        len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target")
+    )
     cells = [cell for found in panels for cell in found]
     entries = _entries(cells)
     longest = max(map(len, entries))
@@ -46,10 +48,27 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
         axes.set_title(title, fontsize=13, loc="left")
         axes.set_ylabel("error asked for", fontsize=11)
     shorter = _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
-    handles = [each for own in entries for each in (*own, *[Patch(facecolor="none")] * (longest - len(own)))]
+    handles = [
+        each
+        for own in entries
+        for each in (*own, *[Patch(facecolor="none")] * (longest - len(own)))
+    ]
     note = fill("regimes-note", shorter=shorter, tie=100 * (TIE - 1), usual=usual_form(cells))
-    style = {"frameon": False, "fontsize": 9.5, "handlelength": 1.3, "ncols": len(entries), "columnspacing": 5.0}
-    drawing.legend(handles=handles, loc="outside lower left", title=note, title_fontsize=9.5, alignment="left", **style)
+    style = {
+        "frameon": False,
+        "fontsize": 9.5,
+        "handlelength": 1.3,
+        "ncols": len(entries),
+        "columnspacing": 5.0,
+    }
+    drawing.legend(
+        handles=handles,
+        loc="outside lower left",
+        title=note,
+        title_fontsize=9.5,
+        alignment="left",
+        **style,
+    )
     return drawing
 
 
@@ -57,7 +76,10 @@ def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]
     """Labels of methods below the headings of their sides, in the order of `rank`; no side without any."""
     sides = {method.label: method.side for method in methods}
     ranked = sorted(sides, key=rank)
-    own = [(heading, [label for label in ranked if sides[label] == side]) for side, heading in HEADINGS.items()]
+    own = [
+        (heading, [label for label in ranked if sides[label] == side])
+        for side, heading in HEADINGS.items()
+    ]
     return [(heading, labels) for heading, labels in own if labels]
 
 
@@ -71,10 +93,14 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
         for j, target in enumerate(targets):
             cell = at[stokes, target]
             color = colour(cell.winner.label) if cell.winner else NOBODY if cell.known else UNKNOWN
-            axes.add_patch(Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8))
+            axes.add_patch(
+                Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8)
+            )
             if cell.tied and cell.second:
                 corner = [(i + 0.77, j), (i + 1, j), (i + 1, j + 0.9)]
-                axes.add_patch(Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none"))
+                axes.add_patch(
+                    Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none")
+                )
             _write_in(axes, cell, i, j, usual)
     winners = [[at[stokes, target].winner for target in targets] for stokes in numbers]
     # Heavy lines where one kind of method hands over to another.
@@ -85,8 +111,12 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
     for i, j in np.argwhere(sides[:, 1:] != sides[:, :-1]):
         axes.plot([i, i + 1], [j + 1, j + 1], **style)
     axes.set(xlim=(0, len(numbers)), ylim=(len(targets), 0))
-    axes.set_xticks([i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11)
-    axes.set_yticks([j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11)
+    axes.set_xticks(
+        [i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11
+    )
+    axes.set_yticks(
+        [j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11
+    )
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     return axes
@@ -108,7 +138,11 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
         axes.annotate(name, (0, 0), (-10, below), xycoords="axes fraction", ha="right", **style)
         for i, text in enumerate(texts):
             weight = "bold" if k and slow[i] < usual else "normal"
-            place = {"xycoords": ("data", "axes fraction"), "ha": "center", "annotation_clip": False}
+            place = {
+                "xycoords": ("data", "axes fraction"),
+                "ha": "center",
+                "annotation_clip": False,
+            }
             axes.annotate(text, (i + 0.5, 0), (0, below), weight=weight, **place, **style)
     return min(slow) < usual
 
@@ -116,7 +150,15 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
 def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
     """Time and lead of the winner, and its form where that is not the usual one."""
     if cell.winner is None:
-        axes.text(i + 0.5, j + 0.5, "–" if cell.known else "?", ha="center", va="center", fontsize=9, color="0.55")
+        axes.text(
+            i + 0.5,
+            j + 0.5,
+            "–" if cell.known else "?",
+            ha="center",
+            va="center",
+            fontsize=9,
+            color="0.55",
+        )
         return
     red, green, blue = to_rgb(colour(cell.winner.label))
     # Dark colours carry white numbers.
@@ -133,11 +175,19 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
 
 def _entries(found: Sequence[Cell]) -> list[list[Any]]:
     """Entries of the legend by column: a heading and the methods of each side, and what empty cells mean."""
-    methods = [method for cell in found for method in (cell.winner, cell.second if cell.tied else None) if method]
+    methods = [
+        method
+        for cell in found
+        for method in (cell.winner, cell.second if cell.tied else None)
+        if method
+    ]
     columns: list[list[Any]] = []
     for (heading, what), own in by_side(methods):
         title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
         patches = [Patch(facecolor=colour(label), label=label) for label in own]
         columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
     nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
-    return [*columns, [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")]]
+    return [
+        *columns,
+        [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")],
+    ]

@@ -19,10 +19,17 @@ LIGHT = np.array([-0.5, 0.6, 0.62])
 PARALLELS, MERIDIANS = 36, 72
 # Share of the parallels that the coloured caps take at each end of the longest axis.
 CAP = 0.14
-ONE_HALF, OTHER_HALF, CAPS, INK = (0.47, 0.65, 0.80), (0.63, 0.76, 0.88), (0.84, 0.37, 0.0), "#5b6470"
+ONE_HALF, OTHER_HALF, CAPS, INK = (
+    (0.47, 0.65, 0.80),
+    (0.63, 0.76, 0.88),
+    (0.84, 0.37, 0.0),
+    "#5b6470",
+)
 
 
-def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...] = ("Lx", "Ly", "Lz", "E")) -> Axes:
+def slow_variables(
+    axes: Axes, solution: SceneSolution, *, names: tuple[str, ...] = ("Lx", "Ly", "Lz", "E")
+) -> Axes:
     """Draw L and E over I_max against slow time t₂, or against time where there is no slow time.
 
     Parameters
@@ -37,7 +44,9 @@ def slow_variables(axes: Axes, solution: SceneSolution, *, names: tuple[str, ...
     for name in names:
         label = f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$"
         values = frame[name] / max(solution.scene.ellipsoid.inertia)
-        axes.plot(frame["t2" if slow else "t"], values, color=COLOURS[name], linewidth=1.1, label=label)
+        axes.plot(
+            frame["t2" if slow else "t"], values, color=COLOURS[name], linewidth=1.1, label=label
+        )
     time = "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
     axes.set(xlabel=time, ylabel="L and E over $I_{max}$")
     axes.grid(True, linewidth=0.4, alpha=0.5)
@@ -52,7 +61,9 @@ def tumbling(solution: SceneSolution) -> Figure:
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
     # Of a spheroid the form may know the symmetry axis alone.
     known = completed(ellipsoid, solution.rotation)
-    for axes, time, rotation in zip(row[0], solution.times, solution.rotation if known is None else known, strict=True):
+    for axes, time, rotation in zip(
+        row[0], solution.times, solution.rotation if known is None else known, strict=True
+    ):
         body(axes, semi_axes, rotation)
         axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=INK, y=0.0)
     drawing.subplots_adjust(left=0, right=1, bottom=0.02, top=1, wspace=0)
@@ -62,8 +73,12 @@ def tumbling(solution: SceneSolution) -> Figure:
 def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
     """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow u = y along x."""
     pole = int(np.argmax(semi_axes))
-    polar, around = np.meshgrid(np.linspace(0, np.pi, PARALLELS + 1), np.linspace(0, 2 * np.pi, MERIDIANS + 1))
-    unit = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1)
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, PARALLELS + 1), np.linspace(0, 2 * np.pi, MERIDIANS + 1)
+    )
+    unit = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
+    )
     unit = np.roll(unit, pole + 1, axis=-1)
     corners = _project((unit * semi_axes) @ rotation)
     normals = _project((unit / semi_axes) @ rotation)
@@ -71,7 +86,9 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     at = np.indices((MERIDIANS, PARALLELS)).reshape(2, -1)
     cap = np.minimum(at[1], PARALLELS - 1 - at[1]) < CAP * PARALLELS
-    tint = np.where(cap[:, None], CAPS, np.where(at[0][:, None] < MERIDIANS // 2, ONE_HALF, OTHER_HALF))
+    tint = np.where(
+        cap[:, None], CAPS, np.where(at[0][:, None] < MERIDIANS // 2, ONE_HALF, OTHER_HALF)
+    )
     shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ LIGHT))[:, None])
     seen = normal[:, 2] > 0
     for x in (-1.25, 1.25):
@@ -79,7 +96,14 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
         axes.plot(ends[:, 0], ends[:, 1], color=INK, linewidth=0.6, alpha=0.5)
         for y in np.linspace(-1.2, 1.2, 7):
             tail, tip = _project(np.array([[x, y, 0], [x + 0.38 * y, y, 0]]))
-            style = {"arrowstyle": "->", "color": INK, "lw": 0.7, "alpha": 0.6, "shrinkA": 0, "shrinkB": 0}
+            style = {
+                "arrowstyle": "->",
+                "color": INK,
+                "lw": 0.7,
+                "alpha": 0.6,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
             axes.annotate("", tip[:2], tail[:2], arrowprops=style)
     look = {"facecolors": shade[seen], "edgecolors": shade[seen], "linewidths": 0.3}
     axes.add_collection(PolyCollection(list(faces[seen][:, :, :2]), **look))
@@ -91,7 +115,9 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
 def _faces(points: np.ndarray) -> np.ndarray:
     """Corners of every face of the mesh, shape (faces, 4, 3)."""
     first, later = slice(None, -1), slice(1, None)
-    corners = [points[i, j] for i, j in ((first, first), (first, later), (later, later), (later, first))]
+    corners = [
+        points[i, j] for i, j in ((first, first), (first, later), (later, later), (later, first))
+    ]
     return np.stack(corners, axis=2).reshape(-1, 4, 3)
 
 
@@ -99,4 +125,6 @@ def _project(points: np.ndarray) -> np.ndarray:
     """Points in space as right, up and towards the eye."""
     x, y, z = np.moveaxis(points, -1, 0)
     right, near = cos(TURN) * x - sin(TURN) * z, sin(TURN) * x + cos(TURN) * z
-    return np.stack([right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1)
+    return np.stack(
+        [right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1
+    )

@@ -18,9 +18,12 @@ from polhode.solvers.catalogue import SOLVERS
 GREY = "#C4C4C4"
 LOOKS: dict[str, tuple[str, Any]] = {
     name: (colour, tuple(marker) if isinstance(marker, list) else marker)
-    for name, (colour, marker) in tomllib.loads(Path(__file__).with_name("looks.toml").read_text("utf-8")).items()
+    for name, (colour, marker) in tomllib.loads(
+        Path(__file__).with_name("looks.toml").read_text("utf-8")
+    ).items()
 }
-# Solvers and forms without a look of their own, those outside the catalogue among them: markers in turn.
+# Solvers and forms without a look of their own, those outside the catalogue among them: markers in
+# turn.
 OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 # Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
 COLOURS, APART = 128, 16
@@ -48,7 +51,9 @@ class Look:
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Looks of solvers and averaged forms, in the order of `rank`."""
     ordered, others = sorted(set(names), key=rank), cycle(OTHER_MARKERS)
-    return {name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered}
+    return {
+        name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered
+    }
 
 
 def colour(name: str) -> str:

@@ -1,8 +1,8 @@
 """Figures of runs: cost against error, on axes that are given back; who is robust or fast, as profiles.
 
-A problem of the profiles is a scene, a Stokes number and an error to be reached. E. D. Dolan and J. J. Moré,
-Benchmarking optimization software with performance profiles, Math. Program. 91 (2002); shares within a time:
-N. Hansen et al., COCO, Optim. Methods Softw. 36 (2021).
+A problem of the profiles is a scene, a Stokes number and an error to be reached. E. D. Dolan and J.
+J. Moré, Benchmarking optimization software with performance profiles, Math. Program. 91 (2002);
+shares within a time: N. Hansen et al., COCO, Optim. Methods Softw. 36 (2021).
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,8 @@ UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
 DASHES = ("-", "--", ":", "-.")
-# In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800 pixels wide.
+# In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800
+# pixels wide.
 PANEL, NAMES, LEGEND = (3.35, 2.9), 1.05, 0.75
 # What the legend needs of one panel alone.
 LEAST_WIDTH = 6.4
@@ -55,9 +56,9 @@ NAMED = 7
 def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") -> Axes:
     """Draw cost against error of all runs of one scene; averaged forms by their cheapest runs and their model error.
 
-    A band lies under the Pareto front of the full forms' known runs; methods that are nowhere on it stand behind,
-    pale. Points within `KNOWN` times the reference's uncertainty are grey. Runs without a result stand hollow along
-    the upper edge, at their tolerance.
+    A band lies under the Pareto front of the full forms' known runs; methods that are nowhere on it
+    stand behind, pale. Points within `KNOWN` times the reference's uncertainty are grey. Runs
+    without a result stand hollow along the upper edge, at their tolerance.
 
     Parameters
     ----------
@@ -73,7 +74,12 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     reached = done["status"] == Status.REACHED_END
     front = pareto_front(where(done, done["form"].isin(full) & known(done, error) & reached), error)
     if len(front):
-        band = {"color": FRONT, "solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 0.5}
+        band = {
+            "color": FRONT,
+            "solid_capstyle": "round",
+            "solid_joinstyle": "round",
+            "zorder": 0.5,
+        }
         axes.plot(*_points(front, error), linewidth=7, label=FRONT_NAME, **band)
     leading = set(zip(front["solver"], front["form"], strict=True))
     for solver, look in looks(runs["solver"]).items():
@@ -82,7 +88,12 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             if own.empty:
                 continue
             label = solver if len(full) == 1 else f"{solver}, {form}"
-            style: dict[str, Any] = {"marker": look.marker, "color": look.colour, "markersize": 5, "linewidth": 1.5}
+            style: dict[str, Any] = {
+                "marker": look.marker,
+                "color": look.colour,
+                "markersize": 5,
+                "linewidth": 1.5,
+            }
             if (solver, form) not in leading:
                 style |= {"alpha": 0.45, "markersize": 3.5, "linewidth": 0.8, "zorder": 1.5}
             axes.plot(*_points(own, error), linestyle=dash, label=label, **style)
@@ -96,7 +107,9 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             _grey_out(axes, cheapest, error, look.marker, 9)
             for model in own[f"model_{error}"].dropna().head(1):
                 label = f"{form} form,\nmodel error"
-                axes.axvline(float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label)
+                axes.axvline(
+                    float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label
+                )
     axes.set(xscale="log", yscale="log")
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
@@ -126,12 +139,27 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     figure: Any = axes.figure
     failed: Any = where(runs, runs["status"] != Status.REACHED_END)
     # Those beyond the errors that are drawn stand at the edge.
-    places = failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
+    places = (
+        failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
+    )
     for tolerance, own in failed.groupby(places):
         for i, (solver, look) in enumerate(looks(own["solver"]).items()):
-            style = {"marker": look.marker, "color": look.colour, "markersize": 4, "fillstyle": "none", "linewidth": 0}
+            style = {
+                "marker": look.marker,
+                "color": look.colour,
+                "markersize": 4,
+                "fillstyle": "none",
+                "linewidth": 0,
+            }
             place = offset_copy(axes.get_xaxis_transform(), figure, 6 * i, 6, units="points")
-            axes.plot([tolerance], [1.0], transform=place, clip_on=False, label=f"_{solver}: no result", **style)
+            axes.plot(
+                [tolerance],
+                [1.0],
+                transform=place,
+                clip_on=False,
+                label=f"_{solver}: no result",
+                **style,
+            )
 
 
 def name_lines(axes: Axes) -> None:
@@ -144,7 +172,9 @@ def name_lines(axes: Axes) -> None:
         label, points = str(line.get_label()), np.asarray(line.get_xydata())
         if line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
-        elif not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points):
+        elif (
+            not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points)
+        ):
             end = points[-1]
             name = label.replace(", ", ",\n") if len(label) > NAME else label
             ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
@@ -157,28 +187,58 @@ def name_lines(axes: Axes) -> None:
     free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
-        style = {"fontsize": LETTERS, "color": line.get_color(), "fontweight": "bold", "va": "center"}
+        style = {
+            "fontsize": LETTERS,
+            "color": line.get_color(),
+            "fontweight": "bold",
+            "va": "center",
+        }
         # From the name's left edge, lest it cross the names beside it.
-        arrow = {"arrowstyle": "-", "color": BEHIND, "lw": 0.4, "shrinkA": 0, "shrinkB": 2, "relpos": (0, 0.5)}
+        arrow = {
+            "arrowstyle": "-",
+            "color": BEHIND,
+            "lw": 0.4,
+            "shrinkA": 0,
+            "shrinkB": 2,
+            "relpos": (0, 0.5),
+        }
         place = (box.x1 / scale + 8, height)
-        axes.annotate(name, end, place, textcoords="figure points", arrowprops=arrow, annotation_clip=False, **style)
+        axes.annotate(
+            name,
+            end,
+            place,
+            textcoords="figure points",
+            arrowprops=arrow,
+            annotation_clip=False,
+            **style,
+        )
 
 
 def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> Figure:
     """One panel of `work_precision` per St, on the same axes."""
-    return panels([(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)], error, label)
+    return panels(
+        [(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)], error, label
+    )
 
 
-def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True) -> Figure:
+def panels(
+    groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True
+) -> Figure:
     """One panel of `work_precision` for each title and its runs, with one legend; `alike` ones share their axes."""
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
     between = NAMES + (0.0 if alike else TICKS)
     size = max((PANEL[0] + between) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
-    figure, grid = plt.subplots(lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False)
+    figure, grid = plt.subplots(
+        lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False
+    )
     for axes, (title, runs) in zip(grid.flat, groups, strict=False):
         # Those that a panel shows, more accurate to the right.
-        errors = (pd.concat([own for _, own in groups]) if alike else runs)[error].dropna().to_numpy(float)
+        errors = (
+            (pd.concat([own for _, own in groups]) if alike else runs)[error]
+            .dropna()
+            .to_numpy(float)
+        )
         errors = errors[(errors > 0) & (errors < LARGEST_ERROR)]
         if errors.size:
             axes.set_xlim(errors.max() * 3, errors.min() / 3)
@@ -195,15 +255,32 @@ def panels(groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *
     width, height = size
     margins = {"left": 0.65 / width, "right": 1 - NAMES / width, "bottom": (LEGEND + 0.5) / height}
     figure.subplots_adjust(
-        **margins, top=1 - 0.45 / height, wspace=between / (PANEL[0] - 0.65), hspace=0.28 if alike else 0.4
+        **margins,
+        top=1 - 0.45 / height,
+        wspace=between / (PANEL[0] - 0.65),
+        hspace=0.28 if alike else 0.4,
     )
     for axes in grid.flat[: len(groups)]:
         name_lines(axes)
-    entries = (each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True))
-    rest = {name.replace("\n", " "): line for line, name in entries if "\n" in name or name == FRONT_NAME}
+    entries = (
+        each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True)
+    )
+    rest = {
+        name.replace("\n", " "): line
+        for line, name in entries
+        if "\n" in name or name == FRONT_NAME
+    }
     rest[BEHIND_NAME] = Line2D([], [], color=BEHIND)
-    rest["hollow: no result, at that tolerance"] = Line2D([], [], marker="o", fillstyle="none", color="0.4", lw=0)
-    style = {"frameon": False, "fontsize": 8.5, "columnspacing": 1.0, "handlelength": 1.5, "ncols": columns + 1}
+    rest["hollow: no result, at that tolerance"] = Line2D(
+        [], [], marker="o", fillstyle="none", color="0.4", lw=0
+    )
+    style = {
+        "frameon": False,
+        "fontsize": 8.5,
+        "columnspacing": 1.0,
+        "handlelength": 1.5,
+        "ncols": columns + 1,
+    }
     figure.legend([*rest.values()], [*rest], loc="lower left", bbox_to_anchor=(0.01, 0.0), **style)
     return figure
 
@@ -219,16 +296,31 @@ def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     """Seconds to each error, NaN without: a row for each problem that somebody solves, a column for each method."""
     groups = [runs for _, own in by_scene(table) for _, runs in by_stokes(own)]
     found: Any = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
-    return found.groupby([Method(*each).label for each in found.index], sort=False).min().T if len(found) else found
+    return (
+        found.groupby([Method(*each).label for each in found.index], sort=False).min().T
+        if len(found)
+        else found
+    )
 
 
-def profile_lines(runs: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast") -> list[str]:
+def profile_lines(
+    runs: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast"
+) -> list[str]:
     """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
     found = times(runs)
     if found.empty:
         return []
     save(profiles(found), folder, name)
-    return [fill("profiles", of=name, title=title, sentence=sentence(found), first=TARGETS[0], last=TARGETS[-1])]
+    return [
+        fill(
+            "profiles",
+            of=name,
+            title=title,
+            sentence=sentence(found),
+            first=TARGETS[0],
+            last=TARGETS[-1],
+        )
+    ]
 
 
 def sentence(found: pd.DataFrame) -> str:
@@ -247,20 +339,33 @@ def profiles(found: pd.DataFrame) -> Figure:
     """The share of problems solved within a factor of the fastest, and within a time."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.8, 4.0), sharey=True)
     ratios = found.div(found.min(axis=1), axis=0)
-    fastest, longest = (float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float))))
+    fastest, longest = (
+        float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float)))
+    )
     near = (ratios <= NEAR).mean() + found.notna().mean()
     named = set(near.sort_values(ascending=False).index[:NAMED])
     for name, look in looks(map(str, found)).items():
-        for axes, values, end in ((left, ratios[name], LARGEST_FACTOR), (right, found[name], longest * 1.1)):
+        for axes, values, end in (
+            (left, ratios[name], LARGEST_FACTOR),
+            (right, found[name], longest * 1.1),
+        ):
             points = np.sort(values.dropna().to_numpy(float))
             points = points[points <= end]
             shares = np.arange(1, len(points) + 1) / len(found)
-            points, shares = np.append(points, end), np.append(shares, shares[-1] if len(shares) else 0.0)
+            points, shares = (
+                np.append(points, end),
+                np.append(shares, shares[-1] if len(shares) else 0.0),
+            )
             style = {} if name in named else {"alpha": 0.5, "zorder": 1}
-            axes.step(points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style)
+            axes.step(
+                points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style
+            )
     left.set(xlim=(1, LARGEST_FACTOR), ylim=(0, 1.02))
     right.set_xlim(fastest / 1.1, longest * 1.1)
-    for axes, label in ((left, "time over that of the fastest"), (right, "wall time of a warm run, s")):
+    for axes, label in (
+        (left, "time over that of the fastest"),
+        (right, "wall time of a warm run, s"),
+    ):
         axes.set_xscale("log")
         axes.set_xlabel(label, fontsize=11)
         axes.grid(True, linewidth=0.4, alpha=0.5)

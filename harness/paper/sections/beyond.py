@@ -24,8 +24,8 @@ ORDER_TIME = 0.1
 FAST = "cyrk-vern8"
 # Smallest St of the fits of the order.
 ASYMPTOTIC = 9e4
-# Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their side; those of the
-# long side are close to L² = 2EI₂ and cross it soon.
+# Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
+# side; those of the long side are close to L² = 2EI₂ and cross it soon.
 SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
@@ -59,11 +59,17 @@ def compute_order(grid: Grid) -> Computed:
     for side, (name, count) in enumerate(zip(SIDES, grid.of((16, 64), (4, 8)), strict=True)):
         for index in range(count):
             start = random_start(generator, name)
-            averaged = averaged_run(Scene(ELLIPSOID, 1.0, start, ORDER_TIME), slow_times, solver=FAST).slow
+            averaged = averaged_run(
+                Scene(ELLIPSOID, 1.0, start, ORDER_TIME), slow_times, solver=FAST
+            ).slow
             if side and not above_middle(averaged)[-1]:
                 raise RuntimeError(f"start {index} does not cross L² = 2EI₂ by t₂ = {ORDER_TIME:g}")
             for stokes in numbers:
-                full = full_run(Scene(ELLIPSOID, stokes, start, stokes * ORDER_TIME), stokes * slow_times, solver=FAST)
+                full = full_run(
+                    Scene(ELLIPSOID, stokes, start, stokes * ORDER_TIME),
+                    stokes * slow_times,
+                    solver=FAST,
+                )
                 error = np.max(np.abs(full.slow - averaged))
                 yield "", {"side": side, "start": index, "stokes": stokes, "error": error}
 
@@ -76,7 +82,12 @@ def above_middle(slow: np.ndarray) -> np.ndarray:
 
 def start_exponents(part: Table) -> np.ndarray:
     """Exponents of all starts, from the asymptotic St on."""
-    return np.array([exponent(run.stokes, run.error) for _, run in groups(part[part.stokes >= ASYMPTOTIC], "start")])
+    return np.array(
+        [
+            exponent(run.stokes, run.error)
+            for _, run in groups(part[part.stokes >= ASYMPTOTIC], "start")
+        ]
+    )
 
 
 def typical_errors(part: Table) -> np.ndarray:
@@ -98,7 +109,8 @@ def local_exponents(part: Table) -> list[Estimate]:
 
 
 SLOW_TIME = 0.08
-# Slow times before and after the crossing from which deviations are taken: means, to take the regular oscillation out.
+# Slow times before and after the crossing from which deviations are taken: means, to take the
+# regular oscillation out.
 BEFORE, AFTER = (-0.03, -0.02), (0.015, 0.025)
 # Largest St at which resonances are taken not to matter.
 MIDDLE = 3e5
@@ -114,7 +126,9 @@ def law(values: np.ndarray) -> np.ndarray:
 def fitted_level(count: int) -> float:
     """5 % level of the distance from the law of so many of its own values, their mean and deviation fitted."""
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
-    values = np.sort((values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True))
+    values = np.sort(
+        (values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True)
+    )
     steps = np.arange(count + 1) / count
     distances = np.maximum(steps[1:] - law(values), law(values) - steps[:-1]).max(axis=1)
     return float(np.quantile(distances, 0.95))
@@ -129,7 +143,12 @@ def compute_jumps(grid: Grid) -> Computed:
     starts = [same_slow_start(PAPER_START, generator) for _ in range(grid.of(128, 48))]
     for stokes in grid.of((1e4, 3e4, 1e5, 3e5, 1e6), (1e4, 3e4, 3e5, 1e6)):
         scenes = [Scene(ELLIPSOID, stokes, start, stokes * SLOW_TIME) for start in starts]
-        off = np.array([full_run(own, stokes * slow_times, 1e-11, solver=FAST).slow - averaged for own in scenes])
+        off = np.array(
+            [
+                full_run(own, stokes * slow_times, 1e-11, solver=FAST).slow - averaged
+                for own in scenes
+            ]
+        )
         for after, (low, high) in enumerate((BEFORE, AFTER)):
             near = (slow_times > crossing + low) & (slow_times < crossing + high)
             means = dict(zip(SLOW, off[:, near].mean(axis=1).T, strict=True))
@@ -151,7 +170,9 @@ def scatter(part: Table) -> Scatter:
     _, sizes, directions = np.linalg.svd(values, full_matrices=False)
     along = values @ directions[0]
     along = along * np.sign(stats.skew(along)) / along.std()
-    return Scatter(np.sqrt(np.mean(np.sum(values**2, axis=1))), sizes[0] ** 2 / np.sum(sizes**2), along)
+    return Scatter(
+        np.sqrt(np.mean(np.sum(values**2, axis=1))), sizes[0] ** 2 / np.sum(sizes**2), along
+    )
 
 
 ENDING_TIME = 1.5
@@ -159,7 +180,8 @@ ENDING_TIME = 1.5
 TICKS = [0.2, 0.5, 1.0], ["0.2", "0.5", "1"]
 ARRIVED = 0.06
 ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)
-# How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their angular velocities.
+# How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
+# angular velocities.
 NEAR = (3e-2, 3e-3, 3e-4)
 
 
@@ -179,12 +201,22 @@ def compute_endings(grid: Grid) -> Computed:
     slow_times = np.linspace(0.0, ENDING_TIME, 1501)
     for near, index in product(NEAR, range(grid.of(24, 6))):
         start = saddle_start(generator, near)
-        averaged = averaged_run(Scene(ELLIPSOID, 1.0, start, ENDING_TIME), slow_times, solver=FAST).slow
+        averaged = averaged_run(
+            Scene(ELLIPSOID, 1.0, start, ENDING_TIME), slow_times, solver=FAST
+        ).slow
         expected = _arrival(slow_times, averaged)
         for stokes in ENDING_STOKES[:: grid.of(1, 2)]:
             for phase, own in enumerate((start, same_slow_start(start, generator))):
-                run = full_run(Scene(ELLIPSOID, stokes, own, stokes * ENDING_TIME), stokes * slow_times)
-                case = {"near": near, "start": index, "stokes": stokes, "phase": phase, "averaged": expected}
+                run = full_run(
+                    Scene(ELLIPSOID, stokes, own, stokes * ENDING_TIME), stokes * slow_times
+                )
+                case = {
+                    "near": near,
+                    "start": index,
+                    "stokes": stokes,
+                    "phase": phase,
+                    "averaged": expected,
+                }
                 up = float(run.observables.rotation[-1, 2, 2] > 0)
                 yield "", {**case, "full": _arrival(slow_times, run.slow), "up": up}
 
@@ -197,7 +229,10 @@ def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) ->
 
 def late(table: Table) -> dict[float, Estimate]:
     """Share of arrivals that are late or early, by St."""
-    return {n: share(np.abs(own.full - own.averaged) > 0.2 * own.averaged) for n, own in groups(table, "stokes")}
+    return {
+        n: share(np.abs(own.full - own.averaged) > 0.2 * own.averaged)
+        for n, own in groups(table, "stokes")
+    }
 
 
 BASIN_STOKES, BASIN_TIME = 1e3, 0.6
@@ -208,10 +243,14 @@ def compute_basins(grid: Grid) -> Computed:
     """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
     slow_times = graded(2.0, 1201)
     size, side = grid.of(41, 9), grid.of(64, 10)
-    for cosine, height in product(np.linspace(-0.999, 0.999, size).tolist(), np.linspace(0.002, 0.998, size).tolist()):
+    for cosine, height in product(
+        np.linspace(-0.999, 0.999, size).tolist(), np.linspace(0.002, 0.998, size).tolist()
+    ):
         sine = sqrt((1 - cosine**2) / 2)
         slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, height))
-        arrival = _arrival(slow_times, slow_run(ELLIPSOID, slow, slow_times, solver=FAST).slow, NEAR_NODE)
+        arrival = _arrival(
+            slow_times, slow_run(ELLIPSOID, slow, slow_times, solver=FAST).slow, NEAR_NODE
+        )
         yield "transients", {"cosine": cosine, "share": height, "t2": arrival}
     times, steps = np.array([0.0, BASIN_STOKES * BASIN_TIME]), np.arange(side) + 0.5
     for theta, psi in product((steps * pi / side).tolist(), (steps * 2 * pi / side - pi).tolist()):

@@ -16,9 +16,17 @@ from polhode.models.scenes import aligned_start
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import eigenvalues
 
-# Bodies whose z' is the axis of the stable rotation: tumbling, spinning, and about the shortest axis.
+# Bodies whose z' is the axis of the stable rotation: tumbling, spinning, and about the shortest
+# axis.
 BODIES = tuple(
-    Ellipsoid(axes) for axes in ((2.0, 1.0, 1.0), (1.0, 1.0, 0.5), (1.0, 0.8, 0.5), (1.0, 0.55, 0.3), (1.0, 0.95, 0.5))
+    Ellipsoid(axes)
+    for axes in (
+        (2.0, 1.0, 1.0),
+        (1.0, 1.0, 0.5),
+        (1.0, 0.8, 0.5),
+        (1.0, 0.55, 0.3),
+        (1.0, 0.95, 0.5),
+    )
 )
 STOKES, AWAY = 1e5, 0.03
 # From so large L, in units of I_max, and for so many of its decay times.
@@ -30,7 +38,9 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     if mode == 3:
         return aligned_start(body, -body.inertia[2] / 2, AWAY)
     tilt, azimuth = ((AWAY, pi / 2), (AWAY, 0.0), (0.0, 0.0))[mode]
-    return BodyStart(quaternion_from_euler((tilt, azimuth, 0.3)), (0.0, 0.0, -0.5 - (AWAY if mode == 2 else 0.0)))
+    return BodyStart(
+        quaternion_from_euler((tilt, azimuth, 0.3)), (0.0, 0.0, -0.5 - (AWAY if mode == 2 else 0.0))
+    )
 
 
 def amplitude(run: Run, mode: int) -> np.ndarray:
@@ -57,18 +67,35 @@ def _decay(grid: Grid) -> Computed:
     for number, body in enumerate(BODIES):
         for mode, printed in enumerate(eigenvalues(body, 2)):
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
-            run = full_run(Scene(body, STOKES, displaced(body, mode), STOKES * slow_times[-1]), STOKES * slow_times)
+            run = full_run(
+                Scene(body, STOKES, displaced(body, mode), STOKES * slow_times[-1]),
+                STOKES * slow_times,
+            )
             clock = body.inertia[2] / (8 * pi * body.resistance[2])
             # Of a tumbling spheroid the fourth variable is η, whose square the wobble is.
             share = 0.5 if mode == 3 and body.symmetry_axis == 0 else 1.0
             measured = share * fitted_rate(slow_times, amplitude(run, mode))
-            yield "", {"body": number, "mode": mode, "printed": printed, "measured": measured, "clock": clock}
+            yield (
+                "",
+                {
+                    "body": number,
+                    "mode": mode,
+                    "printed": printed,
+                    "measured": measured,
+                    "clock": clock,
+                },
+            )
     # From large L, squares of L along and across the axis, and the angle by which L has turned.
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
         slow_times = np.linspace(0.0, 2.0 / min(body.damping), grid.of(401, 101))
         omega = LARGE * np.array([0.48, 0.0, 0.64]) / np.array(body.inertia) * max(body.inertia)
-        scene = Scene(body, LARGE_STOKES, BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega)), LARGE_STOKES * slow_times[-1])
+        scene = Scene(
+            body,
+            LARGE_STOKES,
+            BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega)),
+            LARGE_STOKES * slow_times[-1],
+        )
         seen = full_run(scene, LARGE_STOKES * slow_times).observables
         momentum, axis = seen.angular_momentum, seen.rotation[:, 2]
         size = np.linalg.norm(momentum, axis=1)
@@ -128,7 +155,10 @@ def compute_collapse(grid: Grid) -> Computed:
         run = full_run(Scene(ellipsoid, stokes, start, 13 * STOKES_STAR), STOKES_STAR * scaled)
         yield "", path(kappa, scaled, run.slow, ("Lz", "E"))
         rate = -eigenvalues(ellipsoid, int(np.argmax(ellipsoid.inertia)))[2]
-        yield "rates", {"kappa": kappa, "stokes": stokes, "t2": rate, "star": rate * STOKES_STAR / stokes}
+        yield (
+            "rates",
+            {"kappa": kappa, "stokes": stokes, "t2": rate, "star": rate * STOKES_STAR / stokes},
+        )
 
 
 def frequency(run: Table) -> float:

@@ -58,8 +58,8 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
 def critical_before(complement: float, points: int) -> tuple[np.ndarray, np.ndarray]:
     """The averaged trajectory that meets the singular point, from a value of y on the long side.
 
-    Found by bisection of L_z' at the start: those that start with more pass the point with more. Returns slow times up
-    to the point and slow variables over I_max, shape (n, 4).
+    Found by bisection of L_z' at the start: those that start with more pass the point with more.
+    Returns slow times up to the point and slow variables over I_max, shape (n, 4).
     """
     local = Separatrix(ELLIPSOID, "long")
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
@@ -90,7 +90,12 @@ def compute_singular(grid: Grid) -> Computed:
             shift = local.critical(complement)
             growth, push = local.rates(complement, shift)
             exact = _averaged_rates(local, complement, shift)
-            rates = {"local_y": growth, "averaged_y": exact[0], "local_shift": push / UNIT, "averaged_shift": exact[1]}
+            rates = {
+                "local_y": growth,
+                "averaged_y": exact[0],
+                "local_shift": push / UNIT,
+                "averaged_shift": exact[1],
+            }
             yield "rates", {"side": number, "y": complement, "shift": shift / UNIT, **rates}
         yield "trajectory", {"side": number, **_passage(local, grid.of(401, 101))}
 
@@ -134,7 +139,8 @@ def _scatter(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
 
 
-# Where local and averaged critical trajectory are compared: L_z over I_max around the singular point.
+# Where local and averaged critical trajectory are compared: L_z over I_max around the singular
+# point.
 CLOSE = 2e-3
 ON_EDGE = 0.25
 # Half sizes of the magnified view of the singular point, over I_max.
@@ -144,11 +150,15 @@ WINDOW = 0.004, 0.0016
 def compute_plane(grid: Grid) -> Computed:
     """Slow trajectories, and the critical one: local and averaged, before and after the singular point."""
     shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
-    starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]]
+    starts = [
+        (momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares[:: grid.of(1, 4)]
+    ]
     yield from plane_tables(ELLIPSOID, [*starts, (-1.1, 1.0)], grid.of(2001, 601), ON_EDGE, _kept)
     for number, side in enumerate(SIDES):
         local = Separatrix(ELLIPSOID, side)
-        states = np.array([state_of(local, y, local.critical(y)) for y in np.geomspace(1e-6, 0.5, 41).tolist()])
+        states = np.array(
+            [state_of(local, y, local.critical(y)) for y in np.geomspace(1e-6, 0.5, 41).tolist()]
+        )
         yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
     _, before = critical_before(0.8, 2001)
     for number, slow in enumerate((before[::2], critical_after(graded(0.5, 401)))):
@@ -157,7 +167,9 @@ def compute_plane(grid: Grid) -> Computed:
 
 def _kept(slow: np.ndarray) -> np.ndarray:
     """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
-    inside = np.abs(slow[:, 2:] - planes.fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(WINDOW)
+    inside = np.abs(slow[:, 2:] - planes.fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(
+        WINDOW
+    )
     return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
 

@@ -30,7 +30,8 @@ PSI = 1e-9
 SEARCHED = 0.0, 1.2, 52
 # Distance, in rad, from the saddle at which its growth is measured.
 TINY = 1e-4
-# Where a start lies: uniform over the section's area element; next to the saddle; about the separatrix, at ψ = 0.
+# Where a start lies: uniform over the section's area element; next to the saddle; about the
+# separatrix, at ψ = 0.
 ISOTROPIC, BESIDE, ABOUT = 0.0, 1.0, 2.0
 # Distances from the separatrix, over its own from θ = π/2, of the starts about it.
 STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
@@ -38,13 +39,18 @@ STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 ROUNDING = 1e-12
 
 
-def section_points(ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def section_points(
+    ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """θ and ψ in rad where φ = nπ, from quaternions, shape (n, 4), at times of shape (n,), by cubic interpolation."""
-    # φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its symmetry taken out.
+    # φ = nπ is where the flow component t₃₁ of z' vanishes; ψ is given from -π/2 to π/2, its
+    # symmetry taken out.
     rotation = matrix_from_quaternion(orientation)
     # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
     rates = np.cross(rotation, jeffery_spin(ellipsoid, rotation)[:, :, None], axis=1)
-    crossings = CubicHermiteSpline(times, rotation[:, 2, 0], rates[:, 2, 0]).roots(extrapolate=False)
+    crossings = CubicHermiteSpline(times, rotation[:, 2, 0], rates[:, 2, 0]).roots(
+        extrapolate=False
+    )
     # The start, where φ = 0, is not one of them.
     crossings = crossings[crossings > times[1] / 2]
     vorticity = CubicHermiteSpline(times, rotation[:, :, 2], rates[:, :, 2])(crossings)
@@ -85,7 +91,9 @@ def stretched_orbit(
     return section_points(ellipsoid, times, np.concatenate(orientation)), stretch
 
 
-def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
+def orbit(
+    ellipsoid: Ellipsoid, theta: float, psi: float, duration: float
+) -> tuple[np.ndarray, np.ndarray]:
     """The same section points alone, as precisely as double precision allows."""
     times = np.linspace(0.0, duration, int(duration / (2 * STEP)) + 2)
     scene = Scene(ellipsoid, 0.0, EulerStart((theta, 0.0, psi)), duration)
@@ -94,8 +102,8 @@ def orbit(ellipsoid: Ellipsoid, theta: float, psi: float, duration: float) -> tu
 
 def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
     """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad."""
-    # The first is the larger one while orbits next to a sharp separatrix have not yet left the saddle. The edge of a
-    # layer may be frayed, so that the width is a lower bound.
+    # The first is the larger one while orbits next to a sharp separatrix have not yet left the
+    # saddle. The edge of a layer may be frayed, so that the width is a lower bound.
     duration = turns * half_turn(ellipsoid)
 
     def circulates(offset: float) -> bool:
@@ -111,7 +119,8 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
 
 def saddle_growth(ellipsoid: Ellipsoid) -> float:
     """Exponent of the saddle (π/2, π/2) of the section, per half turn."""
-    # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements cosh λ.
+    # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements
+    # cosh λ.
     _, psi = orbit(ellipsoid, pi / 2, pi / 2 - TINY, 1.5 * half_turn(ellipsoid))
     return acosh((pi / 2 - abs(psi[0])) / TINY)
 
@@ -125,7 +134,9 @@ class Sections:
     close: tuple[float, float]  # half width in θ and ψ, in rad, of the magnified view of the saddle
     layered: bool = False  # look for the layer of chaos along the separatrix
 
-    def starts(self, grid: Grid, layers: Sequence[tuple[float, float]]) -> list[tuple[float, float, float]]:
+    def starts(
+        self, grid: Grid, layers: Sequence[tuple[float, float]]
+    ) -> list[tuple[float, float, float]]:
         """Kind, θ and ψ at φ = 0."""
         generator = np.random.default_rng(7)
         count = grid.of(72, 16)
@@ -154,16 +165,23 @@ class Sections:
             found, stretch = stretched_orbit(body, theta, psi, duration)
             points = [(number, *point) for point in zip(*found, strict=True)]
             parts += points if kind != ABOUT else []
-            close += [row for row in points if abs(row[1] - pi / 2) <= height and pi / 2 - row[2] <= width]
+            close += [
+                row for row in points if abs(row[1] - pi / 2) <= height and pi / 2 - row[2] <= width
+            ]
             start = {"orbit": number, "kind": kind, "theta": theta, "psi": psi}
             chaotic = float(stretch > chaos_border(turns))
-            orbits.append({**start, "stretch": stretch, "exponent": stretch / turns, "chaotic": chaotic})
+            orbits.append(
+                {**start, "stretch": stretch, "exponent": stretch / turns, "chaotic": chaotic}
+            )
         yield "", _thinned(parts, grid.of(9000, 2000))
         yield "close", _thinned(close, grid.of(6000, 1000))
         yield from (("orbits", row) for row in orbits)
         yield "settings", {"duration": duration, "turns": turns}
         for count, (low, high) in zip(counts, layers, strict=True):
-            yield "layer", {"turns": count, "librating": low, "circulating": high, "width": high - low}
+            yield (
+                "layer",
+                {"turns": count, "librating": low, "circulating": high, "width": high - low},
+            )
         if layers:
             yield "saddle", {"growth": saddle_growth(body)}
 
@@ -173,7 +191,9 @@ def beside_a_half(interval: tuple[float, float]) -> str:
     low, high = interval
     if high < 0.2:
         return ""
-    return ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
+    return (
+        ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
+    )
 
 
 def _thinned(points: list[tuple], count: int) -> dict[str, np.ndarray]:
@@ -184,7 +204,8 @@ def _thinned(points: list[tuple], count: int) -> dict[str, np.ndarray]:
 
 START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 TIME = 12.0
-# Turns of the precession in which the path must not close. The nutation has half the period of the polhode.
+# Turns of the precession in which the path must not close. The nutation has half the period of the
+# polhode.
 TURNS = 12
 
 
@@ -208,7 +229,10 @@ class Top:
         top = TorqueFree(self.ellipsoid.inertia, START.quaternion, START.angular_velocity)
         difference = np.max(np.abs(exact.rotation - integrated.rotation))
         drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
-        yield "", {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation}
+        yield (
+            "",
+            {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation},
+        )
         periods = {"period": top.period, "precession_period": top.precession_period}
         yield "numbers", {**periods, "difference": difference, "drift": drift, "momentum": size}
 

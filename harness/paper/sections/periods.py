@@ -21,7 +21,16 @@ from polhode.solvers.compile import exact_jacobian
 
 KAPPAS = (2.0, 4.0, 8.0, 16.0)
 # Aspect ratios and Stokes numbers, from Jeffery's limit to the fall of the period, of runs in time.
-INTEGRATED = ((2.0, 0.1), (2.0, 1.0), (2.0, 10.0), (2.0, 100.0), (4.0, 1.0), (4.0, 100.0), (8.0, 200.0), (16.0, 1e3))
+INTEGRATED = (
+    (2.0, 0.1),
+    (2.0, 1.0),
+    (2.0, 10.0),
+    (2.0, 100.0),
+    (4.0, 1.0),
+    (4.0, 100.0),
+    (8.0, 200.0),
+    (16.0, 1e3),
+)
 # A tumbler turns about an equatorial axis.
 AXIS = 0
 
@@ -30,13 +39,28 @@ def _periods(stokes: np.ndarray) -> Computed:
     for kappa, number in product(KAPPAS, stokes.tolist()):
         period, jeffery = (tumbling_period(spheroid(kappa), own, AXIS) for own in (number, 0.0))
         change = period - jeffery
-        yield "", {"kappa": kappa, "stokes": number, "period": period, "jeffery": jeffery, "change": change}
+        yield (
+            "",
+            {
+                "kappa": kappa,
+                "stokes": number,
+                "period": period,
+                "jeffery": jeffery,
+                "change": change,
+            },
+        )
 
 
 def compute_change(grid: Grid) -> Computed:
     """Change of the period at small St, and the printed law."""
     for table, row in _periods(np.geomspace(1e-2, 1e4, grid.of(121, 25))):
-        yield table, {**row, "printed": weak_inertia_period_change(spheroid(row["kappa"]), row["stokes"], AXIS)}
+        yield (
+            table,
+            {
+                **row,
+                "printed": weak_inertia_period_change(spheroid(row["kappa"]), row["stokes"], AXIS),
+            },
+        )
 
 
 def validity(part: Table) -> float:
@@ -52,19 +76,27 @@ def compute_period(grid: Grid) -> Computed:
     for kappa, number in grid.of(INTEGRATED, INTEGRATED[1:4:2]):
         period = _integrated_period(kappa, number)
         difference = period / tumbling_period(spheroid(kappa), number, AXIS) - 1
-        yield "integrated", {"kappa": kappa, "stokes": number, "period": period, "difference": difference}
+        yield (
+            "integrated",
+            {"kappa": kappa, "stokes": number, "period": period, "difference": difference},
+        )
 
 
 def _integrated_period(kappa: float, stokes: float) -> float:
     """Time of one turn by integration in time, after the transient."""
     ellipsoid = spheroid(kappa)
     settled = 40 * stokes / ellipsoid.damping[AXIS]
-    scene = Scene(ellipsoid, stokes, BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0)), settled + 60 * kappa)
+    scene = Scene(
+        ellipsoid, stokes, BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0)), settled + 60 * kappa
+    )
     times = np.concatenate([[0.0], np.arange(settled, scene.time, 0.01)])
     states = run_form(Tumbling(), scene, times, 1e-14).states
     angle, rate = np.unwrap(states[1:, 0]), states[1:, 1]
     goals = angle[0] - 2 * pi * np.arange(1, 1 + int((angle[0] - angle[-1]) / (2 * pi)))
-    passed = [CubicHermiteSpline(times[1:], angle - goal, rate).roots(extrapolate=False)[0] for goal in goals]
+    passed = [
+        CubicHermiteSpline(times[1:], angle - goal, rate).roots(extrapolate=False)[0]
+        for goal in goals
+    ]
     return float(np.mean(np.diff(passed)))
 
 
@@ -77,7 +109,12 @@ FOLLOWED, TILT = 0.02, 1e-3
 
 def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
     """A spheroid that spins about its axis along the vorticity, but for a tilt."""
-    return Scene(spheroid(kappa), stokes, BodyStart(quaternion_from_euler((tilt, 0.0, 0.0)), (0.0, 0.0, -0.5)), time)
+    return Scene(
+        spheroid(kappa),
+        stokes,
+        BodyStart(quaternion_from_euler((tilt, 0.0, 0.0)), (0.0, 0.0, -0.5)),
+        time,
+    )
 
 
 def growth(kappa: float, stokes: float) -> float:
@@ -99,8 +136,22 @@ def compute_drift(grid: Grid) -> Computed:
     """Growth at all St; at one small St from a run too."""
     numbers = np.geomspace(1e-4, 1e6, grid.of(61, 21)).tolist()
     for kappa in DRIFTING:
-        yield "", {"kappa": kappa, "stokes": numbers, "growth": [growth(kappa, stokes) for stokes in numbers]}
-        yield "runs", {"kappa": kappa, "growth": growth(kappa, FOLLOWED), "followed": followed(kappa, FOLLOWED)}
+        yield (
+            "",
+            {
+                "kappa": kappa,
+                "stokes": numbers,
+                "growth": [growth(kappa, stokes) for stokes in numbers],
+            },
+        )
+        yield (
+            "runs",
+            {
+                "kappa": kappa,
+                "growth": growth(kappa, FOLLOWED),
+                "followed": followed(kappa, FOLLOWED),
+            },
+        )
 
 
 def printed_growth(kappa: float) -> float:
@@ -142,4 +193,12 @@ def compute_planar(grid: Grid) -> Computed:
     for kappa, stokes in product(PLANAR, PLANAR_STOKES):
         halvings = 50 if stokes == 0 else grid.of(14, 9)
         threshold = bisected(partial(turns, kappa, stokes), 0.0, 1.0, halvings)
-        yield "", {"kappa": kappa, "stokes": stokes, "threshold": threshold, "printed": min(kappa, 1 / kappa) ** 2}
+        yield (
+            "",
+            {
+                "kappa": kappa,
+                "stokes": stokes,
+                "threshold": threshold,
+                "printed": min(kappa, 1 / kappa) ** 2,
+            },
+        )

@@ -15,7 +15,8 @@ from polhode.harness.paper.runs import axes_of, full_run, graded, slow_run, sphe
 from polhode.harness.paper.tables import path
 from polhode.models.shape import Ellipsoid
 
-# Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the plane.
+# Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the
+# plane.
 INSIDE = 1 - 1e-13
 STOKES = (1e3, 1e4)
 STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
@@ -33,7 +34,9 @@ def plane_tables(
     for number, (momentum, share) in enumerate(starts):
         # From the upper parabola, before rounding carries them off.
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
-        run = planes.plane_path(body, momentum, planes.energy_at(body, momentum, min(share, INSIDE)), times)
+        run = planes.plane_path(
+            body, momentum, planes.energy_at(body, momentum, min(share, INSIDE)), times
+        )
         chosen = kept(run.slow)
         yield "", path(number, run.times[chosen], run.slow[chosen], ("Lz", "E"))
         last = planes.distance_from_node(body, run.slow[-1])
@@ -55,10 +58,14 @@ class Planes:
     def compute(self, grid: Grid) -> Computed:
         """Trajectories, and the largest differences, while L_z of a start with L_z > 0 is above the pinch point."""
         points = grid.of(self.points, 101)
-        for (name, body), (number, (momentum, theta)) in product(self.bodies.items(), enumerate(STARTS)):
+        for (name, body), (number, (momentum, theta)) in product(
+            self.bodies.items(), enumerate(STARTS)
+        ):
             # Eight relaxation times of the slowest rotation.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
-            slow = planes.aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(body.inertia)
+            slow = planes.aligned_scene(body, 1.0, momentum, theta, 1.0).initial.slow[0] / max(
+                body.inertia
+            )
             averaged = planes.plane_path(body, momentum, float(slow[3]), slow_times).slow
             before = averaged[:, 2] < 0 if momentum < 0 else averaged[:, 2] > planes.ABOVE_PINCH
             labels = {"body": name, "path": number}
@@ -68,7 +75,15 @@ class Planes:
                 full = full_run(scene, stokes * slow_times).slow
                 yield "", {**labels, "stokes": stokes, "Lz": full[::4, 2], "E": full[::4, 3]}
                 difference = np.abs(full[: len(averaged)][before] - averaged[before])
-                yield "differences", {"body": name, "stokes": stokes, "path": number, "difference": difference.max()}
+                yield (
+                    "differences",
+                    {
+                        "body": name,
+                        "stokes": stokes,
+                        "path": number,
+                        "difference": difference.max(),
+                    },
+                )
 
 
 def name_of(body: Ellipsoid) -> str:
@@ -84,11 +99,16 @@ def compute_l_planes(grid: Grid) -> Computed:
     """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
     slow_times = graded(1.0, 1201)
     shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
-    for index, (zero, ratio, sign, share) in enumerate(product((0, 1), RATIOS, (-1.0, 1.0), shares)):
+    for index, (zero, ratio, sign, share) in enumerate(
+        product((0, 1), RATIOS, (-1.0, 1.0), shares)
+    ):
         start = np.array([0.0, 0.0, sign / sqrt(1 + ratio**2), planes.energy_at(BODY, 1.0, share)])
         start[1 - zero] = ratio / sqrt(1 + ratio**2)
         slow = slow_run(BODY, start.tolist(), slow_times).slow
-        momentum, labels = np.linalg.norm(slow[:, :3], axis=1), {"zero": zero, "ratio": sign * ratio}
+        momentum, labels = (
+            np.linalg.norm(slow[:, :3], axis=1),
+            {"zero": zero, "ratio": sign * ratio},
+        )
         yield "", {**labels, "path": index, **_thinned({"L": momentum, "E": slow[:, 3]})}
         distance = planes.distance_from_node(BODY, slow[-1])
         yield "ends", {**labels, "share": share, "distance": distance, "smallest": momentum.min()}
@@ -122,12 +142,19 @@ def compute_projections(grid: Grid) -> Computed:
             direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine]) * MOMENTUM
             slow = slow_run(BODY, (*direction, energy), slow_times).slow
             labels = {"E0": energy, "cosine": cosine, "azimuth": azimuth}
-            found[azimuth] = {"Lz": slow[:, 2], "Lxy": np.linalg.norm(slow[:, :2], axis=1), "E": slow[:, 3]}
+            found[azimuth] = {
+                "Lz": slow[:, 2],
+                "Lxy": np.linalg.norm(slow[:, :2], axis=1),
+                "E": slow[:, 3],
+            }
             if azimuth in AZIMUTHS:
                 yield "", {**labels, **_thinned(found[azimuth])}
             yield "ends", {**labels, "distance": planes.distance_from_node(BODY, slow[-1])}
         for azimuth, across in product(BETWEEN, ("E", "Lxy")):
-            sides = [np.stack([found[each]["Lz"], found[each][across]], axis=1) for each in (azimuth, 0.0, 90.0)]
+            sides = [
+                np.stack([found[each]["Lz"], found[each][across]], axis=1)
+                for each in (azimuth, 0.0, 90.0)
+            ]
             yield "between", {"azimuth": azimuth, "across": across, "outside": outside(*sides)}
 
 
@@ -136,7 +163,9 @@ def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
     edge = np.concatenate([first, last[::-1]])
     ways = inner[~Outline(edge).contains_points(inner)][:, None] - edge[:-1]
     along = np.diff(edge, axis=0)
-    share = np.sum(ways * along, axis=-1) / np.maximum(np.sum(along**2, axis=-1), np.finfo(float).tiny)
+    share = np.sum(ways * along, axis=-1) / np.maximum(
+        np.sum(along**2, axis=-1), np.finfo(float).tiny
+    )
     apart = np.linalg.norm(ways - share.clip(0.0, 1.0)[..., None] * along, axis=-1)
     return float(apart.min(axis=-1).max(initial=0.0))
 
@@ -147,6 +176,10 @@ ON_EDGE = 0.16
 def compute_plane(grid: Grid) -> Computed:
     """Slow trajectories from both edges of the plane, and from close to the pinch point."""
     shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)
-    starts = [(momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares[:: grid.of(1, 4)]]
+    starts = [
+        (momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares[:: grid.of(1, 4)]
+    ]
     starts += [(-1.1, 1.0), (-0.06, 1.0)]
-    return plane_tables(BODY, starts, grid.of(2001, 601), ON_EDGE, partial(planes.plane_steps, count=150))
+    return plane_tables(
+        BODY, starts, grid.of(2001, 601), ON_EDGE, partial(planes.plane_steps, count=150)
+    )

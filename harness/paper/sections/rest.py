@@ -47,13 +47,18 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
     """z' at St = 0 from the same orientation, for the Jeffery period of the longest and the shortest axis."""
     kappa = max(ellipsoid.semi_axes) / min(ellipsoid.semi_axes)
     times = np.linspace(0.0, 2 * pi * (kappa + 1 / kappa), count)
-    yield "jeffery", {"t": times, **_path(full_run(Scene(ellipsoid, 0.0, start, float(times[-1])), times))}
+    yield (
+        "jeffery",
+        {"t": times, **_path(full_run(Scene(ellipsoid, 0.0, start, float(times[-1])), times))},
+    )
 
 
 def draw_marks(axes: Axes, onset: Table) -> None:
     """Draw the onset at the largest St."""
     for name, line, text in (("turned", ":", "turned by 1 rad"), ("wiggle", "--", "first wiggle")):
-        axes.axvline(np.mean(onset[name][-2:]), color="0.4", linestyle=line, linewidth=0.9, label=text)
+        axes.axvline(
+            np.mean(onset[name][-2:]), color="0.4", linestyle=line, linewidth=0.9, label=text
+        )
 
 
 def turns(path: Table) -> np.ndarray:
@@ -82,7 +87,8 @@ class Sphere:
         """Path of z', and its gyroscopic over its viscous terms."""
         times = np.linspace(0.0, self.time, grid.of(4001, 2001))
         run = full_run(Scene(self.ellipsoid, self.stokes, self.start, self.time), times)
-        # Gyroscopic over viscous terms of `govg`, in order of magnitude: L²/I_min over the torque at rest.
+        # Gyroscopic over viscous terms of `govg`, in order of magnitude: L²/I_min over the torque
+        # at rest.
         momentum = np.linalg.norm(run.observables.angular_momentum, axis=1)
         torque = 8 * pi * max(self.ellipsoid.resistance) / 2
         ratio = self.stokes * momentum**2 / min(self.ellipsoid.inertia) / torque
@@ -104,7 +110,10 @@ class Short:
             times = scaled * stokes**0.5
             path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
             yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
-            yield "length", {"stokes": stokes, "length": arc_length(np.column_stack([*path.values()]))[-1]}
+            yield (
+                "length",
+                {"stokes": stokes, "length": arc_length(np.column_stack([*path.values()]))[-1]},
+            )
         yield from _jeffery_orbit(self.ellipsoid, self.start, 201)
 
 
@@ -124,11 +133,23 @@ class Transient:
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
-                yield "", {"stokes": stokes, "scaled": scaled[::8], **dict(zip(NAMES, run.slow[::8].T, strict=True))}
-            # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque; the speed at t = √St.
+                yield (
+                    "",
+                    {
+                        "stokes": stokes,
+                        "scaled": scaled[::8],
+                        **dict(zip(NAMES, run.slow[::8].T, strict=True)),
+                    },
+                )
+            # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque;
+            # the speed at t = √St.
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
             turned = np.interp(ONSET, cumulative_trapezoid(speed, run.times, initial=0.0), scaled)
             torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
             weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
-            found = {"turned": turned, "wiggle": scaled[weakest[0]], "speed": np.interp(1.0, scaled, speed)}
+            found = {
+                "turned": turned,
+                "wiggle": scaled[weakest[0]],
+                "speed": np.interp(1.0, scaled, speed),
+            }
             yield "onset", {"stokes": stokes, **found}

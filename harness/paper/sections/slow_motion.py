@@ -15,8 +15,8 @@ from polhode.models.shape import Ellipsoid
 NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
 # Stokes numbers at which the error is measured beside those of the figure.
 MEASURED = (1e3, 2e3, 1e4, 2e4, 5e4)
-# Largest slow error at St = 100 that counts as accurate, over the largest change of a slow variable in the averaged
-# run: beyond half of it a full run is nearer to a state of another time.
+# Largest slow error at St = 100 that counts as accurate, over the largest change of a slow variable
+# in the averaged run: beyond half of it a full run is nearer to a state of another time.
 ACCURATE = 0.5
 
 
@@ -33,7 +33,9 @@ class SlowMotion:
         """Runs of the figure, and the largest error at each St."""
         points, dense = grid.of(601, 201), grid.of(8, 4)
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
-        averaged = averaged_run(Scene(self.ellipsoid, 1.0, self.start, self.slow_time), slow_times).slow
+        averaged = averaged_run(
+            Scene(self.ellipsoid, 1.0, self.start, self.slow_time), slow_times
+        ).slow
         # Slow time at which L² = 2EI₂; NaN if it is not met.
         _, middle, largest = sorted(self.ellipsoid.inertia)
         beyond = np.sum(averaged[:, :3] ** 2, axis=1) - 2 * averaged[:, 3] * middle / largest
@@ -46,7 +48,10 @@ class SlowMotion:
             error = np.max(np.abs(full - averaged), axis=1)
             late = slow_times > crossing
             parts = {"before": error[~late].max(), "after": error[late].max(initial=0.0)}
-            yield "errors", {"stokes": stokes, "error": error.max(), "end": self._end(full), **parts}
+            yield (
+                "errors",
+                {"stokes": stokes, "error": error.max(), "end": self._end(full), **parts},
+            )
             if stokes in self.shown:
                 yield "", path(stokes, slow_times[::dense], full[::dense])
         yield "averaged", {"end": self._end(averaged), "crossing": crossing}

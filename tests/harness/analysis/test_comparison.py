@@ -98,7 +98,9 @@ def test_a_slow_moment_is_no_regression():
 
 def test_the_sentinel_of_another_python_says_nothing():
     before = frame([record(machine={"cores": 2, "python": "3.13.1"})])
-    after = frame([record(machine={"cores": 2, "python": "3.14.0"}, sentinel_seconds=2e-3, **timed(0.02))])
+    after = frame(
+        [record(machine={"cores": 2, "python": "3.14.0"}, sentinel_seconds=2e-3, **timed(0.02))]
+    )
     found = compare(before, after, slower=1.5, less_accurate=3.0)
     assert (found.drift, found.same_machine) == (1.0, False)
     assert list(found.regressions["what"]) == ["seconds"]
@@ -122,7 +124,13 @@ def test_cases_are_matched_by_what_they_are():
     )
     before = frame([record(), record("dop853"), record("radau"), other])
     after = frame(
-        [record("radau"), record("lsoda"), record(tolerance=1e-8), record(scene={"stokes": 1e3, "time": 50.0}), renamed]
+        [
+            record("radau"),
+            record("lsoda"),
+            record(tolerance=1e-8),
+            record(scene={"stokes": 1e3, "time": 50.0}),
+            renamed,
+        ]
     )
     found = compare(before, after, slower=1.5, less_accurate=3.0)
     assert (found.shared, found.only_before, found.only_after) == (1, 3, 4)
@@ -132,19 +140,43 @@ def suite(*records: dict[str, Any]) -> dict[str, Any]:
     """JSON of the benchmark suite with the given results."""
     benchmarks = []
     for each in copy.deepcopy(records):
-        names = ("scene_name", "scene", "form", "solver", "tolerance", "samples", "max_seconds", "backend", "jacobian")
+        names = (
+            "scene_name",
+            "scene",
+            "form",
+            "solver",
+            "tolerance",
+            "samples",
+            "max_seconds",
+            "backend",
+            "jacobian",
+        )
         case, runs = {name: each.pop(name) for name in names}, each.pop("seconds_runs")
-        info = {"key": each.pop("key"), "case": case, "sentinel_seconds": each.pop("sentinel_seconds"), "result": each}
+        info = {
+            "key": each.pop("key"),
+            "case": case,
+            "sentinel_seconds": each.pop("sentinel_seconds"),
+            "result": each,
+        }
         for name in ("seconds", "seconds_spread"):
             each.pop(name)
         # A failed run has timed nothing; its statistics mean nothing.
         stats = {"min": min(runs or [1e-7]), "max": max(runs or [1e-7])}
-        benchmarks.append({"stats": stats, "extra_info": info | ({"seconds_runs": runs} if runs else {})})
+        benchmarks.append(
+            {"stats": stats, "extra_info": info | ({"seconds_runs": runs} if runs else {})}
+        )
     surroundings = {"machine": {"cores": 2}, "versions": {"numpy": "2"}}
     return {"machine_info": {"polhode": surroundings}, "benchmarks": benchmarks}
 
 
-FAILED = record("radau", status="time_limit", seconds=None, seconds_spread=None, seconds_runs=None, slow_error=None)
+FAILED = record(
+    "radau",
+    status="time_limit",
+    seconds=None,
+    seconds_spread=None,
+    seconds_runs=None,
+    slow_error=None,
+)
 
 
 def test_the_suites_json_gives_the_stores_table(tmp_path: Path):
@@ -159,15 +191,29 @@ def test_the_suites_json_gives_the_stores_table(tmp_path: Path):
     for table in tables:
         assert set(table.columns) == set(tables[0].columns)
         assert table["seconds"].isna().tolist() == [False, True]
-        same = ["key", "solver", "status", "slow_error", "seconds", "seconds_spread", "stokes", "scene.time"]
+        same = [
+            "key",
+            "solver",
+            "status",
+            "slow_error",
+            "seconds",
+            "seconds_spread",
+            "stokes",
+            "scene.time",
+        ]
         pd.testing.assert_frame_equal(table[same], tables[0][same])
 
 
 def test_of_repeated_runs_the_shortest_counts(tmp_path: Path):
-    for name, runs in (("1", [FAILED, record(**timed(0.03))]), ("2", [record("radau"), record(**timed(0.02))])):
+    for name, runs in (
+        ("1", [FAILED, record(**timed(0.03))]),
+        ("2", [record("radau"), record(**timed(0.02))]),
+    ):
         (tmp_path / f"{name}.json").write_text(json.dumps(suite(*runs)), encoding="utf-8")
     before = frame([record(), record("radau")])
-    [worse] = compare(before, read_runs(tmp_path), slower=1.5, less_accurate=3.0).regressions.to_dict("records")
+    [worse] = compare(
+        before, read_runs(tmp_path), slower=1.5, less_accurate=3.0
+    ).regressions.to_dict("records")
     assert (worse["solver"], worse["what"], worse["after"]) == ("taylor", "seconds", 0.02)
 
 
@@ -180,11 +226,17 @@ def test_of_repeated_runs_the_shortest_counts(tmp_path: Path):
         ("a.json", json.dumps(suite()), "got no records"),
         ("a.jsonl", "not json\n", "Expecting value"),
         ("a.jsonl", "", "got no records"),
-        ("a.jsonl", '{"answer": 42}\n', "got a record without 'scene_name', expected those of `polhode bench`"),
+        (
+            "a.jsonl",
+            '{"answer": 42}\n',
+            "got a record without 'scene_name', expected those of `polhode bench`",
+        ),
         ("a.json", b"\xff", "expected JSON of the benchmark suite"),
     ],
 )
-def test_files_that_hold_no_runs_are_refused(tmp_path: Path, name: str, content: str | bytes, reason: str):
+def test_files_that_hold_no_runs_are_refused(
+    tmp_path: Path, name: str, content: str | bytes, reason: str
+):
     path = tmp_path / name
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(ValueError, match=reason) as refusal:
@@ -193,7 +245,9 @@ def test_files_that_hold_no_runs_are_refused(tmp_path: Path, name: str, content:
 
 
 @pytest.fixture
-def polhode(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def polhode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Run:
     """`polhode ARGUMENTS` in this process."""
     monkeypatch.chdir(tmp_path)
 
@@ -238,16 +292,29 @@ def test_the_command(polhode: Run, tmp_path: Path):
     done = polhode("compare", "before.json", "worse.json", "--json")
     assert done.returncode == 1
     found = json.loads(done.stdout)
-    assert (found["shared"], found["only_before"], found["only_after"], found["drift"]) == (2, 0, 0, 1.0)
+    assert (found["shared"], found["only_before"], found["only_after"], found["drift"]) == (
+        2,
+        0,
+        0,
+        1.0,
+    )
     (worse,) = found["regressions"]
     assert (worse["what"], worse["before"], worse["after"]) == ("slow error", 1e-7, 1e-3)
     assert polhode("compare", "before.json", "worse.json", "--less-accurate", 2e4).returncode == 0
 
     for arguments, reason in {
-        ("before.json", "no-such.json"): "no-such.json: No such file or directory, expected an existing one",
-        ("before.json", "other.json"): "other.json: got no case that before.json has, expected some",
+        (
+            "before.json",
+            "no-such.json",
+        ): "no-such.json: No such file or directory, expected an existing one",
+        (
+            "before.json",
+            "other.json",
+        ): "other.json: got no case that before.json has, expected some",
         ("before.json", "same.json", "--slower", "1"): "'--slower': 1.0 is not in the range x>1.0",
-        ("before.json",): "Missing argument 'AFTER', expected: polhode compare [OPTIONS] BEFORE AFTER",
+        (
+            "before.json",
+        ): "Missing argument 'AFTER', expected: polhode compare [OPTIONS] BEFORE AFTER",
     }.items():
         refused = polhode("compare", *arguments)
         assert refused.returncode == 2
@@ -257,11 +324,30 @@ def test_the_command(polhode: Run, tmp_path: Path):
 
 def test_the_suite_itself(tmp_path: Path, environment):
     """Two of its cases through pytest and back."""
-    words = [sys.executable, "-m", "pytest", "tests/benchmarks", "-o", "python_files=bench_*.py", "-q"]
-    words += ["-p", "no:cacheprovider", "-k", "100-averaged-cyrk-dop853-0.0001 or 100-averaged-cyrk-vern8-0.0001"]
+    words = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "tests/benchmarks",
+        "-o",
+        "python_files=bench_*.py",
+        "-q",
+    ]
+    words += [
+        "-p",
+        "no:cacheprovider",
+        "-k",
+        "100-averaged-cyrk-dop853-0.0001 or 100-averaged-cyrk-vern8-0.0001",
+    ]
     words += [f"--benchmark-json={tmp_path / 'runs.json'}"]
     done = subprocess.run(
-        words, cwd=ROOT, env={**environment, "PYTHONPATH": ""}, capture_output=True, text=True, check=False, timeout=120
+        words,
+        cwd=ROOT,
+        env={**environment, "PYTHONPATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
     assert done.returncode == 0, done.stdout
     contents = json.loads((tmp_path / "runs.json").read_text(encoding="utf-8"))
@@ -269,12 +355,28 @@ def test_the_suite_itself(tmp_path: Path, environment):
     for each in benchmark_records(contents):
         assert each["status"] == "reached_end"
         assert each["seconds"] == min(each["seconds_runs"]) > 0
-        assert all(isinstance(each[name], float) for name in ("slow_error", "solver_slow_error", "model_slow_error"))
+        assert all(
+            isinstance(each[name], float)
+            for name in ("slow_error", "solver_slow_error", "model_slow_error")
+        )
         assert isinstance(each["work"]["steps"], int)
-    assert compare(*2 * [read_runs(tmp_path / "runs.json")], slower=1.5, less_accurate=3.0).regressions.empty
+    assert compare(
+        *2 * [read_runs(tmp_path / "runs.json")], slower=1.5, less_accurate=3.0
+    ).regressions.empty
 
 
 def test_plain_runs_leave_the_suite_out():
-    words = [sys.executable, "-m", "pytest", "tests/benchmarks", "--collect-only", "-q", "-p", "no:cacheprovider"]
-    done = subprocess.run(words, cwd=ROOT, env=os.environ, capture_output=True, text=True, check=False, timeout=120)
+    words = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "tests/benchmarks",
+        "--collect-only",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+    ]
+    done = subprocess.run(
+        words, cwd=ROOT, env=os.environ, capture_output=True, text=True, check=False, timeout=120
+    )
     assert done.returncode == pytest.ExitCode.NO_TESTS_COLLECTED, done.stdout

@@ -19,10 +19,15 @@ from polhode.harness.studies.study import read_study
 from polhode.models.catalogue import form as find_form
 
 TOLERANCES = [10.0**-k for k in range(2, 13)]
-SURROUNDINGS = {"machine": {"processor": "x", "cores": 2, "system": "y", "python": "3"}, "versions": {"numpy": "2"}}
+SURROUNDINGS = {
+    "machine": {"processor": "x", "cores": 2, "system": "y", "python": "3"},
+    "versions": {"numpy": "2"},
+}
 
 
-def runs(form: str, solver: str, stokes: float, seconds: float, slope: float, floor: float = 0.0) -> list[dict]:
+def runs(
+    form: str, solver: str, stokes: float, seconds: float, slope: float, floor: float = 0.0
+) -> list[dict]:
     """Records of a method whose time is seconds · error^(-slope), down to a floor of its error."""
     return [
         {
@@ -45,10 +50,16 @@ def runs(form: str, solver: str, stokes: float, seconds: float, slope: float, fl
 
 @pytest.fixture
 def table() -> pd.DataFrame:
-    stiff = runs("quaternion", "cyrk-radau", 1e-3, 1e-4, 0.2) + runs("quaternion", "taylor", 1e-3, 1e-1, 0.0)
-    middle = runs("quaternion", "cyrk-radau", 1e3, 1e-1, 0.2) + runs("quaternion", "taylor", 1e3, 1e-3, 0.02)
+    stiff = runs("quaternion", "cyrk-radau", 1e-3, 1e-4, 0.2) + runs(
+        "quaternion", "taylor", 1e-3, 1e-1, 0.0
+    )
+    middle = runs("quaternion", "cyrk-radau", 1e3, 1e-1, 0.2) + runs(
+        "quaternion", "taylor", 1e3, 1e-3, 0.02
+    )
     middle += runs("quaternion", "cyrk-vern8", 1e3, 1.1e-3, 0.02)
-    large = runs("averaged", "taylor", 1e6, 1e-4, 0.0, floor=1e-5) + runs("averaged", "ida", 1e6, 1e-2, 0.0, floor=1e-5)
+    large = runs("averaged", "taylor", 1e6, 1e-4, 0.0, floor=1e-5) + runs(
+        "averaged", "ida", 1e6, 1e-2, 0.0, floor=1e-5
+    )
     large += runs("quaternion", "taylor", 1e6, 1.0, 0.02)
     return pd.DataFrame(stiff + middle + large)
 
@@ -76,11 +87,15 @@ def test_winners_leads_and_ties(table: pd.DataFrame):
     assert stiff.winner == Method("quaternion", "cyrk-radau")
     assert stiff.lead == pytest.approx(1e-1 / (1e-4 * 1e-4**-0.2))
     assert not stiff.tied
-    assert (middle.winner, middle.second) == (Method("quaternion", "taylor"), Method("quaternion", "cyrk-vern8"))
+    assert (middle.winner, middle.second) == (
+        Method("quaternion", "taylor"),
+        Method("quaternion", "cyrk-vern8"),
+    )
     assert middle.tied
     assert middle.lead == pytest.approx(1.1)
     assert large.winner == Method("averaged", "taylor")
-    # Another solver of the same averaged form is not another way: the lead is that over the full equations.
+    # Another solver of the same averaged form is not another way: the lead is that over the full
+    # equations.
     assert large.second == Method("quaternion", "taylor")
     assert found[1e6, 1e-6].winner == Method("quaternion", "taylor")
     sides = [cell.winner.side for cell in (stiff, middle, large) if cell.winner]
@@ -98,13 +113,17 @@ def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
 def test_the_sentence_names_each_side(table: pd.DataFrame):
     words = sentence(cells(table, "slow_error"), "slow")
     lead = r"\(by [\d.e]+ × in the median, 0 ties\)"
-    assert re.search(rf"^slow: implicit solvers win \d+ cells at St = 0.001 {lead}; explicit", words)
+    assert re.search(
+        rf"^slow: implicit solvers win \d+ cells at St = 0.001 {lead}; explicit", words
+    )
     assert "from St = 1000 to 1e6" in words
     assert "averaged forms win 4 cells at St = 1e6" in words
     assert "Cells by form: quaternion 29." in words
     assert "implicit solvers never win; explicit" in sentence([], "slow")
     tied = next(cell for cell in cells(table, "slow_error") if cell.tied)
-    assert "explicit solvers win 1 cell at St = 1000 (by 1.1 × in the median, 1 tie)" in sentence([tied], "slow")
+    assert "explicit solvers win 1 cell at St = 1000 (by 1.1 × in the median, 1 tie)" in sentence(
+        [tied], "slow"
+    )
 
 
 def test_every_cell_is_drawn_in_its_winners_colour(table: pd.DataFrame):
@@ -132,7 +151,9 @@ def test_the_study_covers_the_range_within_the_horizon():
     numbers = sorted({scene.stokes for _, scene in study.scenes})
     assert (numbers[0], numbers[-1]) == (1e-4, 1e8)
     assert np.allclose(np.diff(np.log10(numbers)), 1)
-    assert all(scene.slow_time == pytest.approx(0.5) for _, scene in study.scenes if scene.stokes >= 100)
+    assert all(
+        scene.slow_time == pytest.approx(0.5) for _, scene in study.scenes if scene.stokes >= 100
+    )
 
 
 def test_averaged_forms_are_left_out_where_slow_time_is_endless():
@@ -143,12 +164,19 @@ def test_averaged_forms_are_left_out_where_slow_time_is_endless():
 
 
 def test_every_method_stands_somewhere_whether_it_wins_or_not(table: pd.DataFrame):
-    lost = {**runs("quaternion", "ida", 1e3, 1.0, 0.0)[0], "status": "time_limit", "seconds": nan, "slow_error": nan}
+    lost = {
+        **runs("quaternion", "ida", 1e3, 1.0, 0.0)[0],
+        "status": "time_limit",
+        "seconds": nan,
+        "slow_error": nan,
+    }
     beaten = runs("quaternion", "lsoda", 1e3, 5.0, 0.02)
     table = pd.concat([table, pd.DataFrame([lost, *beaten])])
     found = cells(table, "slow_error")
     rows = {str(row.method): row for row in standings(table, "slow_error", found)}
-    assert set(rows) == {f"{form}, {solver}" for form, solver in zip(table["form"], table["solver"], strict=True)}
+    assert set(rows) == {
+        f"{form}, {solver}" for form, solver in zip(table["form"], table["solver"], strict=True)
+    }
     assert sum(row.won for row in rows.values()) == sum(cell.winner is not None for cell in found)
     taylor = rows["quaternion, taylor"]
     assert (taylor.won, taylor.tied) == (18, 0)
@@ -162,7 +190,9 @@ def test_every_method_stands_somewhere_whether_it_wins_or_not(table: pd.DataFram
 def test_methods_without_a_colour_of_their_own_and_any_st_are_drawn():
     import matplotlib.pyplot as plt
 
-    table = pd.DataFrame(runs("quaternion", "lsoda", 50.0, 1.0, 0.1) + runs("quaternion", "lsoda", 0.0, 1.0, 0.1))
+    table = pd.DataFrame(
+        runs("quaternion", "lsoda", 50.0, 1.0, 0.1) + runs("quaternion", "lsoda", 0.0, 1.0, 0.1)
+    )
     panels = [cells(table, error) for error in ("orientation_error", "slow_error")]
     drawing = picture(panels, {0.0: 20.0, 50.0: 25.0})
     below = [text.get_text() for text in drawing.axes[1].texts if text.get_position()[1] < 0]
@@ -198,7 +228,9 @@ def test_a_shorter_slow_time_is_bold_in_the_figure():
     assert all(scene.slow_time >= 0.5 for scene in scenes)
     scenes = [replace(scene, time=min(scene.time, 5e6)) for scene in scenes]
     times = {scene.stokes: scene.time for scene in scenes}
-    table = pd.DataFrame([row for stokes in times for row in runs("quaternion", "taylor", stokes, 1.0, 0.1)])
+    table = pd.DataFrame(
+        [row for stokes in times for row in runs("quaternion", "taylor", stokes, 1.0, 0.1)]
+    )
     drawing = picture([cells(table, "slow_error")] * 2, times)
     bold = [text.get_text() for text in drawing.axes[1].texts if text.get_weight() == "bold"]
     assert bold == ["5e6", "0.05"]
@@ -235,8 +267,18 @@ def test_resume_tells_how_much_is_ahead_and_shows_no_cases_of_an_older_study(tmp
     file, out = tmp_path / "few.toml", tmp_path / "out"
     file.write_text(STUDY, encoding="utf-8")
     study = read_study(file)
-    result = {"seconds": 1e-3, "slow_error": 1e-5, "orientation_error": 1e-5, "status": "reached_end"}
-    result |= {"slow_uncertainty": 1e-14, "orientation_uncertainty": 1e-12, "sentinel_seconds": 1e-3, **SURROUNDINGS}
+    result = {
+        "seconds": 1e-3,
+        "slow_error": 1e-5,
+        "orientation_error": 1e-5,
+        "status": "reached_end",
+    }
+    result |= {
+        "slow_uncertainty": 1e-14,
+        "orientation_uncertainty": 1e-12,
+        "sentinel_seconds": 1e-3,
+        **SURROUNDINGS,
+    }
     with Store(out / "store.sqlite") as store:
         assert "holds 0 of 2 cases, 2 are measured now" in ahead(study, store)
         for case in (case for batch in study.batches() for case in batch):
@@ -247,4 +289,6 @@ def test_resume_tells_how_much_is_ahead_and_shows_no_cases_of_an_older_study(tmp
     assert "holds 1 of 1 cases, 0 are measured now" in done.stderr
     assert pd.read_csv(out / "runs.csv")["stokes"].tolist() == [1.0]
     assert set(pd.read_csv(out / "cells.csv")["St"]) == {1.0}
-    assert not re.search(r"^\| +10 \|", (out / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert not re.search(
+        r"^\| +10 \|", (out / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+    )

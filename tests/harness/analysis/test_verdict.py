@@ -10,13 +10,30 @@ from polhode.harness.pages.bench import verdict, when_averaged_wins
 
 def run(solver: str, seconds: float | None, error: float | None, **more: object) -> dict:
     status = "reached_end" if seconds is not None else "time_limit"
-    base = {"form": "quaternion", "solver": solver, "tolerance": 1e-6, "scene": {"stokes": 100.0}, "status": status}
+    base = {
+        "form": "quaternion",
+        "solver": solver,
+        "tolerance": 1e-6,
+        "scene": {"stokes": 100.0},
+        "status": status,
+    }
     return {**base, "seconds": seconds, "slow_error": error, **more}
 
 
 def test_the_cheapest_that_is_good_enough():
-    runs = frame([run("taylor", 3.0, 1e-9), run("dop853", 2.0, 1e-5), run("radau", 1.0, 1e-2), run("lsoda", 4.0, 0.0)])
-    assert {target: winner[0]["solver"] for target in (1, 1e-4, 1e-8, 1e-12) if (winner := cheapest(runs, target))} == {
+    runs = frame(
+        [
+            run("taylor", 3.0, 1e-9),
+            run("dop853", 2.0, 1e-5),
+            run("radau", 1.0, 1e-2),
+            run("lsoda", 4.0, 0.0),
+        ]
+    )
+    assert {
+        target: winner[0]["solver"]
+        for target in (1, 1e-4, 1e-8, 1e-12)
+        if (winner := cheapest(runs, target))
+    } == {
         1: "radau",
         1e-4: "dop853",
         1e-8: "taylor",
@@ -68,7 +85,12 @@ def test_ties_are_named():
 
 
 def test_another_error_may_be_asked_for():
-    runs = frame([run("taylor", 1.0, 1e-9, orientation_error=1e-2), run("dop853", 2.0, 1e-9, orientation_error=1e-8)])
+    runs = frame(
+        [
+            run("taylor", 1.0, 1e-9, orientation_error=1e-2),
+            run("dop853", 2.0, 1e-9, orientation_error=1e-8),
+        ]
+    )
     winner = cheapest(runs, 1e-6, "orientation_error")
     assert winner is not None
     assert winner[0]["solver"] == "dop853"
@@ -96,7 +118,9 @@ def across(averaged_wins: dict[float, bool | None]) -> pd.DataFrame:
         ({1e4: True, 1e2: False, 1e3: True}, 1e3),
     ],
 )
-def test_from_which_st_on_the_averaged_form_wins(pattern: dict[float, bool | None], start: float | None):
+def test_from_which_st_on_the_averaged_form_wins(
+    pattern: dict[float, bool | None], start: float | None
+):
     assert averaged_wins_from(across(pattern), 1e-3) == start
 
 
@@ -113,13 +137,18 @@ def test_sentences_say_what_the_table_says():
     [
         ({1e2: False, 1e3: True, 1e4: True}, "from St = 1000 on"),
         ({1e3: False, 1e5: True}, "at St = 1e5, not at 1000 (no St between measured)"),
-        ({1e2: False, 1e4: True, 1e5: True}, "from St = 10000 on, not at 100 (no St between measured)"),
+        (
+            {1e2: False, 1e4: True, 1e5: True},
+            "from St = 10000 on, not at 100 (no St between measured)",
+        ),
         ({1e3: True, 1e5: True}, "from St = 1000 on, the smallest measured"),
         ({1e3: True}, "at St = 1000, the only one measured"),
         ({1e3: True, 1e5: False}, None),
     ],
 )
-def test_nothing_is_claimed_between_st_far_apart(pattern: dict[float, bool | None], words: str | None):
+def test_nothing_is_claimed_between_st_far_apart(
+    pattern: dict[float, bool | None], words: str | None
+):
     assert when_averaged_wins(across(pattern), 1e-3) == words
 
 

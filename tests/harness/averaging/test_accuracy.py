@@ -13,11 +13,24 @@ from click.testing import CliRunner
 
 from polhode.harness.averaging import measure as module
 from polhode.harness.averaging.cases import Subject, paper_cases
-from polhode.harness.averaging.data import Absent, AveragingErrors, PaperStudy, read_study, write_study
+from polhode.harness.averaging.data import (
+    Absent,
+    AveragingErrors,
+    PaperStudy,
+    read_study,
+    write_study,
+)
 from polhode.harness.averaging.measure import measure
 from polhode.harness.averaging.orders import Law, laws
 from polhode.harness.cli import polhode
-from polhode.harness.pages.averaging.first_order import as_json, as_text, case_rows, law_rows, statements, write_page
+from polhode.harness.pages.averaging.first_order import (
+    as_json,
+    as_text,
+    case_rows,
+    law_rows,
+    statements,
+    write_page,
+)
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene
@@ -36,7 +49,9 @@ def study(errors: list[AveragingErrors], absent: tuple[Absent, ...] = ()) -> Pap
 
 def planted(constant: float, order: float, noise: float = 0.0) -> Law:
     factors = 10 ** (noise * np.random.default_rng(3).standard_normal(len(STOKES)))
-    errors = tuple(constant / stokes**order * factor for stokes, factor in zip(STOKES, factors, strict=True))
+    errors = tuple(
+        constant / stokes**order * factor for stokes, factor in zip(STOKES, factors, strict=True)
+    )
     return Law("planted", "spheroid", "averaged-spheroid", STOKES, errors, (0.5,) * len(STOKES))
 
 
@@ -83,7 +98,12 @@ def test_the_interval_covers_the_planted_order_and_is_the_textbooks():
 
 @pytest.mark.parametrize(
     ("target", "stokes", "source"),
-    [(1.0, 1e2, "at most"), (1e-2, 3e3, "measured"), (1e-4, 3e5, "measured"), (1e-6, 3e7, "extrapolated")],
+    [
+        (1.0, 1e2, "at most"),
+        (1e-2, 3e3, "measured"),
+        (1e-4, 3e5, "measured"),
+        (1e-6, 3e7, "extrapolated"),
+    ],
 )
 def test_the_stokes_number_that_an_error_needs(target: float, stokes: float, source: str):
     found = planted(30.0, 1.0).needed(target)
@@ -91,19 +111,25 @@ def test_the_stokes_number_that_an_error_needs(target: float, stokes: float, sou
 
 
 def test_an_error_that_rises_again_is_not_met_before():
-    law = Law("bump", "spheroid", "averaged", (1e2, 1e3, 1e4, 1e5), (1e-3, 1e-5, 1e-2, 1e-4), (0.5,) * 4)
+    law = Law(
+        "bump", "spheroid", "averaged", (1e2, 1e3, 1e4, 1e5), (1e-3, 1e-5, 1e-2, 1e-4), (0.5,) * 4
+    )
     stokes, source = law.needed(1e-3)
     assert (stokes, source) == (pytest.approx(10**4.5), "measured")
 
 
 def test_an_error_that_is_not_met_yet_is_not_met_before():
     """Though the fitted law lies below the last error."""
-    law = Law("bump", "ellipsoid", "averaged", (1e3, 1e4, 1e5, 1e6), (1e-1, 1e-3, 1e-4, 1e-4), (0.5,) * 4)
+    law = Law(
+        "bump", "ellipsoid", "averaged", (1e3, 1e4, 1e5, 1e6), (1e-1, 1e-3, 1e-4, 1e-4), (0.5,) * 4
+    )
     assert law.needed(0.9e-4)[0] > 1e6
 
 
 def test_nothing_is_known_of_an_error_that_grows():
-    law = Law("x", "ellipsoid", "averaged", (1e3, 1e4, 1e5, 1e6), (1e-3, 2e-3, 4e-3, 8e-3), (0.5,) * 4)
+    law = Law(
+        "x", "ellipsoid", "averaged", (1e3, 1e4, 1e5, 1e6), (1e-3, 2e-3, 4e-3, 8e-3), (0.5,) * 4
+    )
     assert np.isnan(law.needed(1e-3)[0])
 
 
@@ -126,7 +152,9 @@ def test_three_points_tell_no_order_and_no_interval():
 def test_runs_that_end_early_tell_nothing_of_the_longest_horizon():
     """A shorter run errs less: with it the order would come out below 1 and the St for 5 % too small."""
     early = rows({316.0: 30 / 316 / 10}, form="averaged-second-order", until=0.02)
-    late = rows({stokes: 30 / stokes for stokes in STOKES[1:]}, form="averaged-second-order", until=0.03)
+    late = rows(
+        {stokes: 30 / stokes for stokes in STOKES[1:]}, form="averaged-second-order", until=0.03
+    )
     late += rows({3e3: 30 / 3e3}, form="averaged-second-order", until=0.0299)
     (law,) = laws(early + late)
     assert len(law.stokes) == 6
@@ -162,7 +190,9 @@ def plain_or_certified(scene: Scene, form: Any, samples: int) -> Any:
 
 
 @pytest.mark.parametrize(("index", "stokes"), [(0, 100.0), (2, 1000.0)])
-def test_the_model_error_is_that_of_two_plain_runs(index: int, stokes: float, tmp_path, monkeypatch):
+def test_the_model_error_is_that_of_two_plain_runs(
+    index: int, stokes: float, tmp_path, monkeypatch
+):
     """Second order goes as far as a small |L| or the separatrix, and errs less on its way."""
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
     monkeypatch.setattr(module, "SAMPLES", 101)
@@ -202,13 +232,18 @@ def test_statements_hold_orders_to_what_averaging_promises():
     noise = {1e3: 1.1, 1e4: 0.9, 1e5: 1.05, 1e6: 0.97}
     measured = rows({stokes: noise.get(stokes, 1) * 30 / stokes for stokes in STOKES})
     measured += rows(
-        {stokes: factor * 1e3 / stokes**1.5 for stokes, factor in noise.items()}, family="ellipsoid", **second
+        {stokes: factor * 1e3 / stokes**1.5 for stokes, factor in noise.items()},
+        family="ellipsoid",
+        **second,
     )
     measured += rows({stokes: 1e3 / stokes**2 for stokes in STOKES[:3]}, **second)
     first, spheroids, ellipsoids = statements(measured)[1:]
     assert "p = 1, which lies in the 95 % interval of p in 1 of 1 cases." in first
     assert spheroids == "Second order, spheroids: too few St for an order."
-    assert "p = 2, which lies in the 95 % interval of p in 0 of 1 cases, not in a ellipsoid (1." in ellipsoids
+    assert (
+        "p = 2, which lies in the 95 % interval of p in 0 of 1 cases, not in a ellipsoid (1."
+        in ellipsoids
+    )
 
 
 def test_statements_name_the_variables_that_fall_slowly():
@@ -219,16 +254,24 @@ def test_statements_name_the_variables_that_fall_slowly():
 
 def test_data_come_back(tmp_path):
     measured = rows({stokes: 30 / stokes for stokes in STOKES}, uncertainty=1e-15 / 3)
-    absent = (Absent("a, b", "ellipsoid", "averaged-second-order", 10**2.5, "refused: |L|, St = 316.228"),)
+    absent = (
+        Absent("a, b", "ellipsoid", "averaged-second-order", 10**2.5, "refused: |L|, St = 316.228"),
+    )
     write_study(study(measured, absent), tmp_path)
     assert read_study(PaperStudy, tmp_path) == study(measured, absent)
 
 
 def test_the_page_answers_from_the_numbers(tmp_path):
     measured = rows({stokes: 30 / stokes for stokes in STOKES})
-    write_page(study(measured, (Absent("a", "spheroid", "averaged", 1e2, "refused"),)), tmp_path, "polhode accuracy")
+    write_page(
+        study(measured, (Absent("a", "spheroid", "averaged", 1e2, "refused"),)),
+        tmp_path,
+        "polhode accuracy",
+    )
     page = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert re.search(r"\| a spheroid \| +3000 \| +– \| +3e5 \| +– \| 1.00 \(1.00 to 1.00\) \|", page)
+    assert re.search(
+        r"\| a spheroid \| +3000 \| +– \| +3e5 \| +– \| 1.00 \(1.00 to 1.00\) \|", page
+    )
     assert "Measured on 2026-05-04 on abacus" in page
     assert "(1 of 6), with the reason" in page
     assert (tmp_path / "errors.png").stat().st_size > 10_000
@@ -236,7 +279,9 @@ def test_the_page_answers_from_the_numbers(tmp_path):
     for name in ("errors", "laws"):
         with (tmp_path / f"{name}.csv").open(encoding="utf-8") as file:
             tables[name] = list(csv.DictReader(file))
-    assert [float(row["model_Lx"]) for row in tables["errors"]] == [30 / stokes for stokes in STOKES]
+    assert [float(row["model_Lx"]) for row in tables["errors"]] == [
+        30 / stokes for stokes in STOKES
+    ]
     assert float(tables["laws"][0]["St_for_0.01"]) == pytest.approx(3e3)
     assert "3000" in as_text(study(measured))
     law = as_json(study(measured))["laws"][0]
@@ -245,7 +290,9 @@ def test_the_page_answers_from_the_numbers(tmp_path):
     assert (law["from_0.01"], law["order_Lz"]) == ("measured", None)
 
 
-def test_the_command_prints_nothing_but_json_and_the_page_alone_is_the_one_that_was_measured(tmp_path, monkeypatch):
+def test_the_command_prints_nothing_but_json_and_the_page_alone_is_the_one_that_was_measured(
+    tmp_path, monkeypatch
+):
     measured = rows({stokes: 30 / stokes for stokes in STOKES})
     monkeypatch.setattr(module, "measure_all", lambda **options: study(measured))
     outcome = CliRunner().invoke(polhode, ["accuracy", "--json", "--out", str(tmp_path)])
@@ -258,13 +305,21 @@ def test_the_command_prints_nothing_but_json_and_the_page_alone_is_the_one_that_
     assert outcome.exit_code == 0
     assert page.read_text(encoding="utf-8") == before
     monkeypatch.chdir(tmp_path)
-    assert "reports/accuracy-quick/README.md" in CliRunner().invoke(polhode, ["accuracy", "--quick"]).stderr
+    assert (
+        "reports/accuracy-quick/README.md"
+        in CliRunner().invoke(polhode, ["accuracy", "--quick"]).stderr
+    )
 
 
 def test_a_page_without_data_is_refused(tmp_path):
-    outcome = CliRunner().invoke(polhode, ["accuracy", "--page-only", "--out", str(tmp_path / "none")])
+    outcome = CliRunner().invoke(
+        polhode, ["accuracy", "--page-only", "--out", str(tmp_path / "none")]
+    )
     assert outcome.exit_code == 2
-    assert "errors.csv: No such file or directory, expected a table of case, family, form, a," in outcome.output
+    assert (
+        "errors.csv: No such file or directory, expected a table of case, family, form, a,"
+        in outcome.output
+    )
     assert not (tmp_path / "none").exists()
     (tmp_path / "errors.csv").write_text("a,b\n")
     outcome = CliRunner().invoke(polhode, ["accuracy", "--page-only", "--out", str(tmp_path)])

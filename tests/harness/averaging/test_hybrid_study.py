@@ -28,10 +28,15 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.solve import Solution
 
-ROW = HybridError(0, "triaxial", "1:0.8:0.5", 1e6, 0.5, 1e-6, "reached_end", 5e-7, 1e-3, 2e-6, 1e-12, 0.05, 5, 1.0)
+ROW = HybridError(
+    0, "triaxial", "1:0.8:0.5", 1e6, 0.5, 1e-6, "reached_end", 5e-7, 1e-3, 2e-6, 1e-12, 0.05, 5, 1.0
+)
 BAD = replace(ROW, start=1, slow=2e-6, estimated=1e-6, mirror=0.0)
 TIMES = (0.25, 0.004, 0.02, 2e4, 1e5)
-SPEEDS = [Speed(i, "triaxial", 1e6, 5e-7, 0.05, 0.01, 0.008, "taylor", 1e-9, 0.1 * (i + 1), *TIMES) for i in range(9)]
+SPEEDS = [
+    Speed(i, "triaxial", 1e6, 5e-7, 0.05, 0.01, 0.008, "taylor", 1e-9, 0.1 * (i + 1), *TIMES)
+    for i in range(9)
+]
 
 
 def test_starts_are_spread_over_shapes_stokes_numbers_and_times():
@@ -53,7 +58,10 @@ def test_rows_come_back_from_their_files(tmp_path: Path):
 
 
 def test_a_page_says_when_each_part_was_measured():
-    said = [page(Study([ROW], SPEEDS, timed), "polhode") for timed in ({}, {"speed": here(date="2026-01-02")})]
+    said = [
+        page(Study([ROW], SPEEDS, timed), "polhode")
+        for timed in ({}, {"speed": here(date="2026-01-02")})
+    ]
     assert "Measured on an unknown date.\n" in said[0]
     assert "Measured on 2026-01-02, and on unknown dates on " in said[1]
 
@@ -62,21 +70,35 @@ def test_findings_count_what_was_kept():
     silent = replace(ROW, start=2, estimated=nan)
     said = "\n".join(findings(Study([ROW, BAD, silent], SPEEDS)))
     assert "within the one asked for in 66.7 % of the runs" in said
-    assert "2 of 3 runs state an error of their own: it bounds the one measured in 50 % (9.45 to 90.5 %), and" in said
+    assert (
+        "2 of 3 runs state an error of their own: it bounds the one measured in 50 % (9.45 to 90.5 %), and"
+        in said
+    )
     assert "the right way up in 66.7 % of 3 runs (20.8 to 93.9 %)" in said
     far = replace(BAD, stokes=1e7)
-    assert "least often at St = 1e7, in 0 % of 1 (0 to 79.3 %); the" in findings(Study([ROW, far, silent], []))[1]
+    assert (
+        "least often at St = 1e7, in 0 % of 1 (0 to 79.3 %); the"
+        in findings(Study([ROW, far, silent], []))[1]
+    )
     assert "50 times as fast as the faster one of cyrk-vern8 and taylor in the median" in said
     assert "at least 10 times in each: 50 times for triaxial bodies." in said
-    assert "There it was 2 times as fast as `splitting`, which knows St, in the median of 9 spheroids" in said
+    assert (
+        "There it was 2 times as fast as `splitting`, which knows St, in the median of 9 spheroids"
+        in said
+    )
     assert (
         "Of 9 runs with windows, beside full solutions by cyrk-vern8 too, these took 5 times fewer steps than the full"
         in said
     )
-    assert "took 250 ms in the median, 250 at most, when not seen before; read from disk 4 ms in the" in said
+    assert (
+        "took 250 ms in the median, 250 at most, when not seen before; read from disk 4 ms in the"
+        in said
+    )
     slower = [replace(row, stokes=1e8, seconds=0.02 + 0.01 * row.start) for row in SPEEDS[:2]]
     said = "\n".join(findings(Study([ROW], [*SPEEDS, *slower])))
-    assert "Of 2 triaxial starts, runs at St = 1e8 take 2 to 3 times as long as at St = 1e6." in said
+    assert (
+        "Of 2 triaxial starts, runs at St = 1e8 take 2 to 3 times as long as at St = 1e6." in said
+    )
     text = page(Study([ROW, BAD], SPEEDS), "polhode accuracy --order hybrid")
     assert "## Speed" in text
     assert "right way up" not in page(Study([replace(ROW, mirror=nan)], []), "polhode")
@@ -87,7 +109,9 @@ def short_scene() -> Scene:
     return next(islice(random_scenes(), 1, None))
 
 
-def test_a_run_is_measured_against_the_truth(short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_run_is_measured_against_the_truth(
+    short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
     rows = measure_errors([replace(short_scene, time=100.0)], quiet=True)
     assert [row.error for row in rows] == list(ERRORS)
@@ -98,7 +122,9 @@ def test_a_run_is_measured_against_the_truth(short_scene: Scene, tmp_path: Path,
     assert len(list(tmp_path.glob("references/*"))) == 1
 
 
-def test_runs_compared_in_speed_take_turns(short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_runs_compared_in_speed_take_turns(
+    short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     called, solve = [], hybrid.solve
 
     def watched(problem: Problem, solver: str, *rest: Any) -> Solution:
@@ -106,12 +132,20 @@ def test_runs_compared_in_speed_take_turns(short_scene: Scene, tmp_path: Path, m
         return solve(problem, solver, *rest)
 
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    own = {"solve": watched, "random_scenes": lambda *_: [short_scene], "FAST": {100.0: 1}, "FAST_SLOW_TIME": 0.2}
+    own = {
+        "solve": watched,
+        "random_scenes": lambda *_: [short_scene],
+        "FAST": {100.0: 1},
+        "FAST_SLOW_TIME": 0.2,
+    }
     for name, value in own.items():
         monkeypatch.setattr(hybrid, name, value)
     (row,) = measure_speed(quiet=True)
     assert row.slow <= hybrid.FAST_ERROR
-    assert (row.solver in hybrid.FULL_SOLVERS, row.tolerance in hybrid.FULL_TOLERANCES) == (True, True)
+    assert (row.solver in hybrid.FULL_SOLVERS, row.tolerance in hybrid.FULL_TOLERANCES) == (
+        True,
+        True,
+    )
     assert row.solver != hybrid.SOLVER or row.full_steps > 0
     assert min(row.seconds, row.few_seconds, row.full_seconds, row.knowing_seconds) > 0
     ways = [("hybrid", hybrid.SOLVER)] * 2 + [

@@ -8,7 +8,14 @@ from click.testing import CliRunner
 
 from polhode.harness.averaging import hybrid, second_order
 from polhode.harness.averaging.cases import RESONANT
-from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy, read_study, write_study
+from polhode.harness.averaging.data import (
+    Cost,
+    Passage,
+    SecondOrderErrors,
+    SecondOrderStudy,
+    read_study,
+    write_study,
+)
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
 from polhode.harness.cli import polhode
@@ -33,8 +40,25 @@ ROWS = [
     )
     for stokes in (1e4, 1e5, 1e6)
 ]
-PASSED = Passage("1:0.8:0.5", "ω", 0.1, 1e5, "(-3, 1)", 2e-4, 7e-6, 2e-5, 3.5e-4, 7e-3, 0.1, 0.03, 1.5, "")
-REFUSED = Passage("1:0.6:0.4", "ω", 0.03, 1e4, "", nan, nan, nan, nan, nan, nan, nan, nan, "St = 10000 is too small")
+PASSED = Passage(
+    "1:0.8:0.5", "ω", 0.1, 1e5, "(-3, 1)", 2e-4, 7e-6, 2e-5, 3.5e-4, 7e-3, 0.1, 0.03, 1.5, ""
+)
+REFUSED = Passage(
+    "1:0.6:0.4",
+    "ω",
+    0.03,
+    1e4,
+    "",
+    nan,
+    nan,
+    nan,
+    nan,
+    nan,
+    nan,
+    nan,
+    nan,
+    "St = 10000 is too small",
+)
 COST = [
     Cost("averaged-second-order", "taylor", 1e-9, 1e3, 11, 4e-4, 5e-4, nan),
     Cost("averaged-second-order", "taylor", 1e-9, 1e6, 11, 5e-4, 6e-4, 8e-9),
@@ -79,13 +103,19 @@ def test_findings_are_those_of_the_numbers():
         replace(STUDY, crossings=[replace(PASSED, slow=3.5e-5), REFUSED])
     )
     assert orders.startswith("Spheroids, 1 starts: the slow error falls like St^-2.00 to St^-2.00")
-    assert "away from resonances: 1.5 to 1.5 times the slow error measured, 8 to 8 times the orientation's" in estimates
+    assert (
+        "away from resonances: 1.5 to 1.5 times the slow error measured, 8 to 8 times the orientation's"
+        in estimates
+    )
     assert "50 to 50 times smaller" in gains
     assert "10 to 10 times smaller" in crossings
     assert "Refused at all St: 1 of 2 runs" in crossings
     assert "0.57 to 2.9 times the slow error" in there
     assert "500 µs to 600 µs at St from 1000 to 1e6: at the largest St 1.20 times" in steady
-    assert "210 ms for a slow error of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times" in compared
+    assert (
+        "210 ms for a slow error of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times"
+        in compared
+    )
     assert findings(SecondOrderStudy([], [], [], [], {})) == []
 
 
@@ -133,10 +163,16 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
         assert outcome.exit_code == 2
         return outcome.output
 
-    assert "orders.csv: No such file or directory, expected a table of shape" in told("--order", "2", "--page-only")
-    assert "--quick, --part, --page-only: got several" in told("--order", "2", "--page-only", "--part", "cost")
+    assert "orders.csv: No such file or directory, expected a table of shape" in told(
+        "--order", "2", "--page-only"
+    )
+    assert "--quick, --part, --page-only: got several" in told(
+        "--order", "2", "--page-only", "--part", "cost"
+    )
     assert "--part: got --order 1, expected --order 2" in told("--part", "cost")
-    assert "--part: got --order 2, expected --order hybrid" in told("--order", "2", "--part", "speed")
+    assert "--part: got --order 2, expected --order hybrid" in told(
+        "--order", "2", "--part", "speed"
+    )
     write_study(STUDY, tmp_path)
     (tmp_path / SUMS).unlink()
     (tmp_path / "cost.csv").write_text("form,solver\n")
@@ -147,7 +183,11 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
 
 def test_the_page_alone_is_the_page_that_was_measured(tmp_path):
     write_study(STUDY, tmp_path)
-    outcome = CliRunner().invoke(polhode, ["accuracy", "--order", "2", "--page-only", "--out", str(tmp_path)])
+    outcome = CliRunner().invoke(
+        polhode, ["accuracy", "--order", "2", "--page-only", "--out", str(tmp_path)]
+    )
     assert outcome.exit_code == 0
-    assert (tmp_path / "README.md").read_text(encoding="utf-8") == page(STUDY, slopes(ROWS), COMMAND)
+    assert (tmp_path / "README.md").read_text(encoding="utf-8") == page(
+        STUDY, slopes(ROWS), COMMAND
+    )
     assert outcome.stdout.splitlines() == findings(STUDY)

@@ -8,7 +8,11 @@ from polhode.harness.picking.laws import Laws, load_laws, parse_laws
 
 def test_first_runs_are_measured_alone(tmp_path: Path, here: Run):
     shipped, file = load_laws(), tmp_path / "laws.json"
-    kept = {method: law for method, law in shipped.methods.items() if method == ("quaternion", "cyrk-vern8")}
+    kept = {
+        method: law
+        for method, law in shipped.methods.items()
+        if method == ("quaternion", "cyrk-vern8")
+    }
     Laws(kept, shipped.source).save(file)
     done = here("calibrate", "--first-runs", "--to", str(file))
     assert (done.returncode, done.stdout) == (0, f"{file}: first runs of 1 methods\n"), done.stderr

@@ -8,7 +8,13 @@ import pytest
 
 from polhode.harness.calibration import HELD_OUT_SEED
 from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
-from polhode.harness.calibration.heldout import FINAL, FINALISTS, ask, finalists, studies as held_out_studies
+from polhode.harness.calibration.heldout import (
+    FINAL,
+    FINALISTS,
+    ask,
+    finalists,
+    studies as held_out_studies,
+)
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG
@@ -50,7 +56,9 @@ def test_held_out_judgement(own_error, own_seconds, met, factor):
     assert found["met"] is met
     assert found["factor"] == pytest.approx(factor)
     # Where no way meets the error an answer has missed it, and is compared with nothing.
-    found = judged(told, [{**record, f"{question.want}_error": 9 * question.error} for record in records])
+    found = judged(
+        told, [{**record, f"{question.want}_error": 9 * question.error} for record in records]
+    )
     assert (found["met"], found["best_seconds"]) == (False, None)
     assert pd.isna(found["factor"])
     assert found["miss"].endswith("times its upper end; no way measured met the one asked for")
@@ -103,7 +111,9 @@ def test_what_is_not_known_is_empty_and_what_was_left_out_is_counted(tmp_path):
     other = {**good, "solver": "radau"}
     answers = ((told, [other]), (told, [unjudged, other]), (refused, [other]), (told, [good]))
     found = Evaluation(pd.DataFrame([judged(*answer) for answer in answers]), runs_of((1.0, 1e-7)))
-    found = replace(found, left_out={"a": "more than 2e4 rotations", "b": "more than 2e4 rotations"})
+    found = replace(
+        found, left_out={"a": "more than 2e4 rotations", "b": "more than 2e4 rotations"}
+    )
     page = write_pages(tmp_path, load_laws(), found, "x").read_text(encoding="utf-8")
     assert "2 × more than 2e4 rotations" in page
     assert len(page.splitlines()) <= 150
@@ -118,14 +128,22 @@ def test_held_out_scene_is_measured_by_the_first_choice_and_by_tens():
     assert told.recommendation is not None
     first, *others = held_out_studies(told)
     row = told.recommendation.ranking[0]
-    assert (first.forms, first.solvers, first.tolerances) == ((row.form,), (row.solver,), (row.tolerance,))
+    assert (first.forms, first.solvers, first.tolerances) == (
+        (row.form,),
+        (row.solver,),
+        (row.tolerance,),
+    )
     tolerances = [study.tolerances[0] for study in others]
     assert tolerances == sorted(tolerances, reverse=True)
     assert all(tolerance == float(f"{tolerance:.0e}") for tolerance in tolerances)
 
 
 def test_a_long_run_is_measured_by_simple_rules_too_and_its_reference_has_a_limit():
-    question = next(each for each in questions(HELD_OUT_SEED, 8, "long") if pilot(each.scene).rotations > EVERY_LONG)
+    question = next(
+        each
+        for each in questions(HELD_OUT_SEED, 8, "long")
+        if pilot(each.scene).rotations > EVERY_LONG
+    )
     # By rules an error of 1e-2 asks for that tolerance, looser than any that may win.
     for each in (replace(question, error=1e-2), question):
         told = Answer(each, None, "refused", "long")
@@ -135,7 +153,10 @@ def test_a_long_run_is_measured_by_simple_rules_too_and_its_reference_has_a_limi
             for solver in part.solvers
         }
         assert rules(each).keys() <= measured
-    record = a_record(question, "taylor", 1e-9, 1.0, question.error) | {"samples": 51, "max_seconds": 1.0}
+    record = a_record(question, "taylor", 1e-9, 1.0, question.error) | {
+        "samples": 51,
+        "max_seconds": 1.0,
+    }
     assert all(case.reference_seconds < inf for case in finalists(told, [record]))
 
 
@@ -147,9 +168,17 @@ def test_the_first_choice_and_the_cheapest_that_meet_the_error_go_into_the_final
     dear = {"form": row.form, "samples": 201, "max_seconds": 1.0}
     records = [
         {**a_record(question, row.solver, row.tolerance, 9.0, 2 * question.error), **dear},
-        *({**a_record(question, "taylor", 10.0**-k, k, question.error / 2), **dear} for k in range(14, 0, -1)),
+        *(
+            {**a_record(question, "taylor", 10.0**-k, k, question.error / 2), **dear}
+            for k in range(14, 0, -1)
+        ),
         {**a_record(question, "cyrk-bdf", 1e-3, 0.1, 2 * question.error), **dear},
-        {"scene_name": question.name, "status": "step_limit", "form": "quaternion", "solver": "taylor"},
+        {
+            "scene_name": question.name,
+            "status": "step_limit",
+            "form": "quaternion",
+            "solver": "taylor",
+        },
     ]
     first, *others = finalists(told, records)
     assert (first.form, first.solver, first.tolerance) == (row.form, row.solver, row.tolerance)
@@ -161,9 +190,14 @@ def test_a_miss_has_its_reason():
     question = questions(HELD_OUT_SEED, 1)[0]
     interval = Interval(question.error / 2, question.error / 4, question.error)
     seconds = Interval(1.0, 0.5, 2.0)
-    rows = [Way("quaternion", name, 1e-9, interval, seconds, 1.0, False, "") for name in ("taylor", "cyrk-vern8")]
+    rows = [
+        Way("quaternion", name, 1e-9, interval, seconds, 1.0, False, "")
+        for name in ("taylor", "cyrk-vern8")
+    ]
     excluded = (Excluded("quaternion", "radau", "no law"),)
-    told = Answer(question, Recommendation(question.want, question.error, 7.0, 1.0, tuple(rows), excluded), "")
+    told = Answer(
+        question, Recommendation(question.want, question.error, 7.0, 1.0, tuple(rows), excluded), ""
+    )
     first = a_record(question, "taylor", 1e-9, 4.0, 0.5 * question.error)
     quick = a_record(question, "cyrk-vern8", 1e-6, 1.0, 0.5 * question.error)
     barred = a_record(question, "radau", 1e-6, 1.0, 0.5 * question.error)
@@ -173,5 +207,8 @@ def test_a_miss_has_its_reason():
     assert "at 1e+03 times the tolerance foreseen" in reason
     assert judged(told, [first, barred])["miss"] == "the best was excluded: no law"
     wrong = {**first, f"{question.want}_error": 3 * question.error}
-    assert judged(told, [wrong, quick])["miss"] == "the error, most of it of the solver, is 3 times its upper end"
+    assert (
+        judged(told, [wrong, quick])["miss"]
+        == "the error, most of it of the solver, is 3 times its upper end"
+    )
     assert judged(Answer(question, None, "too small"), [quick])["miss"] == "refused: too small"

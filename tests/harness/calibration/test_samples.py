@@ -10,12 +10,22 @@ from polhode.models.scenes import named_scene
 
 @pytest.mark.parametrize(
     ("error", "uncertainty", "known"),
-    [(1e-8, 1e-16, 1e-8), (1e-8, 1e-9, 1e-8), (1e-10, 1e-9, None), (1e-17, 1e-16, 1e-12), (0.5, 1e-16, None)],
+    [
+        (1e-8, 1e-16, 1e-8),
+        (1e-8, 1e-9, 1e-8),
+        (1e-10, 1e-9, None),
+        (1e-17, 1e-16, 1e-12),
+        (0.5, 1e-16, None),
+    ],
 )
 def test_an_error_bears_a_law_where_it_is_known(error, uncertainty, known):
-    sample = sample_of(_record("paper", "quaternion", "cyrk-vern8", 1e-9, error, uncertainty), Pace(None, None))
+    sample = sample_of(
+        _record("paper", "quaternion", "cyrk-vern8", 1e-9, error, uncertainty), Pace(None, None)
+    )
     assert sample is not None
-    assert (sample.errors["slow"][1] if known else sample.errors.get("slow")) == (known and pytest.approx(known))
+    assert (sample.errors["slow"][1] if known else sample.errors.get("slow")) == (
+        known and pytest.approx(known)
+    )
 
 
 def test_errors_of_a_closed_form_are_rounding_at_any_tolerance():

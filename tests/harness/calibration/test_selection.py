@@ -67,9 +67,15 @@ def test_ways_are_named_by_powers_of_ten_from_the_error():
     question = replace(questions(1, 1)[0], scene=named_scene("paper"), error=3e-7, want="slow")
     assert decade(question) == -7
     record = {"form": "quaternion", "status": "reached_end", "seconds": 2.0, "slow_error": 1e-7}
-    records = [{**record, "solver": "taylor", "tolerance": 1e-8}, {**record, "solver": "taylor", "tolerance": 3e-8}]
+    records = [
+        {**record, "solver": "taylor", "tolerance": 1e-8},
+        {**record, "solver": "taylor", "tolerance": 3e-8},
+    ]
     found = {row["algorithm"]: row for row in runs_of(question, "short", records, records[1])}
-    assert (found["quaternion/taylor/-1"]["seconds"], found["quaternion/taylor/-1"]["met"]) == (2.0, True)
+    assert (found["quaternion/taylor/-1"]["seconds"], found["quaternion/taylor/-1"]["met"]) == (
+        2.0,
+        True,
+    )
     rule = "taylor at a tenth of the error"
     assert found[rule] == {**found["quaternion/taylor/-1"], "algorithm": rule}
     assert found["LSODA at a hundredth of the error"]["met"] is False

@@ -10,8 +10,14 @@ from polhode.harness.pages.pick import stated_summary, write_stated
 
 
 def test_shares_and_factors():
-    rows = [(1e-6, 2e-6, 1e-9, 1.0, 0.5), (1e-6, 5e-7, 1e-9, 1.0, 0.7), (1e-9, 1e-10, 1e-8, 1e-3, 4e-3)]
-    runs = pd.DataFrame(rows, columns=["error", "stated_high", "uncertainty", "seconds", "look_seconds"])
+    rows = [
+        (1e-6, 2e-6, 1e-9, 1.0, 0.5),
+        (1e-6, 5e-7, 1e-9, 1.0, 0.7),
+        (1e-9, 1e-10, 1e-8, 1e-3, 4e-3),
+    ]
+    runs = pd.DataFrame(
+        rows, columns=["error", "stated_high", "uncertainty", "seconds", "look_seconds"]
+    )
     found = judged(runs)
     assert found["bounded"] == pytest.approx(2 / 3)
     assert found["factor"] == pytest.approx((2 + 0.5) / 2)

@@ -30,12 +30,18 @@ def test_only_what_laws_lack_is_measured():
 def test_what_has_changed_is_forgotten(tmp_path):
     laws = load_laws()
     with Store(tmp_path / "training.sqlite") as store:
-        for key, form, name in (("a", "hybrid", "taylor"), ("b", "quaternion", "taylor"), ("c", "quaternion", "ida")):
+        for key, form, name in (
+            ("a", "hybrid", "taylor"),
+            ("b", "quaternion", "taylor"),
+            ("c", "quaternion", "ida"),
+        ):
             store.put(key, {"form": form, "solver": name}, {})
         left = without(store, laws, ("hybrid", "ida"))
         assert store.keys() == {"b"}
     assert left is not None
-    assert left.methods.keys() == {name for name in laws.methods if name[0] != "hybrid" and name[1] != "ida"}
+    assert left.methods.keys() == {
+        name for name in laws.methods if name[0] != "hybrid" and name[1] != "ida"
+    }
 
 
 def test_long_runs_are_left_to_quick_methods():
@@ -45,4 +51,6 @@ def test_long_runs_are_left_to_quick_methods():
     parts = [part for question in asked for part in studies(question, 0, "long")]
     full = [part for part in parts if part.forms[0] in ("quaternion", "spheroid-axis")]
     assert full
-    assert not any(solver(name).implicit or solver(name).low_order for part in full for name in part.solvers)
+    assert not any(
+        solver(name).implicit or solver(name).low_order for part in full for name in part.solvers
+    )

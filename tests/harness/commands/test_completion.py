@@ -12,8 +12,15 @@ from polhode.solvers.catalogue import SOLVERS
 
 
 def offered(words: str, count: int) -> list[str]:
-    environment = {**os.environ, "COMP_WORDS": words, "COMP_CWORD": str(count), "_POLHODE_COMPLETE": "bash_complete"}
-    done = subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, timeout=60, check=True)
+    environment = {
+        **os.environ,
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(count),
+        "_POLHODE_COMPLETE": "bash_complete",
+    }
+    done = subprocess.run(
+        [SCRIPT], env=environment, capture_output=True, text=True, timeout=60, check=True
+    )
     return [line.partition(",")[2] for line in done.stdout.splitlines()]
 
 
@@ -22,7 +29,11 @@ def offered(words: str, count: int) -> list[str]:
     [
         ("polhode doc", 1, ["doctor"]),
         ("polhode pick pinch", 2, ["pinch-point"]),
-        ("polhode solve paper --solver cvode", 4, [name for name in SOLVERS if name.startswith("cvode")]),
+        (
+            "polhode solve paper --solver cvode",
+            4,
+            [name for name in SOLVERS if name.startswith("cvode")],
+        ),
         ("polhode solve paper --form spheroid", 4, ["spheroid-angles", "spheroid-axis"]),
         ("polhode report --scene ", 3, list(SCENES)),
         ("polhode solve own.to", 2, ["own.to"]),
@@ -34,7 +45,9 @@ def test_completion(words: str, count: int, expected: list[str]):
 
 def test_the_script_completes_in_a_shell(polhode: Run):
     script = polhode("completion", "bash").stdout
-    typed = "COMP_WORDS=(polhode doc); COMP_CWORD=1; _polhode_completion polhode; echo ${COMPREPLY[@]}"
+    typed = (
+        "COMP_WORDS=(polhode doc); COMP_CWORD=1; _polhode_completion polhode; echo ${COMPREPLY[@]}"
+    )
     path = f"{Path(SCRIPT).parent}:{os.environ['PATH']}"
     done = subprocess.run(
         ["bash", "-c", f"{script}\n{typed}"],

@@ -34,7 +34,10 @@ def test_json_tells_versions_solvers_and_caches(here: Run, environment: dict[str
     assert [row["name"] for row in found["adapters"]] == list(SOLVERS)
     assert found["versions"]["polhode"]
     place = Path(environment["POLHODE_CACHE"])
-    assert [cache["folder"] for cache in found["caches"]] == [str(place / "references"), str(place / "heyoka")]
+    assert [cache["folder"] for cache in found["caches"]] == [
+        str(place / "references"),
+        str(place / "heyoka"),
+    ]
     assert found["steadiness"]["ratio"] >= 1
     pieces = {"import", "compilation", "pilots", "integration", "error", "output"}
     assert set(found["cold_start"]) == pieces | {"in all"}
@@ -71,10 +74,15 @@ def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_p
     replace(laws, source={**fitted, "refitted": 412}).save(own)
     assert examine()["laws"] == f"times rescaled by 412 runs of this machine: {own}"
     replace(laws, source={**fitted, "refitted": 412, "scenes": 1}).save(own)
-    assert examine()["laws"] == f"those of the package; passed over, since rescaled from other ones: {own}"
+    assert (
+        examine()["laws"]
+        == f"those of the package; passed over, since rescaled from other ones: {own}"
+    )
     (tmp_path / SUMS).unlink()
     own.write_text('{"schema": "of another version"}', encoding="utf-8")
-    assert examine()["laws"] == f"those of the package; passed over, since of another version: {own}"
+    assert (
+        examine()["laws"] == f"those of the package; passed over, since of another version: {own}"
+    )
     own.write_text("{", encoding="utf-8")
     assert examine()["laws"].startswith("cannot be read")
 
@@ -95,7 +103,8 @@ def test_a_place_that_is_no_folder_is_no_cache(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("ratio", "load", "expected"), [(1.0, 0.0, True), (1.02, None, True), (1.2, 0.0, False), (1.0, 2.0, False)]
+    ("ratio", "load", "expected"),
+    [(1.0, 0.0, True), (1.02, None, True), (1.2, 0.0, False), (1.0, 2.0, False)],
 )
 def test_steadiness(ratio: float, load: float | None, expected: bool):
     assert steady({"seconds": 1e-3, "ratio": ratio, "load": load}) is expected
@@ -103,5 +112,7 @@ def test_steadiness(ratio: float, load: float | None, expected: bool):
 
 @pytest.mark.usefixtures("no_cold_start")
 def test_advice_on_an_unsteady_machine(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(setup, "watch_sentinel", lambda _: {"seconds": 1e-3, "ratio": 1.5, "load": None})
+    monkeypatch.setattr(
+        setup, "watch_sentinel", lambda _: {"seconds": 1e-3, "ratio": 1.5, "load": None}
+    )
     assert any("noisy" in line for line in examine()["advice"])

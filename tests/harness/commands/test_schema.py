@@ -17,14 +17,23 @@ ROOT = Path(__file__).parents[3]
 SWEEP = {"name": "a", "title": "b", "shapes": [[1.0, 1.0, 2.0]], "stokes": 10.0, "time": 1.0}
 
 
-def complaints(value: Any, schema: dict[str, Any], defs: dict[str, Any], where: str = "") -> list[str]:
+def complaints(
+    value: Any, schema: dict[str, Any], defs: dict[str, Any], where: str = ""
+) -> list[str]:
     """What a value breaks of the keywords that these schemas use."""
     if "$ref" in schema:
         return complaints(value, defs[schema["$ref"].rpartition("/")[2]], defs, where)
     if "anyOf" in schema:
         tried = [complaints(value, each, defs, where) for each in schema["anyOf"]]
         return [] if [] in tried else tried[0]
-    kinds = {"object": dict, "array": list, "string": str, "boolean": bool, "integer": int, "number": (int, float)}
+    kinds = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "boolean": bool,
+        "integer": int,
+        "number": (int, float),
+    }
     kind = schema.get("type")
     if kind == "null":
         return [] if value is None else [f"{where}: not null"]
@@ -33,7 +42,9 @@ def complaints(value: Any, schema: dict[str, Any], defs: dict[str, Any], where: 
     found = [f"{where}: {value!r} is too small"] if value_below(value, schema) else []
     if kind == "object":
         properties = schema.get("properties", {})
-        found += [f"{where}.{key} is missing" for key in schema.get("required", []) if key not in value]
+        found += [
+            f"{where}.{key} is missing" for key in schema.get("required", []) if key not in value
+        ]
         if schema.get("additionalProperties") is False:
             found += [f"{where}.{key} is unknown" for key in value if key not in properties]
         for key in set(value) & set(properties):
@@ -56,7 +67,10 @@ def test_files_that_come_with_polhode_fit_their_schema(kind: str, here: Run):
     schema = json.loads(here("schema", kind).stdout)
     files = {
         "scene": [scene_table(each.scene) for each in SCENES.values()],
-        "study": [tomllib.loads(path.read_text()) for path in (ROOT / "harness" / "studies").glob("*.toml")],
+        "study": [
+            tomllib.loads(path.read_text())
+            for path in (ROOT / "harness" / "studies").glob("*.toml")
+        ],
         "sweep": [SWEEP],
     }[kind]
     assert files

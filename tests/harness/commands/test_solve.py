@@ -40,19 +40,28 @@ class Table:
         assert header == HEADER
         self.cells = [line.split(",") for line in lines]
         assert all(len(row) == len(HEADER.split(",")) for row in self.cells)
-        self.numbers = np.array([[float(cell) if cell else np.nan for cell in row] for row in self.cells])
+        self.numbers = np.array(
+            [[float(cell) if cell else np.nan for cell in row] for row in self.cells]
+        )
 
     @property
     def observables(self) -> Observables:
-        return Observables(self.numbers[:, 2:5], self.numbers[:, 5], self.numbers[:, 6:].reshape(-1, 3, 3))
+        return Observables(
+            self.numbers[:, 2:5], self.numbers[:, 5], self.numbers[:, 6:].reshape(-1, 3, 3)
+        )
 
 
 def scene_text(
-    stokes: float, time: float, axes: Triple = (1.0, 0.8, 0.5), start: str = "euler_angles = [1.0, 0.5, 0.2]"
+    stokes: float,
+    time: float,
+    axes: Triple = (1.0, 0.8, 0.5),
+    start: str = "euler_angles = [1.0, 0.5, 0.2]",
 ) -> str:
     if "_rates" not in start and "_velocity" not in start and "energy" not in start:
         start += "\nat_rest = true"
-    return f"stokes = {stokes}\ntime = {time}\n[shape]\nsemi_axes = {list(axes)}\n[start]\n{start}\n"
+    return (
+        f"stokes = {stokes}\ntime = {time}\n[shape]\nsemi_axes = {list(axes)}\n[start]\n{start}\n"
+    )
 
 
 @pytest.fixture
@@ -63,7 +72,11 @@ def solved(here: Run, tmp_path: Path):
         (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
         done = here("solve", "scene.toml", *arguments, "--out", "out.csv")
         assert (done.returncode, done.stdout) == (0, "")
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv", "out.csv.json", "scene.toml"]
+        assert sorted(path.name for path in tmp_path.iterdir()) == [
+            "out.csv",
+            "out.csv.json",
+            "scene.toml",
+        ]
         return Table(tmp_path / "out.csv")
 
     return solve
@@ -81,7 +94,10 @@ def solved(here: Run, tmp_path: Path):
 def test_the_manuals_scene_agrees_with_the_reference(
     here: Run, scene_file: Path, tmp_path: Path, arguments: list[str], slow, orientation
 ):
-    assert here("solve", "scene.toml", *arguments, "--samples", 101, "--out", "out.csv").returncode == 0
+    assert (
+        here("solve", "scene.toml", *arguments, "--samples", 101, "--out", "out.csv").returncode
+        == 0
+    )
     table = Table(tmp_path / "out.csv")
     scene = read_scene(scene_file)
     true = reference(scene, "quaternion", 101)
@@ -100,7 +116,8 @@ def test_rows_times_and_digits(solved):
     assert times[-1] == 500
     assert np.diff(times) == pytest.approx(500 / 6, rel=1e-14)
     assert table.numbers[:, 1] == pytest.approx(times / 1000, rel=1e-15)
-    # 17 significant digits: writing what was read gives the same text, and no digit of a double is lost.
+    # 17 significant digits: writing what was read gives the same text, and no digit of a double is
+    # lost.
     assert all(
         f"{number:.17g}" == cell
         for row, line in zip(table.numbers, table.cells, strict=True)
@@ -114,8 +131,12 @@ def test_rows_times_and_digits(solved):
 
 def test_slow_time_is_empty_at_st_0_and_0_at_st_inf(solved):
     at_rest = scene_text(0.0, 5.0)
-    assert {row[1] for row in solved(at_rest, "--form", "jeffery", *GIVEN[2:], "--samples", 3).cells} == {""}
-    top = scene_text(inf, 5.0, start="euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]")
+    assert {
+        row[1] for row in solved(at_rest, "--form", "jeffery", *GIVEN[2:], "--samples", 3).cells
+    } == {""}
+    top = scene_text(
+        inf, 5.0, start="euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
+    )
     exact = ("--form", "euler-top", "--solver", "exact", "--tolerance", 1)
     assert {row[1] for row in solved(top, *exact, "--samples", 3).cells} == {"0"}
 
@@ -126,7 +147,9 @@ def test_a_form_that_knows_the_symmetry_axis_fills_its_row_alone(solved, axis: i
     axes = (a, b, c)
     assert axes[axis] == 2.0
     start = "euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
-    table = solved(scene_text(50.0, 2.0, axes, start), "--form", "spheroid-axis", *GIVEN[2:], "--samples", 3)
+    table = solved(
+        scene_text(50.0, 2.0, axes, start), "--form", "spheroid-axis", *GIVEN[2:], "--samples", 3
+    )
     for row in table.cells:
         filled = [bool(cell) for cell in row[6:]]
         assert filled == [i == axis for i in range(3) for _ in range(3)]
@@ -153,17 +176,23 @@ def test_averaged_forms_leave_the_rotation_empty(solved):
     ],
     ids=["averaged", "quiet", "tolerance and error", "tolerance"],
 )
-def test_what_the_error_asked_for_does_not_get_is_noted(here: Run, scene_file: Path, arguments: list, note: str):
+def test_what_the_error_asked_for_does_not_get_is_noted(
+    here: Run, scene_file: Path, arguments: list, note: str
+):
     done = here("solve", "scene.toml", *arguments, "--samples", "3", "--out", "out.csv")
     assert done.returncode == 0
-    noted = [line for line in done.stderr.splitlines() if line.startswith("note") and "R11" not in line]
+    noted = [
+        line for line in done.stderr.splitlines() if line.startswith("note") and "R11" not in line
+    ]
     assert len(noted) == bool(note)
     assert all(line.startswith(note) for line in noted)
 
 
 def test_averaged_forms_start_from_l_and_e(solved):
     start = "angular_momentum = [0.1, 0.2, 0.3]\nenergy = 0.15"
-    table = solved(scene_text(1000.0, 500.0, start=start), "--form", "averaged", *GIVEN[2:], "--samples", 3)
+    table = solved(
+        scene_text(1000.0, 500.0, start=start), "--form", "averaged", *GIVEN[2:], "--samples", 3
+    )
     assert table.numbers[0, 2:6] == pytest.approx([0.1, 0.2, 0.3, 0.15], rel=1e-15)
 
 
@@ -182,7 +211,9 @@ def permuted(order: tuple[int, int, int]) -> str:
 
 @pytest.mark.parametrize("order", [(1, 2, 0), (2, 0, 1), (1, 0, 2), (2, 1, 0)])
 @pytest.mark.parametrize("form", ["quaternion", "averaged"])
-def test_the_order_of_the_semi_axes_changes_neither_l_nor_e(solved, form: str, order: tuple[int, int, int]):
+def test_the_order_of_the_semi_axes_changes_neither_l_nor_e(
+    solved, form: str, order: tuple[int, int, int]
+):
     arguments = ["--form", form, "--solver", "cyrk-dop853", "--tolerance", "1e-14", "--samples", 6]
     as_given = solved(permuted((0, 1, 2)), *arguments).numbers[:, 2:6]
     otherwise = solved(permuted(order), *arguments).numbers[:, 2:6]
@@ -198,7 +229,9 @@ def test_built_in_scenes_go_by_name_and_files_come_first(here: Run, tmp_path: Pa
     assert Table(tmp_path / "file.csv").numbers[-1, 0] == 5
 
 
-def test_devices_are_written_to_and_stdout_holds_the_table_alone(polhode: Run, scene_file: Path, tmp_path: Path):
+def test_devices_are_written_to_and_stdout_holds_the_table_alone(
+    polhode: Run, scene_file: Path, tmp_path: Path
+):
     done = polhode("solve", "scene.toml", *GIVEN, "--samples", 3, "--out", "/dev/stdout")
     assert done.returncode == 0
     assert done.stdout.splitlines()[0] == HEADER
@@ -207,7 +240,9 @@ def test_devices_are_written_to_and_stdout_holds_the_table_alone(polhode: Run, s
 
 
 @pytest.mark.parametrize("out", ["-", "/dev/stdout"])
-def test_redirected_output_is_written_to_and_goes_on_where_it_stands(environment, scene_file: Path, out: str):
+def test_redirected_output_is_written_to_and_goes_on_where_it_stands(
+    environment, scene_file: Path, out: str
+):
     """As `(echo before; polhode solve … --out -) > table.csv` in a shell."""
     words = [SCRIPT, "solve", scene_file.name, *GIVEN, "--samples", "3", "--out", out]
     table = scene_file.with_name("table.csv")
@@ -215,20 +250,37 @@ def test_redirected_output_is_written_to_and_goes_on_where_it_stands(environment
         file.write("before\n")
         file.flush()
         done = subprocess.run(
-            words, cwd=scene_file.parent, env=environment, stdout=file, stderr=subprocess.PIPE, check=False, timeout=120
+            words,
+            cwd=scene_file.parent,
+            env=environment,
+            stdout=file,
+            stderr=subprocess.PIPE,
+            check=False,
+            timeout=120,
         )
     assert done.returncode == 0, done.stderr
     before, header, *rows = table.read_text(encoding="utf-8").splitlines()
     assert (before, header, len(rows)) == ("before", HEADER, 3)
-    assert sorted(path.name for path in scene_file.parent.iterdir()) == [scene_file.name, "table.csv"]
+    assert sorted(path.name for path in scene_file.parent.iterdir()) == [
+        scene_file.name,
+        "table.csv",
+    ]
     assert Path("/dev/stdout").is_symlink()
 
 
 @pytest.mark.parametrize(
     ("scene", "form", "note"),
     [
-        ("spheroid", "spheroid-axis", "knows the symmetry axis alone: R11 to R13, R21 to R23 stay empty; --form"),
-        ("paper", "averaged", "knows no orientation: R11 to R13, R21 to R23, R31 to R33 stay empty; --form"),
+        (
+            "spheroid",
+            "spheroid-axis",
+            "knows the symmetry axis alone: R11 to R13, R21 to R23 stay empty; --form",
+        ),
+        (
+            "paper",
+            "averaged",
+            "knows no orientation: R11 to R13, R21 to R23, R31 to R33 stay empty; --form",
+        ),
         # No form knows more of a start by L and E.
         ("scene.toml", "averaged", "R31 to R33 stay empty\n"),
         ("paper", "quaternion", ""),
@@ -244,7 +296,9 @@ def test_what_stays_empty_is_said(here: Run, tmp_path: Path, scene: str, form: s
     assert ("stay empty" in done.stderr) == bool(note)
 
 
-def test_a_link_stays_and_what_it_points_to_is_replaced(here: Run, tmp_path: Path, scene_file: Path):
+def test_a_link_stays_and_what_it_points_to_is_replaced(
+    here: Run, tmp_path: Path, scene_file: Path
+):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "a.bin").write_text("old\n", encoding="utf-8")
     (tmp_path / "a.csv").symlink_to("there/a.bin")
@@ -266,7 +320,13 @@ def test_a_home_that_cannot_be_written_changes_nothing(environment, scene_file: 
     words = [SCRIPT, "solve", scene_file.name, *GIVEN, "--samples", "3", "--out", "/dev/stdout"]
     surroundings = {**environment, "HOME": "/proc", "XDG_CACHE_HOME": "/proc"}
     done = subprocess.run(
-        words, cwd=scene_file.parent, env=surroundings, capture_output=True, text=True, check=False, timeout=120
+        words,
+        cwd=scene_file.parent,
+        env=surroundings,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(HEADER)
@@ -284,7 +344,17 @@ def test_a_failed_run_leaves_its_rows_as_partial(here: Run, scene_file: Path, tm
     start = "euler_angles = [1e-4, 0.3, 0.2]\neuler_rates = [-1e-5, 0.0, 0.0]"
     scene_file.write_text(scene_text(1e6, 40.0, start=start), encoding="utf-8")
     (tmp_path / "out.csv").write_text("earlier", encoding="utf-8")
-    done = here("solve", "scene.toml", "--form", "euler-angles", *GIVEN[2:], "--samples", 401, "--out", "out.csv")
+    done = here(
+        "solve",
+        "scene.toml",
+        "--form",
+        "euler-angles",
+        *GIVEN[2:],
+        "--samples",
+        401,
+        "--out",
+        "out.csv",
+    )
     assert done.returncode == 1
     line = done.stderr.splitlines()[-1]
     rows = Table(tmp_path / "out.csv.partial").numbers
@@ -295,20 +365,26 @@ def test_a_failed_run_leaves_its_rows_as_partial(here: Run, scene_file: Path, tm
     assert (tmp_path / "out.csv").read_text(encoding="utf-8") == "earlier"
 
 
-def test_ctrl_c_in_the_second_look_keeps_the_whole_run(scene_file: Path, monkeypatch: pytest.MonkeyPatch):
+def test_ctrl_c_in_the_second_look_keeps_the_whole_run(
+    scene_file: Path, monkeypatch: pytest.MonkeyPatch
+):
     def interrupted(*given: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("polhode.harness.api.run_error", interrupted)
     out = scene_file.with_name("out.csv")
-    found = CliRunner().invoke(solve, [str(scene_file), *map(str, GIVEN), "--samples", "11", "--out", str(out)])
+    found = CliRunner().invoke(
+        solve, [str(scene_file), *map(str, GIVEN), "--samples", "11", "--out", str(out)]
+    )
     assert found.exit_code == 0, found.output
     assert len(Table(out).numbers) == 11
     assert "error: not known: not estimated" in found.stderr
 
 
 @pytest.mark.parametrize("named", [(), GIVEN])
-def test_a_failed_run_of_a_way_that_was_chosen_names_the_next_one(monkeypatch: pytest.MonkeyPatch, named: tuple):
+def test_a_failed_run_of_a_way_that_was_chosen_names_the_next_one(
+    monkeypatch: pytest.MonkeyPatch, named: tuple
+):
     monkeypatch.setattr("polhode.harness.api.run", partial(run, max_steps=3))
     found = CliRunner().invoke(solve, ["paper", *named, "--samples", "11"])
     assert found.exit_code == 1
@@ -335,13 +411,27 @@ def test_a_scene_is_not_overwritten_by_its_table(here: Run, tmp_path: Path):
 
 
 @pytest.mark.parametrize("solver", ["taylor", "cyrk-vern8"])
-def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: Path, tmp_path: Path, solver: str):
+def test_ctrl_c_keeps_the_finished_rows(
+    polhode: Run, environment, scene_file: Path, tmp_path: Path, solver: str
+):
     start = "euler_angles = [1.0, 0.5, 0.2]\neuler_rates = [1.0, 1.0, -1.0]"
     scene_file.write_text(scene_text(1e8, 1e9, start=start), encoding="utf-8")
-    words = [SCRIPT, "solve", "scene.toml", *GIVEN[:-1], solver, "--samples", "1000001", "--out", "out.csv"]
+    words = [
+        SCRIPT,
+        "solve",
+        "scene.toml",
+        *GIVEN[:-1],
+        solver,
+        "--samples",
+        "1000001",
+        "--out",
+        "out.csv",
+    ]
     # Long enough to have compiled and finished rows, on a busy machine too.
     for patience in (1.5, 6.0, 24.0):
-        process = subprocess.Popen(words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(
+            words, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True
+        )
         time.sleep(patience)
         process.send_signal(signal.SIGINT)
         _, text = process.communicate(timeout=60)
@@ -364,7 +454,16 @@ def test_ctrl_c_keeps_the_finished_rows(polhode: Run, environment, scene_file: P
 
 
 def test_omega_parquet_and_a_scene_to_go_on(here: Run, tmp_path: Path):
-    way = ("--form", "quaternion", "--solver", "cyrk-vern8", "--tolerance", "1e-10", "--samples", "3")
+    way = (
+        "--form",
+        "quaternion",
+        "--solver",
+        "cyrk-vern8",
+        "--tolerance",
+        "1e-10",
+        "--samples",
+        "3",
+    )
     done = here("solve", "paper", *way, "--omega", "--out", "a.csv", "--restart", "next.toml")
     assert done.returncode == 0, done.stderr
     header, *rows = (tmp_path / "a.csv").read_text().splitlines()
@@ -373,13 +472,17 @@ def test_omega_parquet_and_a_scene_to_go_on(here: Run, tmp_path: Path):
     assert again.returncode == 0, again.stderr
     first = (tmp_path / "b.csv").read_text().splitlines()[1].split(",")
     end = rows[-1].split(",")
-    assert [float(text) for text in first[2:]] == pytest.approx([float(text) for text in end[2:]], abs=1e-12)
+    assert [float(text) for text in first[2:]] == pytest.approx(
+        [float(text) for text in end[2:]], abs=1e-12
+    )
     if find_spec("pyarrow") is None:
         refused = here("solve", "paper", *way, "--out", "a.parquet")
         assert (refused.returncode, "expected pyarrow installed" in refused.stderr) == (2, True)
 
 
-def test_an_error_that_was_missed_is_said_of_a_run_expected_to_be_long_too(here: Run, tmp_path: Path):
+def test_an_error_that_was_missed_is_said_of_a_run_expected_to_be_long_too(
+    here: Run, tmp_path: Path
+):
     (tmp_path / "scene.toml").write_text(scene_text(1e-20, 20.0), encoding="utf-8")
     done = here("solve", "scene.toml")
     assert done.returncode == 0
@@ -392,7 +495,10 @@ def test_an_error_that_was_missed_is_said_of_a_run_expected_to_be_long_too(here:
     [
         ("none/next.toml", "none: no such folder, expected an existing one"),
         ("./a.csv", "--restart: got a.csv, expected another file than a.csv and a.csv.json"),
-        ("a.csv.json", "--restart: got a.csv.json, expected another file than a.csv and a.csv.json"),
+        (
+            "a.csv.json",
+            "--restart: got a.csv.json, expected another file than a.csv and a.csv.json",
+        ),
     ],
 )
 def test_a_scene_to_go_on_with_no_place_of_its_own_is_refused_before_the_run(
@@ -409,7 +515,10 @@ def test_the_scene_is_not_written_over(here: Run, tmp_path: Path):
     scene.write_text(text := scene_text(20.0, 5.0), encoding="utf-8")
     done = here("solve", "scene.toml", *GIVEN, "--restart", "./scene.toml")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr == "polhode: --restart: got scene.toml, expected another file than the scene's\n"
+    assert (
+        done.stderr
+        == "polhode: --restart: got scene.toml, expected another file than the scene's\n"
+    )
     assert scene.read_text(encoding="utf-8") == text
 
 
@@ -426,11 +535,15 @@ def test_a_folder_in_the_place_beside_the_rows_is_refused_before_the_run(here: R
     assert [path.name for path in tmp_path.iterdir()] == ["a.csv.json"]
 
 
-def test_a_full_disk_is_said_of_the_file_that_met_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_full_disk_is_said_of_the_file_that_met_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     def full(path: Path, content: str) -> None:
         raise OSError(ENOSPC, "No space left on device", str(path))
 
     monkeypatch.setattr("polhode.harness.commands.solve.write_file", full)
     out = tmp_path / "a.csv"
-    found = CliRunner().invoke(solve, ["paper", *map(str, GIVEN), "--samples", "11", "--out", str(out)])
+    found = CliRunner().invoke(
+        solve, ["paper", *map(str, GIVEN), "--samples", "11", "--out", str(out)]
+    )
     assert f"{out}.json: No space left on device, expected room" in found.stderr

@@ -13,7 +13,10 @@ from polhode.harness.common.machine import header, machine
 from polhode.harness.common.store import Store
 
 STEADY, DISTURBED = {"disturbed": False}, {"disturbed": True}
-PLACE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {}}
+PLACE = {
+    "machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"},
+    "versions": {},
+}
 
 
 def test_disturbed_times_replace_no_earlier_page_of_this_machine_unless_told_to(
@@ -26,7 +29,9 @@ def test_disturbed_times_replace_no_earlier_page_of_this_machine_unless_told_to(
         steady(records, page, anyway=False)
         assert f"disturbed {FEW} of {2 * FEW} timed runs" in capsys.readouterr().err
     page.write_text(f"Measured on {machine()['processor']}.")
-    with pytest.raises(RunFailed, match=f"README.md: stays as it is, .* disturbed {FEW} of {2 * FEW} timed runs"):
+    with pytest.raises(
+        RunFailed, match=f"README.md: stays as it is, .* disturbed {FEW} of {2 * FEW} timed runs"
+    ):
         steady(records, page, anyway=False)
     steady(records, page, anyway=True)
     steady([DISTURBED] * 5 + [STEADY] * 95, page, anyway=False)
@@ -43,11 +48,17 @@ def test_the_line_of_a_page_can_be_typed_again(file: str):
 
 def test_a_page_says_how_many_times_were_disturbed():
     records = [{**PLACE, **each} for each in (STEADY, DISTURBED, STEADY, {})]
-    assert "Disturbed by other work: 1 of 3 timed runs (" in "\n".join(header("A title", "polhode bench", records))
+    assert "Disturbed by other work: 1 of 3 timed runs (" in "\n".join(
+        header("A title", "polhode bench", records)
+    )
 
 
-@pytest.mark.parametrize(("name", "kept"), [("store", "previous.sqlite"), ("training", "previous-training.sqlite")])
-def test_a_run_that_starts_afresh_keeps_the_last_store_and_copies_of_it(name: str, kept: str, tmp_path: Path):
+@pytest.mark.parametrize(
+    ("name", "kept"), [("store", "previous.sqlite"), ("training", "previous-training.sqlite")]
+)
+def test_a_run_that_starts_afresh_keeps_the_last_store_and_copies_of_it(
+    name: str, kept: str, tmp_path: Path
+):
     with stored(tmp_path, resume=False, name=name) as store:
         store.put("a", {}, {})
     copy = tmp_path / f"{name}.sqlite.mine"
@@ -59,7 +70,13 @@ def test_a_run_that_starts_afresh_keeps_the_last_store_and_copies_of_it(name: st
     assert copy.read_text() == "a copy"
 
 
-@pytest.mark.parametrize(("command", "folder"), [(equal_error, "reports/solvers"), (paper, "reports/paper")])
+@pytest.mark.parametrize(
+    ("command", "folder"), [(equal_error, "reports/solvers"), (paper, "reports/paper")]
+)
 def test_a_quick_look_has_a_folder_of_its_own(command: click.Command, folder: str):
-    for words, out in {"": folder, "--quick": f"{folder}-quick", "--out mine --quick": "mine"}.items():
+    for words, out in {
+        "": folder,
+        "--quick": f"{folder}-quick",
+        "--out mine --quick": "mine",
+    }.items():
         assert command.make_context("polhode", words.split()).params["out"] == Path(out)

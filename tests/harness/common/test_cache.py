@@ -29,7 +29,9 @@ def damage_flip(content: bytes) -> bytes:
     return content[:-10] + bytes([content[-10] ^ 1]) + content[-9:]
 
 
-@pytest.mark.parametrize("damage", [damage_flip, lambda content: content[:100], lambda content: b""])
+@pytest.mark.parametrize(
+    "damage", [damage_flip, lambda content: content[:100], lambda content: b""]
+)
 def test_a_damaged_file_is_noticed_named_and_removed(damage, capsys):
     cache.keep("abc", ARRAYS)
     path = cache.path_of("abc")

@@ -42,7 +42,9 @@ def test_on_a_full_disk_what_was_written_is_kept_as_partial(tmp_path: Path):
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
         "with PartialFile(Path('a.csv')) as file: file.write('more than ten characters')"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert "File too large: 'a.csv'" in done.stderr
     assert os.listdir(tmp_path) == ["a.csv.partial"]
     assert (tmp_path / "a.csv.partial").read_text() == "more than "
@@ -53,7 +55,9 @@ def test_shared_memory_holds_files_and_no_devices():
     assert not PartialFile(Path("/dev/null")).atomic
 
 
-def test_a_file_whose_checksum_cannot_be_kept_is_not_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_file_whose_checksum_cannot_be_kept_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     def full(*where: Path) -> None:
         raise OSError(28, "No space left on device")
 
@@ -92,7 +96,9 @@ def test_a_file_whose_checksum_is_kept_is_not_read_if_damaged(tmp_path: Path):
     assert read_file(tmp_path / "c.csv") == b"of one's own"
 
 
-def test_a_file_that_is_replaced_while_it_is_read_is_not_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_file_that_is_replaced_while_it_is_read_is_not_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     path, sums, contents = tmp_path / "a.csv", files._sums, iter(["new"])
     write_file(path, "old", summed=True)
 

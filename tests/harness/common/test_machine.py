@@ -6,7 +6,10 @@ import pytest
 
 from polhode.harness.common.machine import dates, header, machine
 
-ONE = {"machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"}, "versions": {"polhode": "1"}}
+ONE = {
+    "machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"},
+    "versions": {"polhode": "1"},
+}
 TWO = {**ONE, "machine": {**ONE["machine"], "processor": "Two"}}
 
 
@@ -20,7 +23,9 @@ def test_dates_of_records():
 
 def test_a_page_says_how_long_its_runs_took_without_pauses():
     times = ("10:00:00", "10:04:00", "10:08:00", "23:00:00", "23:01:00")
-    runs = [{**ONE, "date": f"2026-01-02T{time}Z", "seconds": 1.0, "disturbed": False} for time in times]
+    runs = [
+        {**ONE, "date": f"2026-01-02T{time}Z", "seconds": 1.0, "disturbed": False} for time in times
+    ]
     assert "0 of 5 timed runs, made in 9 minutes (the fastest" in header("", "", runs)[4]
     assert "0 of 2 timed runs (the fastest" in header("", "", runs[-2:])[4]
 
@@ -28,7 +33,11 @@ def test_a_page_says_how_long_its_runs_took_without_pauses():
 def test_every_machine_is_named_once():
     text = "\n".join(header("A title", "polhode bench", [ONE, TWO, ONE]))
     assert text.startswith("# A title\n\nMade by `polhode bench`.")
-    assert text.count("One, 2 cores, Linux, Python 3.11 (polhode 1)") == text.count("Two, 2 cores") == 1
+    assert (
+        text.count("One, 2 cores, Linux, Python 3.11 (polhode 1)")
+        == text.count("Two, 2 cores")
+        == 1
+    )
 
 
 def test_an_unknown_processor_stands_on_no_page_of_another_one(monkeypatch: pytest.MonkeyPatch):

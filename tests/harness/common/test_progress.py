@@ -45,14 +45,20 @@ def test_the_time_remaining_follows_from_what_is_done(told: bool):
     lines = [line.strip() for line in terminal.getvalue().split("\r") if line.strip()]
     assert lines[0] == "solving: 00:00"
     # A tenth of a second for one per cent, that is, ten or twenty for the rest.
-    assert re.fullmatch(r"solving: 1 %, 00:[12]\d left", next(line for line in lines if "%" in line))
+    assert re.fullmatch(
+        r"solving: 1 %, 00:[12]\d left", next(line for line in lines if "%" in line)
+    )
     assert lines[-1] == "writing: 00:00"
 
 
 @pytest.mark.usefixtures("hasty")
 def test_a_terminal_is_left_clean_and_anything_else_alone():
     terminal, pipe, quiet = Terminal(), io.StringIO(), Terminal()
-    for shown in (Progress(stream=terminal), Progress(stream=pipe), Progress(quiet=True, stream=quiet)):
+    for shown in (
+        Progress(stream=terminal),
+        Progress(stream=pipe),
+        Progress(quiet=True, stream=quiet),
+    ):
         with shown:
             shown.begin("solving")
             time.sleep(0.1)

@@ -42,16 +42,30 @@ def path(tmp_path: Path) -> Path:
 
 def test_records_come_back_in_the_order_of_writing(path: Path):
     with Store(path) as store:
-        store.put("b", {"tolerance": 1e-3, "form": "x"}, {"seconds": 0.1 + 0.2, "error": None, "runs": [1, 2]})
+        store.put(
+            "b",
+            {"tolerance": 1e-3, "form": "x"},
+            {"seconds": 0.1 + 0.2, "error": None, "runs": [1, 2]},
+        )
         store.put("a", {"tolerance": 1e-6}, {"seconds": inf, "flag": True})
     with Store(path) as store:
         assert store.keys() == {"a", "b"}
         assert ("a" in store, "c" in store) == (True, False)
         records = list(store)
         for record in records:
-            assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("date"))).total_seconds() < 60
+            assert (
+                abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("date"))).total_seconds()
+                < 60
+            )
         assert records == [
-            {"key": "b", "tolerance": 1e-3, "form": "x", "seconds": 0.1 + 0.2, "error": None, "runs": [1, 2]},
+            {
+                "key": "b",
+                "tolerance": 1e-3,
+                "form": "x",
+                "seconds": 0.1 + 0.2,
+                "error": None,
+                "runs": [1, 2],
+            },
             {"key": "a", "tolerance": 1e-6, "seconds": inf, "flag": True},
         ]
 
@@ -116,7 +130,10 @@ def test_two_processes_write_at_once(path: Path):
     ranges = [("one", "0", "60"), ("two", "40", "100")]
     writers = [
         subprocess.Popen(
-            [sys.executable, "-c", WRITER, path, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-c", WRITER, path, *words],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
         )
         for words in ranges
     ]
@@ -201,7 +218,9 @@ def test_a_database_of_something_else_is_left_alone(path: Path):
 
 def test_a_folder_is_no_store(path: Path):
     path.mkdir()
-    with pytest.raises(OSError, match=f"{path}: unable to open database file, expected a writable file"):
+    with pytest.raises(
+        OSError, match=f"{path}: unable to open database file, expected a writable file"
+    ):
         Store(path)
 
 
@@ -224,7 +243,13 @@ def test_export_as_json_lines_loses_nothing(tmp_path: Path):
     assert [json.loads(line) for line in lines] == RECORDS
 
 
-UNENDING = {"key": "c", "scene": {"stokes": inf}, "errors": [nan, -inf, 1.0], "seconds": inf, "note": "none"}
+UNENDING = {
+    "key": "c",
+    "scene": {"stokes": inf},
+    "errors": [nan, -inf, 1.0],
+    "seconds": inf,
+    "note": "none",
+}
 
 
 def refused(word: str) -> None:
@@ -243,7 +268,9 @@ def test_exported_json_lines_are_json_and_read_back_as_they_were(tmp_path: Path)
     assert found == {**UNENDING, "errors": [-inf, 1.0]}
 
 
-@pytest.mark.parametrize(("line", "got"), [("[1, 2]", "got [1, 2], expected a JSON object"), ("{", "expected JSON")])
+@pytest.mark.parametrize(
+    ("line", "got"), [("[1, 2]", "got [1, 2], expected a JSON object"), ("{", "expected JSON")]
+)
 def test_a_line_that_is_no_record_is_named(line: str, got: str, tmp_path: Path):
     path = tmp_path / "mine.jsonl"
     path.write_text(f'{{"stokes": 1}}\n{line}\n', encoding="utf-8")
@@ -278,11 +305,16 @@ def test_export_as_csv(tmp_path: Path):
 
 def test_a_text_that_a_spreadsheet_would_run_is_text(tmp_path: Path):
     export([{"key": "=1+1", "seconds": -1.0}], tmp_path / "out.csv")
-    assert (tmp_path / "out.csv").read_text(encoding="utf-8").split() == ["key,seconds", "'=1+1,-1.0"]
+    assert (tmp_path / "out.csv").read_text(encoding="utf-8").split() == [
+        "key,seconds",
+        "'=1+1,-1.0",
+    ]
 
 
 def test_export_refuses_other_endings_and_keeps_the_earlier_file(tmp_path: Path):
-    with pytest.raises(ValueError, match=r"out\.xlsx: expected a file name ending in \.csv or \.jsonl"):
+    with pytest.raises(
+        ValueError, match=r"out\.xlsx: expected a file name ending in \.csv or \.jsonl"
+    ):
         export(RECORDS, tmp_path / "out.xlsx")
     (tmp_path / "out.jsonl").write_text("earlier", encoding="utf-8")
     with pytest.raises(TypeError):

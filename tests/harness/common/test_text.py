@@ -4,7 +4,16 @@ from math import nan
 
 import pytest
 
-from polhode.harness.common.text import WORDING, aligned, duration, in_full, in_two_digits, markdown, scientific, short
+from polhode.harness.common.text import (
+    WORDING,
+    aligned,
+    duration,
+    in_full,
+    in_two_digits,
+    markdown,
+    scientific,
+    short,
+)
 
 
 def test_aligned():
@@ -87,4 +96,7 @@ def test_one_convention_for_numbers(value: float, six: str, full: str, two: str)
 
 
 def test_a_field_without_a_value_is_a_dash():
-    assert WORDING.format("{a:.2f} {a:two} {b:.1f} {c:short}", a=nan, b=1.25, c=[nan, 1e-6]) == "– – 1.2 –, 1e-6"
+    assert (
+        WORDING.format("{a:.2f} {a:two} {b:.1f} {c:short}", a=nan, b=1.25, c=[nan, 1e-6])
+        == "– – 1.2 –, 1e-6"
+    )

@@ -62,7 +62,8 @@ def test_a_run_that_waited_for_the_processor_is_disturbed_and_repeated():
 
 
 @pytest.mark.parametrize(
-    ("had", "limits"), [((0.5, 1.0), [1.0, 3.0]), ((0.95,), [1.0]), ((0.5, 0.6, 0.7), [1.0, 3.0, 7.5])]
+    ("had", "limits"),
+    [((0.5, 1.0), [1.0, 3.0]), ((0.95,), [1.0]), ((0.5, 0.6, 0.7), [1.0, 3.0, 7.5])],
 )
 def test_a_limit_ends_a_run_that_had_the_processor(had, limits, monkeypatch):
     """Another one gets as much more time, and is marked where not even that was enough."""
@@ -72,7 +73,9 @@ def test_a_limit_ends_a_run_that_had_the_processor(had, limits, monkeypatch):
         return run(), given[-1], next(shares)
 
     monkeypatch.setattr("polhode.harness.common.timing.with_processor", watched)
-    ended = within(1.0, lambda limit: given.append(limit) or "stopped", lambda found: found == "stopped")
+    ended = within(
+        1.0, lambda limit: given.append(limit) or "stopped", lambda found: found == "stopped"
+    )
     assert given == pytest.approx(limits, rel=0.03)
     assert ended == ("stopped", had[-1] < 0.9)
 
@@ -80,14 +83,18 @@ def test_a_limit_ends_a_run_that_had_the_processor(had, limits, monkeypatch):
 def test_waiting_for_others_is_no_use_of_the_processor():
     """One processor, two that want it."""
     here = os.sched_getaffinity(0)
-    code = f"import os; os.sched_setaffinity(0, {{{min(here)}}}); print(flush=True); sum(iter(int, 1))"
+    code = (
+        f"import os; os.sched_setaffinity(0, {{{min(here)}}}); print(flush=True); sum(iter(int, 1))"
+    )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as other:
         try:
             os.sched_setaffinity(0, {min(here)})
             assert other.stdout
             other.stdout.readline()
             until = time.perf_counter() + 0.4
-            _, seconds, had = with_processor(lambda: all(time.perf_counter() < until for _ in repeat(0)))
+            _, seconds, had = with_processor(
+                lambda: all(time.perf_counter() < until for _ in repeat(0))
+            )
         finally:
             os.sched_setaffinity(0, here)
             other.kill()
@@ -133,7 +140,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """The clock of what waits, which goes on while it waits and where it is set."""
     now = [time.perf_counter()]
     monkeypatch.setattr("polhode.harness.common.timing.perf_counter", lambda: now[0])
-    monkeypatch.setattr("polhode.harness.common.timing.sleep", lambda seconds: now.append(now.pop() + seconds))
+    monkeypatch.setattr(
+        "polhode.harness.common.timing.sleep", lambda seconds: now.append(now.pop() + seconds)
+    )
     return now
 
 
@@ -156,7 +165,10 @@ def test_patience_ends(clock: list[float]):
     assert 0.44 <= clock[0] - began < 0.5
 
 
-HERE, THERE = {"processor": "this one", "python": "3.13.1"}, {"processor": "this one", "python": "3.14.0"}
+HERE, THERE = (
+    {"processor": "this one", "python": "3.13.1"},
+    {"processor": "this one", "python": "3.14.0"},
+)
 
 
 def a_record(seconds: float, sentinel: float | None, machine: dict = HERE) -> dict:
@@ -165,7 +177,9 @@ def a_record(seconds: float, sentinel: float | None, machine: dict = HERE) -> di
 
 def test_times_are_compared_at_the_usual_pace_of_one_machine():
     records = [a_record(3.0, 1e-3), a_record(2.0, 2e-3), a_record(1.0, None), a_record(1.0, inf)]
-    pace = Pace.usual([a_record(1.0, 9e-3, THERE), *records, {"sentinel_seconds": 9e-3, "machine": HERE}])
+    pace = Pace.usual(
+        [a_record(1.0, 9e-3, THERE), *records, {"sentinel_seconds": 9e-3, "machine": HERE}]
+    )
     assert (pace.machine, pace.sentinel) == (HERE, pytest.approx(1.5e-3))
     assert [pace.seconds(record) for record in records] == pytest.approx([4.5, 1.5, 1.0, 1.0])
 

@@ -50,7 +50,11 @@ def test_an_exception_is_a_message(engine: Engine):
     assert sorted(outcome.message for outcome in outcomes if outcome.message) == [
         f"ValueError: job {number} is odd" for number in (101, 103, 105)
     ]
-    assert sorted(outcome.value for outcome in outcomes if not outcome.message) == [10000, 10404, 10816]
+    assert sorted(outcome.value for outcome in outcomes if not outcome.message) == [
+        10000,
+        10404,
+        10816,
+    ]
 
 
 def test_tasks_are_taken_as_there_is_room(engine: Engine):
@@ -131,7 +135,9 @@ def test_dask_says_what_is_missing(monkeypatch: pytest.MonkeyPatch):
         check_dask("tcp://127.0.0.1:8786")
 
 
-@pytest.mark.parametrize("address", ["", "foo", "tcp://", "tcp://:8786", "127.0.0.1", "http://127.0.0.1:80", "a b:1"])
+@pytest.mark.parametrize(
+    "address", ["", "foo", "tcp://", "tcp://:8786", "127.0.0.1", "http://127.0.0.1:80", "a b:1"]
+)
 def test_what_is_no_address_is_refused(address: str):
     with pytest.raises(ValueError, match="expected an address such as tcp://host:8786") as refusal:
         check_dask(address)
@@ -143,7 +149,10 @@ def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("polhode.harness.ensembles.engines.CONNECT_SECONDS", 1)
     with pytest.raises(OSError, match=r"tcp://127\.0\.0\.1:9"):
         list(dask("tcp://127.0.0.1:9", square, [Job(1)]))
-    with pytest.raises(ValueError, match=r"^dask: got tcp://127\.0\.0\.1:9, expected a scheduler that runs: Timed out"):
+    with pytest.raises(
+        ValueError,
+        match=r"^dask: got tcp://127\.0\.0\.1:9, expected a scheduler that runs: Timed out",
+    ):
         check_dask("tcp://127.0.0.1:9")
 
 
@@ -164,8 +173,16 @@ def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
 
 def test_a_sweep_by_dask_gives_the_same_numbers(cluster, tmp_path: Path):
-    contents = {"name": "small", "title": "Small", "shapes": [[1.0, 1.0, 2.0]], "stokes": 200.0, "time": 60.0}
-    sweep = parse_sweep({**contents, "particles": 200, "block": 100, "samples": 11, "snapshots": 3, "bins": 8})
+    contents = {
+        "name": "small",
+        "title": "Small",
+        "shapes": [[1.0, 1.0, 2.0]],
+        "stokes": 200.0,
+        "time": 60.0,
+    }
+    sweep = parse_sweep(
+        {**contents, "particles": 200, "block": 100, "samples": 11, "snapshots": 3, "bins": 8}
+    )
     found = []
     for name, run in (("here", serial), ("there", partial(dask, cluster[0]))):
         with Store(tmp_path / f"{name}.sqlite") as store:

@@ -34,7 +34,9 @@ def test_poses_that_are_drawn_keep_momentum_and_energy(ellipsoid: Ellipsoid):
     slow = drawn.states(averaged_form(scene), ellipsoid)
     (poses,) = hybrid.posed(scene, starts, slow[None], np.random.default_rng(1))
     form = find_form(full_form(scene))
-    assert form.observe(scene, poses).slow == pytest.approx(form.observe(scene, starts).slow, abs=1e-13)
+    assert form.observe(scene, poses).slow == pytest.approx(
+        form.observe(scene, starts).slow, abs=1e-13
+    )
     assert not np.allclose(poses, starts, atol=0.1)
     if ellipsoid is TRIAXIAL:
         # The body's longest or shortest axis goes on to point along L or against it.
@@ -74,11 +76,15 @@ def test_many_particles_are_as_right_as_one_by_one(ellipsoid: Ellipsoid):
     starts, times = drawn.states(form.name, ellipsoid), np.linspace(0, scene.time, 9)
     least = hybrid.least_momentum(scene, starts[:4], 1e-4)
     assert 0 < least < 1
-    states, statuses = hybrid.run_hybrid(scene, starts, times, 1e-4, least, np.random.default_rng(1))
+    states, statuses = hybrid.run_hybrid(
+        scene, starts, times, 1e-4, least, np.random.default_rng(1)
+    )
     alone, _ = hybrid.run_hybrid(scene, starts, times, 1e-4, inf, np.random.default_rng(1))
     assert set(statuses) == {"reached_end"}
     assert np.array_equal(states[0], starts)
-    slow, exact = (form.observe(scene, each.reshape(72, -1)).slow.reshape(9, 8, 4) for each in (states, alone))
+    slow, exact = (
+        form.observe(scene, each.reshape(72, -1)).slow.reshape(9, 8, 4) for each in (states, alone)
+    )
     errors = np.abs(slow - exact).max(axis=(0, 2)) / max(ellipsoid.inertia)
     assert np.sort(errors)[-2] < 1e-4
     assert np.median(errors) > 1e-6
@@ -91,24 +97,33 @@ def test_particles_of_small_momentum_follow_the_full_equations(monkeypatch: pyte
     least = hybrid.least_between(scene, path).min(axis=0)
     limit, given, plain = float(np.sort(least)[3]), [], hybrid.run_full
     monkeypatch.setattr(hybrid, "run_full", lambda *some: given.append(some) or plain(*some))
-    states, statuses = hybrid.run_hybrid(scene, starts, times, 1e-4, limit, np.random.default_rng(1))
+    states, statuses = hybrid.run_hybrid(
+        scene, starts, times, 1e-4, limit, np.random.default_rng(1)
+    )
     assert set(statuses) == {"reached_end"}
     ((_, full, until, _),) = given
     small = least < limit
     assert np.array_equal(full, starts[small])
     problem, rows = find_form("quaternion").problem(scene), len(until) // 2
     assert 3 < rows < 33
-    runs = (solve(replace(problem, start=tuple(start)), "cyrk-dop853", 1e-14, times[:rows]) for start in full.tolist())
+    runs = (
+        solve(replace(problem, start=tuple(start)), "cyrk-dop853", 1e-14, times[:rows])
+        for start in full.tolist()
+    )
     exact = np.stack([run.states for run in runs], axis=1)
     assert states[:rows, small] == pytest.approx(exact, abs=1e-2)
     alone, _ = hybrid.run_alone(scene, full, times, 1e-5)
     form = find_form("quaternion")
-    slow, true = (form.observe(scene, each.reshape(-1, 7)).slow for each in (states[:, small], alone))
+    slow, true = (
+        form.observe(scene, each.reshape(-1, 7)).slow for each in (states[:, small], alone)
+    )
     assert slow == pytest.approx(true, abs=5e-5)
     # Where this would take longer than form `hybrid`, it is left to that.
     monkeypatch.setattr(hybrid, "FULL", 0.0)
     monkeypatch.setattr(
-        hybrid, "run_alone", lambda scene, some, *rest: (given.append(some), (states[:, small], "w"))[1]
+        hybrid,
+        "run_alone",
+        lambda scene, some, *rest: (given.append(some), (states[:, small], "w"))[1],
     )
     _, statuses = hybrid.run_hybrid(scene, starts, times, 1e-4, limit, np.random.default_rng(1))
     assert np.array_equal(given[1], starts[small])
@@ -119,7 +134,8 @@ def test_momentum_is_followed_between_the_times():
     scene, drawn = drawn_of(PROLATE, 40)
     starts = drawn.states("spheroid-axis", PROLATE)
     path, fine = (
-        hybrid.averaged(scene, starts, np.linspace(0, scene.time, count), 1e-4)[0] for count in (hybrid.PATH, 1601)
+        hybrid.averaged(scene, starts, np.linspace(0, scene.time, count), 1e-4)[0]
+        for count in (hybrid.PATH, 1601)
     )
     exact = np.linalg.norm(fine[..., :3], axis=2)
     found = hybrid.least_between(scene, path)
@@ -137,7 +153,9 @@ def test_the_least_momentum_parts_those_that_keep_the_error_from_those_that_miss
     least = hybrid.least_between(scene, path).min(axis=0)
     by_size = np.append(np.sort(least), inf)
 
-    def alone(scene: Scene, some: np.ndarray, times: np.ndarray, _: float) -> tuple[np.ndarray, np.ndarray]:
+    def alone(
+        scene: Scene, some: np.ndarray, times: np.ndarray, _: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         at, statuses = hybrid.averaged(scene, some, times, 1e-4)
         miss = hybrid.least_between(scene, at).min(axis=0) < by_size[wrong]
         miss[-3 * by_chance :: 3] = True
@@ -157,14 +175,18 @@ def test_averaging_is_not_tried_where_its_error_shows():
     assert hybrid.least_momentum(scene, starts, 1e-6) == inf
     at_rest = starts * [0, 0, 0, 1, 1, 1]
     assert hybrid.least_momentum(scene, at_rest, 1e-3) == inf
-    few = Ensemble(PROLATE, 1e6, 10.0, STARTS, particles=hybrid.SAMPLE, equations="hybrid", tolerance=1e-3)
+    few = Ensemble(
+        PROLATE, 1e6, 10.0, STARTS, particles=hybrid.SAMPLE, equations="hybrid", tolerance=1e-3
+    )
     assert least_of(few) == inf
     assert few.method.startswith("cyrk-vern8")
 
 
 def test_hybrid_particles_have_the_moments_of_full_ones(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("polhode.harness.ensembles.ensemble.BOTH_WAYS", 6)
-    full = Ensemble(TRIAXIAL, 1e4, 2e3, STARTS, particles=400, block=400, tolerance=1e-4, samples=5, snapshots=3)
+    full = Ensemble(
+        TRIAXIAL, 1e4, 2e3, STARTS, particles=400, block=400, tolerance=1e-4, samples=5, snapshots=3
+    )
     many = replace(full, equations="hybrid", tolerance=2e-2)
     assert many.method.startswith("averaged, where |L| falls below 0.")
     by_full, by_hybrid = full.run(0), many.run(0)

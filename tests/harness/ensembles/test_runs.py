@@ -55,11 +55,14 @@ def test_starts_are_those_that_the_form_makes(form: str):
         assert state == pytest.approx(expected, rel=1e-13, abs=1e-14)
 
 
-@pytest.mark.parametrize("form", [name for name in ENSEMBLE_FORMS if not name.startswith("averaged")])
+@pytest.mark.parametrize(
+    "form", [name for name in ENSEMBLE_FORMS if not name.startswith("averaged")]
+)
 def test_particles_in_lanes_are_the_same_as_alone_and_one_that_blows_up_leaves_the_others_alone(
     form: str, monkeypatch: pytest.MonkeyPatch
 ):
-    # Fewer lanes at once are compiled in a fraction of the time, and the particles fill more than one batch.
+    # Fewer lanes at once are compiled in a fraction of the time, and the particles fill more than
+    # one batch.
     monkeypatch.setattr("polhode.solvers.ensembles.taylor_batch.REGISTERS", 1)
     drawn = draw(form, 11)
     problem = find_form(form).problem(scene_of(form, drawn, 0, 0.1))
@@ -90,9 +93,16 @@ def test_averaged_particles_agree_with_another_method(form: str, monkeypatch: py
         assert set(statuses) == {"reached_end"}
         assert np.isfinite(states).all()
         for index in some:
-            alone = solve(replace(problem, start=tuple(starts[index])), "dop853", 1e-10, times, backend="python")
+            alone = solve(
+                replace(problem, start=tuple(starts[index])),
+                "dop853",
+                1e-10,
+                times,
+                backend="python",
+            )
             errors.append(np.max(np.abs(states[:, index] - alone.states)))
-    # The separatrix, where the field is not Lipschitz, may cost a factor; 1e-3 in tolerance must show all the same.
+    # The separatrix, where the field is not Lipschitz, may cost a factor; 1e-3 in tolerance must
+    # show all the same.
     assert max(errors[:3]) < 1e-3
     assert max(errors[3:]) < 1e-5
     assert max(errors[3:]) < max(errors[:3]) / 10
@@ -115,7 +125,8 @@ def test_a_particle_whose_momentum_vanishes_is_given_up():
     drawn = draw("averaged", 20)
     problem = find_form("averaged").problem(scene_of("averaged", drawn, 0, 0.2))
     starts = drawn.states("averaged", TRIAXIAL)
-    # L²/2E far below the smallest moment of inertia: what an error of E makes of a particle that all but stops.
+    # L²/2E far below the smallest moment of inertia: what an error of E makes of a particle that
+    # all but stops.
     starts[7] = [6.4e-5, 5.0e-5, -9.1e-6, 1.8e-6]
     states, statuses = run_adaptive(problem, starts, np.array([0.0, problem.end]), 1e-6)
     assert list(np.flatnonzero(statuses != "reached_end")) == [7]
@@ -134,7 +145,9 @@ def test_a_particle_whose_momentum_vanishes_is_given_up():
     ],
 )
 def test_motions_of_the_start(motion, momentum):
-    drawn = Starts(motion=motion, angular_momentum=momentum).draw(TRIAXIAL, np.random.SeedSequence(3), 4000)
+    drawn = Starts(motion=motion, angular_momentum=momentum).draw(
+        TRIAXIAL, np.random.SeedSequence(3), 4000
+    )
     rotation = matrix_from_quaternion(drawn.quaternion)
     seen = observe_body(TRIAXIAL, rotation, drawn.angular_velocity)
     in_space = np.einsum("nij,ni->nj", rotation, drawn.angular_velocity)
@@ -146,19 +159,30 @@ def test_motions_of_the_start(motion, momentum):
         scene = Scene(TRIAXIAL, 0.0, BodyStart(tuple(drawn.quaternion[9].tolist())), 1.0)
         assert drawn.angular_velocity[9] == pytest.approx(scene.angular_velocity, abs=1e-14)
     elif motion == "momentum":
-        assert seen.angular_momentum / max(TRIAXIAL.inertia) == pytest.approx(np.tile(momentum, (4000, 1)), abs=1e-14)
+        assert seen.angular_momentum / max(TRIAXIAL.inertia) == pytest.approx(
+            np.tile(momentum, (4000, 1)), abs=1e-14
+        )
     else:
         directions = seen.angular_momentum / max(TRIAXIAL.inertia)
         assert np.linalg.norm(directions, axis=1) == pytest.approx(np.ones(4000))
         assert np.abs(directions.mean(axis=0)).max() < 4 / np.sqrt(3 * 4000)
-    # Isotropy: every entry of t_ij has mean 0 and mean square 1/3, whose variances are 1/3 and 4/45.
+    # Isotropy: every entry of t_ij has mean 0 and mean square 1/3, whose variances are 1/3 and
+    # 4/45.
     assert np.abs(rotation.mean(axis=0)).max() < 4.5 / np.sqrt(3 * 4000)
     assert np.abs((rotation**2).mean(axis=0) - 1 / 3).max() < 4.5 * np.sqrt(4 / 45 / 4000)
 
 
 def test_starts_depend_on_seed_and_block_alone():
     small = Ensemble(
-        PROLATE, 100.0, 1.0, Starts(motion="fluid"), particles=20, block=10, seed=5, samples=3, snapshots=3
+        PROLATE,
+        100.0,
+        1.0,
+        Starts(motion="fluid"),
+        particles=20,
+        block=10,
+        seed=5,
+        samples=3,
+        snapshots=3,
     )
     other = replace(small, ellipsoid=TRIAXIAL, stokes=50.0)
     first, same = small.draw(1, 10).quaternion, other.draw(1, 10).quaternion
@@ -168,12 +192,16 @@ def test_starts_depend_on_seed_and_block_alone():
 
 
 def test_a_task_is_a_pure_function_in_any_thread():
-    ensemble = Ensemble(PROLATE, 100.0, 5.0, Starts(motion="fluid"), particles=40, block=20, samples=5, snapshots=3)
+    ensemble = Ensemble(
+        PROLATE, 100.0, 5.0, Starts(motion="fluid"), particles=40, block=20, samples=5, snapshots=3
+    )
     tasks = list(ensemble.tasks())
     assert len({task.key for task in tasks}) == 2
     alone = [run_task(task) for task in tasks]
     together: dict[int, object] = {}
-    threads = [threading.Thread(target=lambda t=t: together.update({t.index: run_task(t)})) for t in tasks]
+    threads = [
+        threading.Thread(target=lambda t=t: together.update({t.index: run_task(t)})) for t in tasks
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -187,7 +215,8 @@ def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch, ot
     assert task.key
     found = {other: "0.0"}
     monkeypatch.setattr(
-        "polhode.harness.ensembles.ensemble.package_version", lambda name: found.get(name) or package_version(name)
+        "polhode.harness.ensembles.ensemble.package_version",
+        lambda name: found.get(name) or package_version(name),
     )
     with pytest.raises(RuntimeError, match="other versions"):
         run_task(task)
@@ -227,9 +256,18 @@ def test_bad_ensembles_get_one_line(changes, line):
             {"motion": "momentum", "angular_momentum": [0.0, 0.0, 0.0]},
             "(0.0, 0.0, 0.0), expected three numbers, not all zero",
         ),
-        ({"angular_momentum": [1.0, 0.0, 0.0]}, "(1.0, 0.0, 0.0), expected none with motion 'rest'"),
-        ({"angular_momentum": [1.0, 0.0]}, "angular_momentum: got [1.0, 0.0], expected at least 3 items"),
-        ({"orientation": [0.0, 0.0, 0.0, 0.0]}, "got orientation = (0.0, 0.0, 0.0, 0.0), expected four numbers"),
+        (
+            {"angular_momentum": [1.0, 0.0, 0.0]},
+            "(1.0, 0.0, 0.0), expected none with motion 'rest'",
+        ),
+        (
+            {"angular_momentum": [1.0, 0.0]},
+            "angular_momentum: got [1.0, 0.0], expected at least 3 items",
+        ),
+        (
+            {"orientation": [0.0, 0.0, 0.0, 0.0]},
+            "got orientation = (0.0, 0.0, 0.0, 0.0), expected four numbers",
+        ),
     ],
 )
 def test_bad_starts_get_one_line(contents, line):
@@ -268,7 +306,9 @@ def test_the_attractor_is_rotation_about_the_shortest_axis(ellipsoid: Ellipsoid,
 
 
 def test_coefficients_are_those_of_scipys_classes():
-    assert [row[: k + 1] for k, row in enumerate(RK45.A[1:].tolist())] == [list(row) for row in STAGES[:-1]]
+    assert [row[: k + 1] for k, row in enumerate(RK45.A[1:].tolist())] == [
+        list(row) for row in STAGES[:-1]
+    ]
     assert (RK45.B.tolist(), RK45.E.tolist()) == (list(STAGES[-1]), [-each for each in DIFFERENCE])
     assert RK45.P[:, 3].tolist() == list(BENDS)
     table = dop853()

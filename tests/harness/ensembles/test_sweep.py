@@ -73,9 +73,13 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return rows(path)
 
 
-def start(folder: Path, environment: dict[str, str], *words: str, **options) -> subprocess.Popen[str]:
+def start(
+    folder: Path, environment: dict[str, str], *words: str, **options
+) -> subprocess.Popen[str]:
     command = [SCRIPT, "sweep", "sweep.toml", "--out", "out", *words]
-    return subprocess.Popen(command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True, **options)
+    return subprocess.Popen(
+        command, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True, **options
+    )
 
 
 def wait_for_rows(path: Path, least: int, process: subprocess.Popen[str]) -> None:
@@ -138,7 +142,9 @@ def test_a_killed_worker_and_a_killed_run_cost_nothing(
         assert gone(pid)
 
 
-def test_two_runs_at_once_share_a_store(here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+def test_two_runs_at_once_share_a_store(
+    here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
+):
     path = tmp_path / "out" / "store.sqlite"
     with start(tmp_path, environment, "--workers", "0", "--resume") as one:
         wait_for_rows(path, 1, one)
@@ -183,7 +189,9 @@ def finish(here: Run, path: Path, undisturbed: dict[str, str]) -> None:
     assert rows(path) == undisturbed
 
 
-def test_a_limit_of_file_size_loses_nothing(here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+def test_a_limit_of_file_size_loses_nothing(
+    here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
+):
     path = tmp_path / "out" / "store.sqlite"
 
     def limit() -> None:
@@ -192,18 +200,24 @@ def test_a_limit_of_file_size_loses_nothing(here: Run, environment, sweep_file: 
     with start(tmp_path, environment, "--workers", "0", preexec_fn=limit) as process:
         _, text = process.communicate(timeout=100)
     assert process.returncode == 1
-    assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
+    assert text.splitlines()[-1].endswith(
+        "; finished tasks are in out/store.sqlite, --resume goes on"
+    )
     assert "Traceback" not in text
     finish(here, path, undisturbed)
 
 
-def test_a_full_disk_loses_nothing(here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed):
+def test_a_full_disk_loses_nothing(
+    here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
+):
     with small_disk(tmp_path / "out", "300k") as folder:
         with start(tmp_path, environment, "--workers", "0") as process:
             _, text = process.communicate(timeout=100)
         assert process.returncode == 1
         assert "disk" in text.splitlines()[-1]
-        assert text.splitlines()[-1].endswith("; finished tasks are in out/store.sqlite, --resume goes on")
+        assert text.splitlines()[-1].endswith(
+            "; finished tasks are in out/store.sqlite, --resume goes on"
+        )
         assert "Traceback" not in text
         subprocess.run(["mount", "-o", "remount,size=30m", str(folder)], check=True)
         finish(here, folder / "store.sqlite", undisturbed)
@@ -220,7 +234,9 @@ def test_no_room_for_a_store_is_no_damage(here: Run, sweep_file: Path, tmp_path:
 
 
 @pytest.mark.parametrize("size", [100, 0.5])
-def test_a_truncated_store_is_named_and_left_alone(here: Run, sweep_file: Path, tmp_path: Path, size):
+def test_a_truncated_store_is_named_and_left_alone(
+    here: Run, sweep_file: Path, tmp_path: Path, size
+):
     path = tmp_path / "out" / "store.sqlite"
     with Store(path) as store:
         for number in range(50):
@@ -246,7 +262,9 @@ def test_a_truncated_store_is_named_and_left_alone(here: Run, sweep_file: Path, 
     ids=["another number", "cut off", "no checksum", "no record"],
 )
 def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
-    sweep = parse_sweep({**tomllib.loads(SWEEP), "particles": 20, "stokes": [200.0], "shapes": [[1.0, 1.0, 2.0]]})
+    sweep = parse_sweep(
+        {**tomllib.loads(SWEEP), "particles": 20, "stokes": [200.0], "shapes": [[1.0, 1.0, 2.0]]}
+    )
     path = tmp_path / "store.sqlite"
     with Store(path) as store:
         run_sweep(sweep, store, serial, quiet=True)
@@ -257,7 +275,10 @@ def test_a_changed_record_is_named_and_left_alone(tmp_path: Path, damage: str):
     with Store(path) as store:
         assert run_sweep(sweep, store, serial, quiet=True).finished == 0
         (key,) = store.keys()
-        with pytest.raises(DamagedStoreError, match=f"store.sqlite: the store is damaged: case {key} fails its checks"):
+        with pytest.raises(
+            DamagedStoreError,
+            match=f"store.sqlite: the store is damaged: case {key} fails its checks",
+        ):
             gather(sweep.ensembles[0], store)
     assert path.read_bytes() == content
 
@@ -275,7 +296,9 @@ def test_a_tolerance_below_rounding_is_refused():
 
 
 def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path: Path):
-    shapes = SWEEP.replace("[[1.0, 1.0, 2.0]]", "[[1.0, 1.0, 2.0], [1.0, 1.0, 0.5]]").replace("300.0, ", "")
+    shapes = SWEEP.replace("[[1.0, 1.0, 2.0]]", "[[1.0, 1.0, 2.0], [1.0, 1.0, 0.5]]").replace(
+        "300.0, ", ""
+    )
     sweep_file.write_text(shapes, encoding="utf-8")
     done = here("sweep", "sweep.toml", "--out", "out", "--json", "--quiet", "--workers", "0")
     assert (done.returncode, done.stderr) == (0, "")
@@ -296,15 +319,28 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     header, first = lines[0].split(","), lines[1].split(",")
     assert dict(zip(header, first, strict=True))["moment"] == "xx"
     assert float(first[header.index("mean")]) == mean[0, 0, 0]
-    names = sorted(path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("store"))
-    tables = ["arrivals.csv", "distributions.csv", "moments.csv", "rates.csv", "slow.csv", "voigt.csv"]
+    names = sorted(
+        path.name for path in (tmp_path / "out").iterdir() if not path.name.startswith("store")
+    )
+    tables = [
+        "arrivals.csv",
+        "distributions.csv",
+        "moments.csv",
+        "rates.csv",
+        "slow.csv",
+        "voigt.csv",
+    ]
     assert names == sorted(["README.md", "SHA256SUMS", "shape-1.png", "shape-2.png", *tables])
 
 
-def test_a_sweep_of_which_nothing_finished_has_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_sweep_of_which_nothing_finished_has_a_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     def nothing(ensemble: Ensemble, _: Store) -> Statistics:
         count = ensemble.particles
-        return replace(Statistics.empty(ensemble.layout), particles=count, failures={"step_limit": count})
+        return replace(
+            Statistics.empty(ensemble.layout), particles=count, failures={"step_limit": count}
+        )
 
     monkeypatch.setattr("polhode.harness.pages.ensembles.gather", nothing)
     with Store(tmp_path / "store.sqlite") as store:
@@ -322,17 +358,30 @@ def test_a_sweep_of_which_nothing_finished_has_a_page(tmp_path: Path, monkeypatc
         ({"slow_time": 1.0}, "got both of slow_time and time, expected exactly one"),
         ({"grid": 1}, "grid: unknown key, expected one of name, title"),
         ({"start": {"motion": "spin"}}, "start.motion: got 'spin', expected 'rest', 'fluid'"),
-        ({"start": {"orientation": "random"}}, "start.orientation: got 'random', expected 'isotropic' or a quaternion"),
-        ({"start": {"orientation": [1.0, 2.0]}}, "start.orientation: got [1.0, 2.0], expected 'isotropic' or a"),
+        (
+            {"start": {"orientation": "random"}},
+            "start.orientation: got 'random', expected 'isotropic' or a quaternion",
+        ),
+        (
+            {"start": {"orientation": [1.0, 2.0]}},
+            "start.orientation: got [1.0, 2.0], expected 'isotropic' or a",
+        ),
         ({"shapes": [[1.0, 1.0]]}, "shapes[0]: got [1.0, 1.0], expected at least 3 items"),
         ({"stokes": [100.0, 100.0]}, "expected each once"),
-        ({"stokes": 0.0, "time": None, "slow_time": 1.0}, "slow_time: got 1.0 at stokes = 0, expected time"),
+        (
+            {"stokes": 0.0, "time": None, "slow_time": 1.0},
+            "slow_time: got 1.0 at stokes = 0, expected time",
+        ),
         ({"snapshots": 7}, "snapshots: got 7"),
         ({"stokes": 0.0, "equations": "averaged"}, "St = 0 has no slow variables"),
     ],
 )
 def test_bad_sweeps_get_one_line(change, line):
-    contents = {name: value for name, value in {**tomllib.loads(SWEEP), **change}.items() if value is not None}
+    contents = {
+        name: value
+        for name, value in {**tomllib.loads(SWEEP), **change}.items()
+        if value is not None
+    }
     with pytest.raises(ValueError) as refusal:  # noqa: PT011
         parse_sweep(contents)
     assert line in str(refusal.value)
@@ -355,14 +404,22 @@ def test_the_sweep_that_comes_with_the_package_is_one():
     ],
 )
 def test_equations_that_are_not_named_follow_from_the_error_asked_for(tolerance, motion, expected):
-    contents = tomllib.loads(SWEEP) | {"stokes": [1e3, 1e5], "tolerance": tolerance, "start": {"motion": motion}}
+    contents = tomllib.loads(SWEEP) | {
+        "stokes": [1e3, 1e5],
+        "tolerance": tolerance,
+        "start": {"motion": motion},
+    }
     found = parse_sweep(contents | {"shapes": [[1.0, 0.8, 0.5]]}).ensembles
     assert [ensemble.equations for ensemble in found] == expected
     assert [ensemble.tolerance for ensemble in found] == [
         tolerance if e == "full" else tolerance / 1e4 for e in expected
     ]
-    named = parse_sweep(contents | {"equations": "averaged", "start": {"motion": "fluid"}}).ensembles
-    assert {(ensemble.equations, ensemble.tolerance) for ensemble in named} == {("averaged", tolerance)}
+    named = parse_sweep(
+        contents | {"equations": "averaged", "start": {"motion": "fluid"}}
+    ).ensembles
+    assert {(ensemble.equations, ensemble.tolerance) for ensemble in named} == {
+        ("averaged", tolerance)
+    }
 
 
 @pytest.mark.parametrize(
@@ -397,7 +454,9 @@ def page_of(text: str, folder: Path) -> str:
     folder.mkdir(exist_ok=True)
     with Store(folder / "store.sqlite") as store:
         run_sweep(sweep, store, serial, quiet=True)
-        return write_results(sweep, store, folder, "polhode sweep mine.toml")[0].read_text(encoding="utf-8")
+        return write_results(sweep, store, folder, "polhode sweep mine.toml")[0].read_text(
+            encoding="utf-8"
+        )
 
 
 @pytest.fixture
@@ -414,7 +473,10 @@ def test_memory_does_not_grow_with_the_tasks_of_a_store(tmp_path: Path):
     peaks = []
     for count in (2, 2, 8):
         shapes = [[1.0, 1.0, 2.0 + k / 10] for k in range(count)]
-        sweep, folder = parse_sweep({**one, "particles": 20, "shapes": shapes}), tmp_path / f"{count}"
+        sweep, folder = (
+            parse_sweep({**one, "particles": 20, "shapes": shapes}),
+            tmp_path / f"{count}",
+        )
         with Store(folder / "store.sqlite") as store:
             store._connection.execute("PRAGMA synchronous = OFF")
             for task in sweep.tasks():
@@ -439,7 +501,9 @@ def test_a_page_says_when_and_where_its_tasks_ran(tmp_path: Path):
         then.setattr("polhode.harness.ensembles.sweep.machine", lambda: where)
         page_of(AVERAGED, tmp_path)
     # Taken up on another day and machine, where nothing is left to do.
-    assert "Measured on 2020-02-03 on abacus, 1 cores, wood, Python 3.11 (" in page_of(AVERAGED, tmp_path)
+    assert "Measured on 2020-02-03 on abacus, 1 cores, wood, Python 3.11 (" in page_of(
+        AVERAGED, tmp_path
+    )
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -456,7 +520,9 @@ def test_averaged_equations_leave_no_empty_file_of_moments(tmp_path: Path):
 def test_the_page_says_where_nobody_arrives_or_could(tmp_path: Path):
     short = page_of(AVERAGED.replace("slow_time = 0.2", "slow_time = 0.02"), tmp_path / "short")
     assert "| later (" in short
-    lost = page_of(AVERAGED.replace("1000.0", "20.0").replace("averaged", "full"), tmp_path / "lost")
+    lost = page_of(
+        AVERAGED.replace("1000.0", "20.0").replace("averaged", "full"), tmp_path / "lost"
+    )
     assert "| – " in lost
     assert "[moments.csv]" in lost
     assert "(shape-1.png)" in lost
@@ -464,7 +530,9 @@ def test_the_page_says_where_nobody_arrives_or_could(tmp_path: Path):
 
 
 def test_pictures_show_the_moments_and_arrivals(tmp_path: Path):
-    sweep = parse_sweep({**tomllib.loads(SWEEP), "particles": 50, "block": 50, "shapes": [[1.0, 1.0, 2.0]]})
+    sweep = parse_sweep(
+        {**tomllib.loads(SWEEP), "particles": 50, "block": 50, "shapes": [[1.0, 1.0, 2.0]]}
+    )
     found = [(ensemble, ensemble.run(0)) for ensemble in sweep.ensembles]
     moments, distribution, arrivals = picture(found).axes
     for k, (ensemble, statistics) in enumerate(found):
@@ -472,6 +540,10 @@ def test_pictures_show_the_moments_and_arrivals(tmp_path: Path):
         for i, component in enumerate(((0, 0), (1, 1), (2, 2))):
             line = moments.lines[3 * k + i]
             assert line.get_ydata() == pytest.approx(mean[:, 0, SECOND.index(component)])
-            assert line.get_xdata() == pytest.approx([0.0, 30 / ensemble.stokes, 60 / ensemble.stokes])
-        assert distribution.patches[3 * k].get_data().values @ np.diff(ensemble.layout.edges("Lz")) == pytest.approx(1)
+            assert line.get_xdata() == pytest.approx(
+                [0.0, 30 / ensemble.stokes, 60 / ensemble.stokes]
+            )
+        assert distribution.patches[3 * k].get_data().values @ np.diff(
+            ensemble.layout.edges("Lz")
+        ) == pytest.approx(1)
         assert arrivals.lines[k].get_ydata()[-1] == pytest.approx(statistics.arrivals.sum() / 50)

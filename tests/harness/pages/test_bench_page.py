@@ -15,7 +15,8 @@ from polhode.harness.studies.study import Study, read_study
 
 mpl.use("Agg")
 
-# The reference knows the slow error to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot tell.
+# The reference knows the slow error to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot
+# tell.
 RUN: dict[str, Any] = {
     "scene_name": "paper",
     "scene": {
@@ -54,18 +55,38 @@ RECORDS = [
 ]
 
 
-GIVEN_BY_SUCCESS = ("seconds", "seconds_spread", "slow_error", "orientation_error", "solver_slow_error")
-GIVEN_BY_SUCCESS += ("slow_uncertainty", "orientation_uncertainty", "model_slow_error", "model_orientation_error")
+GIVEN_BY_SUCCESS = (
+    "seconds",
+    "seconds_spread",
+    "slow_error",
+    "orientation_error",
+    "solver_slow_error",
+)
+GIVEN_BY_SUCCESS += (
+    "slow_uncertainty",
+    "orientation_uncertainty",
+    "model_slow_error",
+    "model_orientation_error",
+)
 
 
 @pytest.mark.parametrize("page", [bench, regimes, outcomes])
-def test_a_study_of_which_no_run_succeeds_has_its_page(page: ModuleType, study: Study, tmp_path: Path):
-    failed = [{name: value for name, value in row.items() if name not in GIVEN_BY_SUCCESS} for row in RECORDS]
-    text = page.write_page(study, [{**row, "status": "time_limit"} for row in failed], tmp_path, "polhode bench")
+def test_a_study_of_which_no_run_succeeds_has_its_page(
+    page: ModuleType, study: Study, tmp_path: Path
+):
+    failed = [
+        {name: value for name, value in row.items() if name not in GIVEN_BY_SUCCESS}
+        for row in RECORDS
+    ]
+    text = page.write_page(
+        study, [{**row, "status": "time_limit"} for row in failed], tmp_path, "polhode bench"
+    )
     assert "paper" in text.read_text(encoding="utf-8")
     if page is bench:
         assert "- No run gave a result" in text.read_text(encoding="utf-8")
-        assert (tmp_path / "runs.csv").read_text(encoding="utf-8").count("time_limit") == len(RECORDS)
+        assert (tmp_path / "runs.csv").read_text(encoding="utf-8").count("time_limit") == len(
+            RECORDS
+        )
 
 
 @pytest.fixture
@@ -104,7 +125,9 @@ def test_every_run_is_a_line_of_the_table(study: Study, tmp_path: Path):
 @pytest.mark.usefixtures("no_figures")
 def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_path: Path):
     near = {"radau": 0.101, "cyrk-lsoda": 0.102, "taylor": 0.103}
-    averaged = [{**run(name, 1e-4, seconds, 2e-4), "form": "averaged"} for name, seconds in near.items()]
+    averaged = [
+        {**run(name, 1e-4, seconds, 2e-4), "form": "averaged"} for name, seconds in near.items()
+    ]
     records = [*RECORDS, *averaged]
     page = write_page(study, records, tmp_path, "polhode bench").read_text(encoding="utf-8")
     slow = dict(table_below(page, "By slow error"))
@@ -118,9 +141,19 @@ def test_nobody_wins_an_error_that_the_reference_cannot_tell(study: Study, tmp_p
 
 
 def test_several_scenes_have_figures_tables_and_verdicts_of_their_own(study: Study, tmp_path: Path):
-    other = [{**record, "scene_name": "round", "seconds": 10 * record["seconds"]} for record in RECORDS]
-    page = write_page(study, [*RECORDS, *other], tmp_path, "polhode bench").read_text(encoding="utf-8")
-    names = {"slow.png", "orientation.png", "slow-round.png", "orientation-round.png", "profiles.png"}
+    other = [
+        {**record, "scene_name": "round", "seconds": 10 * record["seconds"]} for record in RECORDS
+    ]
+    page = write_page(study, [*RECORDS, *other], tmp_path, "polhode bench").read_text(
+        encoding="utf-8"
+    )
+    names = {
+        "slow.png",
+        "orientation.png",
+        "slow-round.png",
+        "orientation-round.png",
+        "profiles.png",
+    }
     assert {path.name for path in tmp_path.glob("*.png")} == names
     assert all(f"]({name})" in page for name in names)
     assert dict(table_below(page, "## The cheapest: paper"))["0.001"].endswith("100 ms")
@@ -137,7 +170,11 @@ def test_the_page_tells_what_was_run(study: Study, tmp_path: Path):
     scene = {**RUN["scene"], "stokes": 200.0, "time": 100.0}
     at_rest = {"quaternion": [1.0, 0.0, 0.0, 0.0], "angular_velocity": [0.0, 0.0, 0.25]}
     other = {"scene_name": "round", "scene": {**scene, "start": at_rest}, "form": "euler-angles"}
-    longer = {"scene_name": "round", "scene": {**scene, "start": at_rest, "time": 7.0}, "samples": 21}
+    longer = {
+        "scene_name": "round",
+        "scene": {**scene, "start": at_rest, "time": 7.0},
+        "samples": 21,
+    }
     records = [
         *RECORDS,
         {**RECORDS[0], "scene": scene, "form": "averaged"},
@@ -155,5 +192,10 @@ def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp
     page = write_page(study, RECORDS, tmp_path, "polhode bench").read_text(encoding="utf-8")
     assert "averaged form is the cheapest" not in page
     averaged = {**RECORDS[0], "form": "averaged", "seconds": 0.15, "seconds_spread": 0.0}
-    page = write_page(study, [*RECORDS, averaged], tmp_path, "polhode bench").read_text(encoding="utf-8")
-    assert "- For a slow error of 1e-4 an averaged form is the cheapest at St = 50, the only one measured." in page
+    page = write_page(study, [*RECORDS, averaged], tmp_path, "polhode bench").read_text(
+        encoding="utf-8"
+    )
+    assert (
+        "- For a slow error of 1e-4 an averaged form is the cheapest at St = 50, the only one measured."
+        in page
+    )

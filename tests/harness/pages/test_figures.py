@@ -11,7 +11,13 @@ import pytest
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.pages.figures.style import GREY, power
-from polhode.harness.pages.figures.work_precision import BEHIND, UNKNOWN, save, work_precision, work_precision_panels
+from polhode.harness.pages.figures.work_precision import (
+    BEHIND,
+    UNKNOWN,
+    save,
+    work_precision,
+    work_precision_panels,
+)
 from polhode.solvers.catalogue import SOLVERS
 
 mpl.use("Agg")
@@ -19,7 +25,9 @@ import matplotlib.pyplot as plt
 from matplotlib.text import Text
 
 
-def run(solver: str, tolerance: float, seconds: float | None, error: float | None, **more: object) -> dict:
+def run(
+    solver: str, tolerance: float, seconds: float | None, error: float | None, **more: object
+) -> dict:
     return {
         "form": "quaternion",
         "solver": solver,
@@ -57,7 +65,9 @@ def axes():
 
 def test_every_run_is_drawn_where_its_error_and_time_say(axes):
     assert work_precision(axes, frame(RECORDS)) is axes
-    drawn = {line.get_label(): np.column_stack([*line.get_data()]).tolist() for line in axes.get_lines()}
+    drawn = {
+        line.get_label(): np.column_stack([*line.get_data()]).tolist() for line in axes.get_lines()
+    }
     assert drawn["taylor"] == [[1e-4, 0.1], [1e-8, 0.2]]
     assert drawn["cyrk-radau"] == [[1e-3, 0.3]]
     assert drawn["cyrk-dop853"] == [[1e-2, 0.05]]
@@ -67,7 +77,15 @@ def test_every_run_is_drawn_where_its_error_and_time_say(axes):
 
 
 def test_pareto_front():
-    points = [(1.0, 1e-2), (2.0, 1e-4), (3.0, 1e-3), (4.0, 1e-8), (4.0, 1e-9), (5.0, 1e-9), (0.5, 1.0)]
+    points = [
+        (1.0, 1e-2),
+        (2.0, 1e-4),
+        (3.0, 1e-3),
+        (4.0, 1e-8),
+        (4.0, 1e-9),
+        (5.0, 1e-9),
+        (0.5, 1.0),
+    ]
     runs = pd.DataFrame(points, columns=["seconds", "slow_error"])
     front = pareto_front(runs)
     assert list(front["seconds"]) == [0.5, 1.0, 2.0, 4.0]
@@ -78,7 +96,9 @@ def test_pareto_front_against_brute_force():
     generator = np.random.default_rng(5)
     runs = pd.DataFrame({"seconds": generator.random(60), "slow_error": generator.random(60)})
     better = [
-        not any((o.seconds < r.seconds) and (o.slow_error < r.slow_error) for o in runs.itertuples())
+        not any(
+            (o.seconds < r.seconds) and (o.slow_error < r.slow_error) for o in runs.itertuples()
+        )
         for r in runs.itertuples()
     ]
     assert set(pareto_front(runs).index) == set(runs.index[better])
@@ -87,22 +107,36 @@ def test_pareto_front_against_brute_force():
 def test_points_that_the_reference_cannot_tell_are_grey_and_the_legend_says_so():
     near = {"slow_uncertainty": 2e-9}
     records = [run("taylor", 1e-4, 0.1, 2.1e-8, **near), run("taylor", 1e-8, 0.2, 2e-8, **near)]
-    records += [run("taylor", 1e-8, 0.02, 1e-8, form="averaged", **near), run("ida", 1e-4, 1.0, 1e-4, **near)]
+    records += [
+        run("taylor", 1e-8, 0.02, 1e-8, form="averaged", **near),
+        run("ida", 1e-4, 1.0, 1e-4, **near),
+    ]
     figure = work_precision_panels(frame(records), "slow_error", "slow error")
     (panel,) = figure.axes
     lines = {line.get_label(): line for line in panel.get_lines()}
     grey = [line for line in panel.get_lines() if line.get_color() == GREY]
-    assert [np.column_stack([*line.get_data()]).tolist() for line in grey] == [[[2e-8, 0.2]], [[1e-8, 0.02]]]
+    assert [np.column_stack([*line.get_data()]).tolist() for line in grey] == [
+        [[2e-8, 0.2]],
+        [[1e-8, 0.02]],
+    ]
     assert UNKNOWN in lines
     assert all(line.get_zorder() > lines["taylor"].get_zorder() for line in grey)
-    assert [text.get_text() for text in figure.legends[0].get_texts()].count(UNKNOWN.replace("\n", " ")) == 1
+    assert [text.get_text() for text in figure.legends[0].get_texts()].count(
+        UNKNOWN.replace("\n", " ")
+    ) == 1
     assert lines["Pareto front"].get_data()[0].tolist() == [2.1e-8], "an unknown error wins nothing"
     plt.close(figure)
 
 
 def test_the_legend_lies_within_the_picture():
-    second = [{**each, "form": "averaged-second-order", "solver": "cyrk-vern8"} for each in RECORDS[-2:]]
-    numbers = [{**record, "scene": {"stokes": stokes}} for stokes in (1e2, 1e3) for record in [*RECORDS, *second]]
+    second = [
+        {**each, "form": "averaged-second-order", "solver": "cyrk-vern8"} for each in RECORDS[-2:]
+    ]
+    numbers = [
+        {**record, "scene": {"stokes": stokes}}
+        for stokes in (1e2, 1e3)
+        for record in [*RECORDS, *second]
+    ]
     for records in (numbers, numbers[: len(numbers) // 2]):
         figure = work_precision_panels(frame(records), "slow_error", "slow error")
         figure.canvas.draw()
@@ -121,7 +155,10 @@ def test_the_pareto_front_of_the_full_forms_is_drawn_beneath_all(axes):
 
 
 def test_forms_of_one_solver_are_told_apart(axes):
-    records = [*RECORDS[:2], *(run("taylor", 1e-4, 0.3, 1e-4, form=form) for form in ("euler-angles", "averaged"))]
+    records = [
+        *RECORDS[:2],
+        *(run("taylor", 1e-4, 0.3, 1e-4, form=form) for form in ("euler-angles", "averaged")),
+    ]
     lines = {line.get_label(): line for line in work_precision(axes, frame(records)).get_lines()}
     first, second = lines["taylor, quaternion"], lines["taylor, euler-angles"]
     assert first.get_color() == second.get_color()
@@ -148,7 +185,9 @@ def test_methods_off_the_front_are_pale(axes):
     assert lines["taylor"].get_alpha() is None
 
 
-def test_every_line_of_the_front_is_named_beside_its_panel_and_no_two_names_meet(monkeypatch: pytest.MonkeyPatch):
+def test_every_line_of_the_front_is_named_beside_its_panel_and_no_two_names_meet(
+    monkeypatch: pytest.MonkeyPatch,
+):
     monkeypatch.syspath_prepend(Path(__file__).parents[3] / "docs" / "examples")
     long = "own_solver:ClassicalRungeKutta"
     front = [
@@ -193,11 +232,17 @@ def test_one_panel_per_st(tmp_path: Path, numbers: tuple[float, ...], visible: i
     panels = [axes for axes in figure.axes if axes.get_visible()]
     assert len(panels) == visible
     labels = {1e2: "100", 1e3: "$10^{3}$", 1e4: "$10^{4}$"}
-    assert [axes.get_title(loc="left") for axes in panels] == [f"St = {labels[stokes]}" for stokes in numbers]
+    assert [axes.get_title(loc="left") for axes in panels] == [
+        f"St = {labels[stokes]}" for stokes in numbers
+    ]
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert len(names) == len(set(names)) == 5
     figure.canvas.draw()
-    named = [axes for axes in panels if axes.get_xlabel() and axes.xaxis.get_ticklabels()[0].get_visible()]
+    named = [
+        axes
+        for axes in panels
+        if axes.get_xlabel() and axes.xaxis.get_ticklabels()[0].get_visible()
+    ]
     assert named == panels[-2:], "the lowest panel of every column names its axis"
     low, high = panels[0].get_xlim()
     assert low > 2e-2 > 1e-8 > high, "more accurate to the right"
@@ -214,9 +259,13 @@ def test_a_study_in_which_every_run_failed_is_drawn_empty(tmp_path: Path):
     save(figure, tmp_path, "picture")
 
 
-def test_exact_solutions_without_error_are_drawn_at_no_place_but_do_not_stop_the_others(tmp_path: Path):
+def test_exact_solutions_without_error_are_drawn_at_no_place_but_do_not_stop_the_others(
+    tmp_path: Path,
+):
     both = RECORDS, [*RECORDS, run("exact", 1e-4, 0.1, 0.0)]
-    without, figure = (work_precision_panels(frame(records), "slow_error", "slow error") for records in both)
+    without, figure = (
+        work_precision_panels(frame(records), "slow_error", "slow error") for records in both
+    )
     assert figure.axes[0].get_xlim() == without.axes[0].get_xlim()
     save(figure, tmp_path, "picture")
     plt.close(without)

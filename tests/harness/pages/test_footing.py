@@ -11,7 +11,9 @@ from polhode.harness.pages.tables import table as shown
 
 def runs(*rows: tuple[str, str | None, str | None, float, float, str]) -> pd.DataFrame:
     columns = ["solver", "backend", "jacobian", "seconds", "slow_error", "status"]
-    return pd.DataFrame(rows, columns=columns).assign(stokes=10.0, form="quaternion", slow_uncertainty=1e-15)
+    return pd.DataFrame(rows, columns=columns).assign(
+        stokes=10.0, form="quaternion", slow_uncertainty=1e-15
+    )
 
 
 def cells(text: str, begin: str) -> list[str]:
@@ -21,11 +23,25 @@ def cells(text: str, begin: str) -> list[str]:
 
 def test_each_library_by_its_fastest_method_alone():
     done, table = "reached_end", []
-    for solver, seconds in (("taylor", 2e-3), ("cyrk-vern8", 1e-3), ("cyrk-tsit5", 5e-3), ("dop853", 1e-5)):
+    for solver, seconds in (
+        ("taylor", 2e-3),
+        ("cyrk-vern8", 1e-3),
+        ("cyrk-tsit5", 5e-3),
+        ("dop853", 1e-5),
+    ):
         table.append((solver, None, None, seconds, 1e-9, done))
-    table += [("cvode-bdf", None, None, 4e-3, 1e-7, done), ("cyrk-radau", None, None, 1e-6, 1e-9, "time_limit")]
+    table += [
+        ("cvode-bdf", None, None, 4e-3, 1e-7, done),
+        ("cyrk-radau", None, None, 1e-6, 1e-9, "time_limit"),
+    ]
     claims, text = _worth(costs(by_stokes(runs(*table)), ERRORS))
-    assert cells(text, "| 1e-6") == ["1e-6", "10", "taylor, 2.0 ms", "cyrk-vern8, 1.0 ms", "cvode-bdf, 4.0 ms"]
+    assert cells(text, "| 1e-6") == [
+        "1e-6",
+        "10",
+        "taylor, 2.0 ms",
+        "cyrk-vern8, 1.0 ms",
+        "cvode-bdf, 4.0 ms",
+    ]
     assert cells(text, "| 1e-8") == ["1e-8", "10", "taylor, 2.0 ms", "cyrk-vern8, 1.0 ms", "–"]
     assert "CyRK, without the interpreter, is the fastest at 3 of 3 places" in "".join(claims)
     assert "the 2 that it reaches it takes 4 times as long as the fastest" in "".join(claims)
@@ -39,7 +55,9 @@ def test_each_library_by_its_fastest_method_alone():
         ("ida", "ida", "exact", "difference"),
     ],
 )
-def test_the_same_algorithm_in_three_ways(solver: str, alone: str, jacobian: str | None, other: str | None):
+def test_the_same_algorithm_in_three_ways(
+    solver: str, alone: str, jacobian: str | None, other: str | None
+):
     done, table = "reached_end", []
     for own, factor in ((jacobian, 1.0), (other, 100.0)) if other else ((jacobian, 1.0),):
         table += [
@@ -49,5 +67,7 @@ def test_the_same_algorithm_in_three_ways(solver: str, alone: str, jacobian: str
         table.append((alone, "compiled", own, 2e-3 * factor, 1e-9, done))
     text = shown(_interpreter(runs(*table)), "footing-interpreter")
     assert cells(text, "| 10") == ["10", solver, "30 ms", "20 ms", "2.0 ms", "15.0", "10.0"]
-    unfinished = runs(*(row if row[1] != "compiled" else (*row[:-1], "time_limit") for row in table))
+    unfinished = runs(
+        *(row if row[1] != "compiled" else (*row[:-1], "time_limit") for row in table)
+    )
     assert cells(shown(_interpreter(unfinished), "footing-interpreter"), "| 10")[4:] == ["–"] * 3

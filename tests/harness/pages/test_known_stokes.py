@@ -30,8 +30,18 @@ STUDY = {
 
 
 def run(solver: str, stokes: float, error: float, seconds: float) -> dict:
-    scene = {"scene_name": "spheroid", "scene": {"stokes": stokes}, "machine": machine(), "versions": {}}
-    method = {"form": "spheroid-axis", "solver": solver, "tolerance": error, "status": "reached_end"}
+    scene = {
+        "scene_name": "spheroid",
+        "scene": {"stokes": stokes},
+        "machine": machine(),
+        "versions": {},
+    }
+    method = {
+        "form": "spheroid-axis",
+        "solver": solver,
+        "tolerance": error,
+        "status": "reached_end",
+    }
     errors = {f"{want}_error": error for want in ("slow", "orientation")}
     errors |= {f"{want}_uncertainty": 1e-16 for want in ("slow", "orientation")}
     return scene | method | errors | {"seconds": seconds}
@@ -45,7 +55,9 @@ def test_ratios_at_equal_error(tmp_path: Path, seconds: float, sign: str):
         *(run("cyrk-vern8", 1e6, error, time) for error, time in ((1e-4, 1e-4), (1e-8, 1e-2))),
         run("stroboscopic", 1e6, 2e-9, 5e-4),
     ]
-    page = known_stokes.write_page(parse_study(STUDY), records, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    page = known_stokes.write_page(
+        parse_study(STUDY), records, tmp_path, "polhode bench"
+    ).read_text(encoding="utf-8")
     row = next(line for line in page.splitlines() if line.startswith("| spheroid"))
     cells = [cell.strip() for cell in row.split("|")[3:-1]]
     # Vern8's time at 1e-6 lies in the middle of its logarithms.
@@ -56,19 +68,23 @@ def test_ratios_at_equal_error(tmp_path: Path, seconds: float, sign: str):
     assert "60 times as fast, asked for: 30" in page
     assert "times as long as that at 1e6" in page
     assert "is 2.0e-9, asked" in page
-    alone = known_stokes.write_page(parse_study(STUDY), records[-1:], tmp_path, "polhode bench").read_text(
-        encoding="utf-8"
-    )
+    alone = known_stokes.write_page(
+        parse_study(STUDY), records[-1:], tmp_path, "polhode bench"
+    ).read_text(encoding="utf-8")
     assert "no solver that does not know St gets there" in alone
 
 
-def test_the_longer_run_is_measured_once_for_the_same_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_the_longer_run_is_measured_once_for_the_same_records(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     measured = iter([0.5, 0.7])
     monkeypatch.setattr(known_stokes, "_longer", lambda *_: next(measured))
     study, record = parse_study(STUDY), run("stroboscopic", 1e6, 2e-9, 5e-4)
 
     def said(seconds: float) -> str:
-        path = known_stokes.write_page(study, [record | {"seconds": seconds}], tmp_path, "polhode bench")
+        path = known_stokes.write_page(
+            study, [record | {"seconds": seconds}], tmp_path, "polhode bench"
+        )
         return path.read_text(encoding="utf-8")
 
     assert said(5e-4) == said(5e-4)

@@ -16,7 +16,10 @@ from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
 
-ROWS = [["averaged", "L and E alone, first order in the inverse Stokes number"], ["quaternion", "no singularity"]]
+ROWS = [
+    ["averaged", "L and E alone, first order in the inverse Stokes number"],
+    ["quaternion", "no singularity"],
+]
 
 
 def test_a_narrow_terminal_wraps_the_last_column(monkeypatch: pytest.MonkeyPatch):
@@ -40,7 +43,9 @@ setup.cold_start, setup.watch_sentinel = dict, lambda seconds: {"seconds": 1e-3,
     code += "".join(f"with suppress(SystemExit):\n    main({words})\n" for words in commands)
     ours, theirs = pty.openpty()
     environment = {**os.environ, "COLUMNS": "80", "NO_COLOR": "1"}
-    with subprocess.Popen([sys.executable, "-c", code], stdout=theirs, stderr=theirs, env=environment):
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=theirs, stderr=theirs, env=environment
+    ):
         os.close(theirs)
         printed = b""
         # The terminal's end is an error of the system's.
@@ -57,14 +62,29 @@ def test_commands_keep_within_a_terminal_of_80_columns():
     printed = on_narrow_terminal(pick, ["solve", "paper"], *lists)
     assert [line for line in printed.splitlines() if len(line) > 80] == []
     assert printed.startswith("Run quaternion by ")
-    for last in ("95 % interval", "orientation within", "symmetry axis of a spheroid", "stroboscopic", "What to do:"):
+    for last in (
+        "95 % interval",
+        "orientation within",
+        "symmetry axis of a spheroid",
+        "stroboscopic",
+        "What to do:",
+    ):
         assert last in " ".join(printed.split())
     assert "\x1b" not in printed
 
 
 def row(form: str, seconds: float) -> Way:
     predicted = Interval(seconds, seconds / 2, seconds * 2)
-    return Way(form, "taylor", 1e-8, Interval(1e-7, 1e-8, 9e-7), predicted, 1.5, False, f"why {form} takes so long")
+    return Way(
+        form,
+        "taylor",
+        1e-8,
+        Interval(1e-7, 1e-8, 9e-7),
+        predicted,
+        1.5,
+        False,
+        f"why {form} takes so long",
+    )
 
 
 def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():
@@ -84,4 +104,7 @@ def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():
     assert page.splitlines()[-1].split() == ["averaged", "too", "far", "off"]
     whole = pick_page(found, everything=True)
     assert whole.count("taylor  ") == FEW + 3
-    assert [line.split()[:2] for line in whole.splitlines()[-2:]] == [["averaged", "all"], ["quaternion", "exact"]]
+    assert [line.split()[:2] for line in whole.splitlines()[-2:]] == [
+        ["averaged", "all"],
+        ["quaternion", "exact"],
+    ]

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from polhode.harness.paper.sections.appendix.averages import ellipsoid_entries, mean_of, spheroid_entries
+from polhode.harness.paper.sections.appendix.averages import (
+    ellipsoid_entries,
+    mean_of,
+    spheroid_entries,
+)
 
 
 def test_every_printed_entry_is_there_once():

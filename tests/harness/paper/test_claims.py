@@ -11,7 +11,13 @@ from polhode.harness.common.text import WORDING
 from polhode.harness.paper import claims
 from polhode.harness.paper.claims import drawn, facts_of, judged
 from polhode.harness.paper.item import Word
-from polhode.harness.paper.sections.beyond import SPREAD, fitted_level, law, two_laws, typical_errors
+from polhode.harness.paper.sections.beyond import (
+    SPREAD,
+    fitted_level,
+    law,
+    two_laws,
+    typical_errors,
+)
 from polhode.harness.paper.sections.periods import turns
 from polhode.harness.paper.tables import Estimate
 
@@ -22,7 +28,13 @@ ENTRY = {
     "caption": "A line.",
     "numbers": [
         {"value": "error", "what": "error", "high": "bound", "unit": "rad"},
-        {"each": "kappas", "value": "slope", "what": "slope, κ = {each:g}", "near": "expected", "within": 0.1},
+        {
+            "each": "kappas",
+            "value": "slope",
+            "what": "slope, κ = {each:g}",
+            "near": "expected",
+            "within": 0.1,
+        },
     ],
 }
 FACTS = {
@@ -76,7 +88,9 @@ def test_a_name_that_means_two_things_is_an_error():
     """`drawing` has a colour of this name."""
     module = ModuleType("odd")
     vars(module).update(pi=pi, BLUE="#000001")
-    with pytest.raises(ValueError, match="odd: got other values of BLUE, expected names of its own"):
+    with pytest.raises(
+        ValueError, match="odd: got other values of BLUE, expected names of its own"
+    ):
         claims.names_of(module)
 
 
@@ -85,7 +99,9 @@ def test_formats_of_the_pages():
 
 
 def test_law_of_jumps_is_the_distribution_of_its_formula():
-    sample = -np.log(2 * np.abs(np.sin(np.pi * np.random.default_rng(0).uniform(size=100_000)))) / SPREAD
+    sample = (
+        -np.log(2 * np.abs(np.sin(np.pi * np.random.default_rng(0).uniform(size=100_000)))) / SPREAD
+    )
     assert sample.std() == pytest.approx(1.0, abs=0.02)
     for value in (-0.7, 0.0, 1.0, 3.0):
         assert np.mean(sample < value) == pytest.approx(law(np.array(value)), abs=0.006)
@@ -94,7 +110,9 @@ def test_law_of_jumps_is_the_distribution_of_its_formula():
 def test_fitted_level_of_the_law_is_passed_by_one_sample_in_twenty():
     samples = -np.log(2 * np.sin(np.pi * np.random.default_rng(2).uniform(size=(600, 64))))
     level = fitted_level(64)
-    beyond = [stats.kstest((own - own.mean()) / own.std(), law).statistic > level for own in samples]
+    beyond = [
+        stats.kstest((own - own.mean()) / own.std(), law).statistic > level for own in samples
+    ]
     assert np.mean(beyond) == pytest.approx(0.05, abs=0.025)
 
 
@@ -107,13 +125,18 @@ def test_turning_ends_at_the_printed_threshold(alpha, expected):
 
 def test_curves_of_a_described_figure():
     """One for each value of a key, in the colours of the cycle; a law ends at its last value."""
-    table = np.rec.fromarrays([[1.0, 1.0, 2.0], [1.0, 10.0, 1.0], [4.0, 5.0, 6.0]], names="kappa,x,y")
+    table = np.rec.fromarrays(
+        [[1.0, 1.0, 2.0], [1.0, 10.0, 1.0], [4.0, 5.0, 6.0]], names="kappa,x,y"
+    )
     curves = [
         {"by": "kappa", "x": "x", "y": "shift + y", "label": "$\\kappa$ = {kappa:g}"},
         {"x": "x[:2]", "y": "y[1]", "slope": -1, "color": "ORANGE"},
         {"by": "kappa", "level": "y[0]", "color": "0.4"},
     ]
-    entry = {"panels": [1, 1], "axes": [{"x": "x", "y": "y", "log": "x", "title": "{shift:g}", "curves": curves}]}
+    entry = {
+        "panels": [1, 1],
+        "axes": [{"x": "x", "y": "y", "log": "x", "title": "{shift:g}", "curves": curves}],
+    }
     (axes,) = drawn(entry, {"table": table, "shift": 0.5}).axes
     first, second, law, *levels = axes.lines
     assert [line.get_label() for line in (first, second)] == ["$\\kappa$ = 1", "$\\kappa$ = 2"]
@@ -131,7 +154,13 @@ def test_curves_of_a_described_figure():
 def test_axes_for_each_of_a_list():
     """Those of three dimensions among them; a curve without rows is an error, unless its condition says when it is."""
     table = np.rec.fromarrays([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], names="x,y,z")
-    curve = {"table": "table[table.x > bound]", "x": "x", "y": "y", "z": "each * z", "linewidth": "each"}
+    curve = {
+        "table": "table[table.x > bound]",
+        "x": "x",
+        "y": "y",
+        "z": "each * z",
+        "linewidth": "each",
+    }
     panel = {
         "each": [1, 2],
         "facts": {"bound": "each - 1"},
@@ -145,7 +174,9 @@ def test_axes_for_each_of_a_list():
     assert second.lines[0].get_data_3d()[2].tolist() == [12.0]
     assert [axes.lines[0].get_linewidth() for axes in (first, second)] == [1, 2]
     panel["facts"]["bound"] = "each"
-    with pytest.raises(ValueError, match=r"curve: got no rows of table\[table.x > bound\], expected some"):
+    with pytest.raises(
+        ValueError, match=r"curve: got no rows of table\[table.x > bound\], expected some"
+    ):
         drawn(entry, {"table": table})
     curve["when"] = "each < 2"
     assert [len(axes.lines) for axes in drawn(entry, {"table": table}).axes] == [1, 0]
@@ -154,7 +185,9 @@ def test_axes_for_each_of_a_list():
 def test_a_jump_and_a_scattering_differ_in_how_they_fall():
     stokes = np.geomspace(1e4, 1e7, 7)
     errors = np.sqrt((18 / stokes) ** 2 + 0.03**2 / stokes)
-    rows = [(n, factor * error) for n, error in zip(stokes, errors, strict=True) for factor in (0.1, 10)]
+    rows = [
+        (n, factor * error) for n, error in zip(stokes, errors, strict=True) for factor in (0.1, 10)
+    ]
     table = np.rec.fromrecords(rows, names="stokes,error")
     assert two_laws(stokes, typical_errors(table)) == pytest.approx((18, 0.03), rel=1e-9)
     assert two_laws(stokes, 18 / stokes) == pytest.approx((18, 0))

@@ -11,10 +11,15 @@ from polhode.harness.paper.item import Grid, Word
 from polhode.harness.paper.sections.planes import outside
 from polhode.harness.paper.store import read, write
 
-# Sections of prolate bodies, one with a layer of chaos and one without, run the code of those of oblate ones.
+# Sections of prolate bodies, one with a layer of chaos and one without, run the code of those of
+# oblate ones.
 SLOW = ("poincare-flat", "poincare-fat-oblate")
 ITEMS = pytest.mark.parametrize(
-    "item", [pytest.param(item, id=item.name, marks=[pytest.mark.slow] * (item.name in SLOW)) for item in items()]
+    "item",
+    [
+        pytest.param(item, id=item.name, marks=[pytest.mark.slow] * (item.name in SLOW))
+        for item in items()
+    ],
 )
 
 
@@ -81,7 +86,12 @@ def test_unknown_items_are_refused():
 def test_a_path_lies_outside_two_others_by_its_distance_from_them():
     # A half disc above its diameter; its points are dense enough for a distance of 1e-4.
     angle = np.linspace(np.pi, 0.0, 1001)
-    bow, chord = np.stack([np.cos(angle), np.sin(angle)], axis=1), np.array([[-1.0, 0.0], [1.0, 0.0]])
+    bow, chord = (
+        np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        np.array([[-1.0, 0.0], [1.0, 0.0]]),
+    )
     assert outside(bow * [0.9, 0.5] + [0.0, 0.1], bow, chord) == 0.0
-    assert outside(np.array([[0.5, 0.2], [0.3, -0.2], [0.0, 1.1]]), chord, bow) == pytest.approx(0.2)
+    assert outside(np.array([[0.5, 0.2], [0.3, -0.2], [0.0, 1.1]]), chord, bow) == pytest.approx(
+        0.2
+    )
     assert outside(np.array([[0.6, 0.8]]) * 1.25, bow, chord) == pytest.approx(0.25, rel=1e-4)

@@ -15,7 +15,9 @@ def test_neighbours_part_as_the_stretching_says():
     """Two orbits of a slender body, 1e-9 rad apart, in its chaotic sea."""
     body = Ellipsoid((0.05, 0.1, 1.0))
     duration = 12 * half_turn(body)
-    first, second = (np.array(orbit(body, 1.5, 1.4 + step, duration))[:, -1] for step in (0.0, 1e-9))
+    first, second = (
+        np.array(orbit(body, 1.5, 1.4 + step, duration))[:, -1] for step in (0.0, 1e-9)
+    )
     _, stretch = stretched_orbit(body, 1.5, 1.4, duration)
     assert log(np.linalg.norm(first - second) / 1e-9) == pytest.approx(stretch, abs=3.0)
     assert stretch > 6

@@ -102,7 +102,12 @@ def test_the_key_knows_the_code_and_the_formulas_of_what_computes(tmp_path, monk
     assert names >= {"references/chaos.py", "sections/ellipsoids.py"}
     assert names >= {"paper/planes.py", "appendix/entries.toml", "solvers/solve.py"}
     assert names >= {"models/scenes.toml", "solvers/methods.toml", "machine_code/array_function.ll"}
-    assert not names & {"paper/drawing.py", "paper/pages.py", "paper/claims.py", "sections/limits.toml"}
+    assert not names & {
+        "paper/drawing.py",
+        "paper/pages.py",
+        "paper/claims.py",
+        "sections/limits.toml",
+    }
     (item,) = find_items(("averages-spheroid",))
     (tmp_path / "one.py").write_text("x = 1")
     keys = {store.content_key(item, Grid.FULL)}
@@ -144,7 +149,9 @@ def test_redraw_takes_data_of_older_code(tmp_path, catalogue, monkeypatch):
     monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
     run([item], tmp_path, lambda _: None, grid=Grid.REDUCED, redraw=True)
     assert len(calls) == 1
-    assert "Made by older code, to be computed again: made-up" in (tmp_path / "README.md").read_text()
+    assert (
+        "Made by older code, to be computed again: made-up" in (tmp_path / "README.md").read_text()
+    )
     run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
     assert len(calls) == 2
 
@@ -227,7 +234,10 @@ def test_tables_survive_their_files(tmp_path):
 
 def test_groups_keep_order_and_rows():
     table = np.rec.fromarrays([[2.0, 1.0, 2.0], [1.0, 2.0, 3.0]], names="key,value")
-    assert [(key, part.value.tolist()) for key, part in groups(table, "key")] == [(2.0, [1.0, 3.0]), (1.0, [2.0])]
+    assert [(key, part.value.tolist()) for key, part in groups(table, "key")] == [
+        (2.0, [1.0, 3.0]),
+        (1.0, [2.0]),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -273,7 +283,12 @@ def test_command_makes_a_page_with_small_figures(tmp_path):
     for ending in FORMATS:
         assert 0 < (folder / f"symmetric-top.{ending}").stat().st_size < LARGEST_FIGURE
     page = (tmp_path / "limits.md").read_text()
-    for part in ("**Claim.**", "**Verdict: confirmed.**", "symmetric-top.png", "`polhode paper symmetric-top`"):
+    for part in (
+        "**Claim.**",
+        "**Verdict: confirmed.**",
+        "symmetric-top.png",
+        "`polhode paper symmetric-top`",
+    ):
         assert part in page
     index = (tmp_path / "README.md").read_text()
     assert "Made on the reduced grid, a look, not a result: " in index
@@ -302,7 +317,10 @@ def test_figures_of_the_report_are_small():
     """Those of the repository, if the report is there: an installed package has none."""
     report = Path(__file__).parents[3] / "reports" / "paper"
     large = [
-        path for ending in FORMATS for path in report.glob(f"*/*.{ending}") if path.stat().st_size > LARGEST_FIGURE
+        path
+        for ending in FORMATS
+        for path in report.glob(f"*/*.{ending}")
+        if path.stat().st_size > LARGEST_FIGURE
     ]
     assert not large
 

@@ -7,7 +7,13 @@ import pytest
 
 from polhode.harness.calibration.scenes import Question, questions
 from polhode.harness.picking import load
-from polhode.harness.picking.choice import LARGEST_TOLERANCE, LEAST_TOLERANCE, Chosen, check_tolerance, choose
+from polhode.harness.picking.choice import (
+    LARGEST_TOLERANCE,
+    LEAST_TOLERANCE,
+    Chosen,
+    check_tolerance,
+    choose,
+)
 from polhode.harness.picking.pilot import follow
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.models.catalogue import FORMS, form
@@ -27,15 +33,21 @@ def test_choice_is_the_first_row_that_agrees():
     assert tried.tolerance >= taylor.tolerance
     assert choose(scene, None, "taylor", 1e-9, 1e-6, "slow").tolerance == 1e-9
     assert choose(scene, "averaged", None, None, 1e-6, "slow")[:3] == ("averaged", "taylor", 1e-8)
-    assert choose(scene, "quaternion", "radau", 1e-5, 1e-99, "slow") == Chosen("quaternion", "radau", 1e-5)
+    assert choose(scene, "quaternion", "radau", 1e-5, 1e-99, "slow") == Chosen(
+        "quaternion", "radau", 1e-5
+    )
     with pytest.raises(NotAttainableError):
         choose(scene, None, None, None, 1e-17, "slow")
 
 
 @pytest.mark.parametrize("question", questions(31, 8), ids=lambda each: each.name)
-def test_forms_that_cannot_be_chosen_are_not_run(question: Question, monkeypatch: pytest.MonkeyPatch):
+def test_forms_that_cannot_be_chosen_are_not_run(
+    question: Question, monkeypatch: pytest.MonkeyPatch
+):
     run = []
-    monkeypatch.setattr(load, "follow", lambda form, *rest: run.append(form.name) or follow(form, *rest))
+    monkeypatch.setattr(
+        load, "follow", lambda form, *rest: run.append(form.name) or follow(form, *rest)
+    )
     scene = replace(question.scene, time=question.scene.time / 7)
     asked = question.error, question.want, question.samples
     chosen = choose(scene, None, None, None, *asked)
@@ -63,7 +75,9 @@ def test_a_solver_that_is_held_back_is_chosen_with_a_note():
 
 def test_what_no_method_can_do_is_in_the_note():
     note = choose(named_scene("paper"), "quaternion", None, None, 1e-17, "slow").note
-    assert note.startswith("quaternion by taylor runs all the same, but the error 1e-17 is not attainable in double")
+    assert note.startswith(
+        "quaternion by taylor runs all the same, but the error 1e-17 is not attainable in double"
+    )
 
 
 def test_of_a_form_of_ones_own_nothing_is_claimed():
@@ -89,7 +103,9 @@ def test_the_first_solver_that_takes_the_form():
 def test_orientation_is_not_to_be_had_of_forms_without_it(name: str, tolerance: float | None):
     scene = named_scene("paper" if name == "averaged" else "spheroid")
     solver = "taylor" if tolerance else None
-    with pytest.raises(ValueError, match=f"want: got 'orientation' for form '{name}', which gives none, expected"):
+    with pytest.raises(
+        ValueError, match=f"want: got 'orientation' for form '{name}', which gives none, expected"
+    ):
         choose(scene, name, solver, tolerance, 1e-3, "orientation")
     assert choose(scene, name, solver, tolerance, 1e-3, "slow").form == name
 
@@ -110,5 +126,7 @@ def test_tolerances_that_double_precision_can_follow(tolerance: float):
 
 @pytest.mark.parametrize("tolerance", [1e-30, 9.9e-17, 1.1, 1e300])
 def test_tolerances_that_mean_nothing(tolerance: float):
-    with pytest.raises(ValueError, match=r"^tolerance: got .*, expected a number from 1e-16, .* to 1$"):
+    with pytest.raises(
+        ValueError, match=r"^tolerance: got .*, expected a number from 1e-16, .* to 1$"
+    ):
         check_tolerance(tolerance)

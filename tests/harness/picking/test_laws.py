@@ -66,7 +66,15 @@ COST = CostLaw(
     records=1,
 )
 ERROR = ErrorLaw(
-    offset=-0.5, order=1.1, gain=1.0, growth=0.1, stiffness=-0.2, floor=3.0, floor_growth=0.8, stray=SHARP, records=1
+    offset=-0.5,
+    order=1.1,
+    gain=1.0,
+    growth=0.1,
+    stiffness=-0.2,
+    floor=3.0,
+    floor_growth=0.8,
+    stray=SHARP,
+    records=1,
 )
 
 
@@ -81,12 +89,16 @@ def planted_runs(seed=5, scenes=60, noise=0.08, disturbed=0.05):
             10 ** random.uniform(-2, 4),
         )
         load = Load(turns, following, stiff, int(random.choice([51, 201, 501])))
-        at = Sensitivity(1e-6, 10 ** random.uniform(-7, -3), turns, stiff / 100, 10 ** random.uniform(-1, 1))
+        at = Sensitivity(
+            1e-6, 10 ** random.uniform(-7, -3), turns, stiff / 100, 10 ** random.uniform(-1, 1)
+        )
         for tolerance in 10.0 ** random.integers(-14, -2, 4):
             slowed = 4.0 if random.random() < disturbed else 1.0
             seconds = COST.seconds(load, tolerance) * exp(noise * random.normal()) * slowed
             error = ERROR.error(at, tolerance) * exp(0.5 * random.normal())
-            runs.append(Sample(f"scene {scene}", float(tolerance), load, seconds, {"slow": (at, error)}))
+            runs.append(
+                Sample(f"scene {scene}", float(tolerance), load, seconds, {"slow": (at, error)})
+            )
     return runs
 
 
@@ -139,7 +151,9 @@ def test_strays_hold_what_they_say():
     found = fit_cost(planted_runs(disturbed=0.0))
     others = planted_runs(seed=7, disturbed=0.0)
     intervals = [found.predict(run.load, run.tolerance) for run in others]
-    inside = [each.low <= run.seconds <= each.high for each, run in zip(intervals, others, strict=True)]
+    inside = [
+        each.low <= run.seconds <= each.high for each, run in zip(intervals, others, strict=True)
+    ]
     assert 0.90 <= np.mean(inside) <= 0.99
 
 
@@ -148,12 +162,18 @@ def test_a_law_of_few_runs_strays_no_less_than_like_ones():
     known = load_laws().methods["quaternion", "taylor"]
     rows = ((10, 1.0), (10, 3.0), (10, 5.0), (10**6, 1.0))
     laws = [
-        replace(known, errors={"slow": replace(ERROR, records=n, stray=Stray(-2.0, 0.5, high))}) for n, high in rows
+        replace(known, errors={"slow": replace(ERROR, records=n, stray=Stray(-2.0, 0.5, high))})
+        for n, high in rows
     ]
-    found = [as_wide_as_alike(law, [*laws, replace(known, form="averaged")])["slow"].stray for law in laws]
+    found = [
+        as_wide_as_alike(law, [*laws, replace(known, form="averaged")])["slow"].stray
+        for law in laws
+    ]
     # The median of 0.5, 2.5, 4.5 and 0.5 beyond the middle is 1.5.
     share = FEW_RUNS / (FEW_RUNS + 10)
-    assert [each.high for each in found] == pytest.approx([1.0 + share * (1.5 - 0.5), 3.0, 5.0, 1.0], rel=1e-4)
+    assert [each.high for each in found] == pytest.approx(
+        [1.0 + share * (1.5 - 0.5), 3.0, 5.0, 1.0], rel=1e-4
+    )
     assert {(each.low, each.middle) for each in found} == {(-2.0, 0.5)}
 
 
@@ -233,13 +253,26 @@ def test_another_machine_scales_the_costs():
     for solver in ("taylor", "cyrk-vern8"):
         for tolerance in (1e-4, 1e-6, 1e-8):
             seconds = 3 * laws.methods["quaternion", solver].cost.predict(load, tolerance).predicted
-            case = {"scene_name": "paper", "scene": scene_table(scene), "form": "quaternion", "solver": solver}
+            case = {
+                "scene_name": "paper",
+                "scene": scene_table(scene),
+                "form": "quaternion",
+                "solver": solver,
+            }
             records.append(
-                {**case, "tolerance": tolerance, "samples": 201, "status": "reached_end", "seconds": seconds}
+                {
+                    **case,
+                    "tolerance": tolerance,
+                    "samples": 201,
+                    "status": "reached_end",
+                    "seconds": seconds,
+                }
             )
     slower = refit(laws, records)
     for solver in ("taylor", "cyrk-vern8", "cyrk-lsoda"):
-        before, after = (each.methods["quaternion", solver].cost.predict(load, 1e-6) for each in (laws, slower))
+        before, after = (
+            each.methods["quaternion", solver].cost.predict(load, 1e-6) for each in (laws, slower)
+        )
         assert after.predicted == pytest.approx(3 * before.predicted, rel=1e-3)
 
 
@@ -251,9 +284,13 @@ def test_pilot_knows_its_own_error(name):
     assert found.direct
     which = form(reference_form(scene))
     times = np.linspace(0, scene.time, laws_pilot.SAMPLES)
-    exact = solve(which.problem(scene), "cyrk-radau" if name == "tumbler" else "cyrk-vern8", 1e-13, times)
+    exact = solve(
+        which.problem(scene), "cyrk-radau" if name == "tumbler" else "cyrk-vern8", 1e-13, times
+    )
     loose = laws_pilot.follow(which, scene, found.gains["slow"].tolerance)
-    own = errors(scene.ellipsoid, which.observe(scene, loose.states), which.observe(scene, exact.states))
+    own = errors(
+        scene.ellipsoid, which.observe(scene, loose.states), which.observe(scene, exact.states)
+    )
     assert found.gains["slow"].error == pytest.approx(own.slow, rel=0.1)
     assert "orientation" in found.gains
     assert own.orientation is not None
@@ -273,7 +310,9 @@ def test_pilots_of_the_same_single_step_do_not_pass_for_exact():
     own = errors(scene.ellipsoid, found, exact)
     assert own.orientation is not None
     assert own.orientation > 1e-5
-    assert form_sensitivity(which, pilot(scene))["orientation"].error == pytest.approx(own.orientation, rel=0.5)
+    assert form_sensitivity(which, pilot(scene))["orientation"].error == pytest.approx(
+        own.orientation, rel=0.5
+    )
 
 
 def test_a_lucky_pilot_is_as_good_as_the_next_one():
@@ -282,7 +321,11 @@ def test_a_lucky_pilot_is_as_good_as_the_next_one():
     scene = Scene(Ellipsoid((1.0, 1.0, 0.6)), 4e4, start, 1.3e3)
     exact = which.observe(scene, laws_pilot.follow(which, scene, 1e-14, "taylor").states)
     loose, tight = (
-        errors(scene.ellipsoid, which.observe(scene, laws_pilot.follow(which, scene, tolerance).states), exact).slow
+        errors(
+            scene.ellipsoid,
+            which.observe(scene, laws_pilot.follow(which, scene, tolerance).states),
+            exact,
+        ).slow
         for tolerance in (1e-6, 1e-8)
     )
     gain = laws_pilot.gains(scene.ellipsoid, laws_pilot.form_ladder(which, scene))["slow"]
@@ -300,12 +343,22 @@ def test_a_form_in_pieces_costs_what_its_windows_do():
     load, full = (load_of(each, "taylor", found, 201, 1e-9) for each in (Pieces(), Quaternion()))
     assert load.following == pytest.approx(found.turned(0.25) * full.rotations, rel=0.1)
     assert load_of(Pieces(), "taylor", found, 201, 1e-4) == load
-    assert (load.pieces, load.entered, load.rows, load.tolerance) == (1, 1, 0.75 * 201, pytest.approx(1e-9))
-    assert form_sensitivity(Pieces(), found)["slow"].error == form_sensitivity(Pieces(), found)["slow"].tolerance
+    assert (load.pieces, load.entered, load.rows, load.tolerance) == (
+        1,
+        1,
+        0.75 * 201,
+        pytest.approx(1e-9),
+    )
+    assert (
+        form_sensitivity(Pieces(), found)["slow"].error
+        == form_sensitivity(Pieces(), found)["slow"].tolerance
+    )
     assert not held_back(Pieces(), "cyrk-vern8", found)
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [("splitting", 1e-8), ("stroboscopic", 1e-5), ("stroboscopic", 1e-9)])
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [("splitting", 1e-8), ("stroboscopic", 1e-5), ("stroboscopic", 1e-9)]
+)
 def test_steps_over_many_periods_are_foreseen(method, tolerance):
     scene = replace(named_scene("spheroid"), stokes=1e5, time=4e4)
     problem = form("spheroid-axis").problem(scene)
@@ -320,7 +373,10 @@ def test_steps_over_many_periods_are_foreseen(method, tolerance):
 def test_where_a_run_stands_is_known_from_its_pilot_or_from_its_beginning(monkeypatch):
     scene = named_scene("paper")
     states = solve(
-        form("quaternion").problem(scene), "cyrk-vern8", 1e-12, np.array([0.0, 0.25, 1.0]) * scene.time
+        form("quaternion").problem(scene),
+        "cyrk-vern8",
+        1e-12,
+        np.array([0.0, 0.25, 1.0]) * scene.time,
     ).states
     true = form("quaternion").observe(scene, states).slow[1]
     for most in (5000.0, 30.0):
@@ -345,7 +401,10 @@ def test_a_settled_motion_is_off_by_its_phase(monkeypatch):
     assert found.per_radian is not None
     loose, tight = (
         which.observe(
-            scene, solve(which.problem(scene), "cyrk-vern8", tolerance, np.linspace(0, scene.time, 401)).states
+            scene,
+            solve(
+                which.problem(scene), "cyrk-vern8", tolerance, np.linspace(0, scene.time, 401)
+            ).states,
         )
         for tolerance in (1e-8, 1e-12)
     )
@@ -397,13 +456,18 @@ def test_beginning_is_followed_where_there_is_no_slow_motion(monkeypatch):
 def test_a_run_from_rest_is_told_from_a_twin(ellipsoid):
     """It speeds up for a small part of a long run alone: rates at its beginning say nothing of the rest."""
     start = EulerStart((1.0, 0.5, 0.0))
-    short, found = pilot(Scene(ellipsoid, 1e5, start, 3e4)), pilot(Scene(ellipsoid, 1e8, start, 3e7))
+    short, found = (
+        pilot(Scene(ellipsoid, 1e5, start, 3e4)),
+        pilot(Scene(ellipsoid, 1e8, start, 3e7)),
+    )
     assert short.direct
     assert found.twin
     assert found.rotations == pytest.approx(1e3 * short.rotations, rel=0.02)
 
 
-@pytest.mark.parametrize(("name", "averaged"), [("paper", "averaged"), ("spheroid", "averaged-spheroid")])
+@pytest.mark.parametrize(
+    ("name", "averaged"), [("paper", "averaged"), ("spheroid", "averaged-spheroid")]
+)
 def test_model_error_is_that_of_tight_runs(name, averaged):
     scene = replace(named_scene(name), stokes=1e4, time=1e3)
     told = model_errors(form(averaged), pilot(scene))["slow"]
@@ -470,7 +534,8 @@ def test_loads_and_regimes():
 def test_angles_near_their_pole_weigh_more():
     found = pilot(named_scene("near-pole"))
     plain, slowed = (
-        load_of(form(name), "taylor", found, 201, 1e-6).rotations for name in ("quaternion", "euler-angles")
+        load_of(form(name), "taylor", found, 201, 1e-6).rotations
+        for name in ("quaternion", "euler-angles")
     )
     assert slowed > 2 * plain
 
@@ -481,7 +546,8 @@ def test_what_holds_explicit_methods_back_does_not_weigh_on_implicit_ones():
     found = pilot(scene)
     assert 1e3 < found.damping_times < 2e4
     explicit, implicit = (
-        load_of(form("quaternion"), solver, found, 201, 1e-6) for solver in ("cyrk-dop853", "cyrk-bdf")
+        load_of(form("quaternion"), solver, found, 201, 1e-6)
+        for solver in ("cyrk-dop853", "cyrk-bdf")
     )
     assert 0.1 * found.damping_times < explicit.damping_times < 2 * found.damping_times
     assert 0.3 * found.rotations < implicit.rotations < 3 * found.rotations
@@ -528,5 +594,7 @@ def test_the_mean_of_an_interval_is_that_of_numbers_drawn_from_it(low, high):
 
 def test_pilot_of_a_spinning_sphere_counts_its_turns():
     """Torque-free: |ω| stays, so that N = |ω|T/2π."""
-    scene = Scene(Ellipsoid((1.0, 1.0, 1.0)), inf, BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 3.0, 4.0)), 100.0)
+    scene = Scene(
+        Ellipsoid((1.0, 1.0, 1.0)), inf, BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 3.0, 4.0)), 100.0
+    )
     assert pilot(scene).rotations == pytest.approx(500 / (2 * pi), rel=1e-6)

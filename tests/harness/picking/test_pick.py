@@ -42,7 +42,9 @@ def exact(scene):
     if scene.stokes == 0:
         return observed(scene, "jeffery", "exact", 1e-14)
     stiff = scene.stokes < 1
-    return observed(scene, "quaternion", "cyrk-radau" if stiff else "cyrk-vern8", 1e-12 if stiff else 1e-15)
+    return observed(
+        scene, "quaternion", "cyrk-radau" if stiff else "cyrk-vern8", 1e-12 if stiff else 1e-15
+    )
 
 
 @pytest.mark.parametrize(
@@ -64,14 +66,18 @@ def exact(scene):
 def test_first_choice_meets_the_error(name, error, want):
     scene = named_scene(name)
     row = pick(scene, error, want).ranking[0]
-    found = errors(scene.ellipsoid, observed(scene, row.form, row.solver, row.tolerance), exact(scene))
+    found = errors(
+        scene.ellipsoid, observed(scene, row.form, row.solver, row.tolerance), exact(scene)
+    )
     made = found.slow if want == "slow" else found.orientation
     assert made is not None
     assert made <= error
     assert row.error.low <= row.error.predicted <= row.error.high <= error
 
 
-@pytest.mark.parametrize("name", ["paper", "spheroid", "stiff", "jeffery", "top", "tumbler", "sphere", "rest-5e5"])
+@pytest.mark.parametrize(
+    "name", ["paper", "spheroid", "stiff", "jeffery", "top", "tumbler", "sphere", "rest-5e5"]
+)
 def test_every_row_and_every_reason(name):
     """Each method is either ranked, as `solve` accepts it, or excluded with a reason."""
     scene = named_scene(name)
@@ -88,7 +94,9 @@ def test_every_row_and_every_reason(name):
     assert all(a.seconds.mean <= b.seconds.mean for a, b in pairwise(found.ranking))
     first = found.ranking[0].seconds
     overlapping = [row.seconds.overlaps(first) for row in found.ranking]
-    assert [row.tied for row in found.ranking] == (overlapping if sum(overlapping) > 1 else [False] * len(overlapping))
+    assert [row.tied for row in found.ranking] == (
+        overlapping if sum(overlapping) > 1 else [False] * len(overlapping)
+    )
 
 
 def test_the_same_question_has_the_same_answer_at_once():
@@ -144,7 +152,9 @@ def test_slow_start_has_averaged_forms_alone():
 
 @pytest.mark.parametrize("error", [1e-300, 1e-17])
 def test_unattainable_errors(error):
-    with pytest.raises(NotAttainableError, match=r"not attainable in double precision, expected at least \d"):
+    with pytest.raises(
+        NotAttainableError, match=r"not attainable in double precision, expected at least \d"
+    ):
         pick(named_scene("paper"), error)
 
 
@@ -166,12 +176,18 @@ def test_chaos_is_unattainable():
         (["paper", "--error", "0"], "error: got 0.0, expected a finite positive number"),
         (["paper", "--error", "-1e-3"], "error: got -0.001, expected a finite positive number"),
         (["paper", "--error", "nan"], "error: got nan, expected a finite positive number"),
-        (["paper", "--error", "1e300"], "error: got 1e+300, expected a finite positive number of at most 1e+60"),
+        (
+            ["paper", "--error", "1e300"],
+            "error: got 1e+300, expected a finite positive number of at most 1e+60",
+        ),
         (["paper", "--error", "1e-18"], "not attainable"),
         (["sphere", "--want", "orientation"], "for a sphere, which has none"),
         (["nowhere"], "got 'nowhere', expected a file"),
         (["paper", "--samples", "1"], "samples: got 1, expected a whole number from 2 to 10000000"),
-        (["paper", "--samples", "1000000000"], "samples: got 1000000000, expected a whole number from 2 to 10000000"),
+        (
+            ["paper", "--samples", "1000000000"],
+            "samples: got 1000000000, expected a whole number from 2 to 10000000",
+        ),
     ],
 )
 def test_bad_input_is_one_line(words, complaint, capsys):
@@ -192,7 +208,16 @@ def test_json_is_the_contract(capsys):
     assert list(found) == ["want", "error", "ranking", "excluded"]
     assert (found["want"], found["error"]) == ("slow", 1e-6)
     for row in found["ranking"]:
-        assert set(row) == {"form", "solver", "tolerance", "error", "seconds", "first_run_seconds", "tied", "reason"}
+        assert set(row) == {
+            "form",
+            "solver",
+            "tolerance",
+            "error",
+            "seconds",
+            "first_run_seconds",
+            "tied",
+            "reason",
+        }
         assert set(row["error"]) == set(row["seconds"]) == {"predicted", "low", "high"}
     for row in found["excluded"]:
         assert set(row) == {"form", "solver", "reason"}
@@ -203,7 +228,9 @@ def test_table_for_people(capsys):
         main(["pick", "paper", "--error", "1e-3"])
     out = capsys.readouterr().out
     first = pick(named_scene("paper"), 1e-3).ranking[0]
-    assert out.startswith(f"Run {first.form} by {first.solver} at tolerance {short(first.tolerance)}: about ")
+    assert out.startswith(
+        f"Run {first.form} by {first.solver} at tolerance {short(first.tolerance)}: about "
+    )
     assert "within" in out.splitlines()[0]
     assert "tie" in out.splitlines()[0]
     assert "crosses L² = 2EI₂" not in out
@@ -230,7 +257,9 @@ def test_a_recommendation_is_a_line_a_table_and_a_page():
     assert "<table" in found._repr_html_()
 
 
-@pytest.mark.parametrize(("count", "words"), [(1, "1 more way, not cheaper:"), (2, "2 more ways, not cheaper:")])
+@pytest.mark.parametrize(
+    ("count", "words"), [(1, "1 more way, not cheaper:"), (2, "2 more ways, not cheaper:")]
+)
 def test_ways_not_shown_are_counted(count, words):
     interval = Interval(1.0, 0.5, 2.0)
     row = Way("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
@@ -242,7 +271,9 @@ def test_ways_not_shown_are_counted(count, words):
 
 @pytest.mark.parametrize(("samples", "noted"), [(max(MEASURED), False), (max(MEASURED) + 1, True)])
 @pytest.mark.parametrize("options", [[], ["--json"]])
-def test_times_beyond_the_measured_samples_are_said_to_be_extrapolated(samples, noted, options, capsys):
+def test_times_beyond_the_measured_samples_are_said_to_be_extrapolated(
+    samples, noted, options, capsys
+):
     with pytest.raises(SystemExit):
         main(["pick", "paper", "--error", "1e-3", "--samples", str(samples), *options])
     assert ("extrapolated" in capsys.readouterr().err) is noted
@@ -251,8 +282,13 @@ def test_times_beyond_the_measured_samples_are_said_to_be_extrapolated(samples, 
 @pytest.mark.parametrize("change", [{"stokes": 1e-20}, {"ellipsoid": Ellipsoid((1.0, 0.8, 1e-12))}])
 def test_scenes_that_laws_were_not_fitted_to_are_named(change: dict):
     for stratum in STRATA:
-        assert not any(outside_of_fit(each.scene) for each in questions(TRAINING_SEED, 300, stratum))
-    scene, words = replace(named_scene("paper"), time=1.0), "Laws were fitted to St from 1e-4 to 1e8 and semi-axes of"
+        assert not any(
+            outside_of_fit(each.scene) for each in questions(TRAINING_SEED, 300, stratum)
+        )
+    scene, words = (
+        replace(named_scene("paper"), time=1.0),
+        "Laws were fitted to St from 1e-4 to 1e8 and semi-axes of",
+    )
     assert words not in repr(pick(scene, 1e-4))
     found = pick(replace(scene, **change), 1e-4)
     assert words in repr(found)
@@ -270,7 +306,8 @@ def test_that_is_said_beside_json_too(capsys, tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "rounded"), [(3.9e-7, 3e-7), (1e-7, 1e-7), (9.999e-12, 9e-12), (2e-15, 2e-15), (0.0, 0.0)]
+    ("tolerance", "rounded"),
+    [(3.9e-7, 3e-7), (1e-7, 1e-7), (9.999e-12, 9e-12), (2e-15, 2e-15), (0.0, 0.0)],
 )
 def test_tolerances_have_one_digit(tolerance, rounded):
     assert one_digit(tolerance) == rounded
@@ -278,11 +315,24 @@ def test_tolerances_have_one_digit(tolerance, rounded):
 
 def test_solve_runs_what_pick_says(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
-        main(["solve", "paper", "--error", "1e-6", "--samples", "201", "--out", str(tmp_path / "paper.csv")])
+        main(
+            [
+                "solve",
+                "paper",
+                "--error",
+                "1e-6",
+                "--samples",
+                "201",
+                "--out",
+                str(tmp_path / "paper.csv"),
+            ]
+        )
     assert ended.value.code == 0
     scene = named_scene("paper")
     row = pick(scene, 1e-6).ranking[0]
-    assert f"{row.form} by {row.solver} at tolerance {short(row.tolerance)}" in capsys.readouterr().err
+    assert (
+        f"{row.form} by {row.solver} at tolerance {short(row.tolerance)}" in capsys.readouterr().err
+    )
     table = np.loadtxt(tmp_path / "paper.csv", delimiter=",", skiprows=1)
     written = Observables(table[:, 2:5], table[:, 5], table[:, 6:].reshape(-1, 3, 3))
     assert errors(scene.ellipsoid, written, exact(scene)).slow <= 1e-6
@@ -296,8 +346,15 @@ def test_the_error_is_met_on_a_body_that_settles(error):
     row = pick(scene, error).ranking[0]
     times = np.linspace(0.0, 1.0, 201)
     runs = []
-    for name, solver, tolerance in ((row.form, row.solver, row.tolerance), ("quaternion", "cyrk-vern8", 1e-15)):
+    for name, solver, tolerance in (
+        (row.form, row.solver, row.tolerance),
+        ("quaternion", "cyrk-vern8", 1e-15),
+    ):
         equations = form(name)
         problem = equations.problem(scene)
-        runs.append(equations.observe(scene, solve(problem, solver, tolerance, problem.end * times).states).slow)
+        runs.append(
+            equations.observe(
+                scene, solve(problem, solver, tolerance, problem.end * times).states
+            ).slow
+        )
     assert np.max(np.abs(runs[0] - runs[1])) / max(scene.ellipsoid.inertia) <= error

@@ -14,14 +14,19 @@ from polhode.solvers.contract import SolverNotValidError
 
 def test_the_condition_is_told_alone():
     form = find_form("averaged")
-    assert form.refuse("St = 0: 'slow'; use less", "jeffery").condition == "St = 0: 'slow'; use less"
+    assert (
+        form.refuse("St = 0: 'slow'; use less", "jeffery").condition == "St = 0: 'slow'; use less"
+    )
     assert FormNotValidError("otherwise made").condition == "otherwise made"
 
 
 @pytest.mark.parametrize(
     ("refusal", "words"),
     [
-        (FormNotValidError("St = 0", "averaged", "jeffery"), "form 'averaged': St = 0; use 'jeffery'"),
+        (
+            FormNotValidError("St = 0", "averaged", "jeffery"),
+            "form 'averaged': St = 0; use 'jeffery'",
+        ),
         (SolverNotValidError("no explicit form", "radau"), "solver 'radau': no explicit form"),
         (
             NotFoundError("form", "eular", "one of euler-angles", " (?)"),
@@ -37,7 +42,9 @@ def test_refusals_go_from_process_to_process(refusal: ValueError, words: str):
 
 @pytest.mark.parametrize("stokes", [0.0, 10.0])
 @pytest.mark.parametrize("axes", [(1.0, 1.0, 1.0), (1.0, 0.8, 0.5)])
-def test_a_scene_without_rotation_has_its_own_reason(stokes: float, axes: tuple[float, float, float]):
+def test_a_scene_without_rotation_has_its_own_reason(
+    stokes: float, axes: tuple[float, float, float]
+):
     scene = Scene(Ellipsoid(axes), stokes, BodyStart((1.0, 0.0, 0.0, 0.0)), 5.0)
     with pytest.raises(FormNotValidError) as caught:
         find_form("averaged-second-order").reach(scene)

@@ -87,8 +87,12 @@ def test_a_long_run_is_looked_at_more_loosely_and_within_its_share():
         (1.2, 3.3e4, 5e4, "splitting-extended", 1e-3, "splitting at 1e-06"),
     ],
 )
-def test_errors_that_do_not_follow_the_tolerance_are_bounded(kappa, stokes, time, method, tolerance, look):
-    scene = replace(named_scene("spheroid"), ellipsoid=Ellipsoid((1.0, 1.0, kappa)), stokes=stokes, time=time)
+def test_errors_that_do_not_follow_the_tolerance_are_bounded(
+    kappa, stokes, time, method, tolerance, look
+):
+    scene = replace(
+        named_scene("spheroid"), ellipsoid=Ellipsoid((1.0, 1.0, kappa)), stokes=stokes, time=time
+    )
     what = plan(scene, "spheroid-axis", method, tolerance, 1e-6, "slow", 51)
     found = run(what.problem, method, tolerance, np.linspace(0, what.problem.end, 51))
     observables = what.form.observe(scene, found.states)
@@ -96,7 +100,14 @@ def test_errors_that_do_not_follow_the_tolerance_are_bounded(kappa, stokes, time
     slow = found if what.solver.many_periods else replace(found, work=Work(steps=10**6))
     seen = run_error(scene, what.form, what.solver, replace(slow, seconds=0.2), observables)
     assert look in seen.note
-    sharp = solve(scene, form="spheroid-axis", solver="cyrk-vern8", tolerance=1e-10, samples=51, estimate=False)
+    sharp = solve(
+        scene,
+        form="spheroid-axis",
+        solver="cyrk-vern8",
+        tolerance=1e-10,
+        samples=51,
+        estimate=False,
+    )
     true = errors(scene.ellipsoid, observables, sharp.observables)
     assert seen.slow is not None
     assert seen.orientation is not None
@@ -107,10 +118,14 @@ def test_errors_that_do_not_follow_the_tolerance_are_bounded(kappa, stokes, time
 
 def test_what_the_phase_makes_of_the_momentum_and_the_energy():
     scene = replace(named_scene("spheroid"), stokes=50.0, time=20.0)
-    found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-12, samples=4001, estimate=False)
+    found = solve(
+        scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-12, samples=4001, estimate=False
+    )
     unit = max(scene.ellipsoid.inertia)
     rates = np.gradient(found.observables.slow, 20.0 / 4000, axis=0, edge_order=2) / unit
-    turn = np.mean(2 * found.observables.energy / np.linalg.norm(found.observables.angular_momentum, axis=1))
+    turn = np.mean(
+        2 * found.observables.energy / np.linalg.norm(found.observables.angular_momentum, axis=1)
+    )
     sway = second_look._sway(scene, found.observables)
     assert sway == pytest.approx(np.max(np.ptp(rates, axis=0)) / turn, rel=0.1)
 
@@ -127,9 +142,15 @@ def test_what_the_phase_makes_of_the_momentum_and_the_energy():
     ],
 )
 def test_which_method_looks_first(kappa, stokes, time, method, turns, look):
-    scene = replace(named_scene("spheroid"), ellipsoid=Ellipsoid((1.0, 1.0, kappa)), stokes=stokes, time=time)
+    scene = replace(
+        named_scene("spheroid"), ellipsoid=Ellipsoid((1.0, 1.0, kappa)), stokes=stokes, time=time
+    )
     form = plan(scene, "spheroid-axis", method, 1e-6, 1e-6, "slow", 3)
-    found = replace(run(form.problem, "cyrk-vern8", 1e-3, np.array([0.0, 1e-3])), seconds=0.1, work=Work(steps=10**5))
+    found = replace(
+        run(form.problem, "cyrk-vern8", 1e-3, np.array([0.0, 1e-3])),
+        seconds=0.1,
+        work=Work(steps=10**5),
+    )
     found = replace(found, settings=replace(found.settings, tolerance=1e-6))
     first = next(second_look._looks(scene, form.form, find_solver(method), found, turns, 0.05))
     assert first.solver.name == look
@@ -139,7 +160,9 @@ def test_a_look_less_accurate_than_a_run_by_taylor_bounds_its_error_from_above_a
     scene = replace(named_scene("long"), time=1e4)
     what = plan(scene, "quaternion", "taylor", 1e-13, 1e-6, "slow", 51)
     found = what.observed(run(what.problem, "taylor", 1e-13, what.times))
-    seen = run_error(scene, what.form, what.solver, replace(found.run, seconds=0.02), found.observables)
+    seen = run_error(
+        scene, what.form, what.solver, replace(found.run, seconds=0.02), found.observables
+    )
     true = errors(scene.ellipsoid, found.observables, solve(scene, **TIGHT, samples=51).observables)
     assert seen.slow is not None
     assert seen.slow.low <= true.slow <= seen.slow.high
@@ -148,8 +171,12 @@ def test_a_look_less_accurate_than_a_run_by_taylor_bounds_its_error_from_above_a
 def test_no_look_no_error_and_why():
     what = plan("paper", "quaternion", "cyrk-dop853", 1e-8, 1e-6, "slow", 11)
     assert replace(what, estimate=False).run().error is UNKNOWN
-    stopped = run(what.problem, "cyrk-dop853", 1e-8, np.linspace(0, what.problem.end, 11), max_steps=50)
-    seen = run_error(what.scene, what.form, what.solver, stopped, what.form.observe(what.scene, stopped.states))
+    stopped = run(
+        what.problem, "cyrk-dop853", 1e-8, np.linspace(0, what.problem.end, 11), max_steps=50
+    )
+    seen = run_error(
+        what.scene, what.form, what.solver, stopped, what.form.observe(what.scene, stopped.states)
+    )
     assert (seen.slow, seen.orientation, seen.note) == (None, None, "the run did not reach its end")
 
 
@@ -165,7 +192,9 @@ def test_a_closed_form_has_rounding_alone():
     assert found.error.slow.predicted == 0 < found.error.slow.high < 1e-11
 
 
-@pytest.mark.parametrize(("form", "advice"), [("averaged", "--form quaternion"), ("quaternion", "--tolerance ")])
+@pytest.mark.parametrize(
+    ("form", "advice"), [("averaged", "--form quaternion"), ("quaternion", "--tolerance ")]
+)
 def test_an_error_that_was_missed_has_advice(form, advice):
     what = plan("paper", form, "cyrk-vern8", None, 1e-6, "slow", 51)
     loose = replace(what, tolerance=1e-4)

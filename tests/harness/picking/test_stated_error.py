@@ -15,16 +15,22 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.contract import Status
 
 
-@pytest.mark.parametrize(("method", "tolerance"), [("planted:FirstOrder", 0.3), ("planted:FirstOrder", 0.03)])
+@pytest.mark.parametrize(
+    ("method", "tolerance"), [("planted:FirstOrder", 0.3), ("planted:FirstOrder", 0.03)]
+)
 def test_a_run_that_is_far_off_is_no_success(method: str, tolerance: float):
     """Angular velocities too large by the tolerance: quaternions of unit norm, steps enough."""
     given = {"form": "quaternion", "solver": method, "tolerance": tolerance}
     found, claimed = solve("paper", **given), solve("paper", **given, estimate=False)
     true = solve("paper", form="quaternion", solver="cyrk-vern8", tolerance=1e-14, estimate=False)
-    off = np.max(np.abs(found.observables.slow - true.observables.slow)) / max(found.scene.ellipsoid.inertia)
+    off = np.max(np.abs(found.observables.slow - true.observables.slow)) / max(
+        found.scene.ellipsoid.inertia
+    )
     assert claimed.status is Status.REACHED_END
     assert (found.status is Status.FALSE_SUCCESS) == (tolerance > 0.1) == bool(off > 0.1)
-    assert found.message.startswith(f"L or E is off by {off:.1e}".replace("e-0", "e-")) == (tolerance > 0.1)
+    assert found.message.startswith(f"L or E is off by {off:.1e}".replace("e-0", "e-")) == (
+        tolerance > 0.1
+    )
 
 
 def test_a_chaotic_run_is_not_doubted():
@@ -40,7 +46,9 @@ def test_a_run_that_nothing_else_follows_to_its_end_is_kept():
     assert (found.status, found.error.slow) == (Status.REACHED_END, None)
 
 
-@pytest.mark.parametrize(("scene", "angle"), [("paper", "orientation"), ("spheroid", "symmetry axis")])
+@pytest.mark.parametrize(
+    ("scene", "angle"), [("paper", "orientation"), ("spheroid", "symmetry axis")]
+)
 def test_words_say_what_the_angle_is_of(scene, angle):
     """Of a spheroid that of its axis: how far it has spun about this may be off by more."""
     found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-8)
@@ -51,11 +59,36 @@ def test_words_say_what_the_angle_is_of(scene, angle):
     ("form", "low", "tolerance", "advice"),
     [
         # What begins at 0 is a bound alone; what pieces state does not fall with the tolerance.
-        ("hybrid", 0.0, 1e-3, "may have been missed: it is at most 3.5e-2; do: --form spheroid-axis, whose"),
-        ("hybrid", 2e-3, 1e-3, "was missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5"),
-        ("quaternion", 5e-4, 1e-3, "may have been missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5"),
-        ("quaternion", 2e-3, 1e-12, "was missed: it is about 4.0e-3, at most 3.5e-2; no second run could confirm"),
-        ("averaged-spheroid", 2e-3, 1e-3, "was missed: it is about 4.0e-3, at most 3.5e-2; no full form takes"),
+        (
+            "hybrid",
+            0.0,
+            1e-3,
+            "may have been missed: it is at most 3.5e-2; do: --form spheroid-axis, whose",
+        ),
+        (
+            "hybrid",
+            2e-3,
+            1e-3,
+            "was missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5",
+        ),
+        (
+            "quaternion",
+            5e-4,
+            1e-3,
+            "may have been missed: it is about 4.0e-3, at most 3.5e-2; do: --tolerance 1e-5",
+        ),
+        (
+            "quaternion",
+            2e-3,
+            1e-12,
+            "was missed: it is about 4.0e-3, at most 3.5e-2; no second run could confirm",
+        ),
+        (
+            "averaged-spheroid",
+            2e-3,
+            1e-3,
+            "was missed: it is about 4.0e-3, at most 3.5e-2; no full form takes",
+        ),
     ],
 )
 def test_no_more_is_said_of_an_error_than_is_known(form, low, tolerance, advice):

@@ -37,7 +37,9 @@ def seen(scene, name, solver, tolerance):
 def made(scene, way, want):
     """The error of a way."""
     true = reference(scene, reference_form(scene), DEFAULT_SAMPLES).observables
-    return getattr(errors(scene.ellipsoid, seen(scene, way.form, way.solver, way.tolerance), true), want)
+    return getattr(
+        errors(scene.ellipsoid, seen(scene, way.form, way.solver, way.tolerance), true), want
+    )
 
 
 def wider(laws: Laws, factor: float) -> Laws:
@@ -56,7 +58,8 @@ def wider(laws: Laws, factor: float) -> Laws:
 
 
 @pytest.mark.parametrize(
-    ("name", "error", "want"), [("paper", 1e-6, "slow"), ("paper", 2e-13, "slow"), ("needle", 1e-4, "orientation")]
+    ("name", "error", "want"),
+    [("paper", 1e-6, "slow"), ("paper", 2e-13, "slow"), ("needle", 1e-4, "orientation")],
 )
 def test_a_trial_knows_the_error(name, error, want):
     """Down to rounding, where no law promises a yardstick."""
@@ -77,12 +80,16 @@ def test_where_the_full_equations_take_long_averaging_is_tried_against_a_run_in_
     first = pick(scene, error, laws=load_laws()).ranking[0]
     assert first.form == "averaged-second-order"
     assert SAID in first.reason
-    own, exact = (seen(scene, first.form, first.solver, tolerance) for tolerance in (first.tolerance, 1e-14))
+    own, exact = (
+        seen(scene, first.form, first.solver, tolerance) for tolerance in (first.tolerance, 1e-14)
+    )
     assert first.error.low <= errors(scene.ellipsoid, own, exact).slow <= first.error.high <= error
 
     def noted(*given):
         rows = [*yardsticks(*given)]
-        offered.extend((candidate.form.name, met) for candidate, _, met in rows if given[1].form.averaged)
+        offered.extend(
+            (candidate.form.name, met) for candidate, _, met in rows if given[1].form.averaged
+        )
         return iter(rows)
 
     # Where no law bounds what runs in pieces err by, these and averages may err alike.
@@ -108,7 +115,9 @@ def test_averaging_that_may_err_too_much_is_tried_against_the_full_equations(kno
         assert way.error.low <= made(scene, way, "slow") <= way.error.high <= error
 
 
-def test_a_yardstick_of_the_same_averaged_form_is_as_good_where_averaging_takes_most_of_the_error(monkeypatch):
+def test_a_yardstick_of_the_same_averaged_form_is_as_good_where_averaging_takes_most_of_the_error(
+    monkeypatch,
+):
     """What averaging errs by is the same in both."""
     scene, error, seen = replace(named_scene("spheroid"), stokes=1e5, time=1e4), 1e-5, []
     most = Interval(0.4 * error, 0.2 * error, 0.8 * error)
@@ -134,9 +143,14 @@ def test_a_way_over_many_periods_is_held_against_its_own_tighter_run(monkeypatch
     assert SAID in way.reason
     own, exact = (
         seen(scene, *known)
-        for known in ((way.form, way.solver, way.tolerance), (way.form, "splitting-extended", 1e-12))
+        for known in (
+            (way.form, way.solver, way.tolerance),
+            (way.form, "splitting-extended", 1e-12),
+        )
     )
-    assert way.error.low <= errors(scene.ellipsoid, own, exact).orientation <= way.error.high <= error
+    assert (
+        way.error.low <= errors(scene.ellipsoid, own, exact).orientation <= way.error.high <= error
+    )
     monkeypatch.setattr(trials.Trials, "error", lambda *_: 0.0)
     # Of a run made twice nothing follows.
     rows = pick(scene, error, want, laws=load_laws()).ranking
@@ -144,7 +158,9 @@ def test_a_way_over_many_periods_is_held_against_its_own_tighter_run(monkeypatch
 
 
 @pytest.mark.parametrize(("error", "at_word"), [(1e-9, False), (1e-8, True)])
-def test_a_run_in_pieces_is_held_against_its_own_tighter_one_or_taken_at_its_word(error, at_word, monkeypatch):
+def test_a_run_in_pieces_is_held_against_its_own_tighter_one_or_taken_at_its_word(
+    error, at_word, monkeypatch
+):
     """Where the full equations would take long."""
     monkeypatch.setattr(trials, "OVERRUN", 1e3)
     if at_word:
@@ -157,13 +173,15 @@ def test_a_run_in_pieces_is_held_against_its_own_tighter_one_or_taken_at_its_wor
     assert SAID in way.reason
     assert way.reason.endswith("as its pieces state") == at_word
     own, close = (
-        seen(scene, "hybrid", *how) for how in ((way.solver, way.tolerance), ("cyrk-dop853", way.tolerance / 100))
+        seen(scene, "hybrid", *how)
+        for how in ((way.solver, way.tolerance), ("cyrk-dop853", way.tolerance / 100))
     )
     assert way.error.low <= errors(scene.ellipsoid, own, close).slow <= way.error.high <= error
 
 
 @pytest.mark.parametrize(
-    ("seed", "place"), [pytest.param(6152, 1, id="hoped-for-misses"), pytest.param(6153, 10, id="surer-ways-first")]
+    ("seed", "place"),
+    [pytest.param(6152, 1, id="hoped-for-misses"), pytest.param(6153, 10, id="surer-ways-first")],
 )
 def test_rounding_that_laws_foresee_and_runs_do_not_make_costs_nothing(seed, place, monkeypatch):
     """Splitting is ten times as quick as what laws do not refuse."""
@@ -173,9 +191,14 @@ def test_rounding_that_laws_foresee_and_runs_do_not_make_costs_nothing(seed, pla
     assert way.solver == "splitting"
     assert SAID in way.reason
     own, exact = (
-        seen(asked.scene, way.form, *how) for how in ((way.solver, way.tolerance), ("splitting-extended", 1e-12))
+        seen(asked.scene, way.form, *how)
+        for how in ((way.solver, way.tolerance), ("splitting-extended", 1e-12))
     )
-    assert way.error.low <= getattr(errors(asked.scene.ellipsoid, own, exact), asked.want) <= way.error.high
+    assert (
+        way.error.low
+        <= getattr(errors(asked.scene.ellipsoid, own, exact), asked.want)
+        <= way.error.high
+    )
     assert way.error.high <= asked.error * (1 + 1e-9)
 
 
@@ -206,7 +229,9 @@ def test_a_run_that_takes_too_long_is_tried_again_more_loosely(monkeypatch):
     assert asked[1] == one_digit(trials.LOOSER * asked[0])
     (same,) = (way for way in rows if (way.form, way.solver) == method)
     monkeypatch.setattr(trials, "WAYS", 0)
-    (alone,) = (way for way in pick(scene, 1e-7, laws=laws).ranking if (way.form, way.solver) == method)
+    (alone,) = (
+        way for way in pick(scene, 1e-7, laws=laws).ranking if (way.form, way.solver) == method
+    )
     assert same.seconds.predicted == pytest.approx(trials.OVERRUN * alone.seconds.predicted)
 
 
@@ -215,7 +240,11 @@ def test_caution_of_a_law_does_not_tighten_what_was_tried():
     usual, cautious = (pick(scene, 1e-6, laws=each).ranking for each in (laws, wider(laws, 3.0)))
     assert (cautious[0].solver, cautious[0].tolerance) == (usual[0].solver, usual[0].tolerance)
     later = {(way.form, way.solver): way.tolerance for way in usual if SAID not in way.reason}
-    assert all(way.tolerance < later[way.form, way.solver] for way in cautious if (way.form, way.solver) in later)
+    assert all(
+        way.tolerance < later[way.form, way.solver]
+        for way in cautious
+        if (way.form, way.solver) in later
+    )
 
 
 @pytest.mark.parametrize("nothing", ["WAYS", "ALL", "COMPILED"])
@@ -238,7 +267,9 @@ def test_steps_that_a_trial_made_price_a_way_of_many_periods():
     assert SAID in way.reason
     assert way.solver in ("splitting", "stroboscopic")
     problem = form(way.form).problem(scene)
-    work = solve(problem, way.solver, way.tolerance, np.linspace(0, problem.end, DEFAULT_SAMPLES)).work
+    work = solve(
+        problem, way.solver, way.tolerance, np.linspace(0, problem.end, DEFAULT_SAMPLES)
+    ).work
     load = Load((work.steps or 0) + (work.rejected or 0), work.inner or 0, 0.0, DEFAULT_SAMPLES)
     assert way.seconds == laws.methods[way.form, way.solver].cost.predict(load, way.tolerance)
 
@@ -246,7 +277,9 @@ def test_steps_that_a_trial_made_price_a_way_of_many_periods():
 def test_a_trial_without_any_error_asks_for_the_loosest_tolerance_whatever_the_order(monkeypatch):
     laws = load_laws()
     low = {
-        name: replace(law, errors={want: replace(each, order=0.6) for want, each in law.errors.items()})
+        name: replace(
+            law, errors={want: replace(each, order=0.6) for want, each in law.errors.items()}
+        )
         for name, law in laws.methods.items()
     }
     monkeypatch.setattr(trials.Trials, "error", lambda *_: 0.0)
@@ -256,7 +289,9 @@ def test_a_trial_without_any_error_asks_for_the_loosest_tolerance_whatever_the_o
 
 
 @pytest.mark.parametrize(("error", "count"), [(1e-2, trials.WAYS), (np.inf, 0)])
-def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_not(error, count, monkeypatch):
+def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_not(
+    error, count, monkeypatch
+):
     """Whatever the law promises."""
     hoped = {"tolerance": 1e-12, "seconds": Interval(1e-9, 1e-9, 1e-9)}
     monkeypatch.setattr(Candidate, "hoped", lambda self, **_: replace(self.expected(), **hoped))
@@ -265,14 +300,21 @@ def test_an_error_shown_to_be_missed_excludes_a_way_and_a_run_that_fails_does_no
     monkeypatch.setattr(trials.Trials, "error", lambda *_: error)
     monkeypatch.setattr(trials, "TOLERANCES", 1)
     excluded = pick(named_scene("needle"), 1e-4, "orientation", laws=load_laws()).excluded
-    assert [each.reason for each in excluded].count("a trial run at 1.0e-12 errs by 1.0e-2") == count
+    assert [each.reason for each in excluded].count(
+        "a trial run at 1.0e-12 errs by 1.0e-2"
+    ) == count
 
 
 def test_a_law_that_a_trial_contradicts_is_believed_no_longer(monkeypatch):
     """Nor those of other solvers on the same equations: what amplifies errors is the scene's."""
     scene, error, laws = named_scene("paper"), 1e-7, load_laws()
     methods = {
-        name: replace(law, errors={want: replace(each, offset=each.offset - 2.5) for want, each in law.errors.items()})
+        name: replace(
+            law,
+            errors={
+                want: replace(each, offset=each.offset - 2.5) for want, each in law.errors.items()
+            },
+        )
         for name, law in laws.methods.items()
     }
     # No trial but the first one: what follows from it has to do.
@@ -302,12 +344,20 @@ def test_what_a_form_in_pieces_missed_it_misses_by_every_solver():
 
 def test_runs_that_average_are_foreseen_for_no_solver_that_never_averaged_in_training():
     scene, laws = replace(named_scene("spheroid"), stokes=1e6, time=1e5), load_laws()
-    unknown = {name for (each, name), law in laws.methods.items() if each == "hybrid" and not law.cost.per_piece}
+    unknown = {
+        name
+        for (each, name), law in laws.methods.items()
+        if each == "hybrid" and not law.cost.per_piece
+    }
     assert unknown
     found = pick(scene, 1e-4, laws=laws)
     reasons = {each.solver: each.reason for each in found.excluded if each.form == "hybrid"}
-    assert {reasons.get(name) for name in unknown} == {"no law: not measured with pieces that average"}
-    assert {"cyrk-dop853", "taylor"} <= {way.solver for way in found.ranking if way.form == "hybrid"}
+    assert {reasons.get(name) for name in unknown} == {
+        "no law: not measured with pieces that average"
+    }
+    assert {"cyrk-dop853", "taylor"} <= {
+        way.solver for way in found.ranking if way.form == "hybrid"
+    }
 
 
 @pytest.mark.parametrize(
@@ -321,6 +371,13 @@ def test_stiff_runs_are_tried_in_angles_too(semi_axes, stokes, time, error):
     first = pick(scene, error).ranking[0]
     chosen = first_way(scene, error, "slow", DEFAULT_SAMPLES)
     assert chosen
-    assert (chosen.form, chosen.solver, chosen.tolerance) == (first.form, first.solver, first.tolerance)
+    assert (chosen.form, chosen.solver, chosen.tolerance) == (
+        first.form,
+        first.solver,
+        first.tolerance,
+    )
     true = seen(scene, "quaternion", "cyrk-radau", 1e-12)
-    assert errors(scene.ellipsoid, seen(scene, first.form, first.solver, first.tolerance), true).slow <= error
+    assert (
+        errors(scene.ellipsoid, seen(scene, first.form, first.solver, first.tolerance), true).slow
+        <= error
+    )

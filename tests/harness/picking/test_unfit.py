@@ -10,7 +10,15 @@ from polhode.harness.picking.laws import load_laws
 from polhode.harness.picking.model_error import model_errors
 from polhode.harness.picking.pilot import pilot
 from polhode.harness.picking.ranking import NotAttainableError, pick
-from polhode.harness.picking.refusals import Refusal, Stage, apart, one_digit, one_digit_up, too_far_off, why_nothing
+from polhode.harness.picking.refusals import (
+    Refusal,
+    Stage,
+    apart,
+    one_digit,
+    one_digit_up,
+    too_far_off,
+    why_nothing,
+)
 from polhode.harness.references.errors import attainable
 from polhode.models.catalogue import form
 from polhode.models.scene import Scene, SlowStart
@@ -36,7 +44,9 @@ def from_l_and_e() -> Scene:
     ("scene", "error", "want", "why"),
     [
         (named_scene("spheroid"), 1e-14, "orientation", "rounding along the run"),
-        pytest.param(named_scene("needle"), 1e-14, "slow", "rounding along the run", marks=pytest.mark.slow),
+        pytest.param(
+            named_scene("needle"), 1e-14, "slow", "rounding along the run", marks=pytest.mark.slow
+        ),
         (from_l_and_e(), 1e-7, "slow", "model error"),
     ],
     ids=["spheroid", "needle", "averaged alone"],
@@ -70,15 +80,28 @@ def test_without_libraries_they_are_named(monkeypatch: pytest.MonkeyPatch):
 
 def test_where_some_libraries_are_missing_both_are_told():
     told = [
-        Refusal("quaternion", "taylor", "heyoka is not installed: pip install heyoka", Stage.LIBRARY),
         Refusal(
-            "quaternion", "dop853", "rounding along the run leaves errors up to 2e-9, above 1e-9", Stage.ERROR, 2e-9
+            "quaternion", "taylor", "heyoka is not installed: pip install heyoka", Stage.LIBRARY
         ),
-        Refusal("quaternion", "rk45", "rounding along the run leaves errors up to 3e-9, above 1e-9", Stage.ERROR, 3e-9),
+        Refusal(
+            "quaternion",
+            "dop853",
+            "rounding along the run leaves errors up to 2e-9, above 1e-9",
+            Stage.ERROR,
+            2e-9,
+        ),
+        Refusal(
+            "quaternion",
+            "rk45",
+            "rounding along the run leaves errors up to 3e-9, above 1e-9",
+            Stage.ERROR,
+            3e-9,
+        ),
         Refusal("averaged", "taylor", "St is too small", Stage.AVERAGING),
     ]
     expected = (
-        "expected at least 2e-9 (quaternion by dop853): rounding along the run leaves errors up to 2e-9, above 1e-9"
+        "expected at least 2e-9 (quaternion by dop853): "
+        "rounding along the run leaves errors up to 2e-9, above 1e-9"
     )
     assert why_nothing(told) == f"{expected}; heyoka is not installed: pip install heyoka"
 
@@ -124,11 +147,15 @@ def test_the_least_error_told_is_one_that_can_be_asked_for():
 @pytest.mark.parametrize("name", ["stiff", "thin-plate"])
 def test_small_st_is_told_before_what_else_is_wrong(name: str):
     scene = replace(named_scene(name), stokes=1e-3, time=1.0)
-    reasons = {each.reason for each in pick(scene, 1e-3).excluded if each.form == "averaged-second-order"}
+    reasons = {
+        each.reason for each in pick(scene, 1e-3).excluded if each.form == "averaged-second-order"
+    }
     (reason,) = reasons
     found = pilot(scene)
     share = f"{found.rotations / found.damping_times:.2g}"
-    told = re.match(rf"St is too small to average over rotations: ({NUMBER}) of them per damping time", reason)
+    told = re.match(
+        rf"St is too small to average over rotations: ({NUMBER}) of them per damping time", reason
+    )
     assert told
     assert float(told[1]) == float(share) < 0.3
 
@@ -140,8 +167,13 @@ def test_a_model_error_and_what_it_exceeds_are_not_the_same_number(factor: float
     assert made
     asked = made.high * factor
     way = "averaged-spheroid", "taylor"
-    (reason,) = {each.reason for each in pick(scene, asked).excluded if (each.form, each.solver) == way}
-    numbers = re.match(rf"model error up to ({NUMBER}) (exceeds|leaves the solver less than 5 % of) ({NUMBER})", reason)
+    (reason,) = {
+        each.reason for each in pick(scene, asked).excluded if (each.form, each.solver) == way
+    }
+    numbers = re.match(
+        rf"model error up to ({NUMBER}) (exceeds|leaves the solver less than 5 % of) ({NUMBER})",
+        reason,
+    )
     assert numbers
     first, second = float(numbers[1]), float(numbers[3])
     assert (first > second) is (factor < 1)

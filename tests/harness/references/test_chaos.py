@@ -50,7 +50,9 @@ def test_the_exponent_of_a_saddle_is_exact():
     assert found.meaningful_until(1e-8) == pytest.approx(log(1e6) / 0.25, abs=3)
 
 
-@pytest.mark.parametrize(("name", "form"), [("paper", "quaternion"), ("jeffery", "jeffery"), ("long", "quaternion")])
+@pytest.mark.parametrize(
+    ("name", "form"), [("paper", "quaternion"), ("jeffery", "jeffery"), ("long", "quaternion")]
+)
 def test_regular_motion_is_not_called_chaotic(name: str, form: str):
     scene = named_scene(name)
     scene = replace(scene, time=min(scene.time, 2e4))
@@ -61,7 +63,9 @@ def test_regular_motion_is_not_called_chaotic(name: str, form: str):
 
 def test_threads_do_not_share_an_integrator_that_holds_a_state():
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(tangent_integrator, saddle, 2, 1).result() is not tangent_integrator(saddle, 2, 1)
+        assert pool.submit(tangent_integrator, saddle, 2, 1).result() is not tangent_integrator(
+            saddle, 2, 1
+        )
 
 
 def test_growth_agrees_with_two_neighbouring_trajectories():
@@ -71,7 +75,9 @@ def test_growth_agrees_with_two_neighbouring_trajectories():
     tiny = 1e-9 * direction / np.linalg.norm(direction)
     times = found.times
     one = solve(problem, "taylor", 1e-15, times).states
-    other = solve(replace(problem, start=tuple(np.array(problem.start) + tiny)), "taylor", 1e-15, times).states
+    other = solve(
+        replace(problem, start=tuple(np.array(problem.start) + tiny)), "taylor", 1e-15, times
+    ).states
     parted = np.linalg.norm(other - one, axis=1) / 1e-9
     small = parted * 1e-9 < 1e-4
     assert np.log(parted[small]) == pytest.approx(found.logarithm[small], abs=0.02)

@@ -21,7 +21,9 @@ PROLATE = Ellipsoid((1.0, 1.0, 2.0))
 def solved(scene: Scene, form: str, samples: int, tolerance: float = 1e-14) -> Observables:
     shape = find_form(form)
     problem = shape.problem(scene)
-    return shape.observe(scene, solve(problem, "taylor", tolerance, np.linspace(0, problem.end, samples)).states)
+    return shape.observe(
+        scene, solve(problem, "taylor", tolerance, np.linspace(0, problem.end, samples)).states
+    )
 
 
 def turned(rotation: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
@@ -74,22 +76,33 @@ def test_a_run_shifted_in_time_is_out_of_phase_alone(form: str):
     shape = find_form(form)
     problem = shape.problem(later)
     times = np.concatenate([[0.0], np.linspace(0, later.time, 202)[1:] + delay])
-    shifted = shape.observe(later, solve(replace(problem, end=times[-1]), "taylor", 1e-14, times).states)
+    shifted = shape.observe(
+        later, solve(replace(problem, end=times[-1]), "taylor", 1e-14, times).states
+    )
     found = errors(PROLATE, shifted, dense)
-    speed = np.linalg.norm(np.cross(dense.angular_momentum, dense.rotation[:, 2]), axis=1) / PROLATE.inertia[0]
+    speed = (
+        np.linalg.norm(np.cross(dense.angular_momentum, dense.rotation[:, 2]), axis=1)
+        / PROLATE.inertia[0]
+    )
     assert found.phase == pytest.approx(delay * speed[1:].max(), rel=1e-4)
     assert found.shape is not None
     assert found.shape < 1e-4 * delay
 
 
 def test_large_differences_are_not_split(run: Observables):
-    found = errors(TRIAXIAL, replace(run, rotation=turned(run.rotation, np.tile([1.0, 0, 0], (501, 1)), 1.0)), run)
+    found = errors(
+        TRIAXIAL,
+        replace(run, rotation=turned(run.rotation, np.tile([1.0, 0, 0], (501, 1)), 1.0)),
+        run,
+    )
     assert found.orientation == pytest.approx(1.0)
     assert found.phase is None
     assert found.shape is None
 
 
-@pytest.mark.parametrize(("semi_axes", "form"), [((1, 0.8, 0.5), "quaternion"), ((1, 1, 2), "spheroid-axis")])
+@pytest.mark.parametrize(
+    ("semi_axes", "form"), [((1, 0.8, 0.5), "quaternion"), ((1, 1, 2), "spheroid-axis")]
+)
 def test_balance_shows_energy_that_nobody_put_in(semi_axes: tuple, form: str):
     scene = Scene(Ellipsoid(semi_axes), 20.0, named_scene("paper").start, 20.0)
     true, run = solved(scene, "quaternion", 401), solved(scene, form, 401)
@@ -101,8 +114,12 @@ def test_balance_shows_energy_that_nobody_put_in(semi_axes: tuple, form: str):
 
 def test_balance_of_a_loose_run_is_that_of_the_power_integrated_densely():
     scene = replace(named_scene("paper"), stokes=20.0, time=20.0)
-    sparse = balance_residual(scene, solved(scene, "quaternion", 201, 1e-3), solved(scene, "quaternion", 201))
-    dense = balance_residual(scene, solved(scene, "quaternion", 3201, 1e-3), solved(scene, "quaternion", 3201))
+    sparse = balance_residual(
+        scene, solved(scene, "quaternion", 201, 1e-3), solved(scene, "quaternion", 201)
+    )
+    dense = balance_residual(
+        scene, solved(scene, "quaternion", 3201, 1e-3), solved(scene, "quaternion", 3201)
+    )
     assert sparse is not None
     assert dense is not None
     assert sparse == pytest.approx(dense, rel=0.2)
@@ -110,14 +127,21 @@ def test_balance_of_a_loose_run_is_that_of_the_power_integrated_densely():
 
 def test_balance_is_unknown_where_the_samples_do_not_resolve_it():
     scene = replace(named_scene("paper"), stokes=1e4, time=5e3)
-    assert balance_residual(scene, solved(scene, "quaternion", 101, 1e-6), solved(scene, "quaternion", 101)) is None
+    assert (
+        balance_residual(
+            scene, solved(scene, "quaternion", 101, 1e-6), solved(scene, "quaternion", 101)
+        )
+        is None
+    )
 
 
 def test_completed_rotations_are_rotations():
     scene = replace(named_scene("spheroid"), time=20.0)
     rotation = completed(scene.ellipsoid, solved(scene, "spheroid-axis", 11).rotation)
     assert rotation is not None
-    assert np.einsum("nij,nkj->nik", rotation, rotation) == pytest.approx(np.tile(np.eye(3), (11, 1, 1)), abs=1e-15)
+    assert np.einsum("nij,nkj->nik", rotation, rotation) == pytest.approx(
+        np.tile(np.eye(3), (11, 1, 1)), abs=1e-15
+    )
     assert np.linalg.det(rotation) == pytest.approx(np.ones(11))
 
 
@@ -147,4 +171,6 @@ def test_symmetric_bodies_may_turn_about_their_axis():
     scene = replace(named_scene("spheroid"), time=5.0)
     run = solved(scene, "quaternion", 11)
     about = turned(run.rotation, run.rotation[:, 2], pi / 3)
-    assert errors(PROLATE, replace(run, rotation=about), run).orientation == pytest.approx(0, abs=1e-15)
+    assert errors(PROLATE, replace(run, rotation=about), run).orientation == pytest.approx(
+        0, abs=1e-15
+    )

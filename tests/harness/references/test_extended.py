@@ -40,7 +40,9 @@ def test_beyond_so_many_rotations_there_is_none_in_limited_time(monkeypatch):
 
 def test_methods_that_disagree_are_no_reference_and_share_a_limit(monkeypatch):
     runs = []
-    monkeypatch.setattr(module, "solve", lambda *args, **kw: runs.append((kw, solve(*args, **kw))) or runs[-1][1])
+    monkeypatch.setattr(
+        module, "solve", lambda *args, **kw: runs.append((kw, solve(*args, **kw))) or runs[-1][1]
+    )
     monkeypatch.setattr(module, "AGAINST", ("cyrk-tsit5", 1e-3))
     monkeypatch.setattr(module, "APART", 1e-6)
     with pytest.raises(ReferenceFailedError, match="two methods are"):
@@ -49,7 +51,9 @@ def test_methods_that_disagree_are_no_reference_and_share_a_limit(monkeypatch):
     assert second["max_seconds"] <= first["max_seconds"] - found.seconds < 10
 
 
-def test_over_very_many_shear_times_a_third_run_says_how_well_a_reference_is_known(known, monkeypatch):
+def test_over_very_many_shear_times_a_third_run_says_how_well_a_reference_is_known(
+    known, monkeypatch
+):
     scene, exact = known
     monkeypatch.setattr(module, "FREE_UP_TO", 1.0)
     monkeypatch.setattr(module, "EXTENDED_TIME", 1.0)

@@ -80,7 +80,9 @@ def test_uncertainty_is_no_smaller_than_what_half_an_ulp_makes():
         (SPHEROID, "averaged-spheroid", ("averaged-spheroid", "cyrk-vern8")),
     ],
 )
-def test_references_are_certified_by_another_form_and_method(scene: Scene, form: str, by: tuple[str, str]):
+def test_references_are_certified_by_another_form_and_method(
+    scene: Scene, form: str, by: tuple[str, str]
+):
     found = reference(scene, form, 11).certificate
     assert (found.form, found.solver) == by
     assert found.pieces >= 20
@@ -99,7 +101,9 @@ def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
 
     monkeypatch.setattr(module, "extended_run", lying)
     monkeypatch.setattr(cache, "keep", lambda key, arrays: arrays)
-    with pytest.raises(ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"):
+    with pytest.raises(
+        ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"
+    ):
         reference(replace(PAPER, time=49.0), "quaternion", 11)
 
 
@@ -130,7 +134,9 @@ def test_rounding_of_many_steps_is_allowed_for_and_hides_no_larger_error():
     before, after = (certificate.observe(form, scene, row[None]) for row in rows)
     off = replace(after, angular_momentum=after.angular_momentum + 1e-11)
     by = certificate.opposite(scene, form)
-    honest, wrong = (certificate._other_form(scene, by, before, each, 500.0) for each in (after, off))
+    honest, wrong = (
+        certificate._other_form(scene, by, before, each, 500.0) for each in (after, off)
+    )
     assert honest <= 1 < wrong
 
 
@@ -144,12 +150,17 @@ def test_pieces_that_go_back_do_not_amplify(name: str):
 
 def test_a_second_call_reads_the_cache_and_a_damaged_file_is_computed_anew(monkeypatch, capsys):
     first = reference(PAPER, "quaternion", 21)
-    monkeypatch.setattr(module, "_compute", lambda *arguments: pytest.fail("computed though cached"))
+    monkeypatch.setattr(
+        module, "_compute", lambda *arguments: pytest.fail("computed though cached")
+    )
     second = reference(PAPER, "quaternion", 21)
     assert second.observables.rotation.tobytes() == first.observables.rotation.tobytes()
     # Sums over other strides differ in their last bit.
     assert second.observables.rotation.strides == first.observables.rotation.strides
-    assert (second.slow_uncertainty, second.certificate) == (first.slow_uncertainty, first.certificate)
+    assert (second.slow_uncertainty, second.certificate) == (
+        first.slow_uncertainty,
+        first.certificate,
+    )
     monkeypatch.undo()
     key = module._key(find_form("quaternion").problem(PAPER), 21)
     path = cache.path_of(key)
@@ -196,13 +207,20 @@ def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_secon
 
 
 def test_every_full_form_has_the_same_reference_and_averaged_ones_their_own():
-    assert reference(SPHEROID, "spheroid-axis", 11).form == reference(SPHEROID, "euler-angles", 11).form == "quaternion"
+    assert (
+        reference(SPHEROID, "spheroid-axis", 11).form
+        == reference(SPHEROID, "euler-angles", 11).form
+        == "quaternion"
+    )
     assert reference(SPHEROID, "averaged-spheroid", 11).form == "averaged-spheroid"
 
 
 def test_references_of_a_body_with_renamed_axes_have_its_own_orientation():
     """The averaged equations, and so the problem, are the same to the last bit."""
-    start = BodyStart((1, 0, 0, 0), (0.3, 0.2, 0.7)), BodyStart((0.5, -0.5, -0.5, -0.5), (0.7, 0.3, 0.2))
+    start = (
+        BodyStart((1, 0, 0, 0), (0.3, 0.2, 0.7)),
+        BodyStart((0.5, -0.5, -0.5, -0.5), (0.7, 0.3, 0.2)),
+    )
     bodies = Ellipsoid((1.0, 1.0, 2.0)), Ellipsoid((2.0, 1.0, 1.0))
     scenes = [Scene(*each, 100.0) for each in zip(bodies, (1e4, 1e4), start, strict=True)]
     form = find_form("averaged-second-order")
@@ -213,6 +231,8 @@ def test_references_of_a_body_with_renamed_axes_have_its_own_orientation():
 
 
 def test_beyond_the_horizon_there_is_no_reference():
-    with pytest.raises(ReferenceFailedError, match="expected at most 5e\\+07 above St = 1e6") as caught:
+    with pytest.raises(
+        ReferenceFailedError, match="expected at most 5e\\+07 above St = 1e6"
+    ) as caught:
         reference(replace(PAPER, stokes=1e8, time=1e8), "quaternion", 11)
     assert not caught.value.status

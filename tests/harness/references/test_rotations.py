@@ -15,7 +15,11 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
 
 START = EulerStart((1.0, 0.5, 0.2), (1.0, 1.0, -1.0))
-TRIAXIAL, PROLATE, OBLATE = Ellipsoid((1.0, 0.8, 0.5)), Ellipsoid((1.0, 1.0, 1.5)), Ellipsoid((0.4, 1.0, 1.0))
+TRIAXIAL, PROLATE, OBLATE = (
+    Ellipsoid((1.0, 0.8, 0.5)),
+    Ellipsoid((1.0, 1.0, 1.5)),
+    Ellipsoid((0.4, 1.0, 1.0)),
+)
 
 
 def by_quadrature(scene, samples=40_001):
@@ -30,7 +34,18 @@ def by_quadrature(scene, samples=40_001):
     return float(np.trapezoid(np.linalg.norm(body, axis=1), times)) / (2 * pi)
 
 
-NAMED = ["paper", "paper-saddle", "pinch-point", "rest-5e4", "needle", "plate", "stiff", "jeffery", "tumbler", "top"]
+NAMED = [
+    "paper",
+    "paper-saddle",
+    "pinch-point",
+    "rest-5e4",
+    "needle",
+    "plate",
+    "stiff",
+    "jeffery",
+    "tumbler",
+    "top",
+]
 
 
 @pytest.mark.parametrize("name", NAMED)
@@ -70,7 +85,9 @@ def test_averages_are_not_trusted_where_momentum_vanishes(monkeypatch):
     assert rotations(scene) == pytest.approx(by_quadrature(scene), rel=1e-3)
 
 
-@pytest.mark.parametrize(("stokes", "limit"), [(20.0, "LONGEST_ROTATIONS"), (0.05, "LONGEST_STIFF")])
+@pytest.mark.parametrize(
+    ("stokes", "limit"), [(20.0, "LONGEST_ROTATIONS"), (0.05, "LONGEST_STIFF")]
+)
 def test_long_runs_go_on_at_the_mean_rate(stokes, limit, monkeypatch):
     scene = Scene(TRIAXIAL, stokes, START, 2000.0)
     whole = rotations(scene)
@@ -84,12 +101,17 @@ def test_at_rest_without_torque():
 
 
 @pytest.mark.parametrize(("stokes", "time", "stiff"), [(300.0, 2e5, False), (0.1, 1e3, True)])
-def test_a_run_is_stiff_where_an_explicit_method_takes_as_many_steps_at_any_tolerance(stokes, time, stiff):
+def test_a_run_is_stiff_where_an_explicit_method_takes_as_many_steps_at_any_tolerance(
+    stokes, time, stiff
+):
     """However many its damping times are."""
     scene = replace(named_scene("paper"), stokes=stokes, time=time)
     assert damping_times(scene) > STIFF
     assert is_stiff(scene) is stiff
     problem = form("quaternion").problem(scene)
-    loose, tight = (solve(problem, "cyrk-vern8", tolerance, (0.0, time / 10)).work.steps for tolerance in (1e-5, 1e-9))
+    loose, tight = (
+        solve(problem, "cyrk-vern8", tolerance, (0.0, time / 10)).work.steps
+        for tolerance in (1e-5, 1e-9)
+    )
     # Accuracy alone asks for 10^(4/8) as many.
     assert (tight < 2 * loose) is stiff

@@ -30,14 +30,22 @@ def test_without_a_stated_uncertainty_nothing_is_known():
 
 
 def test_of_every_error_of_a_frame_it_is_known_or_not():
-    table = frame([{**row, "orientation_error": 1e-3, "orientation_uncertainty": 1e-9} for row in ROWS])
+    table = frame(
+        [{**row, "orientation_error": 1e-3, "orientation_uncertainty": 1e-9} for row in ROWS]
+    )
     assert known(table, "slow_error")[:4].tolist() == [True, False, False, False]
     assert known(table, "orientation_error").tolist() == [True] * 5
 
 
 @pytest.mark.parametrize("uncertainty", [1e-10, 0.9e-9])
 def test_the_regime_map_goes_by_the_same_limit(uncertainty: float):
-    run = {"form": "quaternion", "solver": "taylor", "status": "reached_end", "seconds": 1.0, "stokes": 1.0}
+    run = {
+        "form": "quaternion",
+        "solver": "taylor",
+        "status": "reached_end",
+        "seconds": 1.0,
+        "stokes": 1.0,
+    }
     errors = [run | {"slow_error": 10.0**-k, "slow_uncertainty": uncertainty} for k in range(1, 13)]
     table = pd.DataFrame(errors)
     at = dict(zip(table["slow_error"], known(table, "slow_error"), strict=True))

@@ -12,7 +12,9 @@ from PIL import Image
 
 from polhode.harness import site
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
     "--disable-component-update --disable-sync --host-resolver-rules=MAP%*%~NOTFOUND --virtual-time-budget=20000"
@@ -119,7 +121,9 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get i
 
 
 @pytest.fixture(scope="module")
-def seen(tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]) -> dict[tuple[str, int], dict]:
+def seen(
+    tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]
+) -> dict[tuple[str, int], dict]:
     """What every page tells at every width, all in one start of the browser."""
     folder = tmp_path_factory.mktemp("browser")
     (folder / "site" / "figures").mkdir(parents=True)
@@ -149,7 +153,9 @@ def seen(tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]) -
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     found = re.search(r'data-found="([^"]*)"', done.stdout)
     assert found, done.stderr[-2000:]
-    return {(Path(each["name"]).stem, each["width"]): each for each in json.loads(unescape(found[1]))}
+    return {
+        (Path(each["name"]).stem, each["width"]): each for each in json.loads(unescape(found[1]))
+    }
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -201,14 +207,19 @@ def test_a_question_is_answered_and_kept_in_the_address(seen: dict[tuple[str, in
     assert page["shown"] == 1
 
 
-def test_a_table_of_many_rows_is_filtered_and_the_address_keeps_it(seen: dict[tuple[str, int], dict]):
+def test_a_table_of_many_rows_is_filtered_and_the_address_keeps_it(
+    seen: dict[tuple[str, int], dict],
+):
     page = seen["own", 1100]
     assert sorted(page["filtered"]) == ["g", "h"]
     assert page["kept"] == "#rows0=7.0e-9"
 
 
 def test_the_page_of_costs_names_the_cheapest(seen: dict[tuple[str, int], dict]):
-    assert re.search(r"Cheapest, by error reached\. .*: [\w-]+ by [\w-]+, \S+ \S*s", seen["cost", 1100]["finding"])
+    assert re.search(
+        r"Cheapest, by error reached\. .*: [\w-]+ by [\w-]+, \S+ \S*s",
+        seen["cost", 1100]["finding"],
+    )
 
 
 def test_the_sphere_turns(seen: dict[tuple[str, int], dict]):

@@ -42,7 +42,11 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
     page = site_pages[name]
     within = {f"#{place}" for place in re.findall(r'id="([^"]*)"', page)}
     links = set(re.findall(r'(?:src|href|action)="([^"]*)"', page))
-    pages = {f"{other}.html" for other in PAGES} | {"own.html#lx-of-1", "figures/own-drawn.webp", "data:,"}
+    pages = {f"{other}.html" for other in PAGES} | {
+        "own.html#lx-of-1",
+        "figures/own-drawn.webp",
+        "data:,",
+    }
     pages |= {path.name for path in Path(markup.__file__).parent.glob("*.[cj]s*")}
     pages |= {link for link in links if re.fullmatch(r"figures/regimes-\w+\.webp", link)}
     questions = {link for link in links if link.startswith("#particle=")}
@@ -59,8 +63,12 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_page_links_to_those_of_the_menu(site_pages: dict[str, str], name: str):
-    assert re.findall(r'<a href="([\w-]+)\.html" aria-current=page>', site_pages[name]) == [name.removesuffix("-more")]
-    assert all(f'<a href="{other}.html"' in site_pages[name] for other in PAGES if other != "own-more")
+    assert re.findall(r'<a href="([\w-]+)\.html" aria-current=page>', site_pages[name]) == [
+        name.removesuffix("-more")
+    ]
+    assert all(
+        f'<a href="{other}.html"' in site_pages[name] for other in PAGES if other != "own-more"
+    )
 
 
 def test_markdown_becomes_a_page(site_pages: dict[str, str]):
@@ -120,7 +128,10 @@ def test_every_run_is_a_point_and_a_stopped_one_too(site_pages: dict[str, str], 
 def test_lines_join_runs_in_the_order_of_their_tolerances(tmp_path: Path, site_reports: Path):
     (tmp_path / "reports" / "bench").mkdir(parents=True)
     records = list(read_export(site_reports / "bench" / "records.jsonl"))
-    export(sorted(records, key=lambda record: record["seconds"] or 0), tmp_path / "reports" / "bench" / "records.jsonl")
+    export(
+        sorted(records, key=lambda record: record["seconds"] or 0),
+        tmp_path / "reports" / "bench" / "records.jsonl",
+    )
     lines: dict[tuple, list[float]] = {}
     for row in rows_of(site(tmp_path / "site", tmp_path / "reports")["cost"]):
         lines.setdefault((row["group"], row["form"], row["solver"]), []).append(row["tolerance"])
@@ -135,22 +146,38 @@ def test_looks_are_those_of_the_figures(site_pages: dict[str, str]):
 
 
 def test_the_map_shows_the_cells_of_the_report(site_pages: dict[str, str], site_reports: Path):
-    cells = [cell for own in read_cells(site_reports / "regimes" / "cells.csv").values() for cell in own]
-    titles = [
-        f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'none'}" for cell in cells if cell.winner
+    cells = [
+        cell for own in read_cells(site_reports / "regimes" / "cells.csv").values() for cell in own
     ]
-    assert sorted(re.findall(r'<td style="[^"]*" title="([^"]*)"', site_pages["index"])) == sorted(titles)
+    titles = [
+        f"{cell.winner}: {duration(cell.seconds)}; next: {cell.second or 'none'}"
+        for cell in cells
+        if cell.winner
+    ]
+    assert sorted(re.findall(r'<td style="[^"]*" title="([^"]*)"', site_pages["index"])) == sorted(
+        titles
+    )
 
 
-def test_an_answer_is_a_measured_run_that_reaches_the_error(site_pages: dict[str, str], site_reports: Path):
+def test_an_answer_is_a_measured_run_that_reaches_the_error(
+    site_pages: dict[str, str], site_reports: Path
+):
     runs = pd.read_csv(site_reports / "regimes" / "runs.csv")
     columns = data_of(site_pages["index"], "question-data")["columns"]
-    answers = [column | each for column in columns for each in column["cells"] if each.get("tolerance")]
+    answers = [
+        column | each for column in columns for each in column["cells"] if each.get("tolerance")
+    ]
     assert answers
     for each in answers:
-        own = runs[(runs["stokes"] == each["St"]) & (runs["form"] == each["form"]) & (runs["solver"] == each["solver"])]
+        own = runs[
+            (runs["stokes"] == each["St"])
+            & (runs["form"] == each["form"])
+            & (runs["solver"] == each["solver"])
+        ]
         error = "slow_error" if each["want"] == "slow" else "orientation_error"
-        reached = own.loc[(own["status"] == "reached_end") & (own[error] <= each["error"]), "tolerance"]
+        reached = own.loc[
+            (own["status"] == "reached_end") & (own[error] <= each["error"]), "tolerance"
+        ]
         assert float(each["tolerance"]) == pytest.approx(reached.max())
 
 
@@ -168,7 +195,9 @@ def test_motions_are_of_unit_vectors_and_start_on_their_paths(name: str):
     if found["rows"]:
         rows = np.reshape(found["rows"], (-1, 2, 3))
         np.testing.assert_allclose(
-            np.einsum("nij,nkj->nik", rows, rows), np.broadcast_to(np.eye(2), (len(rows), 2, 2)), atol=3e-3
+            np.einsum("nij,nkj->nik", rows, rows),
+            np.broadcast_to(np.eye(2), (len(rows), 2, 2)),
+            atol=3e-3,
         )
         third = np.cross(rows[:, 0], rows[:, 1])
         np.testing.assert_allclose(
@@ -206,12 +235,15 @@ def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, si
     assert set(studies["bench"]) <= {*COLUMNS, *NEEDED}
 
 
-def test_a_full_disk_is_named_and_leaves_no_half_page(here: Run, site_reports: Path, tmp_path: Path):
+def test_a_full_disk_is_named_and_leaves_no_half_page(
+    here: Run, site_reports: Path, tmp_path: Path
+):
     with small_disk(tmp_path / "full", "160k") as folder:
         done = here("report", "--reports", site_reports, "--out", folder)
         assert done.returncode == 1
         assert re.fullmatch(
-            rf"polhode: {folder}/\S+: No space left on device, expected a place to write and room for it\n", done.stderr
+            rf"polhode: {folder}/\S+: No space left on device, expected a place to write and room for it\n",
+            done.stderr,
         )
         pages = list(folder.rglob("*.html"))
         assert pages
@@ -221,9 +253,13 @@ def test_a_full_disk_is_named_and_leaves_no_half_page(here: Run, site_reports: P
 @pytest.mark.skipif(not REPORTS_HERE.is_dir(), reason="no committed pages here")
 def test_the_site_of_the_committed_reports_is_small_and_holds_no_more_than_it_shows(tmp_path: Path):
     pages = site(tmp_path, REPORTS_HERE)
-    files = {path.relative_to(tmp_path).as_posix(): path.stat().st_size for path in tmp_path.rglob("*.*")}
+    files = {
+        path.relative_to(tmp_path).as_posix(): path.stat().st_size for path in tmp_path.rglob("*.*")
+    }
     assert sum(files.values()) < 3_800_000
-    linked = {link for page in pages.values() for link in re.findall(r'(?:src|href)="([^"#]+)', page)}
+    linked = {
+        link for page in pages.values() for link in re.findall(r'(?:src|href)="([^"#]+)', page)
+    }
     assert set(files) <= linked
 
 
@@ -251,7 +287,9 @@ def test_a_report_takes_no_page_of_the_sites_own(tmp_path: Path):
     for name in own:
         (tmp_path / name).mkdir()
         (tmp_path / name / "README.md").write_text("# Mine\n", encoding="utf-8")
-    mine = {name for name, page in site(tmp_path / "site", tmp_path).items() if "<h1>Mine</h1>" in page}
+    mine = {
+        name for name, page in site(tmp_path / "site", tmp_path).items() if "<h1>Mine</h1>" in page
+    }
     assert len(mine) == len(own)
     assert not mine & {*own}
 
@@ -259,13 +297,22 @@ def test_a_report_takes_no_page_of_the_sites_own(tmp_path: Path):
 def test_damaged_files_are_named(tmp_path: Path):
     broken = tmp_path / "reports"
     bare = dumps(dict.fromkeys(set(NEEDED) - {"stokes"}, "1"))
-    texts = {"torn": '{"form": "quat', "other": '{"answer": 42}\n', "bare": bare, "problems-quick": ""}
+    texts = {
+        "torn": '{"form": "quat',
+        "other": '{"answer": 42}\n',
+        "bare": bare,
+        "problems-quick": "",
+    }
     for name, text in texts.items():
         (broken / name).mkdir(parents=True)
         (broken / name / "records.jsonl").write_text(text, encoding="utf-8")
     studies, unreadable = read_studies(broken, ())
     assert studies == {}
-    assert [Path(line.split(":")[0]).parent.name for line in unreadable] == ["bare", "other", "torn"]
+    assert [Path(line.split(":")[0]).parent.name for line in unreadable] == [
+        "bare",
+        "other",
+        "torn",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -276,11 +323,17 @@ def test_damaged_files_are_named(tmp_path: Path):
         ("1.234e+02", "<span class=n>1.234e2</span>"),
         ("St^-1.98 to St^2.01.", "St<sup>-1.98</sup> to St<sup>2.01</sup>."),
         ("O(St^-1/2), St^(-0.549)", "O(St<sup>-1/2</sup>), St<sup>-0.549</sup>"),
-        ("L_z0/I_max, L_xy of St* and I_e", "L<sub>z0</sub>/I<sub>max</sub>, L<sub>xy</sub> of St* and I<sub>e</sub>"),
+        (
+            "L_z0/I_max, L_xy of St* and I_e",
+            "L<sub>z0</sub>/I<sub>max</sub>, L<sub>xy</sub> of St* and I<sub>e</sub>",
+        ),
         ("8πX_c, 2I_e", "8πX<sub>c</sub>, 2I<sub>e</sub>"),
         ("rest-5e4, cyrk-vern8", "rest-5e4, cyrk-vern8"),
         ("Lx of 1/St^p is new", "L<sub>x</sub> of 1/St<sup>p</sup> is new"),
-        ("`a*b*c^2 1e-06` on 2031-02-03", "<code>a*b*c^2 1e-06</code> on <span class=n>2031-02-03</span>"),
+        (
+            "`a*b*c^2 1e-06` on 2031-02-03",
+            "<code>a*b*c^2 1e-06</code> on <span class=n>2031-02-03</span>",
+        ),
     ],
 )
 def test_notation(text: str, html: str):
@@ -295,7 +348,9 @@ def test_command_shows_a_scene_of_ones_own(here: Run, scene_file: Path, tmp_path
     done = here("report", "--scene", scene_file.name, "--out", "site", "--quiet")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.strip() == str(Path("site") / "index.html")
-    motions = data_of((tmp_path / "site" / "motion.html").read_text(encoding="utf-8"), "motion-data")
+    motions = data_of(
+        (tmp_path / "site" / "motion.html").read_text(encoding="utf-8"), "motion-data"
+    )
     assert [each["name"] for each in motions] == [scene_file.name, *examples()]
     assert not list((tmp_path / "site").glob("*.partial"))
 
@@ -303,11 +358,16 @@ def test_command_shows_a_scene_of_ones_own(here: Run, scene_file: Path, tmp_path
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--scene", "papre"), "scene: got 'papre' (did you mean 'paper'?), expected a file or one of paper"),
+        (
+            ("--scene", "papre"),
+            "scene: got 'papre' (did you mean 'paper'?), expected a file or one of paper",
+        ),
         (("--reports", "reprots"), "--reports: got 'reprots', expected an existing folder"),
     ],
 )
-def test_command_refuses_what_is_not_there(here: Run, tmp_path: Path, words: tuple[str, str], complaint: str):
+def test_command_refuses_what_is_not_there(
+    here: Run, tmp_path: Path, words: tuple[str, str], complaint: str
+):
     done = here("report", *words)
     assert done.returncode == 2
     assert complaint in done.stderr

@@ -63,7 +63,9 @@ def test_a_missing_library_is_a_record(monkeypatch):
 
 
 def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkeypatch):
-    scene = Scene(Ellipsoid((1.0, 1.0, 2.0)), 300.0, EulerStart((1.0, 0.5, 0.0), (1.0, 1.0, 1.0)), 30.0)
+    scene = Scene(
+        Ellipsoid((1.0, 1.0, 2.0)), 300.0, EulerStart((1.0, 0.5, 0.0), (1.0, 1.0, 1.0)), 30.0
+    )
     case = Case("spheroid", scene, "averaged-spheroid", "cyrk-vern8", 1e-8, 51, 10.0)
     tried = attempt(case)
     known = judge(case, *tried)
@@ -84,8 +86,12 @@ def test_the_whole_error_is_told_without_the_averaged_forms_own_reference(monkey
 def test_a_run_stopped_for_want_of_the_processor_is_marked_and_says_nothing_of_tighter_ones(
     had, disturbed, monkeypatch
 ):
-    monkeypatch.setattr("polhode.harness.common.timing.with_processor", lambda run: (run(), 0.01, had))
-    record = attempt(replace(CASE, scene=replace(SCENE, time=1e5), solver="rk45", max_seconds=0.01))[0]
+    monkeypatch.setattr(
+        "polhode.harness.common.timing.with_processor", lambda run: (run(), 0.01, had)
+    )
+    record = attempt(
+        replace(CASE, scene=replace(SCENE, time=1e5), solver="rk45", max_seconds=0.01)
+    )[0]
     assert record["status"] == "time_limit"
     assert record.get("disturbed", False) == disturbed
     assert _too_slow(record) != disturbed
@@ -102,6 +108,8 @@ def test_a_timed_run_is_not_cut_by_the_limit_of_the_first(monkeypatch):
     case, runs = replace(CASE, solver="dop853", max_seconds=1e-9), []
     assert not case.solve().success
     solve = module.solve
-    monkeypatch.setattr(module, "solve", lambda *args, **kw: runs.append(solve(*args, **kw)) or runs[-1])
+    monkeypatch.setattr(
+        module, "solve", lambda *args, **kw: runs.append(solve(*args, **kw)) or runs[-1]
+    )
     assert time_once(case)[0] > 0
     assert runs[-1].success

@@ -28,13 +28,17 @@ class Lone(Solver):
         raise AssertionError("nothing is prepared")
 
 
-@pytest.mark.parametrize("name", [name for name in SOLVERS if solver(name).library in ("scipy", "sksundae", "heyoka")])
+@pytest.mark.parametrize(
+    "name", [name for name in SOLVERS if solver(name).library in ("scipy", "sksundae", "heyoka")]
+)
 def test_a_bare_call_gives_the_same_rows(name: str):
     method = solver(name)
     call = method.bare_call(PROBLEM, method.settings(1e-6), TIMES)
     assert call is not None
     result: Any = call()
-    rows = {"scipy": lambda: result.y.T, "sksundae": lambda: result, "heyoka": lambda: result[-1]}[method.library]()
+    rows = {"scipy": lambda: result.y.T, "sksundae": lambda: result, "heyoka": lambda: result[-1]}[
+        method.library
+    ]()
     assert rows == pytest.approx(solve(PROBLEM, name, 1e-6, TIMES).states, abs=1e-14)
 
 
@@ -47,7 +51,9 @@ def test_overhead_is_judged_by_share_or_by_time():
 
 
 def test_measuring_gives_a_row_per_solver():
-    table = measure(PROBLEM, solvers=("taylor", "cyrk-vern8", "cvode-bdf"), samples=21, seconds=0.05)
+    table = measure(
+        PROBLEM, solvers=("taylor", "cyrk-vern8", "cvode-bdf"), samples=21, seconds=0.05
+    )
     assert [row.solver for row in table] == ["taylor", "cyrk-vern8", "cvode-bdf"]
     assert all(0 < row.bare < 1 and 0 < row.solve < 1 for row in table)
 

@@ -27,13 +27,17 @@ def study() -> Study:
 
 
 def cases(study: Study) -> set[tuple[str, float, str, str]]:
-    return {(c.scene_name, c.scene.stokes, c.form, c.solver) for batch in study.batches() for c in batch}
+    return {
+        (c.scene_name, c.scene.stokes, c.form, c.solver) for batch in study.batches() for c in batch
+    }
 
 
 def test_filters_of_one_kind_add_and_of_several_kinds_narrow(study: Study):
     everything = cases(study)
     assert cases(study.part()) == everything
-    assert cases(study.part(scenes=["round"])) == {case for case in everything if case[0] == "round"}
+    assert cases(study.part(scenes=["round"])) == {
+        case for case in everything if case[0] == "round"
+    }
     assert cases(study.part(tags=["spheroid"])) == cases(study.part(scenes=["round"]))
     assert cases(study.part(tags=["spheroid", "short"])) == everything
     narrow = study.part(tags=["short"], solvers=["cyrk-vern8"], forms=["spheroid-axis"])
@@ -50,9 +54,13 @@ def test_a_part_asks_the_same_questions(study: Study):
 def test_tags_are_no_part_of_the_question(study: Study):
     first, other = ({c.key for b in one.batches() for c in b} for one in (study, study.part()))
     assert first == other
-    bare = parse_study({**tomllib.loads(STUDY + SECOND.replace('tags = ["spheroid", "short"]\n', ""))})
+    bare = parse_study(
+        {**tomllib.loads(STUDY + SECOND.replace('tags = ["spheroid", "short"]\n', ""))}
+    )
     tagged = parse_study(tomllib.loads(TWO_SCENES))
-    assert [c.key for b in bare.batches() for c in b] == [c.key for b in tagged.batches() for c in b]
+    assert [c.key for b in bare.batches() for c in b] == [
+        c.key for b in tagged.batches() for c in b
+    ]
     assert {c.tags for b in tagged.batches() for c in b} == {("short",), ("spheroid", "short")}
 
 
@@ -61,7 +69,10 @@ def test_tags_are_no_part_of_the_question(study: Study):
     [
         ({"scenes": ["square"]}, "scene: got 'square', expected one of paper, round"),
         ({"tags": ["long"]}, "tag: got 'long', expected one of short, spheroid"),
-        ({"forms": ["tumbling"]}, "form: got 'tumbling', expected one of quaternion, spheroid-axis"),
+        (
+            {"forms": ["tumbling"]},
+            "form: got 'tumbling', expected one of quaternion, spheroid-axis",
+        ),
         ({"solvers": ["ida"]}, "solver: got 'ida', expected one of cyrk-dop853, cyrk-vern8"),
         (
             {"scenes": ["paper"], "forms": ["spheroid-axis"]},
@@ -75,19 +86,28 @@ def test_what_is_not_there_is_one_line(study: Study, filters: dict[str, list[str
 
 
 def test_a_study_without_tags_says_so():
-    with pytest.raises(ValueError, match=r"tag: got 'short', expected none, for the study has no tags"):
+    with pytest.raises(
+        ValueError, match=r"tag: got 'short', expected none, for the study has no tags"
+    ):
         parse_study(tomllib.loads(STUDY)).part(tags=["short"])
 
 
 def test_the_command_line_runs_a_part_into_a_folder_of_its_own(here: Run, tmp_path):
     (tmp_path / "two.toml").write_text(TWO_SCENES, encoding="utf-8")
-    done = here("bench", "two.toml", "--tag", "spheroid", "--solver", "cyrk-vern8", "--quick", "--quiet")
+    done = here(
+        "bench", "two.toml", "--tag", "spheroid", "--solver", "cyrk-vern8", "--quick", "--quiet"
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "reports/small-spheroid-cyrk-vern8-quick/README.md\n"
     folder = tmp_path / "reports" / "small-spheroid-cyrk-vern8-quick"
-    assert "polhode bench two.toml --quick --tag spheroid --solver cyrk-vern8" in (folder / "README.md").read_text()
+    assert (
+        "polhode bench two.toml --quick --tag spheroid --solver cyrk-vern8"
+        in (folder / "README.md").read_text()
+    )
     records = [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
-    assert {(record["scene_name"], record["solver"]) for record in records} == {("round", "cyrk-vern8")}
+    assert {(record["scene_name"], record["solver"]) for record in records} == {
+        ("round", "cyrk-vern8")
+    }
     assert {tuple(record["tags"]) for record in records} == {("spheroid", "short")}
 
     refused = here("bench", "two.toml", "--tag", "long")

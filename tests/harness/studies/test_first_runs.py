@@ -16,7 +16,8 @@ def test_first_runs_pay_for_compilation():
 
 def test_a_group_is_measured_once():
     found = first_seconds(
-        {"quaternion": named_scene("paper")}, [("quaternion", "cyrk-vern8"), ("quaternion", "cyrk-radau")]
+        {"quaternion": named_scene("paper")},
+        [("quaternion", "cyrk-vern8"), ("quaternion", "cyrk-radau")],
     )
     assert found["quaternion", "cyrk-vern8"] == found["quaternion", "cyrk-radau"] > 0.0
 

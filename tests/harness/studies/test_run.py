@@ -24,7 +24,13 @@ from polhode.harness.studies.study import Choice, Study, read_study
 
 TOLERANCES = (1e-1, 1e-2, 1e-3)
 SOLVERS = (
-    *("planted:FirstOrder", "planted:SecondOrder", "planted:Askew", "planted:Opposite", "planted:Midpoint"),
+    *(
+        "planted:FirstOrder",
+        "planted:SecondOrder",
+        "planted:Askew",
+        "planted:Opposite",
+        "planted:Midpoint",
+    ),
     *("planted:Sleeper", "planted:Quitter", "planted:Idler", "planted:Breaker", "planted:Dreamer"),
     *("planted:Blower", "planted:Raiser"),
 )
@@ -37,7 +43,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     whole = read_study(path)
     name, scene = whole.scenes[0]
     choices = {(name, scene.stokes): Choice(tags=["short", "warm"])}
-    return replace(whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES, choices=choices)
+    return replace(
+        whole, scenes=whole.scenes[:1], solvers=SOLVERS, tolerances=TOLERANCES, choices=choices
+    )
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +71,9 @@ def test_every_case_has_one_record(study: Study, records: list[Record]):
 
 
 @pytest.mark.parametrize(("solver", "order"), [("FirstOrder", 1), ("SecondOrder", 2)])
-def test_planted_errors_are_measured_to_the_last_digit(study: Study, records: list[Record], solver: str, order: int):
+def test_planted_errors_are_measured_to_the_last_digit(
+    study: Study, records: list[Record], solver: str, order: int
+):
     _, scene = study.scenes[0]
     true = reference(scene, "quaternion", study.samples)
     for record in of(records, solver):
@@ -119,7 +129,9 @@ def test_a_sleeper_is_timed(records: list[Record]):
         ("Raiser", "crashed", "RuntimeError: planted failure"),
     ],
 )
-def test_liars_and_failures_keep_their_rows_without_a_time(records, solver: str, status: str, reason: str):
+def test_liars_and_failures_keep_their_rows_without_a_time(
+    records, solver: str, status: str, reason: str
+):
     for record in of(records, solver):
         assert record["status"] == status
         assert reason in record["message"]
@@ -136,27 +148,46 @@ def test_no_liar_wins(records: list[Record]):
     for target in (1e-1, 1e-2, 1e-3):
         winner = cheapest(table, target)
         assert winner is not None
-        honest = {f"planted:{name}" for name in ("FirstOrder", "SecondOrder", "Askew", "Opposite", "Midpoint")}
+        honest = {
+            f"planted:{name}"
+            for name in ("FirstOrder", "SecondOrder", "Askew", "Opposite", "Midpoint")
+        }
         assert {str(winner[0]["solver"]), *(method.solver for method in winner[1])} <= honest
 
 
 def test_a_slow_back_end_says_nothing_of_the_others(study: Study, tmp_path: Path):
     name, scene = study.scenes[0]
     long = replace(scene, time=1e3)
-    ways = {"solvers": ("rk45",), "backends": ("python", "numba"), "tolerances": (1e-8, 1e-10), "max_seconds": 0.02}
+    ways = {
+        "solvers": ("rk45",),
+        "backends": ("python", "numba"),
+        "tolerances": (1e-8, 1e-10),
+        "max_seconds": 0.02,
+    }
     with Store(tmp_path / "store.sqlite") as store:
-        found = Runner(store, quiet=True).run(replace(study, scenes=((name, long),), choices={}, samples=3, **ways))
-    stopped = [(record["tolerance"], record["backend"], record["status"], record["inferred"]) for record in found]
+        found = Runner(store, quiet=True).run(
+            replace(study, scenes=((name, long),), choices={}, samples=3, **ways)
+        )
+    stopped = [
+        (record["tolerance"], record["backend"], record["status"], record["inferred"])
+        for record in found
+    ]
     assert stopped == [
         *((1e-8, backend, "time_limit", False) for backend in ("python", "numba")),
         *((1e-10, backend, "time_limit", True) for backend in ("python", "numba")),
     ]
 
 
-def test_a_kill_from_outside_is_no_fact_about_a_library(study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_kill_from_outside_is_no_fact_about_a_library(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     # Once is enough here: each costs a process.
     monkeypatch.setattr("polhode.harness.common.worker.ATTEMPTS", 1)
-    some = replace(study, solvers=("planted:Victim", "planted:Doomed", "planted:FirstOrder"), tolerances=(1e-1,))
+    some = replace(
+        study,
+        solvers=("planted:Victim", "planted:Doomed", "planted:FirstOrder"),
+        tolerances=(1e-1,),
+    )
     with Store(tmp_path / "store.sqlite") as store:
         with pytest.raises(KilledFromOutsideError, match="2 of 3 cases were killed from outside"):
             Runner(store, quiet=True).run(some)
@@ -164,7 +195,16 @@ def test_a_kill_from_outside_is_no_fact_about_a_library(study: Study, tmp_path: 
 
 
 # What a repeated run must give again; times differ.
-LASTING = ("status", "slow_error", "orientation_error", "errors", "work", "slow_uncertainty", "reached", "inferred")
+LASTING = (
+    "status",
+    "slow_error",
+    "orientation_error",
+    "errors",
+    "work",
+    "slow_uncertainty",
+    "reached",
+    "inferred",
+)
 
 
 def stored(path: Path) -> dict[str, Record]:
@@ -197,7 +237,9 @@ def study_file(tmp_path: Path) -> Path:
 def interrupted(folder: Path, environment: dict[str, str], number: int) -> tuple[int, str]:
     """Start a study and send it a signal once its first cases are in the store."""
     words = [SCRIPT, "bench", "study.toml", "--out", "broken"]
-    with subprocess.Popen(words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        words, cwd=folder, env=environment, stderr=subprocess.PIPE, text=True
+    ) as process:
         while process.poll() is None and not finished(folder / "broken" / "store.sqlite"):
             time.sleep(0.005)
         process.send_signal(number)
@@ -205,7 +247,9 @@ def interrupted(folder: Path, environment: dict[str, str], number: int) -> tuple
     return process.returncode, text
 
 
-def test_killed_and_resumed_gives_the_same_records(here: Run, environment, study_file: Path, tmp_path: Path):
+def test_killed_and_resumed_gives_the_same_records(
+    here: Run, environment, study_file: Path, tmp_path: Path
+):
     whole = read_study(study_file)
     with Store(tmp_path / "whole.sqlite") as store:
         Runner(store, quiet=True).run(whole)
@@ -225,8 +269,12 @@ def test_killed_and_resumed_gives_the_same_records(here: Run, environment, study
     assert {key: late[key] for key in early} == early, "finished cases are not run again"
     assert set(late) == set(complete)
     for key, record in complete.items():
-        assert {name: late[key][name] for name in LASTING} == {name: record[name] for name in LASTING}
-    names = sorted(path.name for path in (tmp_path / "broken").iterdir() if not path.name.startswith("store"))
+        assert {name: late[key][name] for name in LASTING} == {
+            name: record[name] for name in LASTING
+        }
+    names = sorted(
+        path.name for path in (tmp_path / "broken").iterdir() if not path.name.startswith("store")
+    )
     assert {"README.md", "SHA256SUMS", "orientation.png", "records.jsonl", "slow.png"} <= set(names)
     assert not any("partial" in name for name in names)
     page = tmp_path / "broken" / "README.md"
@@ -239,7 +287,9 @@ def test_killed_and_resumed_gives_the_same_records(here: Run, environment, study
     (tmp_path / "other" / "records.jsonl").write_text('{"answer": 42}\n', encoding="utf-8")
     refused = here("bench", "study.toml", "--out", "other", "--page-only")
     assert (refused.returncode, refused.stdout) == (2, "")
-    assert refused.stderr.startswith("polhode: other/records.jsonl: got a record without 'scene_name', expected")
+    assert refused.stderr.startswith(
+        "polhode: other/records.jsonl: got a record without 'scene_name', expected"
+    )
 
 
 # An export that takes ten seconds, whatever the machine.
@@ -280,7 +330,9 @@ def test_ctrl_c_says_how_to_go_on(environment, study_file: Path, tmp_path: Path)
     code, text = interrupted(tmp_path, environment, signal.SIGINT)
     assert code == 1
     last = text.splitlines()[-1].split("\r")[-1]
-    assert last.endswith("polhode: interrupted: finished cases are in broken/store.sqlite, --resume goes on")
+    assert last.endswith(
+        "polhode: interrupted: finished cases are in broken/store.sqlite, --resume goes on"
+    )
     assert "Traceback" not in text
     assert stored(tmp_path / "broken" / "store.sqlite")
 

@@ -44,8 +44,12 @@ def test_scenes_forms_solvers_and_tolerances_are_crossed():
 
 
 def test_forms_and_solvers_that_do_not_fit_are_left_out():
-    study = parse_study({**GOOD, "forms": ["jeffery", "quaternion"], "solvers": ["exact", "taylor"]})
-    assert {(case.form, case.solver) for batch in study.batches() for case in batch} == {("quaternion", "taylor")}
+    study = parse_study(
+        {**GOOD, "forms": ["jeffery", "quaternion"], "solvers": ["exact", "taylor"]}
+    )
+    assert {(case.form, case.solver) for batch in study.batches() for case in batch} == {
+        ("quaternion", "taylor")
+    }
 
 
 def test_one_stokes_number_needs_no_list():
@@ -54,7 +58,10 @@ def test_one_stokes_number_needs_no_list():
 
 def test_whole_numbers_and_floats_are_the_same_study():
     whole = parse_study({**changed("scenes.0.stokes", [50, 100]), "max_seconds": 5})
-    keys = [[case.key for batch in study.batches() for case in batch] for study in (whole, parse_study(GOOD))]
+    keys = [
+        [case.key for batch in study.batches() for case in batch]
+        for study in (whole, parse_study(GOOD))
+    ]
     assert keys[0] == keys[1]
 
 
@@ -74,7 +81,11 @@ def test_the_study_that_comes_with_the_package():
 
 BAD = [
     ("name", GONE, "name: missing, expected a value"),
-    ("name", "../elsewhere", "name: got '../elsewhere', expected a string that should match pattern"),
+    (
+        "name",
+        "../elsewhere",
+        "name: got '../elsewhere', expected a string that should match pattern",
+    ),
     ("name", "", "name: got '', expected a string"),
     ("title", 3, "title: got 3, expected a string"),
     ("samples", 1, "samples: got 1, expected a number greater than or equal to 2"),
@@ -89,8 +100,16 @@ BAD = [
     ("tolerances", [float("nan")], "tolerances[0]: got nan, expected a finite number"),
     ("tolerances", [1e-6, 1e-3, 1e-6], "got 1e-06 2 times in tolerances, expected it once"),
     ("forms", [], "forms: got [], expected at least 1 item"),
-    ("forms", ["quarternion"], "got 'quarternion' (did you mean 'quaternion'?) in forms, expected one of euler-angles"),
-    ("forms", ["jeffery"], "forms: got ['jeffery'], expected one that some scene and solver accept"),
+    (
+        "forms",
+        ["quarternion"],
+        "got 'quarternion' (did you mean 'quaternion'?) in forms, expected one of euler-angles",
+    ),
+    (
+        "forms",
+        ["jeffery"],
+        "forms: got ['jeffery'], expected one that some scene and solver accept",
+    ),
     ("solvers", [], "solvers: got [], expected at least 1 item"),
     ("solvers", ["rk4"], "got 'rk4' (did you mean 'rk45'?) in solvers, expected one of taylor"),
     ("solvers", ["taylor", "taylor"], "got 'taylor' 2 times in solvers, expected it once"),
@@ -101,12 +120,32 @@ BAD = [
     ("scenes.0.stokes", GONE, "scenes[0].stokes: missing, expected a value"),
     ("scenes.0.stokes", [], "scenes[0].stokes: got [], expected at least 1 item"),
     ("scenes.0.stokes", "high", "scenes[0].stokes[0]: got 'high', expected a number"),
-    ("scenes.0.stokes", [1e2, -1.0], "scenes[0].stokes[1]: got -1.0, expected a number greater than or equal to 0"),
-    ("scenes.0.stokes", [1e2, float("nan")], "scenes[0].stokes[1]: got nan, expected a number greater than or equal"),
+    (
+        "scenes.0.stokes",
+        [1e2, -1.0],
+        "scenes[0].stokes[1]: got -1.0, expected a number greater than or equal to 0",
+    ),
+    (
+        "scenes.0.stokes",
+        [1e2, float("nan")],
+        "scenes[0].stokes[1]: got nan, expected a number greater than or equal",
+    ),
     ("scenes.0.stokes", [1e2, 0.0], "scenes[0]: got slow_time at stokes = 0, expected time"),
-    ("scenes.0.stokes", [1e2, 1e3, 1e2], "got ('paper', 100.0) 2 times in scenes, expected it once"),
-    ("scenes.0.colour", "red", "scenes[0]: colour: unknown key, expected one of stokes, slow_time, time, shape, start"),
-    ("scenes.0.shape.semi_axes", [1, 2], "scenes[0]: shape.semi_axes: got [1, 2], expected at least 3 items"),
+    (
+        "scenes.0.stokes",
+        [1e2, 1e3, 1e2],
+        "got ('paper', 100.0) 2 times in scenes, expected it once",
+    ),
+    (
+        "scenes.0.colour",
+        "red",
+        "scenes[0]: colour: unknown key, expected one of stokes, slow_time, time, shape, start",
+    ),
+    (
+        "scenes.0.shape.semi_axes",
+        [1, 2],
+        "scenes[0]: shape.semi_axes: got [1, 2], expected at least 3 items",
+    ),
     ("scenes.0.tags", "fast", "scenes[0].tags: got 'fast', expected a list"),
 ]
 
@@ -159,17 +198,29 @@ def test_limits_that_do_not_fit_are_one_line(path: str, value: Any, message: str
 
 
 def test_a_built_in_scene_may_have_a_duration_of_its_own():
-    study = parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "time": 5.0, "max_seconds": 3.0}]})
+    study = parse_study(
+        {**GOOD, "scenes": [{"name": "stiff", "builtin": True, "time": 5.0, "max_seconds": 3.0}]}
+    )
     assert {case.max_seconds for batch in study.batches() for case in batch} == {3.0}
     assert {case.max_seconds for batch in study.quick().batches() for case in batch} == {0.2}
     ((name, scene),) = study.scenes
     assert (name, scene.time) == ("stiff", 5.0)
     assert scene == replace(named_scene("stiff"), time=5.0)
     over = {"name": "stiff", "builtin": True, "stokes": [5.0, 50.0], "slow_time": 0.5}
-    for (_, scene), stokes in zip(parse_study({**GOOD, "scenes": [over]}).scenes, (5.0, 50.0), strict=True):
+    for (_, scene), stokes in zip(
+        parse_study({**GOOD, "scenes": [over]}).scenes, (5.0, 50.0), strict=True
+    ):
         assert scene == replace(named_scene("stiff"), stokes=stokes, time=0.5 * stokes)
-    with pytest.raises(ValueError, match="builtin and perhaps stokes, time, slow_time, tags, forms, solvers, max_sec"):
-        parse_study({**GOOD, "scenes": [{"name": "stiff", "builtin": True, "shape": {"semi_axes": [1, 2, 3]}}]})
+    with pytest.raises(
+        ValueError,
+        match="builtin and perhaps stokes, time, slow_time, tags, forms, solvers, max_sec",
+    ):
+        parse_study(
+            {
+                **GOOD,
+                "scenes": [{"name": "stiff", "builtin": True, "shape": {"semi_axes": [1, 2, 3]}}],
+            }
+        )
 
 
 def test_the_page_is_about_costs_of_one_scene_and_about_outcomes_of_several():

@@ -54,7 +54,10 @@ def test_the_manuals_scene(tmp_path: Path):
     [
         ({"euler_angles": [1, 2, 3], "at_rest": True}, EulerStart((1, 2, 3), (0, 0, 0))),
         ({"quaternion": [0, 0, 2, 0], "at_rest": True}, BodyStart((0, 0, 1, 0), (0, 0, 0))),
-        ({"quaternion": [1, 0, 0, 0], "angular_velocity": [1, 2, 3]}, BodyStart((1, 0, 0, 0), (1, 2, 3))),
+        (
+            {"quaternion": [1, 0, 0, 0], "angular_velocity": [1, 2, 3]},
+            BodyStart((1, 0, 0, 0), (1, 2, 3)),
+        ),
         ({"angular_momentum": [0.1, 0.2, 0.3], "energy": 0.15}, SlowStart((0.1, 0.2, 0.3), 0.15)),
         ({"angular_momentum": [0, 0, 0], "energy": 0}, SlowStart((0, 0, 0), 0)),
     ],
@@ -93,11 +96,31 @@ BAD = [
     ("shape.semi_axes", GONE, "shape.semi_axes: missing, expected a value"),
     ("shape.semi_axes", 3.0, "shape.semi_axes: got 3.0, expected a list"),
     ("shape.semi_axes", "1 2 3", "shape.semi_axes: got '1 2 3', expected a list"),
-    ("shape.semi_axes", [1.0, 0.8], "shape.semi_axes: got [1.0, 0.8], expected at least 3 items, not 2"),
-    ("shape.semi_axes", [1, 2, 3, 4], "shape.semi_axes: got [1, 2, 3, 4], expected at most 3 items, not 4"),
-    ("shape.semi_axes", [1.0, -0.8, 0.5], "shape.semi_axes[1]: got -0.8, expected a number greater than 0"),
-    ("shape.semi_axes", [1.0, 0.8, 0.0], "shape.semi_axes[2]: got 0.0, expected a number greater than 0"),
-    ("shape.semi_axes", [float("nan"), 1, 1], "shape.semi_axes[0]: got nan, expected a finite number"),
+    (
+        "shape.semi_axes",
+        [1.0, 0.8],
+        "shape.semi_axes: got [1.0, 0.8], expected at least 3 items, not 2",
+    ),
+    (
+        "shape.semi_axes",
+        [1, 2, 3, 4],
+        "shape.semi_axes: got [1, 2, 3, 4], expected at most 3 items, not 4",
+    ),
+    (
+        "shape.semi_axes",
+        [1.0, -0.8, 0.5],
+        "shape.semi_axes[1]: got -0.8, expected a number greater than 0",
+    ),
+    (
+        "shape.semi_axes",
+        [1.0, 0.8, 0.0],
+        "shape.semi_axes[2]: got 0.0, expected a number greater than 0",
+    ),
+    (
+        "shape.semi_axes",
+        [float("nan"), 1, 1],
+        "shape.semi_axes[0]: got nan, expected a finite number",
+    ),
     ("shape.semi_axes", [1.0, "a", 0.5], "shape.semi_axes[1]: got 'a', expected a number"),
     (
         "shape.semi_axes",
@@ -105,24 +128,66 @@ BAD = [
         "semi_axes: got [1.0, 1.0, 1e-80], expected shortest / longest of at least 1e-70",
     ),
     ("shape.colour", "red", "shape.colour: unknown key, expected one of semi_axes"),
-    ("viscosity", 1.0, "viscosity: unknown key, expected one of stokes, slow_time, time, shape, start"),
+    (
+        "viscosity",
+        1.0,
+        "viscosity: unknown key, expected one of stokes, slow_time, time, shape, start",
+    ),
     ("start", GONE, "start: missing, expected a value"),
-    ("start.euler_rates", GONE, "start: got ['euler_angles'], expected one of euler_angles + euler_rates"),
+    (
+        "start.euler_rates",
+        GONE,
+        "start: got ['euler_angles'], expected one of euler_angles + euler_rates",
+    ),
     ("start.energy", 1.0, "start: got ['energy', 'euler_angles', 'euler_rates'], expected one of"),
     ("start.at_rest", 1, "start.at_rest: got 1, expected true or false"),
-    ("start.euler_rate", [1, 1, 1], "start.euler_rate: unknown key, expected one of euler_angles, euler_rates,"),
+    (
+        "start.euler_rate",
+        [1, 1, 1],
+        "start.euler_rate: unknown key, expected one of euler_angles, euler_rates,",
+    ),
     ("start.euler_angles", [inf, 0, 0], "start.euler_angles[0]: got inf, expected a finite number"),
-    ("start", {"quaternion": [0, 0, 0, 0], "at_rest": True}, "start.quaternion: got [0.0, 0.0, 0.0, 0.0], expected"),
-    ("start", {"quaternion": [1, 0, 0], "at_rest": True}, "start.quaternion: got [1, 0, 0], expected at least 4 items"),
-    ("start", {"angular_momentum": [1, 0, 0], "energy": -1}, "start.energy: got -1, expected a number greater than or"),
-    ("start", {"angular_momentum": [1, 0, 0], "energy": 0}, "start: got L² / 2E = inf, expected a value from 0.298"),
-    ("start", {"angular_momentum": [0, 0, 0], "energy": 1}, "start: got L² / 2E = 0.0, expected a value from 0.298"),
-    ("start", {"angular_momentum": [1, 0, 0], "energy": 2}, "start: got L² / 2E = 0.25, expected a value from 0.298"),
-    ("start", {"angular_momentum": [1, 0, 0], "energy": 0.9}, "expected a value from 0.2982418625807911 to 0.5495"),
+    (
+        "start",
+        {"quaternion": [0, 0, 0, 0], "at_rest": True},
+        "start.quaternion: got [0.0, 0.0, 0.0, 0.0], expected",
+    ),
+    (
+        "start",
+        {"quaternion": [1, 0, 0], "at_rest": True},
+        "start.quaternion: got [1, 0, 0], expected at least 4 items",
+    ),
+    (
+        "start",
+        {"angular_momentum": [1, 0, 0], "energy": -1},
+        "start.energy: got -1, expected a number greater than or",
+    ),
+    (
+        "start",
+        {"angular_momentum": [1, 0, 0], "energy": 0},
+        "start: got L² / 2E = inf, expected a value from 0.298",
+    ),
+    (
+        "start",
+        {"angular_momentum": [0, 0, 0], "energy": 1},
+        "start: got L² / 2E = 0.0, expected a value from 0.298",
+    ),
+    (
+        "start",
+        {"angular_momentum": [1, 0, 0], "energy": 2},
+        "start: got L² / 2E = 0.25, expected a value from 0.298",
+    ),
+    (
+        "start",
+        {"angular_momentum": [1, 0, 0], "energy": 0.9},
+        "expected a value from 0.2982418625807911 to 0.5495",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("path", "value", "line"), BAD, ids=[f"{row[0]}-{row[2][:40]}" for row in BAD])
+@pytest.mark.parametrize(
+    ("path", "value", "line"), BAD, ids=[f"{row[0]}-{row[2][:40]}" for row in BAD]
+)
 def test_bad_values_are_named_with_what_was_expected(path: str, value: object, line: str):
     with pytest.raises(ValueError, match="expected") as refusal:
         parse_scene(changed(path, value))
@@ -132,26 +197,48 @@ def test_bad_values_are_named_with_what_was_expected(path: str, value: object, l
 
 # What is written in place of what, and what the line must say besides naming it.
 MISSPELT = [
-    ("stokes", "stoke", "stoke: unknown key, expected one of stokes, slow_time, .* \\(did you mean 'stokes'\\?\\)$"),
+    (
+        "stokes",
+        "stoke",
+        "stoke: unknown key, expected one of stokes, slow_time, .* \\(did you mean 'stokes'\\?\\)$",
+    ),
     ("stokes", "Stokes", "Stokes: unknown key, .* \\(did you mean 'stokes'\\?\\)$"),
     ("slow_time", "slow-time", "slow-time: unknown key, .* \\(did you mean 'slow_time'\\?\\)$"),
     ("[shape]", "[shpae]", "shpae: unknown key, .* \\(did you mean 'shape'\\?\\)$"),
     ("[start]", "[Start]", "Start: unknown key, .* \\(did you mean 'start'\\?\\)$"),
-    ("semi_axes", "semi_axis", "shape.semi_axis: unknown key, .* \\(did you mean 'semi_axes'\\?\\)$"),
+    (
+        "semi_axes",
+        "semi_axis",
+        "shape.semi_axis: unknown key, .* \\(did you mean 'semi_axes'\\?\\)$",
+    ),
     ("semi_axes", "axes", "shape.axes: unknown key, .* \\(did you mean 'semi_axes'\\?\\)$"),
-    ("euler_angles", "euler_angels", "start.euler_angels: unknown key, .* \\(did you mean 'euler_angles'\\?\\)$"),
+    (
+        "euler_angles",
+        "euler_angels",
+        "start.euler_angels: unknown key, .* \\(did you mean 'euler_angles'\\?\\)$",
+    ),
     ("euler_rates", "rates", "start.rates: unknown key, .* \\(did you mean 'euler_rates'\\?\\)$"),
     (
         "[shape]\n",
         "[shape]\ntime = 3.0\n",
         "shape.time: unknown key, .* \\(time belongs above the first \\[table\\], not under",
     ),
-    ("[shape]\n", "", "semi_axes: unknown key, .* \\(semi_axes belongs under \\[shape\\]\\) \\(and 1 more\\)$"),
-    ("stokes", "viscosity", "viscosity: unknown key, expected one of stokes, .*, start \\(and 1 more\\)$"),
+    (
+        "[shape]\n",
+        "",
+        "semi_axes: unknown key, .* \\(semi_axes belongs under \\[shape\\]\\) \\(and 1 more\\)$",
+    ),
+    (
+        "stokes",
+        "viscosity",
+        "viscosity: unknown key, expected one of stokes, .*, start \\(and 1 more\\)$",
+    ),
 ]
 
 
-@pytest.mark.parametrize(("written", "instead", "line"), MISSPELT, ids=[row[1] or "no table" for row in MISSPELT])
+@pytest.mark.parametrize(
+    ("written", "instead", "line"), MISSPELT, ids=[row[1] or "no table" for row in MISSPELT]
+)
 def test_a_misspelt_key_is_named_with_the_one_it_may_mean(written: str, instead: str, line: str):
     text = SCENE.replace(written, instead, 1)
     assert text != SCENE
@@ -188,7 +275,9 @@ def same(scene: Scene, other: Scene) -> bool:
 
 
 QUATERNIONS = np.random.default_rng(1).normal(size=(20, 4)).tolist()
-TURNED = [Scene(Ellipsoid((1.0, 0.8, 0.5)), 10.0, BodyStart(tuple(each)), 5.0) for each in QUATERNIONS]
+TURNED = [
+    Scene(Ellipsoid((1.0, 0.8, 0.5)), 10.0, BodyStart(tuple(each)), 5.0) for each in QUATERNIONS
+]
 
 
 @pytest.mark.parametrize("scene", [*map(named_scene, SCENES), *TURNED])
@@ -197,7 +286,9 @@ def test_the_table_of_a_scene_makes_the_same_scene(scene: Scene):
 
 
 def test_equal_numbers_of_other_types_give_equal_tables():
-    as_floats = Scene(Ellipsoid((1.0, 2.0, 3.0)), 1000.0, EulerStart((1.0, 0.0, 2.0), (0.0, 0.0, 1.0)), 5.0)
+    as_floats = Scene(
+        Ellipsoid((1.0, 2.0, 3.0)), 1000.0, EulerStart((1.0, 0.0, 2.0), (0.0, 0.0, 1.0)), 5.0
+    )
     whole = Scene(Ellipsoid((1, 2, 3)), 1000, EulerStart((1, -0.0, 2), (0, 0, 1)), 5)
     of_numpy = Scene(
         Ellipsoid(tuple(np.array([1, 2, 3]))),
@@ -205,6 +296,11 @@ def test_equal_numbers_of_other_types_give_equal_tables():
         EulerStart((np.int64(1), 0, 2), (0, 0, 1)),
         np.float64(5),
     )
-    of_python = Scene(Ellipsoid((Fraction(1), 2, 3)), Fraction(1000), EulerStart((1, 0, 2), (0, 0, 1)), Fraction(5))
+    of_python = Scene(
+        Ellipsoid((Fraction(1), 2, 3)),
+        Fraction(1000),
+        EulerStart((1, 0, 2), (0, 0, 1)),
+        Fraction(5),
+    )
     tables = {json.dumps(scene_table(scene)) for scene in (as_floats, whole, of_numpy, of_python)}
     assert len(tables) == 1

@@ -33,13 +33,18 @@ def rates_of(name, scene):
     start = np.array(problem.start)
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
     step = np.linalg.norm(start) / np.linalg.norm(rates)
-    before, after = equations.observe(scene, np.array([start - step * rates, start + step * rates])).slow
+    before, after = equations.observe(
+        scene, np.array([start - step * rates, start + step * rates])
+    ).slow
     return (after - before) / (2 * step)
 
 
 def brute_force(scene, nodes):
     momentum, energy = averaged_rates(
-        body(scene.ellipsoid.semi_axes), scene.initial.angular_momentum[0], float(scene.initial.energy[0]), nodes
+        body(scene.ellipsoid.semi_axes),
+        scene.initial.angular_momentum[0],
+        float(scene.initial.energy[0]),
+        nodes,
     )
     return np.array([*momentum, energy])
 
@@ -87,7 +92,9 @@ def test_averaged_spheroid_rates_are_brute_force_averages(kappa, axis, omega, an
     scene = body_scene(Ellipsoid(tuple(axes)), angles, omega)
     assume(np.sum(np.square(np.delete(omega, axis))) > 0.01)
     truth = brute_force(scene, 64)
-    assert np.max(np.abs(rates_of("averaged-spheroid", scene) - truth)) < 1e-12 * np.max(np.abs(truth))
+    assert np.max(np.abs(rates_of("averaged-spheroid", scene) - truth)) < 1e-12 * np.max(
+        np.abs(truth)
+    )
 
 
 INERTIA = (0.3, 0.41, 0.6)
@@ -149,8 +156,13 @@ def test_averaged_solution_converges_through_the_separatrix():
 
 def long_double(problem, samples, tolerance):
     times = np.linspace(0, problem.end, samples)
-    integrator = taylor_integrator(problem.field, problem.dimension, len(problem.parameters), tolerance, "long double")
-    integrator.time, integrator.state[:] = np.longdouble(0), np.array(problem.start, dtype=np.longdouble)
+    integrator = taylor_integrator(
+        problem.field, problem.dimension, len(problem.parameters), tolerance, "long double"
+    )
+    integrator.time, integrator.state[:] = (
+        np.longdouble(0),
+        np.array(problem.start, dtype=np.longdouble),
+    )
     integrator.pars[:] = np.array(problem.parameters, dtype=np.longdouble)
     rows = np.empty((samples, problem.dimension), dtype=np.longdouble)
     rows[0] = problem.start
@@ -170,8 +182,12 @@ def long_double(problem, samples, tolerance):
 def test_error_of_averaging_falls_like_the_inverse_stokes_number(name, full, axes):
     errors = []
     for stokes in (1e3, 1e4):
-        scene = Scene(Ellipsoid(axes), stokes, EulerStart((1.1, 0.4, 0.2), (0.2, 0.3, -1.0)), 0.2 * stokes)
-        errors.append(slow_difference(scene, observed(name, scene), observed(full, scene, tolerance=1e-12)))
+        scene = Scene(
+            Ellipsoid(axes), stokes, EulerStart((1.1, 0.4, 0.2), (0.2, 0.3, -1.0)), 0.2 * stokes
+        )
+        errors.append(
+            slow_difference(scene, observed(name, scene), observed(full, scene, tolerance=1e-12))
+        )
     assert 5 < errors[0] / errors[1] < 20, errors
 
 
@@ -182,7 +198,10 @@ def test_correction_of_the_aligned_spheroid_is_of_second_order():
         scene = aligned(stokes)
         full = observed("spheroid-axis", scene, tolerance=1e-14, samples=301).slow[:, 2:]
         scale = max(scene.ellipsoid.inertia)
-        for errors, equations in ((corrected, CorrectedSpheroid()), (averaged, "averaged-spheroid")):
+        for errors, equations in (
+            (corrected, CorrectedSpheroid()),
+            (averaged, "averaged-spheroid"),
+        ):
             slow = observed(equations, scene, samples=301).slow[:, 2:]
             errors.append(np.max(np.abs(slow - full)) / scale)
     assert errors_ratio(averaged) == pytest.approx(10, rel=0.1)
@@ -197,7 +216,9 @@ def aligned(stokes):
     ellipsoid, theta, precession = Ellipsoid((1, 1, 2)), 1.0, -0.7
     equatorial, _, axial = ellipsoid.inertia
     spin = precession * cos(theta) * (equatorial / axial - 1)
-    return Scene(ellipsoid, stokes, EulerStart((theta, 0.4, 0.0), (0.0, precession, spin)), 0.3 * stokes)
+    return Scene(
+        ellipsoid, stokes, EulerStart((theta, 0.4, 0.0), (0.0, precession, spin)), 0.3 * stokes
+    )
 
 
 def test_correction_refuses_momentum_off_the_vorticity():
@@ -212,7 +233,12 @@ def test_slow_start_of_a_spheroid_gives_back_its_energy(axes):
     slow = full.initial.slow[0]
     start = SlowStart(tuple(slow[:3].tolist()), float(slow[3]))
     scene = Scene(Ellipsoid(axes), 100.0, start, 50.0)
-    assert slow_difference(full, observed("averaged-spheroid", full), observed("averaged-spheroid", scene)) < 1e-12
+    assert (
+        slow_difference(
+            full, observed("averaged-spheroid", full), observed("averaged-spheroid", scene)
+        )
+        < 1e-12
+    )
 
 
 def test_a_start_on_the_separatrix_is_followed_the_same_from_either_side_of_it():
@@ -223,18 +249,27 @@ def test_a_start_on_the_separatrix_is_followed_the_same_from_either_side_of_it()
     rates[list(ellipsoid.order)] = 1.0, 0.3, wobble
     errors = []
     for stokes in (1e3, 1e4):
-        scene = Scene(ellipsoid, stokes, BodyStart((0.8, 0.3, -0.4, 0.2), tuple(rates.tolist())), 0.2 * stokes)
+        scene = Scene(
+            ellipsoid, stokes, BodyStart((0.8, 0.3, -0.4, 0.2), tuple(rates.tolist())), 0.2 * stokes
+        )
         full = observed("quaternion", scene, solver="cyrk-vern8", tolerance=1e-12)
         ours = observed("averaged", scene, solver="cyrk-dop853", tolerance=1e-10)
         errors.append(slow_difference(scene, ours, full))
         for sign in (1, -1):
-            moved = SlowStart(tuple(scene.initial.angular_momentum[0]), scene.initial.energy[0] * (1 + sign * 1e-11))
-            other = observed("averaged", replace(scene, start=moved), solver="cyrk-dop853", tolerance=1e-10)
+            moved = SlowStart(
+                tuple(scene.initial.angular_momentum[0]),
+                scene.initial.energy[0] * (1 + sign * 1e-11),
+            )
+            other = observed(
+                "averaged", replace(scene, start=moved), solver="cyrk-dop853", tolerance=1e-10
+            )
             assert slow_difference(scene, ours, other) < 1e-7
     assert errors[1] < 0.3 * errors[0] < 0.3 * 0.13
 
 
-@pytest.mark.parametrize(("name", "averaged"), [("paper", "averaged"), ("spheroid", "averaged-spheroid")])
+@pytest.mark.parametrize(
+    ("name", "averaged"), [("paper", "averaged"), ("spheroid", "averaged-spheroid")]
+)
 def test_moment_of_inertia_about_the_axis_of_rotation_stays_in_its_range(name, averaged):
     scene = named_scene(name)
     problem = form(averaged).problem(scene)
@@ -254,7 +289,9 @@ def test_moment_of_inertia_about_the_axis_of_rotation_stays_in_its_range(name, a
 
 def test_a_run_that_leaves_the_range_is_no_success():
     """Energy that falls while L stays takes L²/2E beyond the largest moment of inertia."""
-    problem = replace(form("averaged").problem(named_scene("paper")), field=draining, parameters=(1.0,), end=2.0)
+    problem = replace(
+        form("averaged").problem(named_scene("paper")), field=draining, parameters=(1.0,), end=2.0
+    )
     solution = solve(problem, "cyrk-vern8", 1e-12, np.linspace(0.0, 2.0, 11))
     assert solution.status == Status.FALSE_SUCCESS
     assert "invariant" in solution.message

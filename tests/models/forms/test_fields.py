@@ -12,7 +12,12 @@ from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 from polhode.solvers.compile import compiled_callback, traced_system
 
 MPMATH = Operations(
-    mpmath.sin, mpmath.cos, mpmath.sqrt, lambda x, a, b: a if x > 0 else b, exp=mpmath.exp, log=mpmath.log
+    mpmath.sin,
+    mpmath.cos,
+    mpmath.sqrt,
+    lambda x, a, b: a if x > 0 else b,
+    exp=mpmath.exp,
+    log=mpmath.log,
 )
 
 
@@ -46,12 +51,16 @@ def test_every_kind_of_number_gives_the_same_rates(problem):
     rng = np.random.default_rng(7)
     states = np.array(problem.start) * (1 + 0.02 * rng.standard_normal((8, problem.dimension)))
     parameters = np.array(problem.parameters)
-    plain = np.array([problem.field(FLOAT)(state.tolist(), parameters.tolist()) for state in states])
+    plain = np.array(
+        [problem.field(FLOAT)(state.tolist(), parameters.tolist()) for state in states]
+    )
     assert plain.shape == states.shape
     scale = np.max(np.abs(plain), axis=0) + 1e-3 * np.max(np.abs(plain))
 
     arrays = problem.field(ARRAYS)(states.T, parameters)
-    assert np.all(np.abs(np.array([np.broadcast_to(row, 8) for row in arrays]).T - plain) < 1e-14 * scale)
+    assert np.all(
+        np.abs(np.array([np.broadcast_to(row, 8) for row in arrays]).T - plain) < 1e-14 * scale
+    )
 
     compiled = compiled_callback(problem.field, problem.dimension, len(parameters))
     out = np.empty(problem.dimension)
@@ -60,12 +69,16 @@ def test_every_kind_of_number_gives_the_same_rates(problem):
         assert np.all(np.abs(out - rates) < 1e-13 * scale)
 
     system = traced_system(problem.field, problem.dimension, len(parameters))
-    function = heyoka.cfunc([rate for _, rate in system], [variable for variable, _ in system], compact_mode=True)
+    function = heyoka.cfunc(
+        [rate for _, rate in system], [variable for variable, _ in system], compact_mode=True
+    )
     for state, rates in zip(states, plain, strict=True):
         assert np.all(np.abs(function(state, pars=parameters) - rates) < 1e-13 * scale)
 
     with mpmath.workdps(40):
         for state, rates in zip(states, plain, strict=True):
-            precise = problem.field(MPMATH)([mpmath.mpf(y) for y in state], [mpmath.mpf(p) for p in parameters])
+            precise = problem.field(MPMATH)(
+                [mpmath.mpf(y) for y in state], [mpmath.mpf(p) for p in parameters]
+            )
             assert all(isinstance(rate, mpmath.mpf) for rate in precise)
             assert np.all(np.abs([float(rate) for rate in precise] - rates) < 1e-12 * scale)

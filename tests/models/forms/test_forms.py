@@ -70,7 +70,9 @@ def test_tumbling_agrees_with_quaternion(axes, upright, stokes):
     rotation = matrix_from_quaternion(np.array(quaternion))
     assert abs(rotation[(2 - upright + 2) % 3, 2]) == pytest.approx(1)
     scene = Scene(Ellipsoid(axes), stokes, BodyStart(quaternion, tuple(0.7 * rotation[:, 2])), 20.0)
-    full, planar = (observed(name, scene, solver="cyrk-vern8") for name in ("quaternion", "tumbling"))
+    full, planar = (
+        observed(name, scene, solver="cyrk-vern8") for name in ("quaternion", "tumbling")
+    )
     assert slow_difference(scene, full, planar) < 1e-11
     assert orientation_difference(full, planar) < 1e-11
 
@@ -80,7 +82,9 @@ def test_tumbling_agrees_with_quaternion(axes, upright, stokes):
 def test_naming_of_the_body_axes_changes_nothing(name, axis):
     scene = example(name)
     named = renamed(scene, axis)
-    before, after = (observed(name, each, solver="cyrk-dop853", tolerance=1e-15) for each in (scene, named))
+    before, after = (
+        observed(name, each, solver="cyrk-dop853", tolerance=1e-15) for each in (scene, named)
+    )
     assert slow_difference(scene, before, after) < 1e-11
     rows = [(axis + shift) % 3 for shift in (1, 2, 0)]
     if np.isfinite(before.rotation).any():
@@ -93,7 +97,10 @@ def renamed(scene, axis):
     a, b, c = (scene.ellipsoid.semi_axes[i] for i in order)
     omega = tuple(scene.angular_velocity[i] for i in order)
     return Scene(
-        Ellipsoid((a, b, c)), scene.stokes, BodyStart(make_third(scene.start.quaternion, axis), omega), scene.time
+        Ellipsoid((a, b, c)),
+        scene.stokes,
+        BodyStart(make_third(scene.start.quaternion, axis), omega),
+        scene.time,
     )
 
 
@@ -107,12 +114,16 @@ def example(name):
     return Scene(Ellipsoid(axes), stokes, start, 10.0)
 
 
-@pytest.mark.parametrize(("name", "unit"), [("quaternion", slice(0, 4)), ("spheroid-axis", slice(3, 6))])
+@pytest.mark.parametrize(
+    ("name", "unit"), [("quaternion", slice(0, 4)), ("spheroid-axis", slice(3, 6))]
+)
 def test_drift_of_the_norm_does_not_reach_the_torque(name, unit):
     problem = form(name).problem(example(name))
     drifted = np.array(problem.start)
     drifted[unit] *= 1.01
-    before, after = (np.array(problem.field(FLOAT)(y, problem.parameters)) for y in (problem.start, drifted))
+    before, after = (
+        np.array(problem.field(FLOAT)(y, problem.parameters)) for y in (problem.start, drifted)
+    )
     kinematic = np.zeros(problem.dimension, dtype=bool)
     kinematic[unit] = True
     assert np.allclose(after[~kinematic], before[~kinematic], rtol=1e-14)
@@ -126,9 +137,14 @@ def test_odd_permutation_changes_nothing():
     q0, q1, q2, q3 = scene.start.quaternion
     half = np.sqrt(0.5)
     w1, w2, w3 = scene.angular_velocity
-    turned = BodyStart((half * (q0 - q3), half * (q1 + q2), half * (q2 - q1), half * (q3 + q0)), (w2, -w1, w3))
+    turned = BodyStart(
+        (half * (q0 - q3), half * (q1 + q2), half * (q2 - q1), half * (q3 + q0)), (w2, -w1, w3)
+    )
     swapped = Scene(Ellipsoid((0.8, 1.0, 0.5)), 30.0, turned, 50.0)
-    assert slow_difference(scene, observed("quaternion", scene), observed("quaternion", swapped)) < 1e-11
+    assert (
+        slow_difference(scene, observed("quaternion", scene), observed("quaternion", swapped))
+        < 1e-11
+    )
     averaged = observed("averaged", scene), observed("averaged", swapped)
     assert slow_difference(scene, *averaged) < 1e-12
 
@@ -142,7 +158,9 @@ def test_euler_top_keeps_momentum_and_energy(axes, solver):
     assert orientation_difference(observables, observed("quaternion", scene)) < 1e-11
 
 
-@pytest.mark.parametrize("name", ["quaternion", "euler-angles", "spheroid-angles", "spheroid-axis", "tumbling"])
+@pytest.mark.parametrize(
+    "name", ["quaternion", "euler-angles", "spheroid-angles", "spheroid-axis", "tumbling"]
+)
 def test_implicit_form_reaches_stokes_zero(name):
     start = EulerStart((pi / 2, 0.3, 0.0)) if name == "tumbling" else EulerStart((1.0, 0.3, 0.4))
     scene = Scene(Ellipsoid((1, 1, 2)), 0.0, start, 20.0)
@@ -164,7 +182,10 @@ def test_angles_never_pass_the_pole_unnoticed(solver, distance):
     solution = solve(problem, solver, 1e-8, np.linspace(0, 2.0, 9))
     assert not solution.success
     exact = observed("euler-top", scene, solver="exact")
-    assert orientation_difference(observed("quaternion", scene, solver=solver, tolerance=1e-8), exact) < 1e-5
+    assert (
+        orientation_difference(observed("quaternion", scene, solver=solver, tolerance=1e-8), exact)
+        < 1e-5
+    )
 
 
 def test_angles_are_right_up_to_the_limit():
@@ -173,7 +194,9 @@ def test_angles_are_right_up_to_the_limit():
     at_pole = EulerStart((2 * POLE_LIMIT, 0.3, psi)).quaternion
     quaternion, omega = TorqueFree(ellipsoid.inertia, at_pole, (sin(psi), cos(psi), 0.4)).at([-1.0])
     scene = Scene(ellipsoid, inf, BodyStart(tuple(quaternion[0]), tuple(omega[0])), 2.0)
-    difference = orientation_difference(observed("euler-angles", scene), observed("euler-top", scene, solver="exact"))
+    difference = orientation_difference(
+        observed("euler-angles", scene), observed("euler-top", scene, solver="exact")
+    )
     assert difference < 1e-9
 
 
@@ -183,7 +206,14 @@ UPRIGHT = BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, -0.5))
 REFUSED = [
     ("quaternion", Ellipsoid(TRIAXIAL), 10.0, SLOW, "no orientation", "averaged"),
     ("quaternion", SPHEROID, 10.0, SLOW_SPHEROID, "no orientation", "averaged-spheroid"),
-    ("euler-angles", Ellipsoid(TRIAXIAL), 10.0, EulerStart((1e-6, 0.0, 0.0)), "sin θ| = 1.0e-06 < 1e-5", "quaternion"),
+    (
+        "euler-angles",
+        Ellipsoid(TRIAXIAL),
+        10.0,
+        EulerStart((1e-6, 0.0, 0.0)),
+        "sin θ| = 1.0e-06 < 1e-5",
+        "quaternion",
+    ),
     ("euler-angles", Ellipsoid(TRIAXIAL), 10.0, UPRIGHT, "sin θ", "quaternion"),
     ("spheroid-angles", Ellipsoid(TRIAXIAL), 10.0, START, "all different", "euler-angles"),
     ("spheroid-angles", SPHEROID, 10.0, UPRIGHT, "sin θ", "spheroid-axis"),
@@ -195,8 +225,22 @@ REFUSED = [
     ("euler-top", SPHEROID, 10.0, START, "St = 10 is finite", "quaternion"),
     ("euler-top", SPHEROID, 0.0, START, "St = 0 is finite", "jeffery"),
     ("averaged", SPHEROID, 10.0, START, "are equal", "averaged-spheroid"),
-    ("averaged", Ellipsoid((*np.array([1.0, 1, 2]),)), 10.0, START, "of [1.0, 1.0, 2.0] are", "averaged-spheroid"),
-    ("averaged-spheroid", Ellipsoid((*np.array([1.0, 2, 3]),)), 10.0, START, "axes [1.0, 2.0, 3.0] are", "averaged"),
+    (
+        "averaged",
+        Ellipsoid((*np.array([1.0, 1, 2]),)),
+        10.0,
+        START,
+        "of [1.0, 1.0, 2.0] are",
+        "averaged-spheroid",
+    ),
+    (
+        "averaged-spheroid",
+        Ellipsoid((*np.array([1.0, 2, 3]),)),
+        10.0,
+        START,
+        "axes [1.0, 2.0, 3.0] are",
+        "averaged",
+    ),
     ("averaged", Ellipsoid(TRIAXIAL), 0.0, START, "St = 0", "jeffery"),
     ("averaged", Ellipsoid(TRIAXIAL), inf, START, "St = inf", "euler-top"),
     ("averaged", Ellipsoid(TRIAXIAL), 10.0, EulerStart((1.0, 0.0, 0.0)), "L = 0", "quaternion"),
@@ -208,7 +252,9 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("name", "ellipsoid", "stokes", "start", "condition", "instead"), REFUSED)
-def test_refusal_names_the_condition_and_a_form_that_accepts(name, ellipsoid, stokes, start, condition, instead):
+def test_refusal_names_the_condition_and_a_form_that_accepts(
+    name, ellipsoid, stokes, start, condition, instead
+):
     scene = Scene(ellipsoid, stokes, start, 10.0)
     with pytest.raises(FormNotValidError) as refusal:
         form(name).problem(scene)

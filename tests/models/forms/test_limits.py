@@ -16,8 +16,24 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.tumbling_period import tumbling_period
 from polhode.solvers.taylor import taylor_integrator
 
-SHAPES = [(1, 1, 2), (1, 2, 1), (2, 1, 1), (0.5, 1, 1), (1, 1, 10), (1, 1, 0.05), (1, 1, 1), (1, 1, 1 + 1e-9)]
-STARTS = [(pi / 3, pi / 6, 0.3), (0, 0, 0), (pi / 2, 0, 1.0), (pi, 0.3, 0.2), (2.5, 4.0, 5.0), (1e-9, 0.2, 0.3)]
+SHAPES = [
+    (1, 1, 2),
+    (1, 2, 1),
+    (2, 1, 1),
+    (0.5, 1, 1),
+    (1, 1, 10),
+    (1, 1, 0.05),
+    (1, 1, 1),
+    (1, 1, 1 + 1e-9),
+]
+STARTS = [
+    (pi / 3, pi / 6, 0.3),
+    (0, 0, 0),
+    (pi / 2, 0, 1.0),
+    (pi, 0.3, 0.2),
+    (2.5, 4.0, 5.0),
+    (1e-9, 0.2, 0.3),
+]
 
 
 @pytest.mark.parametrize("axes", SHAPES)
@@ -29,7 +45,10 @@ def test_jeffery_orbit_solves_the_field_with_its_spin(axes, angles):
     times = np.linspace(0, 50, 51)
     closed = problem.closed_form(times)
     assert np.allclose(closed[0], problem.start, rtol=0, atol=1e-14)
-    numerical, exact = observed("jeffery", scene, samples=51), observed("jeffery", scene, solver="exact", samples=51)
+    numerical, exact = (
+        observed("jeffery", scene, samples=51),
+        observed("jeffery", scene, solver="exact", samples=51),
+    )
     assert orientation_difference(numerical, exact) < 1e-12
     assert slow_difference(scene, numerical, exact) < 1e-12
 
@@ -58,7 +77,9 @@ def test_axis_of_a_long_jeffery_orbit():
     px, py, pz = matrix_from_quaternion(np.array(orbit.quaternion))[2].tolist()
     with mp.workdps(40):
         s, tau = mp.hypot(px / 2, py), mp.atan2(-mp.mpf(px) / 2, -mp.mpf(py)) + mp.mpf(time) / 2.5
-        axis = np.array([float(each) for each in (-2 * s * mp.sin(tau), -s * mp.cos(tau), mp.mpf(pz))])
+        axis = np.array(
+            [float(each) for each in (-2 * s * mp.sin(tau), -s * mp.cos(tau), mp.mpf(pz))]
+        )
     found = matrix_from_quaternion(orbit.at(np.array([time])))[0, 2]
     assert np.abs(found - axis / np.linalg.norm(axis)).max() < 3e-10
 
@@ -74,7 +95,9 @@ def test_jeffery_period(kappa):
     states = form("jeffery").problem(scene).closed_form(np.array([0.0, 1.0]) * period)
     rows = form("jeffery").observe(scene, states).rotation[:, 2]
     assert np.allclose(rows, rows[0], rtol=0, atol=1e-11)
-    halfway = form("jeffery").observe(scene, form("jeffery").problem(scene).closed_form(np.array([period / 2])))
+    halfway = form("jeffery").observe(
+        scene, form("jeffery").problem(scene).closed_form(np.array([period / 2]))
+    )
     assert np.allclose(halfway.rotation[0, 2], rows[0] * [-1, -1, 1], atol=1e-11)
 
 
@@ -91,20 +114,28 @@ def test_triaxial_jeffery_has_no_closed_form_and_no_inertia():
     assert np.array_equal(scene.initial.slow, at_rest.initial.slow)
 
 
-@pytest.mark.parametrize(("axes", "stokes"), [((1.0, 1.0, 3.0), 0.1), ((1.0, 0.8, 0.5), 20.0), ((1.0, 0.8, 0.5), 1e4)])
+@pytest.mark.parametrize(
+    ("axes", "stokes"), [((1.0, 1.0, 3.0), 0.1), ((1.0, 0.8, 0.5), 20.0), ((1.0, 0.8, 0.5), 1e4)]
+)
 def test_tumbler_turns_in_the_period_of_theory(axes, stokes):
     """One turn on the limit cycle, by Newton's method on its time."""
     scene = Scene(Ellipsoid(axes), stokes, BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0)), 1.0)
     problem, period = form("tumbling").problem(scene), tumbling_period(scene.ellipsoid, stokes, 1)
     integrator = taylor_integrator(problem.field, 2, len(problem.parameters), 1e-16)
-    integrator.time, integrator.state[:], integrator.pars[:] = 0.0, problem.start, problem.parameters
+    integrator.time, integrator.state[:], integrator.pars[:] = (
+        0.0,
+        problem.start,
+        problem.parameters,
+    )
     integrator.propagate_until(40 * stokes / scene.ellipsoid.damping[1])
     integrator.state[0] %= 2 * pi
     integrator.time, goal = 0.0, integrator.state[0] - 2 * pi
     # From a little below, for back in time the damping blows up.
     integrator.propagate_until(period - 1e-4)
     for _ in range(5):
-        integrator.propagate_until(integrator.time - (integrator.state[0] - goal) / integrator.state[1])
+        integrator.propagate_until(
+            integrator.time - (integrator.state[0] - goal) / integrator.state[1]
+        )
     assert integrator.time == pytest.approx(period, rel=1e-12)
 
 

@@ -64,7 +64,9 @@ def test_complete_integral_of_the_third_kind_splits_into_positive_parts():
     assert abs(sum(parts) - complete_k(kc**2)) < CLOSE
 
 
-@pytest.mark.parametrize("arguments", [(0, 1, 2), (1, 1, 1), (1e-30, 1e-28, 1), (3, 0, 1e9), (0.5, 0.25, 1)])
+@pytest.mark.parametrize(
+    "arguments", [(0, 1, 2), (1, 1, 1), (1e-30, 1e-28, 1), (3, 0, 1e9), (0.5, 0.25, 1)]
+)
 def test_carlson_rf(arguments):
     value = carlson_rf(*map(Long, arguments))
     assert relative(value, mp.elliprf(*map(mp.mpf, arguments))) < CLOSE
@@ -79,7 +81,9 @@ def test_jacobi_functions_keep_their_relative_accuracy(m1):
     """Error at most some units of rounding in the value, and in the argument, which counts where cn is small."""
     u, m = grid(m1)[1:-1], 1 - precise(m1)
     for argument, *values in zip(u, *jacobi(u, m1), strict=True):
-        sn, cn, dn = truths = [mp.ellipfun(name, precise(argument), m=m) for name in ("sn", "cn", "dn")]
+        sn, cn, dn = truths = [
+            mp.ellipfun(name, precise(argument), m=m) for name in ("sn", "cn", "dn")
+        ]
         slopes = [cn * dn, sn * dn, m * sn * cn]
         for value, truth, slope in zip(values, truths, slopes, strict=True):
             allowed = 40 * EPS_MP * abs(truth) + 4 * EPS_MP * abs(precise(argument) * slope)
@@ -110,7 +114,10 @@ def test_theta_phase_is_the_periodic_part_of_the_third_kind(m1, n):
 
 def test_theta_phase_on_the_separatrix():
     u, n = np.linspace(-50, 50, 21, dtype=Long), Long(0.4)
-    assert np.max(np.abs(theta4_phase(u, Long(1), Long(0), n) - np.arctan(np.sqrt(n) * np.tanh(u)))) < CLOSE
+    assert (
+        np.max(np.abs(theta4_phase(u, Long(1), Long(0), n) - np.arctan(np.sqrt(n) * np.tanh(u))))
+        < CLOSE
+    )
 
 
 def test_theta_phase_of_a_symmetric_top_is_zero():

@@ -20,13 +20,19 @@ UNTURNED = (1.0, 0.0, 0.0, 0.0)
 def random_body(seed):
     rng = np.random.default_rng(seed)
     quaternion, omega = rng.normal(size=4), rng.normal(size=3)
-    return TorqueFree(tuple(rng.uniform(0.2, 1.0, 3)), tuple(quaternion / np.linalg.norm(quaternion)), tuple(omega))
+    return TorqueFree(
+        tuple(rng.uniform(0.2, 1.0, 3)),
+        tuple(quaternion / np.linalg.norm(quaternion)),
+        tuple(omega),
+    )
 
 
 def momentum_and_energy(body):
     """L in space axes and E at the start."""
     moment = np.array(body.inertia) * body.angular_velocity
-    return moment @ matrix_from_quaternion(np.array(body.quaternion)), moment @ body.angular_velocity / 2
+    return moment @ matrix_from_quaternion(
+        np.array(body.quaternion)
+    ), moment @ body.angular_velocity / 2
 
 
 @pytest.mark.parametrize("exchange", [False, True])
@@ -62,10 +68,14 @@ def test_corrected_precession_period(exchange):
         quarter, rate = mp.ellipk(k2), mp.sqrt((i3 - i2) * spin / (i1 * i2 * i3))
         nome = mp.qfrom(m=k2)
         zeta = mp.ellipf(mp.atan(mp.sqrt(i3 * spin / (i1 * wobble))), 1 - k2) / (2 * quarter)
-        ratio = mp.pi * mp.jtheta(4, 1j * mp.pi * zeta, nome, 1) / mp.jtheta(4, 1j * mp.pi * zeta, nome)
+        ratio = (
+            mp.pi * mp.jtheta(4, 1j * mp.pi * zeta, nome, 1) / mp.jtheta(4, 1j * mp.pi * zeta, nome)
+        )
         term = float(mp.re(2j * ratio * rate / (4 * quarter)))
     sign = -1 if exchange else 1
-    _, precession_period = Polhode.of(exactly((i1, i2, i3)), exact(momentum) ** 2, 2 * exact(energy)).periods
+    _, precession_period = Polhode.of(
+        exactly((i1, i2, i3)), exact(momentum) ** 2, 2 * exact(energy)
+    ).periods
     assert 2 * np.pi / precession_period == pytest.approx(momentum / i1 + sign * term, rel=1e-14)
     assert abs(2 * np.pi / precession_period - (momentum / i1 - sign * term)) > 0.1
 
@@ -127,7 +137,9 @@ def test_fast_motion_against_quadrature_along_the_polhode(semi_axes, omega):
     )
     speed = curve.weight @ np.linalg.norm(curve.momentum / ellipsoid.inertia, axis=1)
     assert mean_speed(ellipsoid, slow)[0] == pytest.approx(speed, rel=1e-6)
-    assert TorqueFree(ellipsoid.inertia, UNTURNED, omega).period == pytest.approx(curve.period, rel=1e-9)
+    assert TorqueFree(ellipsoid.inertia, UNTURNED, omega).period == pytest.approx(
+        curve.period, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize(("semi_axes", "omega"), [TOPS[0], TOPS[1]])
@@ -145,20 +157,36 @@ def test_precession_period_against_the_turns_of_the_encircled_axis(semi_axes, om
 
     periods = 6
     times = np.linspace(0, periods * top.period, 4001)
-    run = solve_ivp(field, (0, times[-1]), np.eye(3).ravel(), t_eval=times, method="DOP853", rtol=1e-12, atol=1e-12)
+    run = solve_ivp(
+        field,
+        (0, times[-1]),
+        np.eye(3).ravel(),
+        t_eval=times,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-12,
+    )
     across = run.y.T.reshape(-1, 3, 3)[:, axis] @ frame
     angle = np.unwrap(np.arctan2(across[:, 1], across[:, 0]))
-    assert (angle[-1] - angle[0]) / times[-1] == pytest.approx(2 * np.pi / top.precession_period, rel=1e-8)
+    assert (angle[-1] - angle[0]) / times[-1] == pytest.approx(
+        2 * np.pi / top.precession_period, rel=1e-8
+    )
 
 
 @pytest.mark.parametrize("semi_axes", [(1.0, 1.0, 2.0), (0.4, 1.0, 1.0), (2.0, 2.0, 2.0)])
 def test_speed_of_symmetric_tops_is_constant(semi_axes):
     ellipsoid, slow = wobbling_start(semi_axes, (0.3, -0.7, 0.2))
-    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(np.linalg.norm((0.3, -0.7, 0.2)), rel=1e-12)
+    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(
+        np.linalg.norm((0.3, -0.7, 0.2)), rel=1e-12
+    )
 
 
-@pytest.mark.parametrize("omega", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0)])
+@pytest.mark.parametrize(
+    "omega", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.5, 0.0, 0.0), (0.0, 0.5, 0.0)]
+)
 def test_speed_of_permanent_rotations(omega):
     ellipsoid, slow = wobbling_start((1.0, 0.8, 0.5), omega)
     tolerance = 0.05 if omega[1] else 1e-7
-    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(np.linalg.norm(omega), rel=tolerance, abs=0)
+    assert mean_speed(ellipsoid, slow)[0] == pytest.approx(
+        np.linalg.norm(omega), rel=tolerance, abs=0
+    )

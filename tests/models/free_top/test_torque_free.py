@@ -23,7 +23,9 @@ def start(body):
 def invariants(inertia, quaternion, omega):
     """L in space axes, shape (n, 3), and E, shape (n,)."""
     moment = np.array(inertia) * omega
-    return np.einsum("nij,ni->nj", matrix_from_quaternion(quaternion), moment), np.sum(moment * omega, axis=1) / 2
+    return np.einsum("nij,ni->nj", matrix_from_quaternion(quaternion), moment), np.sum(
+        moment * omega, axis=1
+    ) / 2
 
 
 def half_ulp_change(body, times):
@@ -43,12 +45,17 @@ def random_body(seed, *, inertia=None, speed=1.0):
     rng = np.random.default_rng(seed)
     inertia = inertia or tuple(rng.uniform(0.2, 1.0, 3))
     omega = rng.normal(size=3)
-    return TorqueFree(inertia, tuple(unit(rng.normal(size=4))), tuple(speed * omega / np.linalg.norm(omega)))
+    return TorqueFree(
+        inertia, tuple(unit(rng.normal(size=4))), tuple(speed * omega / np.linalg.norm(omega))
+    )
 
 
 def near_separatrix(distance, signs, order):
     """Start whose 1−m is about the distance; the signs choose the branch, the order permutes the axes."""
-    inertia, omega = np.array([3.0, 4.0, 6.0]) / 8, np.array([1.0, 0.1, 0.5 * (1 + distance)]) / 2 * signs
+    inertia, omega = (
+        np.array([3.0, 4.0, 6.0]) / 8,
+        np.array([1.0, 0.1, 0.5 * (1 + distance)]) / 2 * signs,
+    )
     return TorqueFree(tuple(inertia[order]), MIXED, tuple(omega[order]))
 
 
@@ -56,7 +63,12 @@ def regular_bodies():
     """Random starts away from the separatrix: triaxial ones, then some with two equal inertias."""
     for seed in range(48):
         first, second, third = np.random.default_rng(seed + 1000).uniform(0.2, 1.0, 3)
-        kinds = [(first, second, third), (first, first, third), (first, second, second), (first, second, first)]
+        kinds = [
+            (first, second, third),
+            (first, first, third),
+            (first, second, second),
+            (first, second, first),
+        ]
         body = random_body(seed, inertia=kinds[0 if seed < 36 else seed % 4])
         if body._polhode.m1 >= 0.1:
             yield body
@@ -73,7 +85,9 @@ def test_agrees_with_extended_precision_integration(body):
     assert np.max(geodesic(quaternion, true_quaternion)) < 1e-12
     assert np.max(np.abs(omega - true_omega)) < 1e-12
     invariant = invariants(body.inertia, quaternion, omega)
-    for value, truth in zip(invariant, invariants(body.inertia, true_quaternion, true_omega), strict=True):
+    for value, truth in zip(
+        invariant, invariants(body.inertia, true_quaternion, true_omega), strict=True
+    ):
         assert np.max(np.abs(value - truth)) < 1e-12
 
 
@@ -121,9 +135,14 @@ def test_within_ten_half_ulps_up_to_a_million_time_units(name):
     angle, change = half_ulp_change(body, times)
     with mp.workdps(100):
         truth = textbook(*start(body), times)
-        off = [small_angle(matrix(q).T * true) for q, (true, _) in zip(quaternion, truth, strict=True)]
+        off = [
+            small_angle(matrix(q).T * true) for q, (true, _) in zip(quaternion, truth, strict=True)
+        ]
         rates = np.array(
-            [[float(true[k] - precise(w[k])) for k in range(3)] for w, (_, true) in zip(omega, truth, strict=True)]
+            [
+                [float(true[k] - precise(w[k])) for k in range(3)]
+                for w, (_, true) in zip(omega, truth, strict=True)
+            ]
         )
     assert np.all(off < 10 * angle)
     assert np.all(np.max(np.abs(rates), axis=1) < 10 * change)
@@ -163,11 +182,15 @@ def test_symmetric_top(axial, equatorial):
         momentum = np.linalg.norm(momenta[0])
         symmetry_axis = matrix_from_quaternion(quaternion)[:, odd]
         assert np.max(np.abs(omega[:, odd] - eta)) < 1e-15
-        assert np.max(np.abs(symmetry_axis @ momenta[0] / momentum - axial * eta / momentum)) < 1e-15
+        assert (
+            np.max(np.abs(symmetry_axis @ momenta[0] / momentum - axial * eta / momentum)) < 1e-15
+        )
         energy = (momentum**2 - axial * (axial - equatorial) * eta**2) / (2 * equatorial)
         assert np.max(np.abs(energies - energy)) < 1e-15
         assert body.precession_period == pytest.approx(2 * np.pi * equatorial / momentum, rel=1e-15)
-        assert body.period == pytest.approx(2 * np.pi * equatorial / abs((axial - equatorial) * eta), rel=1e-15)
+        assert body.period == pytest.approx(
+            2 * np.pi * equatorial / abs((axial - equatorial) * eta), rel=1e-15
+        )
         after, _ = body.at([body.precession_period])
         assert np.max(np.abs(matrix_from_quaternion(after)[0, odd] - symmetry_axis[0])) < 1e-14
 
@@ -217,7 +240,9 @@ def test_restarting_on_the_way_changes_nothing(seed):
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     st.permutations([0.2, 0.5, 0.5 * (1 + 1e-9), 0.5, 0.9]),
-    st.tuples(*[st.one_of(st.floats(-1, 1), st.sampled_from([0.0, -0.0, 5e-324, 1e-200, 1.0, -1.0]))] * 3),
+    st.tuples(
+        *[st.one_of(st.floats(-1, 1), st.sampled_from([0.0, -0.0, 5e-324, 1e-200, 1.0, -1.0]))] * 3
+    ),
 )
 def test_every_start_keeps_its_invariants(moments, omega):
     inertia = tuple(moments[:3])

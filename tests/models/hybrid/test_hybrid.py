@@ -15,7 +15,13 @@ from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
 from polhode.models.hybrid import course
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, PER_RADIAN, WINDOWS, full_tolerance, second_order
+from polhode.models.hybrid.course import (
+    ERROR_PER_TOLERANCE,
+    PER_RADIAN,
+    WINDOWS,
+    full_tolerance,
+    second_order,
+)
 from polhode.models.hybrid.form import Hybrid
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 from polhode.models.second_order.outline import Ahead, Stretch
@@ -44,7 +50,9 @@ def run(scene: Scene, error: float, **options) -> Solution:
 
 
 def full_run(scene: Scene) -> Solution:
-    return solve(form(full_form(scene)).problem(scene), SOLVER, 1e-13, np.linspace(0.0, scene.time, 101))
+    return solve(
+        form(full_form(scene)).problem(scene), SOLVER, 1e-13, np.linspace(0.0, scene.time, 101)
+    )
 
 
 def kinds(solution: Solution) -> list[bool]:
@@ -57,7 +65,9 @@ def test_a_window_goes_on_at_a_looser_tolerance_where_less_is_to_amplify_its_err
     first, second, *_ = course.foreseen(scene, 1e-6)
     assert not first.second_order
     assert not second.second_order
-    assert second.turned / first.turned < 0.2 < (second.end - second.start) / (first.end - first.start)
+    assert (
+        second.turned / first.turned < 0.2 < (second.end - second.start) / (first.end - first.start)
+    )
     solution = run(scene, 1e-6)
     assert solution.stages[1].tolerance > solution.stages[0].tolerance
     true = form(full_form(scene)).observe(scene, full_run(scene).states)
@@ -100,7 +110,10 @@ def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
     course = Hybrid().problem(scene).course
     assert course
     for begin in reached:
-        state, unit = states[np.searchsorted(times, begin)].copy(), slice(0, 4) if scene is CROSSING else slice(3, 6)
+        state, unit = (
+            states[np.searchsorted(times, begin)].copy(),
+            slice(0, 4) if scene is CROSSING else slice(3, 6),
+        )
         # Solvers let the norm drift.
         state[unit] /= np.linalg.norm(state[unit])
         problem, back = second_order(scene, state)  # pyright: ignore
@@ -149,7 +162,10 @@ def test_windows_narrow_as_the_stokes_number_grows():
     for stokes in (1e5, 1e6, 1e7):
         solution = run(replace(CROSSING, stokes=stokes, time=0.2 * stokes), 1e-4)
         pairs = zip(solution.stages, kinds(solution), strict=True)
-        shares.append(sum(stage.end - stage.begin for stage, averaged in pairs if not averaged) / solution.times[-1])
+        shares.append(
+            sum(stage.end - stage.begin for stage, averaged in pairs if not averaged)
+            / solution.times[-1]
+        )
     # Like 1/√St, their time like √St.
     assert shares[2] < shares[0] / 4
 
@@ -161,7 +177,9 @@ def test_errors_count_as_often_as_they_come_out_of_resonances():
     base, grown = form("quaternion").observe(scene, full_run(scene).states).slow, []
     for nudge in 1e-8 * np.eye(3):
         other = replace(scene, start=BodyStart(pose, tuple((np.array(spin) + nudge).tolist())))
-        apart = np.abs(form("quaternion").observe(other, full_run(other).states).slow - base).max(axis=1)
+        apart = np.abs(form("quaternion").observe(other, full_run(other).states).slow - base).max(
+            axis=1
+        )
         grown.append(apart.max() / apart[0])
     (weight,) = Ahead.of(path_of(scene), 1e-6).weight(np.zeros(1))
     typical = np.sqrt(np.mean(np.square(grown)))
@@ -171,7 +189,9 @@ def test_errors_count_as_often_as_they_come_out_of_resonances():
 @pytest.mark.parametrize("rate", [1.0, 40.0])
 def test_the_error_of_the_full_equations_is_bounded_however_fast_a_body_spins(rate: float):
     spin = (0.5 * rate, -0.3 * rate, 0.8 * rate)
-    scene = Scene(Ellipsoid((1.0, 1.0, 0.3)), 1e6, BodyStart((0.8, 0.3, -0.4, 0.2), spin), 2e3 / rate)
+    scene = Scene(
+        Ellipsoid((1.0, 1.0, 0.3)), 1e6, BodyStart((0.8, 0.3, -0.4, 0.2), spin), 2e3 / rate
+    )
     solution = run(scene, 1e-5)
     found, true = (Hybrid().observe(scene, each.states) for each in (solution, full_run(scene)))
     (stage,) = solution.stages
@@ -196,7 +216,9 @@ def test_the_plan_is_what_the_run_does():
 def test_a_run_without_windows_and_one_without_anything_else_are_planned():
     gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
     assert Hybrid().plan(gentle, 1e-8, nowhere) == ((0.0, 1e5, None),)
-    [(begin, end, tolerance)] = Hybrid().plan(replace(CROSSING, stokes=10.0, time=5.0), 1e-8, nowhere)
+    [(begin, end, tolerance)] = Hybrid().plan(
+        replace(CROSSING, stokes=10.0, time=5.0), 1e-8, nowhere
+    )
     assert (begin, end, tolerance) == (0.0, 5.0, 1e-8)
 
 
@@ -238,9 +260,17 @@ def test_a_run_that_is_stopped_keeps_its_rows(scene: Scene):
 def test_it_refuses_what_it_does_not_describe():
     sphere, massless, torqueless = (
         replace(CROSSING, **change)
-        for change in ({"ellipsoid": Ellipsoid((1.0, 1.0, 1.0))}, {"stokes": 0.0}, {"stokes": np.inf})
+        for change in (
+            {"ellipsoid": Ellipsoid((1.0, 1.0, 1.0))},
+            {"stokes": 0.0},
+            {"stokes": np.inf},
+        )
     )
-    for scene, instead in ((sphere, "spheroid-axis"), (massless, "jeffery"), (torqueless, "euler-top")):
+    for scene, instead in (
+        (sphere, "spheroid-axis"),
+        (massless, "jeffery"),
+        (torqueless, "euler-top"),
+    ):
         with pytest.raises(FormNotValidError, match=instead):
             Hybrid().check(scene)
 
@@ -249,7 +279,8 @@ def test_it_refuses_what_it_does_not_describe():
 def test_runs_whose_windows_times_cannot_tell_apart_are_refused(time: float):
     """Such a run would not end: its pieces would not even begin to move."""
     with pytest.raises(
-        FormNotValidError, match=r"^form 'hybrid': the run of 1e\+\d+ inverse shear rates is too long, "
+        FormNotValidError,
+        match=r"^form 'hybrid': the run of 1e\+\d+ inverse shear rates is too long, ",
     ):
         Hybrid().problem(replace(CROSSING, time=time))
 
@@ -287,8 +318,8 @@ def test_windows_take_their_share_of_the_error_together(windows: list[tuple[floa
         own, cost = full_tolerance(ahead[i:], 1e5, 1e-8, worn)
         assert cost == pytest.approx(PER_RADIAN * own * each.turned * 1e5)
         # The next looser tolerance would have taken more than is due to it.
-        assert own == 1e-8 or 10 * cost * sum(w.end for w in ahead[i:]) > (WINDOWS * 1e-6 - worn) * each.end * (
-            1 - 1e-9
-        )
+        assert own == 1e-8 or 10 * cost * sum(w.end for w in ahead[i:]) > (
+            WINDOWS * 1e-6 - worn
+        ) * each.end * (1 - 1e-9)
         worn += cost
     assert worn <= WINDOWS * 1e-6

@@ -52,7 +52,9 @@ def test_misprint_argument_of_the_complete_integrals(toward_longest):
     body_ = Ellipsoid(AXES)
     arguments = MOMENTUM @ MOMENTUM, energy_on_side(toward_longest)
     as_modulus = body_.mean_squares(*arguments, reading=np.square)
-    assert_misprint(as_modulus, body_.mean_squares(*arguments), Averages(toward_longest).z2, tolerance=1e-12)
+    assert_misprint(
+        as_modulus, body_.mean_squares(*arguments), Averages(toward_longest).z2, tolerance=1e-12
+    )
 
 
 @SIDES
@@ -60,7 +62,11 @@ def test_right_second_moments_in_aligned_axes(toward_longest):
     average = Averages(toward_longest)
     for k, i, j in product(range(3), repeat=3):
         diagonal = average.z2[k] if i == 2 else (1 - average.z2[k]) / 2
-        assert_right(diagonal * (i == j), average.mean(average.s[:, k, i], average.s[:, k, j]), tolerance=1e-13)
+        assert_right(
+            diagonal * (i == j),
+            average.mean(average.s[:, k, i], average.s[:, k, j]),
+            tolerance=1e-13,
+        )
 
 
 @SIDES
@@ -99,7 +105,9 @@ def test_misprint_third_moments_of_repeated_rows(toward_longest):
     """The formula holds for three different rows only: ⟨z³⟩ of the enclosed axis does not vanish."""
     average = Averages(toward_longest)
     axis = 0 if toward_longest else 2
-    assert abs(average.mean(average.s[:, axis, 2], average.s[:, axis, 2], average.s[:, axis, 2])) > 0.1
+    assert (
+        abs(average.mean(average.s[:, axis, 2], average.s[:, axis, 2], average.s[:, axis, 2])) > 0.1
+    )
 
 
 @SIDES
@@ -107,7 +115,9 @@ def test_misprint_mixed_third_moments(toward_longest):
     """⟨t_i3,LO t_j1 t_k2⟩, the last two in space axes, carries a factor α₃₃/2 (α₃₃ when summed over both orders)."""
     average = Averages(toward_longest)
     for i, j, k in DISTINCT:
-        truth = LEVI_CIVITA[i, j, k] * average.mean(average.s[:, i, 2], average.t[:, j, 0], average.t[:, k, 1])
+        truth = LEVI_CIVITA[i, j, k] * average.mean(
+            average.s[:, i, 2], average.t[:, j, 0], average.t[:, k, 1]
+        )
         printed = average.z2[i]
         assert_misprint(printed, average.alpha[2, 2] / 2 * printed, truth, tolerance=1e-13)
 
@@ -118,7 +128,10 @@ def test_misprint_third_moments_in_space_axes(toward_longest):
     average = Averages(toward_longest)
     z2, last = average.z2, average.alpha[:, 2]
     for i, j, k in DISTINCT:
-        means = [average.mean(average.t[:, i, m], average.t[:, j, 0], average.t[:, k, 1]) for m in range(3)]
+        means = [
+            average.mean(average.t[:, i, m], average.t[:, j, 0], average.t[:, k, 1])
+            for m in range(3)
+        ]
         truth = LEVI_CIVITA[i, j, k] * np.array(means)
         along_x = last[0] * last[2] * (z2[i] - z2[j]) / 2
         along_y = last[1] * last[2] * (z2[i] - z2[k]) / 2

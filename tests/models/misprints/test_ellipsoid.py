@@ -21,11 +21,17 @@ from oracle.printed import Ellipsoid, jacobian
 from oracle.verdict import assert_misprint, assert_right
 
 ELLIPSOID = Ellipsoid((1.0, 0.8, 0.5))
-INERTIA, RESISTANCE, AXES = ELLIPSOID.shape.inertia, ELLIPSOID.shape.resistance, ELLIPSOID.shape.semi_axes
+INERTIA, RESISTANCE, AXES = (
+    ELLIPSOID.shape.inertia,
+    ELLIPSOID.shape.resistance,
+    ELLIPSOID.shape.semi_axes,
+)
 MOMENTUM = np.array([0.21, -0.34, -0.27])
 SIZE2 = MOMENTUM @ MOMENTUM
 ENERGIES = pytest.mark.parametrize(
-    "energy", [SIZE2 / 2 * (0.6 / INERTIA[m] + 0.4 / INERTIA[1]) for m in (2, 0)], ids=["L2>2EI2", "L2<2EI2"]
+    "energy",
+    [SIZE2 / 2 * (0.6 / INERTIA[m] + 0.4 / INERTIA[1]) for m in (2, 0)],
+    ids=["L2>2EI2", "L2<2EI2"],
 )
 ROTATION, OMEGA = rotation_from_euler(0.7, 0.4, 1.1), body_rates((0.7, 0.4, 1.1), (0.6, -0.8, 0.5))
 START_MOMENTUM, START_ENERGY = momentum_and_energy(ELLIPSOID.shape, ROTATION, OMEGA)
@@ -47,7 +53,9 @@ def test_right_compact_rates():
 
 
 def test_misprint_body_components_of_momentum():
-    assert_misprint(START_MOMENTUM @ ROTATION, ROTATION @ START_MOMENTUM, INERTIA * OMEGA, tolerance=1e-13)
+    assert_misprint(
+        START_MOMENTUM @ ROTATION, ROTATION @ START_MOMENTUM, INERTIA * OMEGA, tolerance=1e-13
+    )
 
 
 def test_right_expanded_momentum_rate():
@@ -95,8 +103,16 @@ def test_misprint_vorticity_momentum_rate(energy):
     def rate(symbol):
         total = (RESISTANCE / INERTIA) @ squares * z
         for i, j, k in [*CYCLIC, *((i, k, j) for i, j, k in CYCLIC)]:
-            weight = RESISTANCE[i] * symbol(LEVI_CIVITA[i, j, k]) / (2 * (AXES[j] ** 2 + AXES[k] ** 2) * SIZE2)
-            total += weight * AXES[k] ** 2 * (squares[i] * z * z + squares[j] * x * x + squares[k] * y * y)
+            weight = (
+                RESISTANCE[i]
+                * symbol(LEVI_CIVITA[i, j, k])
+                / (2 * (AXES[j] ** 2 + AXES[k] ** 2) * SIZE2)
+            )
+            total += (
+                weight
+                * AXES[k] ** 2
+                * (squares[i] * z * z + squares[j] * x * x + squares[k] * y * y)
+            )
         return -8 * pi * total
 
     truth = averaged_rates(ELLIPSOID.shape, MOMENTUM, energy)[0][2]
@@ -109,7 +125,12 @@ def test_misprint_energy_rate_factor(energy):
     squares = ELLIPSOID.mean_squares(SIZE2, energy)
 
     def rate(factor):
-        return -8 * pi * (RESISTANCE / INERTIA**2 * SIZE2 + factor * MOMENTUM[2] * RESISTANCE / INERTIA) @ squares
+        return (
+            -8
+            * pi
+            * (RESISTANCE / INERTIA**2 * SIZE2 + factor * MOMENTUM[2] * RESISTANCE / INERTIA)
+            @ squares
+        )
 
     assert_misprint(rate(1), rate(0.5), averaged_rates(ELLIPSOID.shape, MOMENTUM, energy)[1])
 
@@ -119,7 +140,9 @@ def test_misprint_equilibrium_condition():
     squares = np.array([0.5, 0.2, 0.3])
     a, b, _, _, f = ELLIPSOID.coefficients(squares)
     pairs = [(0, 1), (2, 0), (1, 2)]
-    terms = np.array([(1 / INERTIA[i] - 1 / INERTIA[j]) ** 2 * squares[i] * squares[j] for i, j in pairs])
+    terms = np.array(
+        [(1 / INERTIA[i] - 1 / INERTIA[j]) ** 2 * squares[i] * squares[j] for i, j in pairs]
+    )
     drag = np.array([RESISTANCE[i] * RESISTANCE[j] for i, j in pairs])
     assert_misprint(terms.sum(), terms @ drag, b * f - a**2, tolerance=1e-13, gap=0.1)
 
@@ -133,7 +156,9 @@ def test_right_equilibrium_momentum(axis):
 
 def test_right_start_near_the_saddle():
     angles, rates = (1.57, 0.0, pi / 2), (0.0, -0.61, 0.0003)
-    momentum, energy = momentum_and_energy(ELLIPSOID.shape, rotation_from_euler(*angles), body_rates(angles, rates))
+    momentum, energy = momentum_and_energy(
+        ELLIPSOID.shape, rotation_from_euler(*angles), body_rates(angles, rates)
+    )
     assert momentum @ momentum == pytest.approx(2 * energy * INERTIA[0], rel=1e-5)
 
 
@@ -169,7 +194,12 @@ def test_right_intermediate_transverse_eigenvalues():
         -8
         * pi
         / i[1]
-        * np.array([x[0] * c2 / (b2 + c2) + x[2] * a2 / (a2 + b2), x[0] * b2 / (b2 + c2) + x[2] * b2 / (a2 + b2)])
+        * np.array(
+            [
+                x[0] * c2 / (b2 + c2) + x[2] * a2 / (a2 + b2),
+                x[0] * b2 / (b2 + c2) + x[2] * b2 / (a2 + b2),
+            ]
+        )
     )
     a, b, c, d, _ = ELLIPSOID.coefficients(np.array([0.0, 1.0, 0.0]))
     assert_right(printed, -8 * pi * (a - np.array([b - c, b - d]) / i[1]), tolerance=1e-13)
@@ -185,17 +215,27 @@ def test_right_spheroid_limit_of_mu(kappa):
     assert mu == pytest.approx(axial * (1 - h2) / (equatorial * h2), rel=1e-12)
 
 
-@pytest.mark.parametrize(("psi", "precession_axis"), [(0.0, 1), (pi / 2, 0)], ids=["psi=0", "psi=pi/2"])
+@pytest.mark.parametrize(
+    ("psi", "precession_axis"), [(0.0, 1), (pi / 2, 0)], ids=["psi=0", "psi=pi/2"]
+)
 def test_misprint_ellipsoid_start_with_aligned_momentum(psi, precession_axis):
     """The rates L_z/I₁ and L_z cosθ (1/I₃ − 1/I₁) of the caption belong to ψ₀ = π/2; at ψ₀ = 0, I₂ stands for I₁."""
     theta, momentum = 0.8, 0.6
 
     def aligned(axis):
-        rates = (0.0, momentum / INERTIA[axis], momentum * cos(theta) * (1 / INERTIA[2] - 1 / INERTIA[axis]))
+        rates = (
+            0.0,
+            momentum / INERTIA[axis],
+            momentum * cos(theta) * (1 / INERTIA[2] - 1 / INERTIA[axis]),
+        )
         angles = (theta, 0.0, psi)
-        return momentum_and_energy(ELLIPSOID.shape, rotation_from_euler(*angles), body_rates(angles, rates))[0]
+        return momentum_and_energy(
+            ELLIPSOID.shape, rotation_from_euler(*angles), body_rates(angles, rates)
+        )[0]
 
-    assert_misprint(aligned(1 - precession_axis), aligned(precession_axis), [0, 0, momentum], tolerance=1e-14)
+    assert_misprint(
+        aligned(1 - precession_axis), aligned(precession_axis), [0, 0, momentum], tolerance=1e-14
+    )
 
 
 def test_misprint_upper_parabola_holds_one_manifold():
@@ -219,7 +259,9 @@ def test_misprint_pinch_point_in_infinite_time():
 
     near_pinch.terminal = True
     limit = 0.6 / speed
-    run = solve_ivp(lambda _, y: ELLIPSOID.slow(y), (0, limit), start, "DOP853", rtol=1e-9, events=near_pinch)
+    run = solve_ivp(
+        lambda _, y: ELLIPSOID.slow(y), (0, limit), start, "DOP853", rtol=1e-9, events=near_pinch
+    )
     assert run.status == 1
     assert ELLIPSOID.slow(run.y[:, -1])[2] < -speed
 

@@ -7,7 +7,14 @@ import pytest
 from mpmath import mp
 from scipy.special import ellipj, ellipk
 
-from oracle.first_principles import aligned_frame, body, integrate, momentum_and_energy, polhode, rotation_from_euler
+from oracle.first_principles import (
+    aligned_frame,
+    body,
+    integrate,
+    momentum_and_energy,
+    polhode,
+    rotation_from_euler,
+)
 from oracle.verdict import assert_misprint, assert_right, deviation
 
 SHAPE = body((1.0, 0.8, 0.5))
@@ -23,7 +30,9 @@ class EulerTop:
         self.moments = i1, i2, i3 = SHAPE.inertia[self.order]
         self.energy = MOMENTUM**2 / 2 * (0.7 / i3 + 0.3 / i2)
         excess, deficit = 2 * self.energy * i3 - MOMENTUM**2, MOMENTUM**2 - 2 * self.energy * i1
-        self.amplitudes = np.sqrt([excess / (i1 * (i3 - i1)), excess / (i2 * (i3 - i2)), deficit / (i3 * (i3 - i1))])
+        self.amplitudes = np.sqrt(
+            [excess / (i1 * (i3 - i1)), excess / (i2 * (i3 - i2)), deficit / (i3 * (i3 - i1))]
+        )
         self.rate = np.sqrt((i3 - i2) * deficit / (i1 * i2 * i3))
         self.parameter = (i2 - i1) * excess / ((i3 - i2) * deficit)
         self.quarter = float(ellipk(self.parameter))
@@ -116,7 +125,9 @@ def test_right_nutation_and_spin_angle(exchange):
     sn, cn, dn, _ = ellipj(top.rate * times, top.parameter)
     rotation = top.motion(np.concatenate([[0.0], times]))[0][1:, top.order, 2]
     deficit = MOMENTUM**2 - 2 * top.energy * i1
-    assert_right(np.sqrt(i3 * deficit / (MOMENTUM**2 * (i3 - i1))) * dn, rotation[:, 2], tolerance=1e-9)
+    assert_right(
+        np.sqrt(i3 * deficit / (MOMENTUM**2 * (i3 - i1))) * dn, rotation[:, 2], tolerance=1e-9
+    )
     tangent = np.sqrt(i1 * (i3 - i2) / (i2 * (i3 - i1))) * cn / sn
     assert_right(tangent, rotation[:, 0] / rotation[:, 1], tolerance=1e-8)
 
@@ -134,14 +145,19 @@ def printed_precession(top, times, *, sign):
     parameter, quarter = mp.mpf(top.parameter), mp.mpf(top.quarter)
     nome = mp.exp(-mp.pi * mp.ellipk(1 - parameter) / quarter)
     zeta = sign * mp.ellipf(mp.atan(top.zeta_target), 1 - parameter) / (2 * quarter)
-    assert abs(mp.ellipfun("sn", 2j * zeta * quarter, m=parameter) - sign * 1j * top.zeta_target) < 1e-12
+    assert (
+        abs(mp.ellipfun("sn", 2j * zeta * quarter, m=parameter) - sign * 1j * top.zeta_target)
+        < 1e-12
+    )
     period = 4 * quarter / top.rate
 
     def theta4(value, order=0):
         return mp.jtheta(4, mp.pi * value, nome, order) * mp.pi**order
 
     rate = MOMENTUM / top.moments[0] - (2j / period * theta4(1j * zeta, 1) / theta4(1j * zeta)).real
-    ratios = [theta4(2 * t / period - 1j * zeta) / theta4(2 * t / period + 1j * zeta) for t in times]
+    ratios = [
+        theta4(2 * t / period - 1j * zeta) / theta4(2 * t / period + 1j * zeta) for t in times
+    ]
     periodic = np.unwrap([float(mp.arg(ratio)) for ratio in ratios]) / 2
     return periodic + float(rate) * times, float(rate), periodic
 
@@ -185,7 +201,9 @@ def test_misprint_period_of_the_periodic_precession(exchange):
     top = EulerTop(exchange)
     half = 2 * top.quarter / top.rate
     times = np.array([0.0, 0.4, 1.1])
-    periodic = printed_precession(top, np.concatenate([times, times + half]), sign=1 if exchange else -1)[2]
+    periodic = printed_precession(
+        top, np.concatenate([times, times + half]), sign=1 if exchange else -1
+    )[2]
     assert_right(np.exp(2j * periodic[3:]), np.exp(2j * periodic[:3]), tolerance=1e-12)
     truth = azimuth(top, np.concatenate([times, times + half, [2 * half]]))
     assert_right(truth[3:6] - truth[:3], np.full(3, truth[3]), tolerance=1e-9)
@@ -233,7 +251,10 @@ def test_right_axis_of_the_symmetric_top_in_space(kappa):
     momentum, _ = momentum_and_energy(shape, rotation[0], omega[0])
     size, alpha = np.linalg.norm(momentum), printed_aligned_axes(momentum)
     start = rotation[0, 2] @ alpha
-    h, chi = shape.inertia[2] * omega[0, 2] / size, size * times / shape.inertia[0] + np.arctan2(start[0], -start[1])
+    h, chi = (
+        shape.inertia[2] * omega[0, 2] / size,
+        size * times / shape.inertia[0] + np.arctan2(start[0], -start[1]),
+    )
     across = np.sqrt(1 - h * h)
     printed = alpha @ [across * np.sin(chi), -across * np.cos(chi), np.full_like(chi, h)]
     assert_right(printed.T, rotation[:, 2], tolerance=1e-9)
@@ -248,7 +269,9 @@ def test_right_symmetric_top(kappa):
     rates = (0.0, momentum / equatorial, -(axial - equatorial) * eta / equatorial)
     times = np.linspace(0.0, 6.0, 7)
     rotation, omega = integrate(shape, np.inf, (theta, 0.2, 0.0), rates, times)
-    expected = np.array([rotation_from_euler(theta, 0.2 + rates[1] * t, rates[2] * t) for t in times])
+    expected = np.array(
+        [rotation_from_euler(theta, 0.2 + rates[1] * t, rates[2] * t) for t in times]
+    )
     assert_right(expected, rotation, tolerance=1e-9)
     energy = (momentum**2 - axial * (axial - equatorial) * eta**2) / (2 * equatorial)
     assert_right(energy, np.sum(shape.inertia * omega[-1] ** 2) / 2, tolerance=1e-9)
@@ -271,7 +294,9 @@ def test_misprint_prolate_axis_labels():
     assert_misprint(moments @ printed**2 / 2, moments @ exchanged**2 / 2, energy, tolerance=1e-13)
 
 
-@pytest.mark.parametrize(("kappa", "between"), [(2.3, True), (0.5, False)], ids=["prolate", "oblate"])
+@pytest.mark.parametrize(
+    ("kappa", "between"), [(2.3, True), (0.5, False)], ids=["prolate", "oblate"]
+)
 def test_right_order_of_momentum_velocity_and_axis(kappa, between):
     """Ω lies between L and the axis for a prolate, L between Ω and the axis for an oblate spheroid."""
     omega = np.array([0.0, 0.6, 0.8])

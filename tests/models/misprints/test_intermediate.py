@@ -40,7 +40,9 @@ def slow_rates_near(side, y):
     mu = (1 - y) * (i3 - i2) / (i2 - i1)
     momentum2 = i2**2 / 4
     energy = momentum2 * (1 + mu) / (2 * (i3 + mu * i1))
-    (_, _, z_rate), energy_rate = averaged_rates(ELLIPSOID.shape, [0, 0, -i2 / 2], energy, nodes=8192)
+    (_, _, z_rate), energy_rate = averaged_rates(
+        ELLIPSOID.shape, [0, 0, -i2 / 2], energy, nodes=8192
+    )
     numerator = energy_rate * momentum2 + energy * i2 * z_rate
     return z_rate, 2 * (i3 - i1) * numerator / (momentum2 - 2 * energy * i1) ** 2
 
@@ -78,7 +80,9 @@ def trajectory(side, times):
         y, z = state
         return [2 * growth(side) / log(16 / y), -damping * z - forcing(side) / log(16 / y)]
 
-    return solve_ivp(field, (0, times[-1]), [START, MOMENTUM_START], "DOP853", times, rtol=1e-12, atol=1e-15).y
+    return solve_ivp(
+        field, (0, times[-1]), [START, MOMENTUM_START], "DOP853", times, rtol=1e-12, atol=1e-15
+    ).y
 
 
 def implicit_y(side, time, linear):
@@ -125,7 +129,9 @@ def momentum_solution(side, time, *, sign=1, dummy=True, offset=START):
 
 @SIDES
 @pytest.mark.parametrize(
-    "printed", [{"dummy": False}, {"offset": 0.0}], ids=["variable of integration", "missing initial term"]
+    "printed",
+    [{"dummy": False}, {"offset": 0.0}],
+    ids=["variable of integration", "missing initial term"],
 )
 def test_misprint_closed_form_of_momentum(side, printed):
     time = duration(side)

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from oracle.first_principles import SHEAR, jeffery, rotation_from_euler, torque_free_angular_velocity
+from oracle.first_principles import (
+    SHEAR,
+    jeffery,
+    rotation_from_euler,
+    torque_free_angular_velocity,
+)
 from oracle.verdict import assert_misprint, assert_right
 
 TRIAXIAL = (1.0, 0.8, 0.5)
@@ -43,7 +48,9 @@ def test_right_spheroid_jeffery_components(kappa):
         -(np.sin(phi) ** 2 + kappa**2 * np.cos(phi) ** 2) / (kappa**2 + 1) * np.sin(theta),
         -np.cos(theta) / 2,
     ]
-    assert_right(printed, jeffery((1, 1, kappa), rotation_from_euler(theta, phi, 0.0)), tolerance=1e-14)
+    assert_right(
+        printed, jeffery((1, 1, kappa), rotation_from_euler(theta, phi, 0.0)), tolerance=1e-14
+    )
 
 
 @pytest.mark.parametrize("kappa", [0.4, 3.0])
@@ -60,7 +67,9 @@ def jeffery_orbit(kappa, constant, times, exponent):
     """(φ, θ) of `phitraj` and `thetraj` with the exponent in question; φ = 0 at t = 0."""
     phase = times / (kappa + 1 / kappa)
     phi = np.array([-atan2(kappa * np.sin(x), np.cos(x)) for x in phase])
-    theta = np.arctan(constant * kappa / (np.sin(phi) ** 2 + kappa**2 * np.cos(phi) ** 2) ** exponent)
+    theta = np.arctan(
+        constant * kappa / (np.sin(phi) ** 2 + kappa**2 * np.cos(phi) ** 2) ** exponent
+    )
     return np.array([theta, phi])
 
 
@@ -70,7 +79,13 @@ def test_misprint_jeffery_orbit_exponent(kappa, constant):
     times = np.linspace(0, 1.5 * (kappa + 1 / kappa), 12)
     start = jeffery_orbit(kappa, constant, times[:1], 0.5)[:, 0]
     truth = solve_ivp(
-        lambda _, y: spheroid_rates(kappa, *y)[:2], (0, times[-1]), start, "DOP853", times, rtol=1e-12, atol=1e-13
+        lambda _, y: spheroid_rates(kappa, *y)[:2],
+        (0, times[-1]),
+        start,
+        "DOP853",
+        times,
+        rtol=1e-12,
+        atol=1e-13,
     ).y
     printed, corrected = (jeffery_orbit(kappa, constant, times, exponent) for exponent in (2, 0.5))
     assert_right(printed[1], truth[1], tolerance=1e-10)
@@ -90,17 +105,24 @@ def inertialess_motion(axes, start, times):
         rotation = state.reshape(3, 3)
         return -np.cross(jeffery(axes, rotation), rotation.T).T.ravel()
 
-    solution = solve_ivp(field, (times[0], times[-1]), start.ravel(), "DOP853", times, rtol=1e-11, atol=1e-13)
+    solution = solve_ivp(
+        field, (times[0], times[-1]), start.ravel(), "DOP853", times, rtol=1e-11, atol=1e-13
+    )
     return solution.y.T.reshape(-1, 3, 3)
 
 
 @pytest.mark.parametrize(
-    ("theta", "psi", "aligned"), [(0.0, 0.0, 2), (pi / 2, 0.0, 1), (pi / 2, pi / 2, 0)], ids=["z'", "y'", "x'"]
+    ("theta", "psi", "aligned"),
+    [(0.0, 0.0, 2), (pi / 2, 0.0, 1), (pi / 2, pi / 2, 0)],
+    ids=["z'", "y'", "x'"],
 )
 def test_misprint_length_order_of_poincare_sections(theta, psi, aligned):
     assert abs(rotation_from_euler(theta, 0.3, psi)[aligned, 2]) == pytest.approx(1, abs=1e-15)
     printed = {0.0: {0.0: "longest"}, pi / 2: {0.0: "intermediate", pi / 2: "shortest"}}[theta][psi]
-    increasing, decreasing = ("shortest", "intermediate", "longest"), ("longest", "intermediate", "shortest")
+    increasing, decreasing = (
+        ("shortest", "intermediate", "longest"),
+        ("longest", "intermediate", "shortest"),
+    )
     assert printed == increasing[aligned]
     assert (printed == decreasing[aligned]) == (aligned == 1)
 
@@ -121,7 +143,12 @@ def tilt_multipliers(axes, aligned):
 
 @pytest.mark.parametrize(
     ("axes", "saddle"),
-    [((1, 1 / 10, 1 / 20), 2), ((1, 0.4, 1 / 3), 2), ((1, 1 / 2, 1 / 20), 0), ((1, 2 / 2.1, 1 / 2.1), 0)],
+    [
+        ((1, 1 / 10, 1 / 20), 2),
+        ((1, 0.4, 1 / 3), 2),
+        ((1, 1 / 2, 1 / 20), 0),
+        ((1, 2 / 2.1, 1 / 2.1), 0),
+    ],
     ids=["slender-prolate", "fat-prolate", "flat-oblate", "fat-oblate"],
 )
 def test_misprint_saddle_of_poincare_sections(axes, saddle):
@@ -144,7 +171,9 @@ def test_right_aligned_rotation_like_a_spheroid(aligned):
     assert_right(jeffery(stretched, rotation), jeffery(axes, rotation), tolerance=1e-14)
 
 
-@pytest.mark.parametrize(("kappa", "slowest"), [(3.0, pi / 2), (0.4, 0.0)], ids=["prolate: flow", "oblate: gradient"])
+@pytest.mark.parametrize(
+    ("kappa", "slowest"), [(3.0, pi / 2), (0.4, 0.0)], ids=["prolate: flow", "oblate: gradient"]
+)
 def test_right_slowest_tumbling_orientation(kappa, slowest):
     angles = np.arange(0, pi, pi / 180)
     rates = [abs(spheroid_rates(kappa, pi / 2, phi)[1]) for phi in angles]

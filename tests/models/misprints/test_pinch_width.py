@@ -45,8 +45,12 @@ def least_momentum(kappa, stokes):
     times = stokes * np.linspace(0.0, 0.02, 2001)
     least = []
     for phi in (0.6, 1.2):
-        rotation, omega = integrate(s.shape, stokes, (THETA, phi, 0.0), rates, times, tolerance=1e-8)
-        least.append(np.linalg.norm(momentum_and_energy(s.shape, rotation, omega)[0], axis=1).min() / s.ie)
+        rotation, omega = integrate(
+            s.shape, stokes, (THETA, phi, 0.0), rates, times, tolerance=1e-8
+        )
+        least.append(
+            np.linalg.norm(momentum_and_energy(s.shape, rotation, omega)[0], axis=1).min() / s.ie
+        )
     return float(np.sqrt(np.mean(np.square(least))))
 
 

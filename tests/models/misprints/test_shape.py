@@ -24,13 +24,20 @@ STOKES = 30.0
 
 
 def printed_inertia(axes, length):
-    return np.array([4 * pi / 15 * np.prod(axes) * (axes[j] ** 2 + axes[k] ** 2) for _, j, k in CYCLIC]) / length**5
+    return (
+        np.array(
+            [4 * pi / 15 * np.prod(axes) * (axes[j] ** 2 + axes[k] ** 2) for _, j, k in CYCLIC]
+        )
+        / length**5
+    )
 
 
 def printed_resistance(axes, length):
     square = np.square(axes)
     beta = [2 / 3 * np.prod(axes) * elliprd(square[j], square[k], square[i]) for i, j, k in CYCLIC]
-    weight = [(square[j] + square[k]) / (square[j] * beta[j] + square[k] * beta[k]) for _, j, k in CYCLIC]
+    weight = [
+        (square[j] + square[k]) / (square[j] * beta[j] + square[k] * beta[k]) for _, j, k in CYCLIC
+    ]
     return 2 / 3 * np.prod(axes) * np.array(weight) / length**3
 
 
@@ -38,7 +45,9 @@ def oblate_resistances(kappa):
     """(X_c, Y_c) as printed, but without the factor 1/κ³."""
     root = sqrt(1 - kappa**2)
     axial = 2 / 3 * root**3 / (acos(kappa) - kappa * root)
-    equatorial = 2 / 3 * root**3 * (1 + kappa**2) / (kappa * root - (2 * kappa**2 - 1) * acos(kappa))
+    equatorial = (
+        2 / 3 * root**3 * (1 + kappa**2) / (kappa * root - (2 * kappa**2 - 1) * acos(kappa))
+    )
     return np.array([axial, equatorial])
 
 
@@ -58,14 +67,22 @@ def residual(shape, angles, rates, accelerations):
     """Left minus right side of `ultima` in body axes along the path with the given angles, rates and accelerations."""
 
     def omega_at(time):
-        return body_rates(angles + rates * time + accelerations * time**2 / 2, rates + accelerations * time)
+        return body_rates(
+            angles + rates * time + accelerations * time**2 / 2, rates + accelerations * time
+        )
 
     step, coefficients = 0.01, (4 / 5, -1 / 5, 4 / 105, -1 / 280)
     derivative = sum(
-        weight * (omega_at(n * step) - omega_at(-n * step)) / step for n, weight in enumerate(coefficients, start=1)
+        weight * (omega_at(n * step) - omega_at(-n * step)) / step
+        for n, weight in enumerate(coefficients, start=1)
     )
     omega = omega_at(0.0)
-    torque = -8 * pi * shape.resistance * (omega - jeffery(shape.semi_axes, rotation_from_euler(*angles)))
+    torque = (
+        -8
+        * pi
+        * shape.resistance
+        * (omega - jeffery(shape.semi_axes, rotation_from_euler(*angles)))
+    )
     return STOKES * (shape.inertia * derivative + np.cross(omega, shape.inertia * omega)) - torque
 
 
@@ -79,7 +96,10 @@ def test_right_inertia_and_resistance_definitions(axes):
 def test_misprint_length_unit():
     axes = (1.0, 0.8, 0.5)
     shape = body(axes)
-    for formula, truth in ((printed_inertia, shape.inertia), (printed_resistance, shape.resistance)):
+    for formula, truth in (
+        (printed_inertia, shape.inertia),
+        (printed_resistance, shape.resistance),
+    ):
         assert_misprint(formula(axes, axes[2]), formula(axes, axes[0]), truth, gap=1)
 
 
@@ -107,7 +127,9 @@ def test_misprint_oblate_resistances(kappa):
 
 @pytest.mark.parametrize("kappa", [1.2, 2.0, 3.33, 8.0])
 def test_right_prolate_resistances(kappa):
-    assert_right(prolate_resistances(kappa), body((1, 1, kappa)).resistance[[2, 0]], tolerance=1e-11)
+    assert_right(
+        prolate_resistances(kappa), body((1, 1, kappa)).resistance[[2, 0]], tolerance=1e-11
+    )
 
 
 def test_right_rotation_matrix():
@@ -136,7 +158,9 @@ def test_right_triaxial_euler_angle_equations():
     (theta, _, psi), (dt, df, dp), (ddt, ddf, ddp) = ANGLES, RATES, ACCELERATIONS
     (st, ct), (sp, cp) = ((np.sin(x), np.cos(x)) for x in (theta, psi))
     inertia, omega = shape.inertia, body_rates(ANGLES, RATES)
-    drag = 8 * pi * shape.resistance * (omega - jeffery(shape.semi_axes, rotation_from_euler(*ANGLES)))
+    drag = (
+        8 * pi * shape.resistance * (omega - jeffery(shape.semi_axes, rotation_from_euler(*ANGLES)))
+    )
     direct = [
         ddf * st * sp + df * dt * ct * sp + df * dp * st * cp + ddt * cp - dp * dt * sp,
         ddf * st * cp + df * dt * ct * cp - df * dp * st * sp - ddt * sp - dp * dt * cp,
@@ -147,7 +171,9 @@ def test_right_triaxial_euler_angle_equations():
         df * dt * ct * cp + df * dp * st * sp + dp * dt * cp + df**2 * ct * st * sp,
         (df**2 * st**2 - dt**2) * cp * sp + df * dt * st * np.cos(2 * psi),
     ]
-    difference = np.array([inertia[2] - inertia[1], inertia[0] - inertia[2], inertia[1] - inertia[0]])
+    difference = np.array(
+        [inertia[2] - inertia[1], inertia[0] - inertia[2], inertia[1] - inertia[0]]
+    )
     printed = STOKES * (inertia * direct + difference * gyroscopic) + drag
     assert_right(printed, residual(shape, ANGLES, RATES, ACCELERATIONS), tolerance=1e-12)
 
@@ -160,7 +186,11 @@ def spheroid_equations(kappa, resistances, stokes, *, centrifugal, gyroscopic, a
     axial_drag, equatorial_drag = resistances
     inverse = 1 / kappa**2
     left = [
-        4 * pi * stokes / 15 * (centrifugal * df**2 * st * ct + (inverse + 1) * ddt + gyroscopic * dp * df * st),
+        4
+        * pi
+        * stokes
+        / 15
+        * (centrifugal * df**2 * st * ct + (inverse + 1) * ddt + gyroscopic * dp * df * st),
         4 * pi * stokes / 15 * (2 * df * dt * ct + (inverse + 1) * ddf * st - gyroscopic * dp * dt),
         axial * stokes / 15 * 2 * inverse * (ddf * ct + ddp - dt * df * st),
     ]
@@ -187,7 +217,9 @@ def test_misprint_spheroid_euler_angle_equations(kappa, rows, misprint):
     printed = {"centrifugal": kappa**-2 - kappa**2, "gyroscopic": 2.0, "axial": 8 * pi}
     right = {"centrifugal": kappa**-2 - 1, "gyroscopic": 2 / kappa**2, "axial": 4 * pi}
     corrected = spheroid_equations(kappa, resistances, stokes, **right)
-    wrong = spheroid_equations(kappa, resistances, stokes, **(right | {misprint: printed[misprint]}))
+    wrong = spheroid_equations(
+        kappa, resistances, stokes, **(right | {misprint: printed[misprint]})
+    )
     for row in rows:
         assert_misprint(wrong[row], corrected[row], truth[row], tolerance=1e-10)
 
@@ -253,10 +285,14 @@ def test_right_effective_stokes_number_flat(kappa):
     assert axial / kappa == pytest.approx(pi / 20, rel=5 * kappa)
 
 
-@pytest.mark.parametrize(("kappa", "stokes"), [(0.3, 61.2), (0.5, 43.8), (2.0, 100.24), (3.33, 254.0)])
+@pytest.mark.parametrize(
+    ("kappa", "stokes"), [(0.3, 61.2), (0.5, 43.8), (2.0, 100.24), (3.33, 254.0)]
+)
 def test_right_caption_of_the_collapse(kappa, stokes):
     shape = body((1.0, 1.0, kappa))
-    assert shape.inertia[2] * stokes / (8 * pi * shape.resistance[2]) == pytest.approx(2.071, rel=2e-3)
+    assert shape.inertia[2] * stokes / (8 * pi * shape.resistance[2]) == pytest.approx(
+        2.071, rel=2e-3
+    )
 
 
 @pytest.mark.parametrize("kappa", [0.5, 2.0])

@@ -30,7 +30,10 @@ def test_right_evolution_before_averaging(kappa):
     slip = omega - jeffery(s.shape.semi_axes, rotation)
     torque = np.array([s.yc, s.yc, s.xc]) * slip
     rate, power = slow_rates(s.shape, rotation, omega)
-    assert_right(-8 * pi * (rotation[0] * torque[0] + rotation[1] * torque[1] + rotation[2] * torque[2]), rate)
+    assert_right(
+        -8 * pi * (rotation[0] * torque[0] + rotation[1] * torque[1] + rotation[2] * torque[2]),
+        rate,
+    )
     assert_right(-8 * pi * torque @ omega, power)
     (x, y, z), _ = momentum_and_energy(s.shape, rotation, omega)
     assert_right(rotation @ [x, y, z] / s.shape.inertia, omega, tolerance=1e-13)
@@ -101,7 +104,9 @@ def test_right_slow_equations(kappa, h):
     assert_right(chain, energy_rate, tolerance=1e-12)
 
 
-FIXED_POINTS = pytest.mark.parametrize(("mode", "eta"), [("spinning", 0.5), ("spinning", -0.5), ("tumbling", 0.0)])
+FIXED_POINTS = pytest.mark.parametrize(
+    ("mode", "eta"), [("spinning", 0.5), ("spinning", -0.5), ("tumbling", 0.0)]
+)
 
 
 @KAPPAS

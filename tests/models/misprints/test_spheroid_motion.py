@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from oracle.first_principles import body, integrate, jeffery, momentum_and_energy, rotation_from_euler
+from oracle.first_principles import (
+    body,
+    integrate,
+    jeffery,
+    momentum_and_energy,
+    rotation_from_euler,
+)
 from oracle.printed import Spheroid
 from oracle.verdict import assert_misprint, assert_right
 
@@ -58,7 +64,9 @@ def test_right_starts_at_given_momentum(energy, spin_fraction):
     """Captions of the projections at L₀ = 2I_e/3, κ = 2: the energies are those of I_aη₀/L₀ = 0, 0.5, 0.87."""
     s = Spheroid(2.0)
     momentum = np.array([2 / 3 * s.ie, 0, 0])
-    assert s.energy(momentum, spin_fraction * momentum[0] / s.ia) / s.ie == pytest.approx(energy, abs=2e-3)
+    assert s.energy(momentum, spin_fraction * momentum[0] / s.ia) / s.ie == pytest.approx(
+        energy, abs=2e-3
+    )
 
 
 @KAPPAS
@@ -91,7 +99,13 @@ def test_misprint_slow_motion_halts_at_the_pinch_point(kappa):
 
     near_pinch.terminal = True
     run = solve_ivp(
-        lambda _, y: s.slow(y), (0, 0.6 / speed), start, "DOP853", rtol=1e-10, atol=1e-12, events=near_pinch
+        lambda _, y: s.slow(y),
+        (0, 0.6 / speed),
+        start,
+        "DOP853",
+        rtol=1e-10,
+        atol=1e-12,
+        events=near_pinch,
     )
     assert run.status == 1
     assert s.slow(run.y[:, -1])[2] < -speed
@@ -104,7 +118,9 @@ def first_order_errors(stokes, momentum, slow_time, kappa=2.0):
     eta = momentum * cos(theta) / s.ia
     precession, spin = momentum / s.ie, momentum * cos(theta) * (1 / s.ia - 1 / s.ie)
     slow_times = np.linspace(0, slow_time, 61)[1:]
-    rotation, omega = integrate(s.shape, stokes, (theta, phi, 0.0), (0.0, precession, spin), stokes * slow_times)
+    rotation, omega = integrate(
+        s.shape, stokes, (theta, phi, 0.0), (0.0, precession, spin), stokes * slow_times
+    )
     truth = momentum_and_energy(s.shape, rotation, omega)[0][:, 2]
     size = -2 * pi * s.yc * (kappa**2 - 1) / (1 + kappa**2)
 
@@ -115,7 +131,9 @@ def first_order_errors(stokes, momentum, slow_time, kappa=2.0):
             rate = s.slow([0, 0, y[0], y[1]])
             return [rate[2], rate[3], y[0] / s.ie]
 
-        run = solve_ivp(field, (0, slow_time), [start, eta, 0.0], "DOP853", slow_times, rtol=1e-12, atol=1e-14)
+        run = solve_ivp(
+            field, (0, slow_time), [start, eta, 0.0], "DOP853", slow_times, rtol=1e-12, atol=1e-14
+        )
         z, spin, phase = run.y
         return z, 1 - (s.ia * spin / z) ** 2, phase
 
@@ -153,7 +171,9 @@ def test_misprint_aligned_trajectory_sign(momentum):
         h = s.ia * (spin + precession * cos(theta)) / size
         phase = size / s.ie * times + phi
         across = np.sqrt(1 - h * h)
-        return np.column_stack([across * np.sin(phase), -across * np.cos(phase), np.full_like(times, h)])
+        return np.column_stack(
+            [across * np.sin(phase), -across * np.cos(phase), np.full_like(times, h)]
+        )
 
     if momentum > 0:
         assert_right(axis(abs(momentum)), rotation[:, 2], tolerance=1e-9)
@@ -187,7 +207,9 @@ def test_misprint_spin_up_time(axes):
     angles = (0.314, 0.52, 1.05 if axes[0] != axes[1] else 0.0)
     scaled = []
     for stokes in (1e6, 1e8):
-        rotation, omega = integrate(shape, stokes, angles, (0.0, 0.0, 0.0), np.array([sqrt(stokes)]))
+        rotation, omega = integrate(
+            shape, stokes, angles, (0.0, 0.0, 0.0), np.array([sqrt(stokes)])
+        )
         scaled.append(np.linalg.norm(omega) * sqrt(stokes))
     assert scaled[0] == pytest.approx(scaled[1], rel=0.1)
     ambient = jeffery(shape.semi_axes, rotation[0])

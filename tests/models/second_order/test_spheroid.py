@@ -39,12 +39,20 @@ def derivation():
 
 def test_coefficients_are_the_derived_ones(derivation):
     values = {"D": Fraction(3), "d": Fraction(5), "c": Fraction(-7), "k": Fraction(11)}
-    typed = second_order_spheroid.coefficient_polynomials({name: float(value) for name, value in values.items()})
+    typed = second_order_spheroid.coefficient_polynomials(
+        {name: float(value) for name, value in values.items()}
+    )
     for name, polynomial in derivation.coefficients().items():
         for h in (Fraction(1, 3), Fraction(-2, 5), Fraction(7, 8)):
             exact = sum(
                 coefficient
-                * np.prod([{**values, "h": h}[n] ** k for n, k in zip(derivation.NAMES, powers, strict=True) if k])
+                * np.prod(
+                    [
+                        {**values, "h": h}[n] ** k
+                        for n, k in zip(derivation.NAMES, powers, strict=True)
+                        if k
+                    ]
+                )
                 for powers, coefficient in polynomial.terms.items()
             )
             short = name.removeprefix("r2 ")
@@ -59,7 +67,8 @@ def test_coefficients_are_the_derived_ones(derivation):
 def evaluate(polynomial, names, values):
     """Exact value of a polynomial of the derivation."""
     factors = [
-        coefficient * prod(values[name] ** power for name, power in zip(names, powers, strict=True) if power)
+        coefficient
+        * prod(values[name] ** power for name, power in zip(names, powers, strict=True) if power)
         for powers, coefficient in polynomial.terms.items()
     ]
     return sum(factors)
@@ -79,7 +88,9 @@ def brute_force(axes):
         n = w[:3] / size
         rate = np.array(rhs((*w[:3], *rotate(n, s, w[3:])), p)[:3]) / size
         tilt = (rate - n * (n @ rate)) / size
-        return np.concatenate([rate, -np.cross(np.sin(s) * tilt - (1 - np.cos(s)) * np.cross(n, tilt), w[3:])])
+        return np.concatenate(
+            [rate, -np.cross(np.sin(s) * tilt - (1 - np.cos(s)) * np.cross(n, tilt), w[3:])]
+        )
 
     def generator(w, s):
         spectrum = np.fft.fft([pulled(w, node) for node in nodes], axis=0) / 16
@@ -104,7 +115,9 @@ def test_averages_agree_with_brute_force(axes):
     for s in nodes:
         u = generator(STATE, s)
         step = 1e-5 * u / np.linalg.norm(u)
-        change.append((pulled(STATE + step, s) - pulled(STATE - step, s)) * np.linalg.norm(u) / 2e-5)
+        change.append(
+            (pulled(STATE + step, s) - pulled(STATE - step, s)) * np.linalg.norm(u) / 2e-5
+        )
     second = size * np.mean(change, axis=0)
     rhs = second_order_spheroid.field(FLOAT)
     ours = np.array(rhs((*STATE, 0.0), second_order_spheroid.parameters(spheroid, 0.0)))
@@ -129,14 +142,20 @@ def test_the_size_of_the_transformation_is_the_largest_at_six_turns(axes):
     size = np.linalg.norm(momentum)
     n = momentum / size
     # The second component of L is the least.
-    axis = h * n + np.sqrt(1 - h * h) * np.cross(n, [0, 1, 0]) / np.linalg.norm(np.cross(n, [0, 1, 0]))
-    energy = spheroid.equatorial_inertia * size**2 * (1 + (1 / spheroid.inertia_ratio - 1) * h * h) / 2
+    axis = h * n + np.sqrt(1 - h * h) * np.cross(n, [0, 1, 0]) / np.linalg.norm(
+        np.cross(n, [0, 1, 0])
+    )
+    energy = (
+        spheroid.equatorial_inertia * size**2 * (1 + (1 / spheroid.inertia_ratio - 1) * h * h) / 2
+    )
     found, _ = second_order_spheroid.orders(
         spheroid, 1e-3, np.array([[*spheroid.equatorial_inertia * momentum, energy]])
     )
     every = []
     for turn in pi / 3 * np.arange(6):
-        change, tilt, _ = second_order_spheroid.generator(spheroid, momentum, axis, np.cos(turn), np.sin(turn))
+        change, tilt, _ = second_order_spheroid.generator(
+            spheroid, momentum, axis, np.cos(turn), np.sin(turn)
+        )
         every.append(np.linalg.norm(change) / size + np.linalg.norm(tilt))
     assert found == pytest.approx([1e-3 * max(every)], rel=1e-12)
 
@@ -144,7 +163,9 @@ def test_the_size_of_the_transformation_is_the_largest_at_six_turns(axes):
 @SHAPES
 def test_without_second_order_it_is_the_averaged_spheroid(axes):
     spheroid = Spheroid.of(Ellipsoid(axes))
-    ours = second_order_spheroid.field(FLOAT)((*STATE, 0.0), second_order_spheroid.parameters(spheroid, 0.0))
+    ours = second_order_spheroid.field(FLOAT)(
+        (*STATE, 0.0), second_order_spheroid.parameters(spheroid, 0.0)
+    )
     spin = STATE[:3] @ STATE[3:] / spheroid.inertia_ratio
     p = (spheroid.inertia_ratio, spheroid.axial_damping, spheroid.equatorial_damping)
     theirs = averaged_spheroid.field(FLOAT)((*STATE[:3], spin), p)
@@ -153,7 +174,9 @@ def test_without_second_order_it_is_the_averaged_spheroid(axes):
     assert along / spheroid.inertia_ratio == pytest.approx(theirs[3], rel=1e-13)
 
 
-@pytest.fixture(scope="module", params=[((1, 1, 0.1), START), ((1, 2, 1), START), ((4, 1, 1), OTHER)])
+@pytest.fixture(
+    scope="module", params=[((1, 1, 0.1), START), ((1, 2, 1), START), ((4, 1, 1), OTHER)]
+)
 def decade(request):
     """Errors and estimates at two Stokes numbers, against the full form."""
     axes, start = request.param
@@ -183,7 +206,9 @@ def test_it_bounds_the_energy_of_a_fast_spinner(axes):
     """The energy errs by the angular velocity times what L does, and the damping changes L faster than the swing."""
     scene = Scene(Ellipsoid(axes), 1e4, BodyStart((0.8, 0.3, -0.4, 0.2), (36.8, 4.0, -10.0)), 4.0)
     true = observed(full_form(scene), scene, tolerance=1e-16)
-    found = errors(scene.ellipsoid, observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-14), true)
+    found = errors(
+        scene.ellipsoid, observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-14), true
+    )
     assert found.slow == found.slow_each[3] > 3 * max(found.slow_each[:3])
     assert 1 < form(NAME).estimate(scene).slow / found.slow < 40
 
@@ -193,7 +218,9 @@ def test_it_bounds_the_swing_of_a_body_that_settles(axes):
     """What the transformation leaves out is its own change in a radian, far more than its square."""
     scene = Scene(Ellipsoid(axes), 1e3, BodyStart((1.0, 0.01, 0.0, 0.0), (0.0, 0.0, -0.5)), 500.0)
     true = observed(full_form(scene), scene, tolerance=1e-16)
-    found = errors(scene.ellipsoid, observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-14), true)
+    found = errors(
+        scene.ellipsoid, observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-14), true
+    )
     assert 1 < form(NAME).estimate(scene).slow / found.slow < 10
 
 
@@ -212,7 +239,10 @@ def test_the_start_is_met(axes, stokes):
 @pytest.mark.parametrize("rate", [1.0, -0.8])
 def test_spin_along_the_axis_is_no_singularity(rate):
     scene = Scene(Ellipsoid((1, 1, 2)), 1e4, EulerStart((1.0, 0.3, 0.0), (0.0, 0.0, rate)), 500.0)
-    full, ours = observed("spheroid-axis", scene), observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-13)
+    full, ours = (
+        observed("spheroid-axis", scene),
+        observed(NAME, scene, solver="cyrk-dop853", tolerance=1e-13),
+    )
     estimate = form(NAME).estimate(scene)
     error = errors(scene.ellipsoid, ours, full)
     assert error.slow < estimate.slow < 0.01
@@ -236,12 +266,20 @@ REFUSED = [
     (SPHEROID, 1e3, EulerStart((1.0, 0.0, 0.0)), "L = 0", "spheroid-axis"),
     (SPHEROID, 3.0, START, "too small", "spheroid-axis"),
     (Ellipsoid((1, 1, 10)), 1e3, START, "too small", "spheroid-axis"),
-    (SPHEROID, 1e3, BodyStart((1.0, 0.0, 0.0, 0.0), (1e-4, 0.0, 1e-4)), "too small", "spheroid-axis"),
+    (
+        SPHEROID,
+        1e3,
+        BodyStart((1.0, 0.0, 0.0, 0.0), (1e-4, 0.0, 1e-4)),
+        "too small",
+        "spheroid-axis",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("ellipsoid", "stokes", "start", "condition", "instead"), REFUSED)
-def test_refusal_names_the_condition_and_a_form_that_accepts(ellipsoid, stokes, start, condition, instead):
+def test_refusal_names_the_condition_and_a_form_that_accepts(
+    ellipsoid, stokes, start, condition, instead
+):
     scene = Scene(ellipsoid, stokes, start, 100.0)
     with pytest.raises(FormNotValidError) as refusal:
         form(NAME).problem(scene)
@@ -253,7 +291,12 @@ def test_refusal_names_the_condition_and_a_form_that_accepts(ellipsoid, stokes, 
 @pytest.mark.parametrize(
     ("axes", "stokes", "start", "slow_time"),
     [
-        ((1, 1, 0.6232895499854985), 95480.0, EulerStart((1.74165, 2.31427, 0.0), (0.02373, 0.61645, 0.0335)), 0.128),
+        (
+            (1, 1, 0.6232895499854985),
+            95480.0,
+            EulerStart((1.74165, 2.31427, 0.0), (0.02373, 0.61645, 0.0335)),
+            0.128,
+        ),
         ((1, 1, 2), 1e5, EulerStart((pi / 2, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.2),
     ],
 )
@@ -263,5 +306,8 @@ def test_a_run_through_small_momentum_is_followed_short_of_it(axes, stokes, star
     with pytest.raises(FormNotValidError, match="too small for"):
         form(NAME).problem(scene)
     short = Scene(Ellipsoid(axes), stokes, start, form(NAME).reach(scene) * stokes)
-    found, true = observed(NAME, short, solver="cyrk-dop853", tolerance=1e-12), observed("spheroid-axis", short)
+    found, true = (
+        observed(NAME, short, solver="cyrk-dop853", tolerance=1e-12),
+        observed("spheroid-axis", short),
+    )
     assert errors(short.ellipsoid, found, true).slow < form(NAME).estimate(short).slow < 0.1

@@ -19,7 +19,11 @@ from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import FLOAT
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import named_scene
-from polhode.models.second_order import field as triaxial_field, spheroid as spheroidal, tables as second_order_triaxial
+from polhode.models.second_order import (
+    field as triaxial_field,
+    spheroid as spheroidal,
+    tables as second_order_triaxial,
+)
 from polhode.models.second_order.averages import averages
 from polhode.models.second_order.field import NAMES
 from polhode.models.second_order.outline import outline
@@ -84,7 +88,9 @@ def test_first_order_is_the_averaged_form(longest, y):
     rates = growth * n + np.cross(n, found["r1"] * strain + found["r2"] * spin)
     rate_h = polhode.slope[0] * (found["g0"] + found["g2"] * n[2] / 2 / size)
     assert rates == pytest.approx(expected[:3], rel=1e-11)
-    assert size * growth * polhode.h[0] + 0.5 * size**2 * rate_h == pytest.approx(expected[3], rel=1e-11)
+    assert size * growth * polhode.h[0] + 0.5 * size**2 * rate_h == pytest.approx(
+        expected[3], rel=1e-11
+    )
 
 
 @SIDES
@@ -95,8 +101,12 @@ def test_torque_does_not_turn_the_body(longest):
     torus = Torus(polhode, np.array([1.3]), np.array([0.2]), flow[:1], flow[1:])
     rates, size = np.moveaxis(torus.perturbation, 0, -1), 1.3
     z = polhode.z[:, :, None]
-    turn = rates[..., 4:5] * (np.cross(polhode.along[:, :, None], z) + polhode.turn[:, None, None, None] * z)
-    turn = turn + rates[..., 3:4] * (np.cross(polhode.beside.z[:, :, None], z) + torus.turn_beside[..., None, None] * z)
+    turn = rates[..., 4:5] * (
+        np.cross(polhode.along[:, :, None], z) + polhode.turn[:, None, None, None] * z
+    )
+    turn = turn + rates[..., 3:4] * (
+        np.cross(polhode.beside.z[:, :, None], z) + torus.turn_beside[..., None, None] * z
+    )
     turn = np.einsum("mabij,mabj->mabi", torus.rotation, turn + rates[..., 5:] * z)
     tilt = np.stack([-rates[..., 1], rates[..., 0], 0 * rates[..., 0]], axis=-1) / size
     assert np.abs(turn + tilt).max() < 1e-11 * np.abs(turn).max()
@@ -149,7 +159,12 @@ def test_the_start_is_met(axes, omega):
 
 
 REFUSED = [
-    ((1.0, 0.8, 0.5), EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0)), 0.1, "from t₂ = 0.049: L² = 2EI₂"),
+    (
+        (1.0, 0.8, 0.5),
+        EulerStart((pi / 3, pi / 6, 0.0), (1.0, 1.0, -1.0)),
+        0.1,
+        "from t₂ = 0.049: L² = 2EI₂",
+    ),
     ((1.0, 0.8, 0.5), BodyStart(POSE, (1e-3, 0.0, -2e-3)), 0.1, "too small for"),
 ]
 
@@ -163,15 +178,21 @@ def test_refusal_names_the_condition(axes, start, slow_time, condition):
     assert refusal.value.instead == "quaternion"
 
 
-def test_without_the_library_that_follows_a_path_the_form_is_refused(monkeypatch: pytest.MonkeyPatch):
+def test_without_the_library_that_follows_a_path_the_form_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+):
     monkeypatch.setattr("polhode.models.second_order.path.FOLLOWED", "nowhere:followed")
-    with pytest.raises(FormNotValidError, match="nowhere, which follows first-order paths, is not installed"):
+    with pytest.raises(
+        FormNotValidError, match="nowhere, which follows first-order paths, is not installed"
+    ):
         form(NAME).reach(replace(named_scene("paper"), stokes=12345.0))
 
 
 def test_a_slow_start_beyond_the_separatrix_is_refused():
     """Started slowly at St = 87: the transformation throws the body to the other side of L² = 2EI₂."""
-    start = BodyStart((-0.7210512, -0.3094284, 0.3362292, -0.5208543), (-0.003725, 0.007211, 0.00397))
+    start = BodyStart(
+        (-0.7210512, -0.3094284, 0.3362292, -0.5208543), (-0.003725, 0.007211, 0.00397)
+    )
     scene = Scene(Ellipsoid((0.401, 0.195, 1.0)), 87.0, start, 2.44)
     with pytest.raises(FormNotValidError, match="too small for"):
         form("averaged-second-order").problem(scene)
@@ -182,13 +203,17 @@ def test_a_slow_start_beyond_the_separatrix_is_refused():
 def test_tables_are_the_averages_between_their_points(axes, longest):
     """Poles included; the points lie off resonances, where the table leaves the faintest out."""
     body, a2 = Ellipsoid(axes), np.array([0.02, 0.7, 1.3, 2.2, 3.3, 4.8])
-    found, _, *_ = averages(second_order_triaxial.side_of(body, longest), second_order_triaxial.level(a2))
+    found, _, *_ = averages(
+        second_order_triaxial.side_of(body, longest), second_order_triaxial.level(a2)
+    )
     for name in ("g0", "g2", "b1", "b2"):
         found[name] *= second_order_triaxial.per_square(a2)
     table = second_order_triaxial.table(body, longest)
     values = second_order_triaxial.evaluated(table.series, 2 * a2 / second_order_triaxial.MOST - 1)
     for pole in table.poles:
-        values[8:18] += np.outer(pole[2:12], (a2 - pole[0]) ** -2) + np.outer(pole[12:], 1 / (a2 - pole[0]))
+        values[8:18] += np.outer(pole[2:12], (a2 - pole[0]) ** -2) + np.outer(
+            pole[12:], 1 / (a2 - pole[0])
+        )
     exact = np.array([found[name] for name in NAMES])
     first = [*range(8), 18, 19]
     assert np.abs(values[first] - exact[first]).max() < 1e-10 * np.abs(exact[first]).max()
@@ -237,7 +262,8 @@ def test_a_kick_is_what_the_run_misses_at_a_resonance():
     (kick,) = [each for each in outline(scene).kicks if each.mode == (-3, 1)]
     missed = np.linalg.norm(found.slow - true.slow, axis=1) / max(PAPER.inertia)
     before, after = (
-        missed[np.abs(np.linspace(0, 0.1, 201) - kick.time - shift) < 4e-3].mean() for shift in (-0.02, 0.02)
+        missed[np.abs(np.linspace(0, 0.1, 201) - kick.time - shift) < 4e-3].mean()
+        for shift in (-0.02, 0.02)
     )
     assert before < 0.1 * kick.size
     assert 0.2 < after / kick.size < 2
@@ -256,10 +282,16 @@ def test_the_jump_at_the_separatrix_is_that_of_half_polhodes_counted_one_by_one(
     """E lags by the time that all passages of the saddle take, which depends on the phase of the first."""
     path = path_of(replace(named_scene("paper"), stokes=1e6, time=3e5))
     (jump,) = path.crossings()
-    at, unit, (low, middle, high) = np.searchsorted(path.times, jump.time), max(PAPER.inertia), sorted(PAPER.inertia)
+    at, unit, (low, middle, high) = (
+        np.searchsorted(path.times, jump.time),
+        max(PAPER.inertia),
+        sorted(PAPER.inertia),
+    )
     saddle = unit * path.size[at] * np.sqrt((1 / low - 1 / middle) * (1 / middle - 1 / high))
     phase, passes, step = np.linspace(0.0125, 0.9875, 801), np.arange(-200, 201), 1e-5
-    early, late = (2 * ellipkm1(1e-7 * abs(passes - phase[:, None] - by)).sum(axis=1) for by in (-step, step))
+    early, late = (
+        2 * ellipkm1(1e-7 * abs(passes - phase[:, None] - by)).sum(axis=1) for by in (-step, step)
+    )
     slope = (late - early) / (2 * pi * step) / saddle
     rate = np.gradient(path.slow[:, 3], path.times)[at] / unit * path.torque_factor
     expected = abs(rate) * np.sqrt(np.mean(slope**2))
@@ -285,7 +317,10 @@ def test_the_size_of_second_order_is_that_of_the_rates_of_the_field(axes, spin):
 
     def rates(factor):
         if body.kind == "triaxial":
-            field, p = triaxial_field.field, second_order_triaxial.parameters(body, factor, path.longest[0])
+            field, p = (
+                triaxial_field.field,
+                second_order_triaxial.parameters(body, factor, path.longest[0]),
+            )
         else:
             field, p = spheroidal.field, spheroidal.parameters(Spheroid.of(body), factor)
         y = np.array(problem.start)
@@ -318,7 +353,12 @@ def test_windows_narrow_with_the_error_allowed_and_meet():
 
 HANGING = Ellipsoid((0.786494865528974, 0.5279451476255359, 1.0))
 SWIFT = [
-    Scene(HANGING, 1175.0, EulerStart((0.7128, 3.9752, 0.4316), (-0.0055, 0.2425, -0.4449)), 1175.0 * t2)
+    Scene(
+        HANGING,
+        1175.0,
+        EulerStart((0.7128, 3.9752, 0.4316), (-0.0055, 0.2425, -0.4449)),
+        1175.0 * t2,
+    )
     for t2 in (0.032415157956855595, 0.242)
 ]
 SWIFT += [

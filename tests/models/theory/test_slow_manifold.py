@@ -1,7 +1,8 @@
 """Fixed points and the singular point of the slow manifold, against the averaged equations in 50 digits.
 
-The averaged equations know nothing of either: eigenvalues are compared with Jacobians by differences, and the local
-solution with rates close to the singular point and with an integration right into it.
+The averaged equations know nothing of either: eigenvalues are compared with Jacobians by
+differences, and the local solution with rates close to the singular point and with an integration
+right into it.
 """
 
 import mpmath
@@ -29,7 +30,9 @@ def averaged(ellipsoid):
     operations = Operations(mpmath.sin, mpmath.cos, mpmath.sqrt, lambda x, a, b: a if x > 0 else b)
     rhs, parameters = field(operations), [mpmath.mpf(value) for value in coefficients(ellipsoid)]
     unit = mpmath.mpf(max(ellipsoid.inertia))
-    return lambda state: [unit * rate for rate in rhs([mpmath.mpf(value) / unit for value in state], parameters)]
+    return lambda state: [
+        unit * rate for rate in rhs([mpmath.mpf(value) / unit for value in state], parameters)
+    ]
 
 
 def averaged_over_the_cone(ellipsoid):
@@ -59,16 +62,27 @@ def averaged_over_the_cone(ellipsoid):
         radius = mpmath.sqrt(1 - h * h)
         total = [mpmath.mpf(0)] * 4
         for phase in range(PHASES):
-            c, s = mpmath.cos(2 * mpmath.pi * phase / PHASES), mpmath.sin(2 * mpmath.pi * phase / PHASES)
-            p = [h * a + radius * (c * u + s * v) for a, u, v in zip(along, first, second, strict=True)]
+            c, s = (
+                mpmath.cos(2 * mpmath.pi * phase / PHASES),
+                mpmath.sin(2 * mpmath.pi * phase / PHASES),
+            )
+            p = [
+                h * a + radius * (c * u + s * v)
+                for a, u, v in zip(along, first, second, strict=True)
+            ]
             strain = [p[1] / 2, p[0] / 2, mpmath.mpf(0)]
             turn = cross(p, strain)
             slip = [
-                m / ie + (1 / mpmath.mpf(ia) - 1 / mpmath.mpf(ie)) * dot(momentum, p) * q - (w + bretherton * t)
+                m / ie
+                + (1 / mpmath.mpf(ia) - 1 / mpmath.mpf(ie)) * dot(momentum, p) * q
+                - (w + bretherton * t)
                 for m, q, w, t in zip(momentum, p, [0, 0, mpmath.mpf(-1) / 2], turn, strict=True)
             ]
             axial = dot(slip, p)
-            torque = [-8 * mpmath.pi * (yc * (w - axial * q) + xc * axial * q) for w, q in zip(slip, p, strict=True)]
+            torque = [
+                -8 * mpmath.pi * (yc * (w - axial * q) + xc * axial * q)
+                for w, q in zip(slip, p, strict=True)
+            ]
             for i in range(3):
                 total[i] += torque[i] / PHASES
             total[3] += -8 * mpmath.pi * xc * axial / ia / PHASES
@@ -81,7 +95,10 @@ def jacobian(rates, point, size):
     step = mpmath.mpf(10) ** -12
     matrix = np.zeros((size, size))
     for j in range(size):
-        moved = [[mpmath.mpf(x) + (sign * step if i == j else 0) for i, x in enumerate(point)] for sign in (1, -1)]
+        moved = [
+            [mpmath.mpf(x) + (sign * step if i == j else 0) for i, x in enumerate(point)]
+            for sign in (1, -1)
+        ]
         high, low = rates(moved[0]), rates(moved[1])
         matrix[:, j] = [float((high[i] - low[i]) / (2 * step)) for i in range(size)]
     return matrix
@@ -140,7 +157,9 @@ def test_two_eigenvalues_of_the_middle_axis_are_limits(semi_axes, side):
     values = []
     for y in complements:
         _, _, lz, energy = slow_state(local, y)
-        values.append([rates([tiny, 0, lz, energy])[0] / tiny, rates([0, tiny, lz, energy])[1] / tiny])
+        values.append(
+            [rates([tiny, 0, lz, energy])[0] / tiny, rates([0, tiny, lz, energy])[1] / tiny]
+        )
     for i in range(2):
         limit = (values[0][i] * weights[1] - values[1][i] * weights[0]) / (weights[1] - weights[0])
         assert float(limit) == pytest.approx(point.eigenvalues[i], rel=1e-8)
@@ -191,7 +210,9 @@ def test_local_rates_are_good_to_powers_of_y(semi_axes, side, slope):
     for y in (1e-4, 1e-7, 1e-10):
         shift = slope * y * sum(local.ellipsoid.inertia)
         exact = [float(rate) for rate in exact_rates(mpmath.mpf(y), mpmath.mpf(shift))]
-        np.testing.assert_allclose(local.rates(y, shift), exact, rtol=20 * y * np.log(16 / y) + 1e-13)
+        np.testing.assert_allclose(
+            local.rates(y, shift), exact, rtol=20 * y * np.log(16 / y) + 1e-13
+        )
 
 
 @SIDES
@@ -230,7 +251,9 @@ def test_solution_satisfies_the_local_equations(side):
     local = Separatrix(Ellipsoid((1.0, 0.8, 0.5)), side)
     y, step, start = 3e-3, 1e-6, (1e-3, 0.02)
     d_y, d_shift = local.rates(y, local.shift(y, *start))
-    assert (local.time(y + step) - local.time(y - step)) / (2 * step) == pytest.approx(1 / d_y, rel=1e-6)
+    assert (local.time(y + step) - local.time(y - step)) / (2 * step) == pytest.approx(
+        1 / d_y, rel=1e-6
+    )
     slope = (local.shift(y + step, *start) - local.shift(y - step, *start)) / (2 * step)
     assert slope == pytest.approx(d_shift / d_y, rel=1e-6)
     assert local.shift(1e-3, *start) == pytest.approx(0.02, rel=1e-14)

@@ -28,7 +28,9 @@ def jeffery_period(ellipsoid, axis):
 @pytest.mark.parametrize("stokes", [0.0, 1e-7])
 def test_jeffery_limit(semi_axes, axis, stokes):
     ellipsoid = Ellipsoid(semi_axes)
-    assert tumbling_period(ellipsoid, stokes, axis) == pytest.approx(jeffery_period(ellipsoid, axis), rel=1e-12)
+    assert tumbling_period(ellipsoid, stokes, axis) == pytest.approx(
+        jeffery_period(ellipsoid, axis), rel=1e-12
+    )
 
 
 LIMIT_CYCLES = [
@@ -53,9 +55,13 @@ def test_integration_to_the_limit_cycle(semi_axes, axis, stokes):
         return np.sin(state[0])
 
     end = 35 / damping + 1.1 * jeffery_period(ellipsoid, axis)
-    solution = solve_ivp(field, (0, end), [1.0, -0.5], method="DOP853", rtol=1e-12, atol=1e-13, events=turned)
+    solution = solve_ivp(
+        field, (0, end), [1.0, -0.5], method="DOP853", rtol=1e-12, atol=1e-13, events=turned
+    )
     crossings = solution.t_events[0]
-    assert tumbling_period(ellipsoid, stokes, axis) == pytest.approx(2 * (crossings[-1] - crossings[-2]), rel=1e-9)
+    assert tumbling_period(ellipsoid, stokes, axis) == pytest.approx(
+        2 * (crossings[-1] - crossings[-2]), rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("kappa", [1.5, 2.0, 5.0])

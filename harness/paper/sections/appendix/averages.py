@@ -36,7 +36,9 @@ def frame(momentum: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(third, first), third], axis=1)
 
 
-def ensemble(ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, nodes: int) -> np.ndarray:
+def ensemble(
+    ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, nodes: int
+) -> np.ndarray:
     """Rotations t_ij, shape (n, 3, 3), at equal times of a period T of the Euler top and equal angles of precession."""
     w1, w2, w3 = omega.tolist()
     top = TorqueFree(ellipsoid.inertia, (1.0, 0.0, 0.0, 0.0), (w1, w2, w3))
@@ -58,7 +60,9 @@ def compute_spheroid(grid: Grid) -> Computed:
         h = generator.uniform(0.05, 0.95)
         g = np.sqrt(1 - h * h)
         axis = frame(direction) @ np.stack([g * np.sin(angle), -g * np.cos(angle), np.full(16, h)])
-        worst = np.maximum(worst, [entry.deviations(axis, axis, direction, np.array([h * h])) for entry in entries])
+        worst = np.maximum(
+            worst, [entry.deviations(axis, axis, direction, np.array([h * h])) for entry in entries]
+        )
     yield "", _deviations(entries, worst)
 
 
@@ -80,7 +84,11 @@ def compute_ellipsoid(grid: Grid) -> Computed:
 
 
 def _deviations(entries: Sequence["Entry"], worst: Any) -> dict[str, Any]:
-    return {"entry": [entry.name for entry in entries], "printed": worst[:, 0], "corrected": worst[:, 1]}
+    return {
+        "entry": [entry.name for entry in entries],
+        "printed": worst[:, 0],
+        "corrected": worst[:, 1],
+    }
 
 
 # The first-order correction: κ, L_z over I_e at the start, θ₀, φ₀, and the slow time followed.
@@ -94,7 +102,10 @@ def compute_first_order(grid: Grid) -> Computed:
     for stokes in np.geomspace(1e2, 1e5, grid.of(13, 4)).tolist():
         runs = _first_order(stokes, grid.of(4001, 1001))
         full = runs.pop("full")
-        yield "errors", {"stokes": stokes, **{name: np.max(np.abs(own - full)) for name, own in runs.items()}}
+        yield (
+            "errors",
+            {"stokes": stokes, **{name: np.max(np.abs(own - full)) for name, own in runs.items()}},
+        )
 
 
 def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
@@ -106,7 +117,12 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     lz, spin = averaged.states[:, 2], averaged.states[:, 3]
     phase = cumulative_simpson(lz, x=slow_times, initial=0.0)
     mean = np.concatenate([lz[:1], phase[1:] / slow_times[1:]])
-    amplitude = shape.equatorial_damping * shape.anisotropy * (1 - (shape.inertia_ratio * spin / lz) ** 2) / 4
+    amplitude = (
+        shape.equatorial_damping
+        * shape.anisotropy
+        * (1 - (shape.inertia_ratio * spin / lz) ** 2)
+        / 4
+    )
     return {
         "full": full_run(scene, stokes * slow_times).slow[:, 2],
         "averaged": averaged.slow[:, 2],
@@ -122,7 +138,11 @@ ROWS, COLUMNS = tuple(permutations(range(3))), tuple(product(range(3), repeat=3)
 
 def value_of(text: str, **arrays: np.ndarray) -> float | np.ndarray:
     """An expression over arrays, and over their components, n1 to n3 of n."""
-    parts = {f"{name}{i}": own for name, array in arrays.items() for i, own in enumerate(array[:3], start=1)}
+    parts = {
+        f"{name}{i}": own
+        for name, array in arrays.items()
+        for i, own in enumerate(array[:3], start=1)
+    }
     return eval(text, globals() | arrays | parts)
 
 
@@ -138,7 +158,10 @@ class Entry:
     def deviations(self, t: np.ndarray, u: np.ndarray, n: np.ndarray, z: np.ndarray) -> list[float]:
         """Largest deviation of the printed and of the corrected formula from the mean."""
         found = self.mean(t, u)
-        return [float(np.max(np.abs(found - value_of(text, n=n, z=z)))) for text in (self.printed, self.corrected)]
+        return [
+            float(np.max(np.abs(found - value_of(text, n=n, z=z))))
+            for text in (self.printed, self.corrected)
+        ]
 
 
 @cache
@@ -171,13 +194,22 @@ def ellipsoid_entries() -> list[Entry]:
             found.append(Entry(f"⟨{words}⟩", mean_of(words), printed, *(corrected or [printed])))
         printed, mean = general["printed"], partial(value_of, general["mean"])
         corrected = general.get("corrected", printed)
-        found.append(Entry(f"general ⟨{general['words']}⟩", lambda t, u, of=mean: of(t=t, u=u), printed, corrected))
+        found.append(
+            Entry(
+                f"general ⟨{general['words']}⟩",
+                lambda t, u, of=mean: of(t=t, u=u),
+                printed,
+                corrected,
+            )
+        )
     return found
 
 
 def spheroid_entries() -> list[Entry]:
     """The eight entries of the spheroid's table; ``t`` holds p̂, z is h²."""
     return [
-        Entry(f"⟨{words}⟩", lambda t, u, of=mean: float(np.mean(value_of(of, p=t))), printed, printed)
+        Entry(
+            f"⟨{words}⟩", lambda t, u, of=mean: float(np.mean(value_of(of, p=t))), printed, printed
+        )
         for words, mean, printed in rows()["spheroid"]
     ]

@@ -30,7 +30,9 @@ def test_the_outline_is_that_of_the_ellipsoid(semi_axes: tuple[float, float, flo
 
 
 def test_a_spheroid_whose_form_knows_its_axis_alone_is_drawn():
-    solution = solve("spheroid", form="spheroid-axis", solver="cyrk-vern8", tolerance=1e-6, samples=3)
+    solution = solve(
+        "spheroid", form="spheroid-axis", solver="cyrk-vern8", tolerance=1e-6, samples=3
+    )
     drawing = tumbling(solution)
     assert len(drawing.axes) == 3
     assert all(np.isfinite(axes.collections[0].get_facecolor()).all() for axes in drawing.axes)
@@ -39,14 +41,28 @@ def test_a_spheroid_whose_form_knows_its_axis_alone_is_drawn():
 def test_the_command_writes_a_picture_or_refuses(here: Run, tmp_path: Path):
     assert here("draw", "paper", "--frames", 2, "--out", tmp_path / "two.svg").returncode == 0
     assert (tmp_path / "two.svg").read_text(encoding="utf-8").count("<svg") == 1
-    shape, start = "[shape]\nsemi_axes = [1.0, 0.8, 0.5]", "[start]\nangular_momentum = [0, 0, 1]\nenergy = 1.5"
-    (tmp_path / "slow.toml").write_text(f"stokes = 20\ntime = 5\n{shape}\n{start}\n", encoding="utf-8")
+    shape, start = (
+        "[shape]\nsemi_axes = [1.0, 0.8, 0.5]",
+        "[start]\nangular_momentum = [0, 0, 1]\nenergy = 1.5",
+    )
+    (tmp_path / "slow.toml").write_text(
+        f"stokes = 20\ntime = 5\n{shape}\n{start}\n", encoding="utf-8"
+    )
     for arguments, words in (
         (["sphere", "--out", tmp_path / "x.png"], "a sphere"),
         (["paper", "--out", tmp_path / "x.jpg"], ".png, .svg, .pdf"),
-        (["slow.toml", "--out", tmp_path / "x.png"], "'slow.toml', a start by L and E alone, expected a particle"),
-        (["paper", "--until", -1, "--out", tmp_path / "x.png"], "--until: got -1, expected a positive time"),
-        (["paper", "--until", 1e9, "--out", tmp_path / "x.png"], "got 1e9, 8.0e7 rotations, expected at most 1e5"),
+        (
+            ["slow.toml", "--out", tmp_path / "x.png"],
+            "'slow.toml', a start by L and E alone, expected a particle",
+        ),
+        (
+            ["paper", "--until", -1, "--out", tmp_path / "x.png"],
+            "--until: got -1, expected a positive time",
+        ),
+        (
+            ["paper", "--until", 1e9, "--out", tmp_path / "x.png"],
+            "got 1e9, 8.0e7 rotations, expected at most 1e5",
+        ),
     ):
         done = here("draw", *arguments)
         assert (done.returncode, done.stdout) == (2, "")

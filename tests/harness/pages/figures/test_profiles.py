@@ -49,12 +49,16 @@ def test_the_sentence_and_the_picture_say_the_same():
         assert shares == pytest.approx({"taylor": 11 / 12, "cyrk-vern8": 7 / 12, "radau": 1 / 12})
     # taylor is the fastest on four of the twelve, and takes three times as long on five.
     taylor = next(line for line in left.get_lines() if line.get_label() == "taylor")
-    np.testing.assert_allclose(np.asarray(taylor.get_xdata())[:-1], [1] * 4 + [1.5, 3 / np.sqrt(2)] + [3] * 5)
+    np.testing.assert_allclose(
+        np.asarray(taylor.get_xdata())[:-1], [1] * 4 + [1.5, 3 / np.sqrt(2)] + [3] * 5
+    )
     plt.close(figure)
 
 
 def test_of_those_that_are_equally_sure_the_faster_one_is_named():
-    found = pd.DataFrame({"radau": [3.0, 3.0, 3.0], "taylor": [1.0, 1.0, 1.0], "rk45": [9.0, np.nan, np.nan]})
+    found = pd.DataFrame(
+        {"radau": [3.0, 3.0, 3.0], "taylor": [1.0, 1.0, 1.0], "rk45": [9.0, np.nan, np.nan]}
+    )
     assert "taylor reaches the error most often, on 100 %" in sentence(found)
 
 
@@ -67,9 +71,14 @@ def test_methods_that_are_neither_fast_nor_sure_are_grey():
 
 
 def test_what_lies_beyond_the_axis_is_not_counted_at_its_end():
-    figure = profiles(pd.DataFrame([{"taylor": 1.0, "radau": 5000.0}, {"taylor": 1.0, "radau": 2.0}]))
+    figure = profiles(
+        pd.DataFrame([{"taylor": 1.0, "radau": 5000.0}, {"taylor": 1.0, "radau": 2.0}])
+    )
     left, right = figure.axes
     line = next(line for line in left.get_lines() if line.get_label() == "radau")
     assert np.asarray(line.get_xydata()).tolist() == [[2.0, 0.5], [1000.0, 0.5]]
-    assert next(line for line in right.get_lines() if line.get_label() == "radau").get_ydata()[-1] == 1.0
+    assert (
+        next(line for line in right.get_lines() if line.get_label() == "radau").get_ydata()[-1]
+        == 1.0
+    )
     plt.close(figure)

@@ -10,13 +10,23 @@ from polhode.harness.pages.figures.style import LOOKS, OTHER, colour, looks, ran
 from polhode.harness.studies.study import read_study
 from polhode.solvers.catalogue import SOLVERS
 
-# Linear sRGB as a protanope and a deuteranope see it (Machado, Oliveira and Fernandes 2009, severity 1).
+# Linear sRGB as a protanope and a deuteranope see it (Machado, Oliveira and Fernandes 2009,
+# severity 1).
 EYES = {
     "usual": np.eye(3),
-    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
-    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
 }
-# Linear sRGB to cones, and the cones' cube roots to Oklab, in which distances are those that the eye sees.
+# Linear sRGB to cones, and the cones' cube roots to Oklab, in which distances are those that the
+# eye sees.
 CONES = [
     [0.4122214708, 0.5363325363, 0.0514459929],
     [0.2119034982, 0.6806995451, 0.1073969566],
@@ -45,13 +55,18 @@ def test_methods_of_the_map_are_told_apart_by_colour_alone(eye: str):
     labels |= {"cvode-adams", "ida", "cyrk-vern7"}
     colours = {colour(label) for label in labels}
     assert len(colours) == len(labels) - 1, "both forms averaged to first order share one"
-    assert min(np.linalg.norm(seen(a, eye) - seen(b, eye)) for a, b in combinations(colours, 2)) > LEAST
+    assert (
+        min(np.linalg.norm(seen(a, eye) - seen(b, eye)) for a, b in combinations(colours, 2))
+        > LEAST
+    )
 
 
 def test_every_solver_has_a_marker_of_its_own_everywhere():
     assert len({look.marker for look in looks(SOLVERS).values()}) == len(SOLVERS)
     markers = {LOOKS[name][1] for name in SOLVERS if name in LOOKS}
-    assert not markers & {"*", "X", "x"}, "stars are averaged forms, crosses solvers without a look of their own"
+    assert not markers & {"*", "X", "x"}, (
+        "stars are averaged forms, crosses solvers without a look of their own"
+    )
 
 
 def test_others_get_markers_in_turn_and_stand_last():
