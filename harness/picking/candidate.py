@@ -4,8 +4,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import exp, log10
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.common.text import scientific
-from polhode.harness.picking.laws import ErrorLaw, Interval, Load, MethodLaws, Sensitivity
+from polhode.harness.picking.laws import ErrorLaw, Load, MethodLaws, Sensitivity
 from polhode.harness.picking.load import load_of
 from polhode.harness.picking.model_error import causes
 from polhode.harness.picking.pilot import InPieces, Pilot, PilotFailedError, averages

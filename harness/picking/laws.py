@@ -29,12 +29,13 @@ import reprlib
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.resources import files
-from math import erf, exp, inf, isfinite, log, sqrt
+from math import exp, inf, isfinite
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.timing import Pace
 from polhode.solvers.compile import cache_folder
@@ -44,38 +45,6 @@ EPS = float(np.finfo(float).eps)
 WANTS = ("slow", "orientation")
 # Rotations from which on a run is long.
 LONG = 500.0
-# Deviations of a normal distribution from its middle to an end of what holds 95 %.
-TWO_SIDED = 1.96
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A prediction: the middle, and the ends of the interval that holds 95 % of the measurements."""
-
-    predicted: float
-    low: float
-    high: float
-
-    def overlaps(self, other: "Interval") -> bool:
-        """Whether there is no significant difference."""
-        return self.low <= other.high and other.low <= self.high
-
-    @property
-    def mean(self) -> float:
-        """What it comes to on average, its logarithm being normal on either side of the middle."""
-        wide = (
-            log(self.high / self.predicted) / TWO_SIDED,
-            -log(self.predicted / self.low) / TWO_SIDED,
-        )
-        return self.predicted * sum(
-            exp(each**2 / 2) * (1 + erf(each / sqrt(2))) / 2 for each in wide
-        )
-
-    def plus(self, other: "Interval") -> "Interval":
-        """The sum, the worst coming with the worst."""
-        return Interval(
-            self.predicted + other.predicted, self.low + other.low, self.high + other.high
-        )
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.picking.laws import WANTS, Interval
+from polhode.harness.answers.interval import Interval
+from polhode.harness.picking.laws import WANTS
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, follow, form_ladder, samples_of
 from polhode.harness.picking.refusals import Stage, UnfitError, apart
 from polhode.harness.references.errors import Errors, errors

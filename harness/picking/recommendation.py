@@ -5,8 +5,8 @@ from html import escape
 from math import inf
 from typing import TYPE_CHECKING
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.common.text import aligned, duration, scientific, short
-from polhode.harness.picking.laws import Interval
 from polhode.models.scene import Scene
 
 if TYPE_CHECKING:

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.common.text import percent
-from polhode.harness.picking.laws import EPS, Interval
+from polhode.harness.picking.laws import EPS
 from polhode.harness.picking.model_error import model_errors, own_estimate
 from polhode.harness.picking.pilot import SATURATED, PilotFailedError, pilot
 from polhode.harness.picking.refusals import UnfitError

@@ -5,8 +5,8 @@ from math import pi
 
 import numpy as np
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.common.text import in_two_digits, scientific, short
-from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.pilot import InPieces, pilot_solver
 from polhode.harness.picking.refusals import one_digit
 from polhode.harness.references.errors import magnitude

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.common.text import scientific
 from polhode.harness.picking.candidate import LOOSEST, Candidate
-from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.pilot import InPieces, PilotFailedError, averages, pilot_solver
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up

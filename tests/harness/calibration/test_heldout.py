@@ -6,6 +6,7 @@ from math import inf, log10
 import pandas as pd
 import pytest
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.calibration import HELD_OUT_SEED
 from polhode.harness.calibration.evaluation import RUN_COLUMNS, Answer, Evaluation, judged
 from polhode.harness.calibration.heldout import (
@@ -19,7 +20,7 @@ from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.selection import decade, rules
 from polhode.harness.calibration.training import EVERY_LONG
 from polhode.harness.pages.pick import summary, write_pages
-from polhode.harness.picking.laws import Interval, load_laws
+from polhode.harness.picking.laws import load_laws
 from polhode.harness.picking.pilot import pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 

@@ -9,10 +9,10 @@ from os import terminal_size
 
 import pytest
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common import text
 from polhode.harness.common.text import aligned, on_terminal
-from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from commandline import SCENE
 
+from polhode.harness.answers.interval import Interval
 from polhode.harness.calibration.scenes import SAMPLES as MEASURED, STRATA, TRAINING_SEED, questions
 from polhode.harness.cli import main
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common.text import short
 from polhode.harness.picking.candidate import LOOSEST, TIGHTEST
-from polhode.harness.picking.laws import Interval
 from polhode.harness.picking.ranking import NotAttainableError, pick
 from polhode.harness.picking.recommendation import Recommendation, Way, outside_of_fit
 from polhode.harness.picking.refusals import one_digit

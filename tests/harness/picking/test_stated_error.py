@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polhode import solve
-from polhode.harness.picking.laws import Interval
+from polhode.harness.answers.interval import Interval
 from polhode.harness.picking.stated_error import RunError
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import Scene, SlowStart

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness.answers.interval import Interval
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.picking import ranking, trials
 from polhode.harness.picking.candidate import LOOSEST, Candidate
-from polhode.harness.picking.laws import Interval, Laws, Load, load_laws
+from polhode.harness.picking.laws import Laws, Load, load_laws
 from polhode.harness.picking.pilot import form_sensitivity, pilot
 from polhode.harness.picking.ranking import NotAttainableError, first_way, pick
 from polhode.harness.picking.refusals import one_digit
