@@ -14,8 +14,9 @@ from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events, happened
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
-from polhode.solvers.contract import Solver
+from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.solve import Solution, solve
 
 if TYPE_CHECKING:
@@ -34,7 +35,12 @@ def solve_ivp(
     *,
     events: Sequence[Callable[..., float]] | Callable[..., float] | None = None,
     args: Sequence[float] | None = None,
-    rtol: float = 1e-6,
+    rtol: float | Sequence[float] = 1e-6,
+    atol: float | Sequence[float] | None = None,
+    max_step: float = inf,
+    first_step: float | None = None,
+    max_steps: int = UNLIMITED,
+    max_seconds: float = inf,
     dense_output: bool = True,
     **others: Any,
 ) -> "OptimizeResult":
@@ -52,8 +58,17 @@ def solve_ivp(
     events : callable or sequence of callables, optional
         ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need
         be.
-    rtol : float
-        The solver's tolerance, relative and absolute alike.
+    rtol : float or sequence of float
+        Relative tolerance: one number, or one per component where the solver takes that.
+    atol : float or sequence of float, optional
+        Absolute tolerance, one number or one per component. By default rtol times the largest
+        component of `y0`, or rtol if all of them are 0, of which `message` then tells.
+    max_step, first_step : float, optional
+        Largest and first step; refused by solvers whose library has no such limit.
+    max_steps : int
+        Steps after which the run ends as `step_limit`.
+    max_seconds : float
+        Wall time after which it ends as `time_limit`.
     dense_output : bool
         For SciPy's sake: `sol` is always there.
     others
@@ -73,14 +88,14 @@ def solve_ivp(
     from scipy.optimize import OptimizeResult
 
     if others:
-        taken = "t_eval, events, args, rtol, dense_output"
+        taken = "t_eval, events, args, rtol, atol, max_step, first_step, dense_output"
         raise ValueError(
             f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}"
         )
-    require_numbers("rtol", rtol)
     require_numbers("t_span", t_span, 2)
-    if not 0 < rtol < inf:
-        raise ValueError(f"rtol: got {rtol!r}, expected a finite positive number")
+    check_tolerance("rtol", rtol)
+    if not max_seconds > 0:
+        raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
     if not t_span[0] < t_span[1] < inf:
         raise ValueError(f"t_span: got {t_span!r}, expected a start and a finite end after it")
     (began, end), args = map(float, t_span), () if args is None else args
@@ -93,7 +108,13 @@ def solve_ivp(
         else increasing("t_eval", t_eval, began, end)
     )
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
-    found = solve(problem, method, rtol, times, count=True)
+    solver = find_solver(method)
+    note = ""
+    if atol is None and "atol" in solver.tolerances:
+        atol, note = atol_of(rtol, y0)
+    limits = {"max_steps": max_steps, "max_seconds": max_seconds}
+    steps = {"max_step": max_step, "first_step": first_step}
+    found = solve(problem, solver, rtol, times, atol=atol, count=True, **limits, **steps)
     # Events are counted here, so that their names may be the same.
     given = events if isinstance(events, Iterable) else [] if events is None else [events]
     looked_for = [as_events([each])[0] for each in given]
@@ -122,7 +143,7 @@ def solve_ivp(
         nfev=found.nfev,
         njev=found.njev,
         status=1 if ends else 0 if found.success else -1,
-        message="a terminal event happened" if ends else _words(found),
+        message="a terminal event happened" if ends else _words(found, note),
         success=found.success or bool(ends),
     )
 
@@ -132,8 +153,28 @@ def _sol(found: Solution, began: float, d: int, t: Any) -> np.ndarray:
     return found.sol(np.asarray(t) - began)[:d]
 
 
-def _words(found: Solution) -> str:
-    return found.status.meaning + (f" ({found.message})" if found.message else "")
+def _words(found: Solution, note: str) -> str:
+    reason = f" ({found.message})" if found.message else ""
+    return found.status.meaning + reason + (f"; {note}" if note else "")
+
+
+def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:
+    """The absolute tolerance where none is given, and what is to be said of it."""
+    size, least = float(np.max(np.abs(y0))), float(np.min(rtol))
+    if size > 0:
+        return least * size, ""
+    return least, f"atol = rtol = {least:g}, as y0 is 0; give atol if the solution is small"
+
+
+def check_tolerance(name: str, given: Any) -> None:
+    """Raise ValueError unless it is a finite positive number or several."""
+    try:
+        numbers = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.zeros(0)
+    good = numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & (numbers > 0)).all()
+    if not good or isinstance(given, str | bool):
+        raise ValueError(f"{name}: got {given!r:.60}, expected a finite positive number")
 
 
 def check_samples(samples: int) -> None:

@@ -52,8 +52,12 @@ class OwnField:
     function: Callable[..., Any]
     timed: bool  # whether it uses t, which then is the state's last component
     t_start: float
+    # Beyond it a function of time need not have rates: it gets no later time. Infinite without t.
+    t_end: float = math.inf
     # What it computes, traced when a run began: names that it reads may mean something else later.
     lines: str = field(default="", repr=False)
+    # Whether it stays so, whatever those names come to mean.
+    frozen: bool = field(default=False, compare=False, repr=False)
 
     @property
     def branches(self) -> bool:
@@ -72,11 +76,15 @@ class OwnField:
         def rhs(y, p):
             state = [y[i] for i in range(len(y) - self.timed)]
             parameters = [p[i] for i in range(len(p))]
-            time = self.t_start + y[len(state)] if self.timed else _ABSENT
+            time = self._time(ops, y[len(state)]) if self.timed else _ABSENT
             rates = function(time, _array(state), *parameters)
             return (*_listed(rates), *[1.0] * self.timed)
 
         return rhs
+
+    def _time(self, ops: Operations, elapsed: Any) -> Any:
+        time = self.t_start + elapsed
+        return ops.where_positive(self.t_end - time, time, self.t_end + 0.0 * elapsed)
 
 
 def own_field(
@@ -118,7 +126,9 @@ def own_field(
         raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
     # What is compiled is kept under the function; a method can be a key where its object cannot.
     key = f if f.__hash__ else f.__call__
-    return (*start, 0.0) if timed else start, OwnField(key, timed, span[0])
+    return (*start, 0.0) if timed else start, OwnField(
+        key, timed, span[0], span[1] if timed else math.inf
+    )
 
 
 def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:

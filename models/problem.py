@@ -196,6 +196,11 @@ class Problem:
         return cls(name, field, start, float(t_end - t_start), tuple(map(float, parameters)))
 
     @property
+    def timed(self) -> bool:
+        """Whether the state's last component is the time."""
+        return bool(getattr(self.field, "timed", False))
+
+    @property
     def dimension(self) -> int:
         """Number of components of the state."""
         return len(self.start)

@@ -58,12 +58,20 @@ def check_field(problem: Problem) -> None:
 def as_it_stands(problem: Problem) -> Problem:
     """The problem with its own function as of now, which may read names that change from one run to the next."""
     field, lines = problem.field, ""
-    if not isinstance(field, OwnField):
+    if not isinstance(field, OwnField) or field.frozen:
         return problem
     # What no field may do is refused where it is compiled.
     with suppress(FieldError):
         lines = trace.__wrapped__(field, problem.dimension, len(problem.parameters or ()))
     return replace(problem, field=replace(field, lines=lines))
+
+
+def frozen(problem: Problem) -> Problem:
+    """The problem with its own function as of now, for all runs to come: none of them traces it again."""
+    problem = as_it_stands(problem)
+    if not isinstance(problem.field, OwnField):
+        return problem
+    return replace(problem, field=replace(problem.field, frozen=True))
 
 
 @cache
@@ -129,6 +137,28 @@ def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tup
         for rate in rates
     ]
     return list(zip(variables, rates, strict=True))
+
+
+@cache
+def system_in_units(
+    factory: Factory, dimension: int, parameters: int, *, timed: bool
+) -> list[tuple[Any, Any]]:
+    """As `traced_system`, of ``y[i] / unit[i]``; a field of time gets heyoka's own, which is no variable then.
+
+    Behind p, ``heyoka.par`` holds the units and, with `timed`, the time of the field at heyoka's 0.
+    """
+    heyoka = load_heyoka()
+    trace(factory, dimension, parameters)
+    variables = dimension - timed
+    names = heyoka.make_vars(*(f"y{i:02d}" for i in range(variables)))
+    values = list(names) if variables > 1 else [names]
+    units = [heyoka.par[parameters + i] for i in range(variables)]
+    state = [unit * value for unit, value in zip(units, values, strict=True)]
+    if timed:
+        state.append(heyoka.time + heyoka.par[parameters + variables])
+    rates = factory(_heyoka_operations())(state, [heyoka.par[i] for i in range(parameters)])
+    scaled = [rate / unit for rate, unit in zip(rates, units, strict=False)]
+    return list(zip(values, scaled, strict=True))
 
 
 @cache

@@ -3,13 +3,13 @@
 import sys
 import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from time import perf_counter
 from typing import Any, ClassVar, Literal
@@ -100,7 +100,8 @@ class Work:
 class Settings:
     """What a solver is asked for, besides the problem."""
 
-    tolerance: float  # relative and absolute alike, as the solver's docstring says
+    # Relative tolerance: a number, or one per component where the solver takes that (`vectors`).
+    rtol: float | tuple[float, ...]
     # Who evaluates the right-hand side: machine code without Python in the loop, machine code
     # called from Python (named after numba, which made it once), or plain Python.
     backend: Backend
@@ -108,6 +109,31 @@ class Settings:
     # finite differences.
     jacobian: Jacobian = "exact"
     count: bool = False  # right-hand sides; costs time, so that timed runs leave it off
+    # Absolute tolerance: a number, or one per component; by default that of `rtol`.
+    atol: float | tuple[float, ...] | None = None
+    max_step: float = inf  # largest step, in the problem's time
+    first_step: float | None = None  # by default the library's guess
+
+    def __post_init__(self) -> None:
+        if self.atol is None:
+            object.__setattr__(self, "atol", self.rtol)
+
+    @property
+    def tolerance(self) -> float:
+        """The one tolerance of a run whose relative and absolute ones are equal; else the relative one, the least."""
+        return min(self.rtol) if isinstance(self.rtol, tuple) else self.rtol
+
+    def at(self, tolerance: float) -> "Settings":
+        """The same with one tolerance for both."""
+        return replace(self, rtol=tolerance, atol=tolerance)
+
+    def rtols(self) -> np.ndarray:
+        """Relative tolerances, shape () or (d,)."""
+        return np.array(self.rtol, dtype=float)
+
+    def atols(self) -> np.ndarray:
+        """Absolute tolerances, shape () or (d,)."""
+        return np.array(self.atol, dtype=float)
 
 
 @dataclass
@@ -168,6 +194,18 @@ Integrator = Callable[[Record], Outcome]
 NO_RATES: Outcome = Status.NON_FINITE, "rates at the start are no numbers"
 
 
+def _tolerance(
+    name: str, given: float | Sequence[float], *, zero: bool = False
+) -> float | tuple[float, ...]:
+    """A tolerance as a number or a tuple; a SolverNotValidError names one that is out of range."""
+    numbers = np.array(given, dtype=float)
+    least = numbers >= 0 if zero else numbers > 0
+    if not (numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & least).all()):
+        kind = "a finite positive number" if np.ndim(given) == 0 else "finite positive numbers"
+        raise SolverNotValidError(f"{name}: got {given!r}, expected {kind}")
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
+
+
 class Solver(ABC):
     """One algorithm of one library.
 
@@ -219,6 +257,10 @@ class Solver(ABC):
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     error_constant: ClassVar[float]
+    # Tolerances that may differ, from each other ("atol") and by components ("rtol vector").
+    tolerances: ClassVar[tuple[str, ...]] = ()
+    # Of `max_step` and `first_step`, those that the library has.
+    limits: ClassVar[tuple[str, ...]] = ()
 
     @property
     def available(self) -> bool:
@@ -245,28 +287,51 @@ class Solver(ABC):
 
     def settings(
         self,
-        tolerance: float,
+        tolerance: float | Sequence[float],
         backend: Backend | None = None,
         jacobian: Jacobian | None = None,
         count: bool = False,
+        *,
+        atol: float | Sequence[float] | None = None,
+        max_step: float = inf,
+        first_step: float | None = None,
     ) -> Settings:
         """Settings for this solver; a backend or Jacobian not named is the first offered one that is installed.
 
-        A SolverNotValidError names a tolerance out of range, a choice not offered, or what a choice
-        needs.
+        A SolverNotValidError names a tolerance or limit out of range, a choice not offered, or what
+        a choice needs.
         """
-        if not (isfinite(tolerance) and tolerance > 0):
+        rtol = _tolerance("tolerance", tolerance)
+        if isinstance(rtol, tuple) and "rtol vector" not in self.tolerances:
             raise SolverNotValidError(
-                f"tolerance: got {tolerance!r}, expected a finite positive number"
+                f"rtol: got {rtol!r}, expected one number for solver {self.name!r}"
             )
+        absolute = (
+            rtol if atol is None else _tolerance("atol", atol, zero="atol 0" in self.tolerances)
+        )
+        if absolute != rtol and "atol" not in self.tolerances:
+            raise SolverNotValidError(
+                f"atol: got {absolute!r}, expected rtol, {rtol!r}: solver {self.name!r} has one tolerance"
+            )
+        for name, limit in (("max_step", max_step), ("first_step", first_step)):
+            self._check_limit(name, limit)
         chosen = (
             self._choose("jacobian", jacobian, self.jacobians)
             if self.jacobians or jacobian
             else "difference"
         )
-        return Settings(
-            float(tolerance), self._choose("backend", backend, self.backends), chosen, count
-        )
+        offered = self._choose("backend", backend, self.backends)
+        return Settings(rtol, offered, chosen, count, absolute, max_step, first_step)
+
+    def _check_limit(self, name: str, limit: float | None) -> None:
+        if limit is None or limit == inf:
+            return
+        if not limit > 0:
+            raise SolverNotValidError(f"{name}: got {limit!r}, expected a positive number")
+        if name not in self.limits:
+            raise SolverNotValidError(
+                f"{name}: got {limit!r}, expected none: solver {self.name!r} has no such limit"
+            )
 
     def lacks(self, choice: str) -> str | None:
         """What a back end or Jacobian needs that is not there."""

@@ -1,8 +1,9 @@
 """CyRK's C++ solvers, fed with a field in machine code: no Python in the loop.
 
-Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. Rows
-come from each method's own dense output. Implicit methods use finite differences: the library's C
-entry takes no Jacobian. It reports nothing but steps.
+Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
+the root-mean-square norm; both may have one number per component. Rows come from each method's own
+dense output. Implicit methods use finite differences: the library's C entry takes no Jacobian. It
+reports nothing but steps.
 
 The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge
 anew in every process would take six seconds. It cannot be interrupted, so that a long run goes in
@@ -115,6 +116,8 @@ class CyrkSolver(Solver):
     package = "cyrk"
     family = "CyRK"
     backends = ("compiled",)
+    tolerances = ("atol", "atol 0", "rtol vector")
+    limits = ("max_step", "first_step")
     method: ClassVar[str]
 
     def load(self) -> None:
@@ -141,7 +144,7 @@ class CyrkSolver(Solver):
         ).address
         if settings.count:
             parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
-        return Call(address, method_number(self.method), parameters, settings.tolerance)
+        return Call(address, method_number(self.method), parameters, settings)
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
@@ -164,10 +167,15 @@ def method_number(name: str) -> int:
 class Call:
     """The library's C entry with everything bound but the piece to run: field, number of the method, parameters."""
 
-    def __init__(self, address: int, method: int, parameters: np.ndarray, tolerance: float) -> None:
+    def __init__(
+        self, address: int, method: int, parameters: np.ndarray, settings: Settings
+    ) -> None:
         self.library, _ = load_cyrk(), FlushedToZero()
         self.address, self.method = address, method
-        self.parameters, self.tolerance = parameters, np.array([tolerance])
+        self.parameters, self.max_step = parameters, settings.max_step
+        self.first_step = settings.first_step or 0.0  # 0: the library's guess
+        self.rtol = np.atleast_1d(settings.rtols())
+        self.atol = np.atleast_1d(settings.atols())
 
     def begins(self, state: np.ndarray, switching: bool = False) -> bool:
         """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
@@ -176,15 +184,20 @@ class Call:
             _FIELD(self.address)(
                 rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data
             )
-        tolerance, pairs = self.tolerance.item(), zip(rates.tolist(), state.tolist(), strict=True)
-        norm = hypot(*(rate / (tolerance * (1 + abs(y))) for rate, y in pairs))
+        with np.errstate(all="ignore"):
+            norm = hypot(*(rates / (self.atol + self.rtol * np.abs(state))))
         return norm < (inf if switching else LARGEST_NORM)
 
     def __call__(
-        self, start: float, end: float, state: np.ndarray, times: np.ndarray, max_steps: int
+        self,
+        start: float,
+        end: float,
+        state: np.ndarray,
+        times: np.ndarray,
+        max_steps: int,
+        first_step: float = 0.0,
     ) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
-        tolerance = self.tolerance.ctypes.data
         return self.library.c_numba_cysolve_ivp(
             *(self.address, start, end, state.ctypes.data, state.size),
             # Expected size: the library's guess; extra outputs.
@@ -193,9 +206,9 @@ class Call:
             *(max_steps, MAX_RAM_MB, False, times.ctypes.data, times.size),
             # No function before the right-hand side, no events.
             *(None, None, 0),
-            *(tolerance, 1, tolerance, 1),
-            # Largest step, first step: the library's guess; keep what `c_get_y_now` reads.
-            *(np.inf, 0.0, True),
+            *(self.rtol.ctypes.data, self.rtol.size, self.atol.ctypes.data, self.atol.size),
+            # Largest step, first step; keep what `c_get_y_now` reads.
+            *(self.max_step, first_step, True),
         )
 
 
@@ -205,10 +218,9 @@ def _run(call: Call, record: Record) -> Outcome:
     steps = 0
     while True:
         wanted = record.times[record.filled :]
+        chunk = min(record.chunk(CHUNK), record.max_steps - steps)
         with FlushedToZero():
-            result = call(
-                time, end, state, wanted, min(record.chunk(CHUNK), record.max_steps - steps)
-            )
+            result = call(time, end, state, wanted, chunk, 0.0 if steps else call.first_step)
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
             steps += library.c_get_steps(result)

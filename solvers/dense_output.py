@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.compile import as_it_stands
+from polhode.solvers.compile import as_it_stands, frozen
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -51,6 +51,11 @@ def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
     return times
 
 
+def _of_components(tolerance: Any, problem: Any) -> Any:
+    """A tolerance as a user gives it, without that of a time in the state."""
+    return tolerance[: problem.dimension - problem.timed] if np.ndim(tolerance) else tolerance
+
+
 def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
     """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
 
@@ -67,11 +72,22 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         )
     if solution.method.closed_form and problem.closed_form:
         return problem.closed_form(times)
-    method, how = solution.method, {"backend": settings.backend}
+    # Nor is it traced again for every row.
+    problem = frozen(problem)
+    method, how = (
+        solution.method,
+        {"backend": settings.backend, "atol": _of_components(settings.atol, problem)},
+    )
     if method.many_periods:
-        method, how = find_solver(next(name for name in BETWEEN if find_solver(name).available)), {}
+        method, how = (
+            find_solver(next(name for name in BETWEEN if find_solver(name).available)),
+            {"atol": how["atol"]},
+        )
+    if "max_step" in method.limits:
+        how["max_step"] = settings.max_step
     if method.jacobians:
         how["jacobian"] = settings.jacobian
+    rtol = _of_components(settings.rtol, problem)
     rows = np.searchsorted(known, times, side="right") - 1
     states = solution.states[rows]
     for row in np.unique(rows[times > known[rows]]).tolist():
@@ -81,7 +97,7 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         piece = replace(
             problem, start=start, end=float(since[-1]), least_steps=0, invariant=None, course=None
         )
-        found = run(piece, method, settings.tolerance, np.concatenate([[0.0], since]), **how)
+        found = run(piece, method, rtol, np.concatenate([[0.0], since]), **how)
         if not found.success:
             raise ValueError(
                 f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip()

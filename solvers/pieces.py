@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 from time import perf_counter
 from typing import Any
@@ -116,7 +116,8 @@ class Run:
         tolerance, before = self._tolerance(piece)[0], perf_counter()
         if self.prepared and self.prepared[0] is piece.problem and self.prepared[1] == tolerance:
             return self.prepared[2]
-        settings = replace(self.settings, tolerance=tolerance)
+        same = tolerance == self.settings.tolerance
+        settings = self.settings if same else self.settings.at(tolerance)
         with spent_on("compilation"):
             integrate = self.method.prepare(piece.problem, settings)
         self.prepared = piece.problem, tolerance, integrate

@@ -1,7 +1,8 @@
 """SciPy's `solve_ivp` methods, stepped one by one, so that every finished row is kept and deadlines are met.
 
-Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the root-mean-square norm. SciPy
-raises `rtol` to 100 eps where it is smaller. Rows come from each method's own dense output.
+Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
+the root-mean-square norm; `atol` may have one number per component. SciPy raises `rtol` to 100 eps
+where it is smaller. Rows come from each method's own dense output.
 """
 
 import warnings
@@ -31,6 +32,8 @@ class ScipySolver(Solver):
     library = "scipy"
     package = "scipy"
     family = "SciPy"
+    tolerances = ("atol", "atol 0")
+    limits = ("max_step", "first_step")
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
     attempt: ClassVar[int | None] = None
@@ -83,7 +86,12 @@ class ScipySolver(Solver):
             callback(np.ascontiguousarray(y), parameters, out)
             return out
 
-        options: dict[str, Any] = {"rtol": settings.tolerance, "atol": settings.tolerance}
+        options: dict[str, Any] = {
+            "rtol": settings.rtol,
+            "atol": settings.atols(),
+            "max_step": settings.max_step,
+            "first_step": settings.first_step,
+        }
         if self.implicit and settings.jacobian == "exact":
             jacobian = exact_jacobian(problem.field, dimension, len(values))
             options["jac"] = lambda t, y: jacobian(y, values)

@@ -1,6 +1,6 @@
 """`solve`: one problem, one solver, one tolerance."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
@@ -121,9 +121,12 @@ class Interrupted(KeyboardInterrupt):
 def solve(
     problem: Problem,
     solver: str | Solver,
-    tolerance: float,
+    tolerance: float | Sequence[float],
     times: np.ndarray | None = None,
     *,
+    atol: float | Sequence[float] | None = None,
+    max_step: float = inf,
+    first_step: float | None = None,
     backend: Backend | None = None,
     jacobian: Jacobian | None = None,
     count: bool = False,
@@ -138,10 +141,17 @@ def solve(
     problem : Problem
     solver : str or Solver
         Catalogue name, or a solver of one's own.
-    tolerance : float
-        Positive; its meaning for each library stands in the solver's docstring.
+    tolerance : float or sequence of float
+        The relative tolerance, and the absolute one too unless `atol` is given; positive. Its
+        meaning for each library stands in the solver's docstring. One number per component where
+        the library takes that.
     times : ndarray, shape (n,), optional
         Times at which the solution is wanted, increasing from 0; by default the start and the end.
+    atol : float or sequence of float, optional
+        The absolute tolerance, one number or one per component; refused by solvers that have one
+        tolerance.
+    max_step, first_step : float, optional
+        In the problem's time; refused by solvers whose library has no such limit.
     backend, jacobian : str, optional
         See `Settings`; by default the first one that the solver offers.
     count : bool
@@ -165,7 +175,9 @@ def solve(
         On Ctrl-C, with the finished part.
     """
     method, problem = find_solver(solver), as_it_stands(problem)
-    settings = method.settings(tolerance, backend, jacobian, count)
+    rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
+    limits = {"max_step": max_step, "first_step": first_step}
+    settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
     times = _wanted(problem, times)
     run = Run(problem, method, settings, times)
     if method.available:
@@ -184,6 +196,22 @@ def solve(
         run.status, run.message = Status.INTERRUPTED, ""
         raise Interrupted(_examined(finished(), times)) from None
     return _examined(finished(), times)
+
+
+def _per_component(
+    problem: Problem, rtol: Any, atol: Any, apart: bool
+) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
+    """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
+    components = problem.dimension - problem.timed
+    for name, given in (("rtol", rtol), ("atol", atol)):
+        if np.ndim(given) and np.shape(given) != (components,):
+            expected = f"one number or {components}, one per component"
+            raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
+    if not (problem.timed and apart):
+        return rtol, atol
+    absolute = np.broadcast_to(rtol if atol is None else atol, components).tolist()
+    duration = max(problem.end, problem.start[-1])
+    return ([*rtol, 1.0] if np.ndim(rtol) else rtol), [*absolute, max(1.0, duration)]
 
 
 def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:

@@ -6,7 +6,13 @@ from typing import Any, Literal
 import numpy as np
 
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, traced_system
+from polhode.solvers.compile import (
+    KeptForThread,
+    load_heyoka,
+    parameter_array,
+    system_in_units,
+    traced_system,
+)
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -22,29 +28,45 @@ def taylor_integrator(
     parameters: int,
     tolerance: float,
     precision: Precision = "double",
+    in_units: bool = False,
+    timed: bool = False,
 ) -> Any:
     """heyoka's integrator of a field, kept for its thread; its state, time and parameters are set anew."""
     # Extended precisions are compiled in compact mode, which costs speed but saves up to half a
     # minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
-    system, start = traced_system(factory, dimension, parameters), np.zeros(dimension, number)
+    if in_units:
+        system = system_in_units(factory, dimension, parameters, timed=timed)
+    else:
+        system = traced_system(factory, dimension, parameters)
+    start = np.zeros(len(system), number)
     options = {"fp_type": number, "tol": number(tolerance), "compact_mode": precision != "double"}
     return heyoka.taylor_adaptive(system, start, **options)
 
 
-def propagate(integrator: Any, record: Record) -> Outcome:
-    """Propagate a heyoka integrator from the record's start over its times, in chunks of the same steps."""
+def propagate(
+    integrator: Any,
+    record: Record,
+    states: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda rows, times: rows,
+    max_step: float = np.inf,
+) -> Outcome:
+    """Propagate a heyoka integrator from the record's start over its times, in chunks of the same steps.
+
+    ``states(rows, times)`` are the states that its rows mean.
+    """
     outcome = load_heyoka().taylor_outcome
     number, work = integrator.state.dtype, record.work
     steps, grid = 0, record.times.astype(number, copy=False)
     while True:
         result = integrator.propagate_grid(
-            grid, max_steps=min(record.chunk(CHUNK), record.max_steps - steps)
+            grid,
+            max_steps=min(record.chunk(CHUNK), record.max_steps - steps),
+            max_delta_t=number.type(max_step),
         )
         reason, steps = result[0], steps + result[3]
         work.steps = steps
-        rows = result[-1][1:]
+        rows = states(result[-1][1:], grid[1:])
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
         if reason == outcome.time_limit or record.filled == len(record.times):
             return Status.REACHED_END, ""
@@ -59,11 +81,72 @@ def propagate(integrator: Any, record: Record) -> Outcome:
         grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(number)])
 
 
+class Bound:
+    """A problem bound to heyoka's integrator, components in units of their own where tolerances ask for that.
+
+    heyoka's tolerance is relative to the largest component, and absolute below one: in units of
+    atol / rtol it is what was asked for. Units are powers of two, by which nothing is rounded.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        tolerance: float,
+        precision: Precision = "double",
+        units: np.ndarray | None = None,
+        max_step: float = np.inf,
+    ) -> None:
+        self.timed, self.max_step = problem.timed, max_step
+        self.variables = problem.dimension - self.timed
+        if units is not None:
+            units = np.broadcast_to(units, problem.dimension)[: self.variables]
+            units = np.exp2(np.round(np.log2(units)))
+        if self.timed and units is None:
+            units = np.ones(self.variables)
+        self.units = None if units is None or (not self.timed and (units == 1).all()) else units
+        self.parameters = parameter_array(problem)
+        self.integrator = taylor_integrator(
+            *(problem.field, problem.dimension, len(self.parameters), tolerance, precision),
+            *(self.units is not None, self.timed),
+        )
+        self.offset = 0.0
+
+    def begin(self, time: float, start: np.ndarray) -> None:
+        """Set time, state and parameters; the start has any precision up to the integrator's own."""
+        integrator, number = self.integrator, self.integrator.state.dtype
+        start = start.astype(number)
+        integrator.time = number.type(time)
+        if self.units is None:
+            integrator.state[:], integrator.pars[:] = start, self.parameters.astype(number)
+            return
+        integrator.state[:] = start[: self.variables] / self.units.astype(number)
+        parameters = [*self.parameters.astype(number), *self.units.astype(number)]
+        if self.timed:
+            self.offset = start[-1] - number.type(time)
+            parameters.append(self.offset)
+        integrator.pars[:] = np.array(parameters, dtype=number)
+
+    def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """What the integrator's rows mean, shape (n, d)."""
+        if self.units is None:
+            return rows
+        rows = rows * self.units.astype(rows.dtype)
+        if self.timed:
+            rows = np.column_stack([rows, times[: len(rows)] + self.offset])
+        return rows
+
+    def propagate(self, record: Record) -> Outcome:
+        """Run from the record's start over its times."""
+        self.begin(record.times[0], record.start)
+        return propagate(self.integrator, record, self.states, self.max_step)
+
+
 class Taylor(Solver):
     """Taylor's method of adaptive step; order about -ln(tolerance)/2 + 1, A-stable at no order.
 
     Tolerance: heyoka's `tol`, relative to the largest entry of the state, for truncation of the
-    Taylor series in each step; there is no tolerance per component. On stiff problems the step is
+    Taylor series in each step. Where `atol` differs from `rtol`, the state is integrated in units
+    of atol / rtol, one per component. On stiff problems the step is
     bound by stability. Source: Jorba and Zou, Experimental Mathematics 14 (2005) 99; Biscani and
     Izzo, MNRAS 504 (2021) 2614.
     """
@@ -79,30 +162,23 @@ class Taylor(Solver):
     wears = 1.0
     error_constant = 20.0  # 6 measured
 
+    tolerances = ("atol",)
+    limits = ("max_step",)
+
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        parameters = parameter_array(problem)
-        integrator = taylor_integrator(
-            problem.field, problem.dimension, len(parameters), settings.tolerance
-        )
+        return self._bound(problem, settings).propagate
 
-        def integrate(record: Record) -> Outcome:
-            integrator.time = record.times[0]
-            integrator.state[:], integrator.pars[:] = record.start, parameters
-            return propagate(integrator, record)
-
-        return integrate
+    def _bound(self, problem: Problem, settings: Settings) -> Bound:
+        units = None if settings.atol == settings.rtol else settings.atols() / settings.tolerance
+        return Bound(problem, settings.tolerance, units=units, max_step=settings.max_step)
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
     ) -> Callable[[], object] | None:
-        parameters, start = parameter_array(problem), np.array(problem.start)
-        integrator = taylor_integrator(
-            problem.field, problem.dimension, len(parameters), settings.tolerance
-        )
+        bound, start = self._bound(problem, settings), np.array(problem.start)
 
         def call() -> object:
-            integrator.time = 0.0
-            integrator.state[:], integrator.pars[:] = start, parameters
-            return integrator.propagate_grid(times)
+            bound.begin(0.0, start)
+            return bound.integrator.propagate_grid(times)
 
         return call

@@ -6,7 +6,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Record
-from polhode.solvers.taylor import Precision, propagate, taylor_integrator
+from polhode.solvers.taylor import Bound, Precision
 
 Run = tuple[Precision, float]
 
@@ -30,19 +30,18 @@ def extended_run(
     precision: Precision,
     tolerance: float,
     deadline: float = inf,
+    *,
+    units: np.ndarray | None = None,
+    max_step: float = inf,
 ) -> np.ndarray:
     """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
     # Given up at a deadline, as `time.perf_counter` reads.
-    count = len(problem.parameters or ())
-    integrator = taylor_integrator(problem.field, problem.dimension, count, tolerance, precision)
-    number = integrator.state.dtype
-    integrator.time = number.type(times[0])
-    integrator.state[:] = np.array(problem.start).astype(number)
-    integrator.pars[:] = np.array(problem.parameters).astype(number)
+    bound = Bound(problem, tolerance, precision, units, max_step)
+    number = bound.integrator.state.dtype
     rows = np.empty((len(times), problem.dimension), dtype=number)
-    rows[0] = integrator.state
+    rows[0] = np.array(problem.start).astype(number)
     most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
-    status, message = propagate(integrator, Record(times, rows, deadline, most))
+    status, message = bound.propagate(Record(times, rows, deadline, most))
     if not status.success:
         raise ReferenceFailedError(
             f"the reference of form {problem.name!r} ended with {status}: {message}", status

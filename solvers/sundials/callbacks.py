@@ -82,7 +82,9 @@ class Callbacks:
             options |= {"algebraic_idx": algebraic.tolist(), "calc_initcond": "yp0"}
         options |= {
             "rtol": settings.tolerance,
-            "atol": settings.tolerance,
+            "atol": settings.atol if isinstance(settings.atol, float) else settings.atols(),
+            "max_step": settings.max_step if settings.max_step < np.inf else 0.0,
+            "first_step": settings.first_step or 0.0,
             "max_num_steps": UNLIMITED,
         }
         self.rates = lambda y, out: callback(y, parameters, out)

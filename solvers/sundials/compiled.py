@@ -9,7 +9,7 @@ import ctypes
 import re
 from collections.abc import Callable
 from functools import cache
-from math import ulp
+from math import inf, ulp
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -46,6 +46,7 @@ class Memory:
             np.zeros(d),
             (self.mass != 0).astype(float),
         )
+        self.absolute = np.broadcast_to(settings.atols(), d).copy()
         self._owned: list[tuple[str, int, Any]] = []
         finalize(self, _free, library, self._owned)
 
@@ -54,12 +55,12 @@ class Memory:
         self._owned.append(("SUNContext_Free", ctypes.addressof(box), box))
         context = box.value
         library("SUNContext_ClearErrHandlers", context)
-        arrays = (self.start, self.slope, self.residual, self.differential)
+        arrays = (self.start, self.slope, self.residual, self.differential, self.absolute)
         vectors = [
             self._own("N_VDestroy", "N_VMake_Serial", d, each.ctypes.data, context)
             for each in arrays
         ]
-        self.state, self.rate, self.rest, identity = vectors
+        self.state, self.rate, self.rest, identity, self.tolerances = vectors
         # Vectors made after its image add several others at once: the same numbers, 5 % faster.
         library("N_VEnableFusedOps_Serial", self.state, 1)
         matrix = self._own("SUNMatDestroy", "SUNDenseMatrix", d, d, context)
@@ -71,7 +72,10 @@ class Memory:
         self.field = _callback(library, "field", problem.field, d, len(values))
         self._set("Init", self.field.address, 0.0, *self._states)
         self._set("SetUserData", self.data.ctypes.data)
-        self._set("SStolerances", settings.tolerance, settings.tolerance)
+        self._set_tolerances(settings)
+        if settings.max_step < inf:
+            self._set("SetMaxStep", settings.max_step)
+        self._set("SetInitStep", settings.first_step or 0.0)
         self._set("SetLinearSolver", linear, matrix)
         # At a step of 0, where it ends if the time stands still, CVODE's corrector repeats itself
         # for ever.
@@ -92,6 +96,12 @@ class Memory:
 
     def _set(self, name: str, *arguments: float) -> None:
         self.library(name, self.address, *arguments)
+
+    def _set_tolerances(self, settings: Settings) -> None:
+        if isinstance(settings.atol, tuple):
+            self._set("SVtolerances", settings.tolerance, self.tolerances)
+        else:
+            self._set("SStolerances", settings.tolerance, settings.atols().item())
 
     @property
     def _states(self) -> tuple[int, ...]:

@@ -1,11 +1,12 @@
 """SUNDIALS' CVODE and IDA, in machine code alone or through scikit-sundae.
 
-Tolerance: `rtol` = `atol` = tolerance, for the error of a step in the weighted root-mean-square
-norm. Rows come from the library's own interpolation, of the order of the step; of the requested
-times the first alone has a say in the steps, the first one being at most a tenth of it (CVODE). The
-order and the step change seldom and by large factors (a step grows by half or not at all), so that
-the error falls with the tolerance on the average only: by a factor of ten up or down between
-neighbours, whatever the Jacobian or the corrector.
+Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
+the weighted root-mean-square norm; `atol` may have one number per component. Rows come from the
+library's own interpolation, of the order of the step; of the requested times the first alone has a
+say in the steps, the first one being at most a tenth of it (CVODE). The order and the step change
+seldom and by large factors (a step grows by half or not at all), so that the error falls with the
+tolerance on the average only: by a factor of ten up or down between neighbours, whatever the
+Jacobian or the corrector.
 
 Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step,
 which takes several times as long: so it runs when counts or a limit of steps are asked for, over
@@ -43,6 +44,8 @@ class SundialsSolver(Solver):
     package = "scikit-sundae"
     family = "SUNDIALS"
     implicit = True
+    tolerances = ("atol", "atol 0")
+    limits = ("max_step", "first_step")
     backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
     # How the names of the C library's functions begin, the arguments of its constructor, and those

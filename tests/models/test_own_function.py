@@ -223,7 +223,7 @@ def test_of_scipys_options_those_that_would_change_nothing_are_taken():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"max_step": 0.1}, "^solve_ivp: got max_step, expected no options of SciPy's but"),
+        ({"vectorized": True}, "^solve_ivp: got vectorized, expected no options of SciPy's but"),
         ({"t_span": (0, 10, 20)}, r"^t_span: got \(0, 10, 20\), expected 2 numbers"),
         ({"t_span": 2.0}, r"^t_span: got 2.0, expected 2 numbers"),
         (

@@ -18,6 +18,7 @@ from polhode.models.problem import Problem
 from polhode.solvers import compile as compilation
 from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import c_callback, compiled_callback, plain_field
+from polhode.solvers.contract import Settings
 from polhode.solvers.cyrk import Call, method_number
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.llvm import MachineCode, compile_file
@@ -328,7 +329,7 @@ def test_a_run_is_that_of_the_field_in_python(name: str):
             out[i] = rate
 
     def run(address: int) -> np.ndarray:
-        call = Call(address, method_number(solver(name).method), p, 1e-8)
+        call = Call(address, method_number(solver(name).method), p, Settings(1e-8, "compiled"))
         result = call(0.0, times[-1], np.array(problem.start), times[1:], 10**6)
         rows = call.library.c_get_y_ptr(result)[: d * (len(times) - 1)]
         call.library.c_free(result)
