@@ -56,11 +56,11 @@ def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Pla
     """
     times, _ = _in_pieces(times)
     steps = _first_steps(problem, sample, times)
-    exact = _reference(problem, sample, times, tolerance, steps)
-    if exact is None:
+    reference = _reference(problem, sample, times, tolerance, steps)
+    if reference is None:
         return None
     found = [
-        _fitting(method(name, problem), sample, times, tolerance, exact, steps)
+        _fitting(method(name, problem), sample, times, tolerance, reference, steps)
         for name in names(problem)
     ]
     return min((each for each in found if each), key=lambda each: each.cost, default=None)
@@ -144,15 +144,32 @@ def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     return max(1, int(np.ceil(_step(times, 1) / length)))
 
 
+@dataclass(frozen=True)
+class _Reference:
+    """States of the sample whose error is small against the tolerance, and a bound of that error."""
+
+    states: Array
+    error: float  # that most particles stay below (`KEPT`); rounding at least, never 0
+
+    def error_of(self, states: Array) -> float:
+        """Error that most particles stay below: their distance from the reference, and its own error.
+
+        A run by the reference's own method and steps has distance 0, and the reference's error.
+        """
+        return _kept(_apart(self.states, states)) + self.error
+
+
 def _reference(
     problem: Problem, sample: Array, times: Array, tolerance: float, steps: int
-) -> Array | None:
-    """States of the sample whose error is small against the tolerance."""
+) -> _Reference | None:
     by, before = method(RUNGE_KUTTA, problem), None
+    rounding = float(np.finfo(float).eps)
     for _ in range(DOUBLINGS):
         states = _march(by, sample, times, steps)
-        if before is not None and _kept(_apart(states, before)) / by.sure <= SURE * tolerance:
-            return states
+        if before is not None:
+            error = _kept(_apart(states, before)) / by.sure
+            if error <= SURE * tolerance:
+                return _Reference(states, max(error, rounding))
         before, steps = states, 2 * steps
     return None
 
@@ -163,14 +180,14 @@ def _kept(errors: Array) -> float:
 
 
 def _fitting(
-    by: Method, sample: Array, times: Array, tolerance: float, exact: Array, steps: int
+    by: Method, sample: Array, times: Array, tolerance: float, reference: _Reference, steps: int
 ) -> Plan | None:
     """The fewest steps found that keep the sample's errors, if any do."""
     tried: dict[int, Array] = {}
     good: list[int] = []
     for _ in range(ROUNDS):
         states = tried[steps] = _march(by, sample, times, steps)
-        error = _kept(_apart(exact, states)) / (AIM * tolerance)
+        error = reference.error_of(states) / (AIM * tolerance)
         good += [steps] if error <= 1 else []
         steps = int(np.ceil(steps * float(np.clip(error ** (1 / ORDER), 0.4, 2.5))))
         if steps in tried:
@@ -181,11 +198,11 @@ def _fitting(
     for each in {min(good), int(np.ceil(SMALLER * min(good)))}:
         states = tried[each] if each in tried else _march(by, sample, times, each)
         errors, apart = (
-            _apart(exact, states)[: len(sample)],
+            _apart(reference.states, states)[: len(sample)],
             _doubt(by, sample, times, each, states),
         )
         wrong = ~(errors <= AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))
-        plans.append(Plan(by.name, each, doubt, _kept(errors), by.cost * each * (1.5 + 3 * again)))
+        plans.append(Plan(by.name, each, doubt, _kept(errors) + reference.error, by.cost * each * (1.5 + 3 * again)))
     return min(plans, key=lambda each: each.cost)

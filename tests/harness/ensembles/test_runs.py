@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import DOP853, RK45
 
 from polhode.harness.common.machine import package_version
-from polhode.harness.ensembles.ensemble import Ensemble, Task, run_task
+from polhode.harness.ensembles.ensemble import Ensemble, Task, plan_of, run_task
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.toml_file import checked
@@ -19,6 +19,7 @@ from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import attractors, circle
 from polhode.solvers.ensembles.adaptive_steps import BENDS, DIFFERENCE, STAGES, run_adaptive
+from polhode.solvers.ensembles.equal_steps import run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.parts.schemes import dop853
 from polhode.solvers.solve import solve
@@ -314,3 +315,21 @@ def test_coefficients_are_those_of_scipys_classes():
     table = dop853()
     assert np.array_equal(table.A[: table.N_STAGES, : table.N_STAGES], DOP853.A)
     assert np.array_equal(table.B, DOP853.B)
+
+
+def test_a_run_compared_with_itself_states_the_error_of_the_reference():
+    """The search for steps once ended at the reference's own method and steps, and stated the error 0."""
+    ensemble = Ensemble(Ellipsoid((1.0, 0.97, 2.0)), 100.0, 100.0, tolerance=1e-6)
+    chosen = plan_of(ensemble)
+    assert chosen is not None
+    problem = ensemble.problem
+    starts = ensemble.draw(0, 32).states(ensemble.form, ensemble.ellipsoid)
+    times = np.linspace(0.0, problem.end, ensemble.samples)
+    states, _ = run(problem, starts, times, ensemble.tolerance, chosen)
+    exact = [
+        solve(replace(problem, start=tuple(start)), "cyrk-dop853", 1e-13, times).states
+        for start in starts.tolist()
+    ]
+    errors = np.abs(states - np.stack(exact, axis=1)).max(axis=(0, 2))
+    # Distances of the sample count over the largest component at the start, at least 1.
+    assert 0 < np.quantile(errors, 0.9) <= chosen.error <= ensemble.tolerance
