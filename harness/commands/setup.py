@@ -77,15 +77,15 @@ def examine() -> dict[str, Any]:
     """All that `polhode doctor` shows; takes a little longer than `WATCH` seconds."""
     from polhode.harness.common.machine import machine, package_version, versions
     from polhode.harness.pages.tables import templates
+    from polhode.models.files.kept import cache_folder
     from polhode.solvers.catalogue import SOLVERS, solver
-    from polhode.solvers.compile import cache_folder
 
     keys = ("name", "package", "available", "why_not")
     adapters = [{key: getattr(method, key) for key in keys} for method in map(solver, SOLVERS)]
     for row in adapters:
         row["version"] = package_version(row["package"]) if row["available"] else None
     caches = {
-        "references": cache_folder() / "references",
+        "references": cache_folder(part="references"),
         "compiled integrators": cache_folder("heyoka"),
     }
     found: dict[str, Any] = {

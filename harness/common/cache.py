@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from polhode.harness.common.files import write_file
-from polhode.solvers.compile import cache_folder
+from polhode.models.files.kept import cache_folder, make_private
 
 # Hexadecimal digits of the checksum at the head of a file.
 CHECKSUM = 64
@@ -39,14 +39,16 @@ def keep(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()
+    path = path_of(key)
     with suppress(OSError):
-        write_file(path_of(key), _checksum(key, payload) + payload)
+        make_private(path.parent)
+        write_file(path, _checksum(key, payload) + payload)
     return arrays
 
 
 def path_of(key: str) -> Path:
     """File that keeps the arrays of a key."""
-    return cache_folder() / "references" / f"{key}.reference"
+    return cache_folder(part="references") / f"{key}.reference"
 
 
 def _checksum(key: str, payload: bytes) -> bytes:

@@ -38,7 +38,7 @@ import numpy as np
 from polhode.harness.answers.interval import Interval
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.timing import Pace
-from polhode.solvers.compile import cache_folder
+from polhode.models.files.kept import cache_folder
 
 SCHEMA = 4
 EPS = float(np.finfo(float).eps)

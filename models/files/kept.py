@@ -1,9 +1,13 @@
 """Numbers kept on disk under a key, for those who would compute them anew: made lately, whole, or not at all."""
 
 import os
+import stat
+import sys
+import tempfile
 from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -13,15 +17,99 @@ CACHE_VARIABLE = "POLHODE_CACHE"
 MOST = 200
 
 
-def cache_folder(library: str = "") -> Path:
-    """Folder of polhode's caches, or a library's: ``$POLHODE_CACHE``, else in ``$XDG_CACHE_HOME`` or ``~/.cache``."""
+# Links that a path may lead through, as in Linux.
+_MAX_LINKS = 40
+# The private folder that stands for refused ones, in this process; made when first needed.
+_private_folder: tempfile.TemporaryDirectory[str] | None = None
+_private_lock = Lock()
+
+
+def cache_folder(library: str = "", part: str = "") -> Path:
+    """Folder of polhode's caches, or a library's; a `part` is a folder in it.
+
+    It is ``$POLHODE_CACHE``, else in ``$XDG_CACHE_HOME`` or ``~/.cache``. Machine code from there
+    is run: a folder that someone else may write is not used. Its place takes a private one, which
+    the process removes at its end; a line on standard error says so.
+    """
+    base = _base_folder(library)
+    folder = Path(base, library, part) if os.environ.get(CACHE_VARIABLE) else base / part
+    if reason := why_untrusted(base) or why_untrusted(folder):
+        return _private(folder, reason) / (library or "polhode") / part
+    return folder
+
+
+def _base_folder(library: str) -> Path:
     if own := os.environ.get(CACHE_VARIABLE):
-        return Path(own, library).absolute()
+        return Path(own).absolute()
     # Who has no home keeps nothing.
     home = path if (path := os.path.expanduser("~")) != "~" else os.devnull
     return Path(
         os.environ.get("XDG_CACHE_HOME") or Path(home, ".cache"), library or "polhode"
     ).absolute()
+
+
+def why_untrusted(folder: Path) -> str | None:
+    """Why someone else may write in a folder, or replace it; None if nobody else may.
+
+    The folder must belong to the user, each folder above it to the user or to root. Of these others
+    may write in those alone whose sticky bit keeps them from what is not theirs, such as ``/tmp``.
+    """
+    if not hasattr(os, "geteuid"):
+        return None
+    # The way there by its links, and where it ends.
+    return _why_untrusted(folder.absolute(), _MAX_LINKS) or _why_untrusted(folder.resolve(), 0)
+
+
+def _why_untrusted(folder: Path, links: int) -> str | None:
+    user = os.geteuid()
+    for path in (*reversed(folder.parents), folder):
+        try:
+            status = path.lstat()
+        except OSError:
+            # What does not exist yet is made by the user.
+            return None
+        owners = (user,) if path == folder else (user, 0)
+        if status.st_uid not in owners:
+            return f"{path} belongs to another user ({status.st_uid})"
+        if stat.S_ISLNK(status.st_mode):
+            if links == 0:
+                return f"{path} leads through too many links"
+            target = Path(path.parent, path.readlink(), folder.relative_to(path))
+            return _why_untrusted(Path(os.path.normpath(target)), links - 1)
+        if not stat.S_ISDIR(status.st_mode):
+            # Nothing can be kept there.
+            return None
+        others = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        if others and (path == folder or not status.st_mode & stat.S_ISVTX):
+            return f"others may write in {path}"
+    return None
+
+
+def _private(folder: Path, reason: str) -> Path:
+    """The private folder of this process; the first call says why there is one."""
+    global _private_folder
+    with _private_lock:
+        if _private_folder is None:
+            _private_folder = tempfile.TemporaryDirectory(
+                prefix="polhode-", ignore_cleanup_errors=True
+            )
+            expected = f"expected a folder that you alone may write; set {CACHE_VARIABLE} to one"
+            with suppress(OSError, ValueError, AttributeError):
+                print(
+                    f"polhode: {folder}: not used as a cache, {reason}, {expected}; "
+                    "caches last as long as this process",
+                    file=sys.stderr,
+                )
+        return Path(_private_folder.name)
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder and those above it that do not exist, for the user alone; raises OSError."""
+    for path in (*reversed(folder.parents), folder):
+        path.mkdir(mode=0o700, exist_ok=True)
+    # Someone else may have been quicker.
+    if reason := why_untrusted(folder):
+        raise PermissionError(1, reason, str(folder))
 
 
 def load(key: str) -> np.ndarray | None:
@@ -37,7 +125,7 @@ def save(key: str, numbers: np.ndarray) -> None:
     """Keep numbers under a key; a folder that cannot be written is no error."""
     file, content = _file(key), np.ascontiguousarray(numbers, dtype=float).tobytes()
     with suppress(OSError):
-        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_private(file.parent)
         private = file.with_suffix(f".{os.getpid()}")
         private.write_bytes(_sum(key, content) + content)
         private.replace(file)
@@ -48,7 +136,7 @@ def save(key: str, numbers: np.ndarray) -> None:
 
 
 def _file(key: str) -> Path:
-    return cache_folder() / "numbers" / sha256(key.encode()).hexdigest()[:32]
+    return cache_folder(part="numbers") / sha256(key.encode()).hexdigest()[:32]
 
 
 def _sum(key: str, content: bytes) -> bytes:

@@ -204,5 +204,13 @@ def _fitting(
         wrong = ~(errors <= AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))
-        plans.append(Plan(by.name, each, doubt, _kept(errors) + reference.error, by.cost * each * (1.5 + 3 * again)))
+        plans.append(
+            Plan(
+                by.name,
+                each,
+                doubt,
+                _kept(errors) + reference.error,
+                by.cost * each * (1.5 + 3 * again),
+            )
+        )
     return min(plans, key=lambda each: each.cost)

@@ -12,6 +12,8 @@ from contextlib import closing, suppress
 from pathlib import Path
 from zlib import crc32
 
+from polhode.models.files.kept import make_private
+
 # Bytes that heyoka may keep, some fifty integrators: to read and sum them takes 20 ms of a start.
 MOST = 20_000_000
 
@@ -25,7 +27,7 @@ def check(folder: Path) -> bool:
     from sqlite3 import DatabaseError
 
     with suppress(OSError):
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make_private(folder)
         folder.chmod(0o700)
     if not os.access(folder, os.W_OK):
         return False
