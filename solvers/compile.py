@@ -5,6 +5,7 @@ Every function here keeps what it compiled, under the field's factory, for the l
 
 import atexit
 import math
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -28,6 +29,8 @@ from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import FieldError, trace
 
 _FOLDER = Path(__file__).parent
+# A quotient in a traced field, by a number that is no constant.
+_DIVISION = re.compile(r"= fdiv contract double \S+, (%v\d+)")
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 
@@ -80,6 +83,21 @@ def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Call
     return array_function(
         trace(factory, dimension, parameters), {"y": dimension, "p": parameters, "out": dimension}
     )
+
+
+@cache
+def denominators(factory: Factory, dimension: int, parameters: int) -> tuple[Callback, int] | None:
+    """What the field divides by, as ``callback(y, p, out)``, and how many numbers that is; None if there are none."""
+    lines = trace(factory, dimension, parameters)
+    kept = [line for line in lines.splitlines() if "%out" not in line]
+    divisors = sorted({name for line in kept for name in _DIVISION.findall(line)})
+    if not divisors:
+        return None
+    for i, name in enumerate(divisors):
+        kept.append(f"%out{i} = getelementptr double, ptr %out, i64 {i}")
+        kept.append(f"store double {name}, ptr %out{i}")
+    arrays = {"y": dimension, "p": parameters, "out": len(divisors)}
+    return array_function("\n".join(kept), arrays), len(divisors)
 
 
 @cache

@@ -26,6 +26,13 @@ UNLIMITED = 10**9
 # Seconds before a deadline from which on it is looked at so many times as often.
 NEAR, OFTEN = 0.05, 16
 
+# A run crawls if its steps are shorter than this share of those before, and more than so many are
+# left: minutes of compiled code. Relaxation oscillations shrink theirs as far, for a few steps.
+_CRAWLING = 1e-3
+_MAX_STEPS_AHEAD = 1e8
+# Steps have shrunk that are shorter than this share of those before.
+_SHRUNK = 0.1
+
 # What a choice needs besides the solver's own library; module and package are of one name.
 _NEEDS = {"compiled": "llvmlite", "numba": "llvmlite", "exact": "llvmlite"}
 
@@ -152,6 +159,9 @@ class Record:
         -inf
     )  # time that the solver has reached, for observers; it may lie beyond the last row filled
     unit: float = 1.0  # one unit of these times in units of the run's
+    looked: tuple[int, float] | None = None  # steps and time at the last look of `crawls`
+    longest: float = 0.0  # mean step up to one of these looks, the longest of them
+    shrunk: bool = False  # whether steps became much shorter than that
 
     @property
     def reached(self) -> float:
@@ -179,6 +189,22 @@ class Record:
         if steps >= self.max_steps:
             return Status.STEP_LIMIT, f"{steps} steps"
         return (Status.TIME_LIMIT, f"after {steps} steps") if self.expired else None
+
+    def crawls(self, steps: int, time: float) -> "Outcome | None":
+        """How the piece ends if its steps have shrunk so far that it would hardly ever end; asked once a chunk.
+
+        A solver that chatters about a singularity takes steps of the square of its tolerance.
+        """
+        begin, end = float(self.times[0]), float(self.times[-1])
+        before, self.looked = self.looked, (steps, time)
+        if before is None or steps <= before[0] or time < before[1]:
+            return None
+        self.longest = max(self.longest, (before[1] - begin) / before[0])
+        step = (time - before[1]) / (steps - before[0])
+        self.shrunk = self.shrunk or step < _SHRUNK * self.longest
+        if step < _CRAWLING * self.longest and end - time > step * _MAX_STEPS_AHEAD:
+            return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {float(time)!r}"
+        return None
 
     def put(self, states: np.ndarray) -> None:
         """Add the states, shape (k, d), of the next k times."""

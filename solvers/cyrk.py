@@ -242,7 +242,7 @@ def _run(call: Call, record: Record) -> Outcome:
                 Status.STEP_UNDERFLOW if code in _UNDERFLOW else Status.NON_FINITE,
                 f"code {code}",
             )
-        if stopped := record.stopped:
+        if stopped := record.stopped or record.crawls(steps, time):
             return stopped
 
 

@@ -97,7 +97,7 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         piece = replace(
             problem, start=start, end=float(since[-1]), least_steps=0, invariant=None, course=None
         )
-        found = run(piece, method, rtol, np.concatenate([[0.0], since]), **how)
+        found = run(piece, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
         if not found.success:
             raise ValueError(
                 f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip()

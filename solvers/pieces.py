@@ -57,6 +57,7 @@ class Run:
         self.now, self.done, self.stages = float(times[0]), 1, []
         self.work, self.status, self.message = Work(), Status.REACHED_END, ""
         self.prepared: tuple[Problem, float, Integrator] | None = None
+        self.shrunk = False  # whether steps became much shorter on the way
         self.began = perf_counter()
 
     def through(
@@ -163,6 +164,7 @@ class Run:
         if piece.states or record.rows.base is not self.rows:
             self.rows[self.done : self.done + len(new)] = new
         self.done, self.state = self.done + len(new), found[-1]
+        self.shrunk = self.shrunk or record.shrunk
         if self.stages:
             self.work.add(record.work)
         else:

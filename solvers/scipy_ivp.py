@@ -22,7 +22,10 @@ Callback = Callable[[float, np.ndarray], np.ndarray]
 
 # Right-hand sides with which an explicit method chooses its first step.
 START_CALLS = 2
+# Steps that do not advance the time, after which a run has stalled.
 STALLED = 1000
+# Steps between two looks at how far a run has come: a second at most.
+LOOK = 5000
 
 
 class ScipySolver(Solver):
@@ -137,6 +140,9 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             last = int(np.searchsorted(times, reached, side="right"))
             record.put(stepper.dense_output()(times[record.filled : last]).T)
             interpolated += 1
+        looks = stepper.status == "running" and work.steps % LOOK == 0
+        if looks and (crawling := record.crawls(work.steps, reached)):
+            return crawling, interpolated
         if stepper.status == "running" and (stopped := record.stopped):
             return stopped, interpolated
     return (Status.REACHED_END, ""), interpolated

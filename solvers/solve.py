@@ -23,6 +23,7 @@ from polhode.solvers.contract import (
 )
 from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
 from polhode.solvers.pieces import Run, Stage, wrapped
+from polhode.solvers.singularity import jumped
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -133,6 +134,7 @@ def solve(
     max_seconds: float = inf,
     max_steps: int = UNLIMITED,
     watch: Callable[[Record], None] | None = None,
+    doubt: bool = True,
 ) -> Solution:
     """Solve a problem.
 
@@ -161,6 +163,9 @@ def solve(
     watch : callable, optional
         Called with the record of each piece of the run before it begins; a thread may read how far
         it has come from `record.reached`.
+    doubt : bool
+        Look whether a run of one's own function that claims success has stepped over the end of its
+        solution (`polhode.solvers.singularity`).
 
     Returns
     -------
@@ -195,7 +200,10 @@ def solve(
     except KeyboardInterrupt:
         run.status, run.message = Status.INTERRUPTED, ""
         raise Interrupted(_examined(finished(), times)) from None
-    return _examined(finished(), times)
+    solution = _examined(finished(), times)
+    if doubt and solution.success and (ended := jumped(solution, solve, shrunk=run.shrunk)):
+        return replace(solution, status=Status.FALSE_SUCCESS, message=ended)
+    return solution
 
 
 def _per_component(

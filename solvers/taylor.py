@@ -75,9 +75,12 @@ def propagate(
                 Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW,
                 str(reason),
             )
-        if stopped := record.stopped:
-            return stopped
         record.now = float(integrator.time)
+        if not result[3]:
+            # Steps are left, yet it takes none: they would not advance the time.
+            return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
+        if stopped := record.stopped or record.crawls(steps, record.now):
+            return stopped
         grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(number)])
 
 

@@ -127,6 +127,8 @@ class Callbacks:
         if time == self.seen:
             raise _StoppedError(Status.STEP_UNDERFLOW, f"stalled at t = {time!r}")
         self.seen = time
+        if crawling := record.crawls(self.calls, time):
+            raise _StoppedError(*crawling)
 
     def _to(self, time: float, record: Record, method: str = "normal") -> Any:
         """The library's own result of going on to a time, or by one step towards it."""

@@ -171,7 +171,7 @@ def integrator(memory: Memory, count: bool) -> Integrator:
             if code != TOO_MUCH_WORK:
                 status, words = FAILURES.get(code, (Status.NON_FINITE, f"code {code}"))
                 return status, f"{words} at t = {record.now!r}"
-            if stopped := record.stopped:
+            if stopped := record.stopped or record.crawls(steps, record.now):
                 return stopped
 
     return integrate

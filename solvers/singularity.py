@@ -1,0 +1,104 @@
+"""Whether a run that claims success has stepped over the end of its solution.
+
+Where a rate is infinite, a step can land beyond: a multistep method then goes on with states of
+1e20, an explicit one chatters about the place. Three signs cost next to nothing to look for: a
+denominator of the field changes its sign between two rows, a state grows a hundredfold between two
+rows, or steps shrink while a run is under way. They are no proof: a quotient may have a limit. So
+that stretch is run again by Radau IIA, which finds no step there, and by an explicit method.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from polhode.models.own_function import OwnField
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.compile import denominators, frozen
+from polhode.solvers.contract import Status
+
+# Stretches that are looked into.
+_MAX_STRETCHES = 3
+# Growth of the largest component from one row to the next that is looked into.
+_GROWTH = 100.0
+# Who runs a stretch again, the first of a line that takes the problem, and how much more tightly.
+_RADAU = ("cyrk-radau", "radau")
+_WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
+# Tolerances of the witnesses: a run that is right need not be looser than the second.
+_TOLERANCES = (1e-8, 1e-4)
+# Steps of a witness, after which it says nothing.
+_MAX_STEPS = 20_000
+# A witness may take this long, in seconds, or as long as the run itself.
+_LEAST_SECONDS = 0.5
+_ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
+
+
+def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | None:
+    """Where a run of a function of one's own has stepped over the end of its solution, in words; None if it has not.
+
+    `run` is `polhode.solvers.solve.solve`; `shrunk` says that steps became much shorter on the way.
+    """
+    problem = solution.problem
+    if not isinstance(problem.field, OwnField) or len(solution.times) < 2:
+        return None
+    rows = _suspects(problem, solution.states)
+    if not rows and shrunk:
+        rows = [0]
+    for row in rows[:_MAX_STRETCHES]:
+        last = len(solution.times) - 1 if shrunk else row + 1
+        if ended := _ended(solution, row, last, run):
+            return f"{ended} between t = {solution.times[row]:g} and {solution.times[last]:g}"
+    return None
+
+
+def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
+    """The rows behind which a denominator changes its sign, or the state grows suddenly."""
+    suspects = np.zeros(len(states) - 1, dtype=bool)
+    if divisors := denominators(problem.field, problem.dimension, len(problem.parameters or ())):
+        function, count = divisors
+        parameters, values = (
+            np.array(problem.parameters, dtype=float),
+            np.empty((len(states), count)),
+        )
+        for state, out in zip(np.ascontiguousarray(states), values, strict=True):
+            function(state, parameters, out)
+        suspects |= (np.sign(values[1:]) * np.sign(values[:-1]) < 0).any(axis=1)
+    size = np.abs(states[:, : problem.dimension - problem.timed]).max(axis=1)
+    # A start of 0 says nothing of the size of what comes.
+    suspects |= size[1:] > _GROWTH * np.maximum(size[:-1], size[0] or size[1])
+    return np.flatnonzero(suspects).tolist()
+
+
+def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str:
+    """How the witnesses ended between two rows; empty if one of them did not."""
+    problem, settings = frozen(solution.problem), solution.settings
+    piece = replace(
+        problem,
+        start=tuple(solution.states[first].tolist()),
+        end=float(solution.times[last] - solution.times[first]),
+    )
+    size = float(np.abs(solution.states[: first + 1]).max())
+    usual = float(np.clip(settings.tolerance, *_TOLERANCES))
+    limits = {"max_seconds": max(_LEAST_SECONDS, solution.seconds), "max_steps": _MAX_STEPS}
+    words = ""
+    for names, factor in _WITNESSES:
+        witness = next((name for name in names if _takes(name, piece)), None)
+        if witness is None:
+            return ""
+        tolerance = factor * usual
+        absolute = tolerance * size or tolerance
+        found = run(piece, witness, tolerance, atol=absolute, doubt=False, **limits)
+        implicit = found.method.implicit
+        # One that an explicit method does not finish may be stiff, or have no solution.
+        if found.success or (implicit and found.status not in _ENDED):
+            return ""
+        if implicit:
+            words = f"the solution ends, by {witness}: {found.status}"
+    return words
+
+
+def _takes(name: str, problem: Problem) -> bool:
+    solver = find_solver(name)
+    return solver.available and solver.takes(problem)
