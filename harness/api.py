@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf
 from operator import is_
 from os import PathLike, fspath
 from typing import Any
@@ -10,107 +9,111 @@ from typing import Any
 import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness.answers.confirmed import advised, confirm, meet
+from polhode.harness.answers.request import check_answerable, check_request, check_tolerance
+from polhode.harness.answers.rules import Method, first_tolerance, method_for, methods_for, steps_of
+from polhode.harness.answers.runs import Runner
+from polhode.harness.common.text import duration
 from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.ivp import check_samples, increasing
-from polhode.harness.picking.choice import choose
 from polhode.harness.picking.ranking import pick as recommend
 from polhode.harness.picking.recommendation import Recommendation
-from polhode.harness.picking.second_look import run_error
-from polhode.harness.picking.stated_error import doubt
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form
-from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scenes import find_scene
-from polhode.models.spent import spent_on
-from polhode.solvers.catalogue import SOLVERS, solver as find_solver
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status, Work
-from polhode.solvers.solve import Interrupted, Solution, solve as run
+from polhode.solvers.solve import Solution
 
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None
 SolverLike = str | Solver | None
 
+# Seconds of a run that nobody expects unasked.
+PATIENCE = 30.0
+# Of a step of a compiled explicit method, with what a row costs.
+SECONDS_PER_STEP = 4e-7
+
 
 @dataclass(frozen=True)
 class Plan:
-    """A run with nothing left open and nothing against it: what `solve` does, here and on the command line."""
+    """A run with nothing against it: what `solve` does, here and on the command line."""
 
     scene: Scene
-    form: Form
-    solver: Solver
-    tolerance: float
-    problem: Problem
+    methods: tuple[Method, ...]  # One, or what is tried in turn until one meets the error.
+    tolerance: float  # The one given, or the first one that is tried.
     times: np.ndarray  # Of the output, in units of the inverse shear rate.
-    note: str  # Why the error asked for may not be met; empty where it will be.
-    long: str  # How long the run will take, if long.
-    asked: tuple[float, str] | None = (
-        None  # Error and what it is of, where they chose the tolerance.
-    )
-    estimate: bool = True  # Whether a second look estimates the error.
-    max_seconds: float = inf  # Limit of the run itself, without the second look.
+    requested: tuple[float, str] | None  # Error and what it is of, where no tolerance was given.
+    estimate: bool = True  # Whether a second run confirms it.
+
+    @property
+    def form(self) -> Form:
+        """Form of the equations, the first one."""
+        return self.methods[0].form
+
+    @property
+    def solver(self) -> Solver:
+        """Solver, the first one."""
+        return self.methods[0].solver
 
     @property
     def _times(self) -> np.ndarray:
-        """Those of the run: of the output, after the start."""
+        """Times of the run: of the output, after the start."""
         return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])
+
+    @property
+    def long(self) -> str:
+        """How long the run will take, if long."""
+        seconds = SECONDS_PER_STEP * steps_of(self.scene, self.methods[0], self.tolerance)
+        if seconds < PATIENCE:
+            return ""
+        return f"it is expected to take about {duration(seconds)}; Ctrl-C keeps what is finished"
 
     def run(
         self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()
     ) -> SceneSolution:
         """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
-        times = self._times / self.scene.time * self.problem.end
-        if events:
-            # A mistake in one is found before the run, not at its end.
-            head = self.problem, self.solver, self.solver.settings(self.tolerance), times[:1]
-            start = Solution(
-                *head, np.array([self.problem.start]), Status.REACHED_END, "", Work(), 0.0
-            )
-            seen = self.observed(start)
-            for event in events:
-                event.values(seen)
-        with spent_on("integration"):
-            found = run(
-                self.problem,
-                self.solver,
-                self.tolerance,
-                times,
-                watch=watch,
-                max_seconds=self.max_seconds,
-            )
-        try:
-            return self._judged(found, events)
-        except KeyboardInterrupt:
-            # Not what a second look had of a run of its own.
-            raise Interrupted(found) from None
-
-    def _judged(self, found: Solution, events: Sequence[Event]) -> SceneSolution:
-        """The solution with its error and what happened."""
-        solution = self.observed(found)
-        if self.estimate:
-            with spent_on("error"):
-                seen = run_error(self.scene, self.form, self.solver, found, solution.observables)
-            if words := doubt(self.scene, self.form, found, solution.observables, seen):
-                solution = self.observed(replace(found, status=Status.FALSE_SUCCESS, message=words))
-            if self.asked:
-                seen = seen.asked(*self.asked, self.form, self.scene, self.tolerance)
-            solution = replace(solution, error=seen)
+        runner = Runner(self.scene, self._times)
+        self._check(runner, events)
+        if self.requested:
+            error, want = self.requested
+            answer = meet(runner, self.methods, error, want, self.estimate, watch)
+            stated = answer.error
+            if self.estimate:
+                stated = advised(answer, self.scene, error, want)
+        else:
+            answer = confirm(runner, self.methods[0], self.tolerance, self.estimate, watch)
+            stated = answer.error
+        solution = self.observed(answer.solution, answer.method.form)
+        solution = replace(solution, error=stated.at(solution.times / self.scene.time))
         # Before the first time of the output, too.
         solution = with_events(solution, events) if events else solution
-        return (
-            solution
-            if self.times[0] == 0 or len(solution.times) == 1
-            else solution.rows(slice(1, None))
-        )
+        if self.times[0] == 0 or len(solution.times) == 1:
+            return solution
+        return solution.rows(slice(1, None))
 
-    def observed(self, found: Solution) -> SceneSolution:
-        """The motion of the scene that a solution of the problem stands for."""
-        observables = self.form.observe(self.scene, found.states)
-        return SceneSolution(
-            self.scene, self.form, found, self._times[: len(found.times)], observables
-        )
+    def _check(self, runner: Runner, events: Sequence[Event]) -> None:
+        """Raise ValueError for a mistake in an event, before the run and not at its end."""
+        if not events:
+            return
+        form, solver = self.methods[0]
+        problem = runner.problem(form)
+        head = problem, solver, solver.settings(self.tolerance), np.zeros(1)
+        states = np.array([problem.start])
+        start = Solution(*head, states, Status.REACHED_END, "", Work(), 0.0)
+        seen = self.observed(start, form)
+        for event in events:
+            event.values(seen)
+
+    def observed(self, found: Solution, form: Form | None = None) -> SceneSolution:
+        """The motion of the scene that a solution of the problem of a form stands for."""
+        names = {method.form.name: method.form for method in self.methods}
+        form = form or names.get(found.problem.name, self.form)
+        observables = form.observe(self.scene, found.states)
+        return SceneSolution(self.scene, form, found, self._times[: len(found.times)], observables)
 
 
 def plan(
@@ -129,44 +132,51 @@ def plan(
     check_samples(samples)
     if times is not None and samples != DEFAULT_SAMPLES:
         raise ValueError(f"samples: got {samples} beside times, expected one of them")
-    wanted = (
-        np.linspace(0.0, what.time, samples)
-        if times is None
-        else increasing("times", times, 0.0, what.time)
-    )
-    if not wanted[-1]:
+    end = what.time
+    rows = np.linspace(0.0, end, samples) if times is None else increasing("times", times, 0.0, end)
+    if not rows[-1]:
         raise ValueError(f"times: got {times!r:.60}, expected one after the start")
-    what = replace(what, time=float(wanted[-1]))
-    # What is plainly wrong is refused before anything is tried.
-    if form is not None:
-        find_form(form).check(what)
-    if solver is not None:
-        find_solver(solver)
-    with spent_on("pilots"):
-        # Trials begin at the start.
-        rows = max(2, len(wanted))
-        choice = choose(
-            what, FORMS.name_of(form), SOLVERS.name_of(solver), tolerance, error, want, rows
-        )
-    equations, method = find_form(form or choice.form), find_solver(solver or choice.solver)
-    problem = equations.problem(what)
-    if not method.available:
-        raise ValueError(f"solver: {method.why_not}")
-    method.check(problem)
-    check_field(problem)
-    asked = None if tolerance else (error, want)
-    return Plan(
-        what,
-        equations,
-        method,
-        choice.tolerance,
-        problem,
-        wanted,
-        choice.note,
-        choice.long,
-        asked,
-        estimate,
-    )
+    if rows[-1] != what.time:
+        what = replace(what, time=float(rows[-1]))
+    check_request(error, want)
+    error = float(error)
+    if tolerance is not None:
+        check_tolerance(tolerance)
+    methods = _methods(what, form, solver, error, want, tolerance)
+    requested = None if tolerance else (error, want)
+    first = tolerance or first_tolerance(what, methods[0], error, want)
+    return Plan(what, methods, float(first), rows, requested, estimate)
+
+
+def _methods(
+    scene: Scene,
+    form: FormLike,
+    solver: SolverLike,
+    error: float,
+    want: str,
+    tolerance: float | None,
+) -> tuple[Method, ...]:
+    """Methods to try in turn, none of which refuses the scene; raises ValueError where all do."""
+    equations = find_form(form) if form is not None else None
+    method = find_solver(solver) if solver is not None else None
+    if equations:
+        equations.check(scene)
+        if want == "orientation" and equations.orientation_of(scene) == "none":
+            got = f"got 'orientation' for form {FORMS.name_of(equations)!r}, which gives none"
+            raise ValueError(f"want: {got}, expected 'slow' or another form")
+    if not tolerance and not (equations or method):
+        check_answerable(scene, error, want)
+    if equations or method or tolerance:
+        methods = [method_for(scene, equations, method)]
+    else:
+        methods = methods_for(scene, error, want)
+    for equations, method in methods[:1]:
+        if not method.available:
+            raise ValueError(f"solver: {method.why_not}")
+        problem = equations.problem(scene)
+        method.check(problem)
+        check_field(problem)
+    return tuple(methods)
 
 
 def solve(
@@ -200,7 +210,7 @@ def solve(
     samples : int
         Equispaced times of the output, start and end included.
     estimate : bool
-        Whether a second look estimates the error of the run, in less time than it took or in 5 ms.
+        Whether a second run confirms the run and states its error.
     times : sequence of float, optional
         Times of the output instead, increasing, in units of the inverse shear rate; the run ends at
         the last one.

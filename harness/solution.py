@@ -9,10 +9,10 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.harness.answers.statement import UNKNOWN, RunError
 from polhode.harness.common.files import dumps
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import scientific, short
-from polhode.harness.picking.stated_error import UNKNOWN, RunError
 from polhode.models.form import Form
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
@@ -68,9 +68,9 @@ class SceneSolution(LikeSolveIvp):
 
     def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
         """The motion that other rows of the run stand for."""
-        return replace(
-            self, times=times, run=run, observables=self.equations.observe(self.scene, run.states)
-        )
+        observables = self.equations.observe(self.scene, run.states)
+        error = self.error.at(times / self.scene.time)
+        return replace(self, times=times, run=run, observables=observables, error=error)
 
     def rows(self, which: slice | np.ndarray) -> "SceneSolution":
         """Some of the rows."""
@@ -194,7 +194,7 @@ class SceneSolution(LikeSolveIvp):
             "scene": scene_table(self.scene),
             **{name: getattr(self, name) for name in names},
             "status": str(self.status),
-            "error": asdict(self.error),
+            "error": self.error.summary(),
             "pieces": [asdict(each) for each in self.pieces],
             "versions": versions(),
         }

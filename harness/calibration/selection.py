@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polhode.harness.answers.rules import simplest
 from polhode.harness.calibration.evaluation import error_of
 from polhode.harness.calibration.scenes import Question
 from polhode.harness.common.store import Record
-from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import STIFF, damping_times
 from polhode.solvers.contract import Status
 

@@ -148,10 +148,10 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     """Draw the particle of SCENE at equispaced moments, between arrows of the flow."""
     from dataclasses import replace
 
+    from polhode.harness.answers.rules import simplest
     from polhode.harness.api import solve
     from polhode.harness.common.files import PartialFile
     from polhode.harness.pages.figures.motion import tumbling
-    from polhode.harness.picking.choice import simplest
     from polhode.harness.references.rotations import rotations
     from polhode.models.scene import SlowStart
     from polhode.models.scenes import find_scene

@@ -1,4 +1,4 @@
-"""The pages of `pick`: how it did on scenes held out, beside other rules, and what stated errors are worth; CSVs."""
+"""The pages of `pick`: how it did on scenes held out, beside other rules; CSVs."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,15 +22,12 @@ from polhode.harness.calibration.selection import (
     pays_from,
     scores,
 )
-from polhode.harness.calibration.stated import judged
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import wilson
 from polhode.harness.common.text import percent
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.picking.laws import Laws
-from polhode.harness.picking.second_look import LEAST, SHARE
-from polhode.harness.picking.stated_error import BOUNDED
 
 # Times over the best, named on the axis.
 TICKS = (0.2, 0.5, 1, 1.5, 2, 3, 5, 10, 20, 50, 100)
@@ -196,30 +193,3 @@ def _arff(
     write_file(
         folder / f"{name}.arff", fill("pick-arff", name=name, attributes=attributes, rows=rows)
     )
-
-
-def write_stated(folder: Path, runs: pd.DataFrame, command: str) -> Path:
-    """Write the page of the errors that `solve` states, and its table."""
-    write_file(folder / "stated.csv", runs.to_csv(index=False, float_format="%.4g"), summed=True)
-    rows = [
-        judged(mine) | {"stratum": stratum, "solver": "all"}
-        for stratum, mine in runs.groupby("stratum")
-    ]
-    rows += [
-        judged(mine) | {"stratum": "both", "solver": solver}
-        for solver, mine in runs.groupby("solver")
-    ]
-    found = {
-        "summary": stated_summary(runs),
-        "left_out": _counted(runs.attrs["left_out"]),
-        "rows": rows,
-    }
-    return write_file(folder / "stated.md", fill("pick-stated", command=command, **found))
-
-
-def stated_summary(runs: pd.DataFrame) -> list[str]:
-    """What the errors stated are worth, in sentences."""
-    found, known = judged(runs), runs["stated_high"].count()
-    strata = {stratum: judged(mine)["bounded"] for stratum, mine in runs.groupby("stratum")}
-    limits = {"target": BOUNDED, "share": SHARE, "least": LEAST, "wilson": wilson}
-    return lines_of("pick-stated-summary", **found, known=known, strata=strata, **limits)

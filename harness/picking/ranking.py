@@ -7,51 +7,30 @@ from functools import lru_cache
 from math import inf, log10, pi
 
 from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness.answers.interval import Interval
+from polhode.harness.answers.request import (
+    EPS,
+    NotAttainableError,
+    check_answerable,
+    check_representable,
+    check_request,
+)
 from polhode.harness.common.text import short
 from polhode.harness.picking.candidate import SHARE, Candidate
-from polhode.harness.picking.laws import (
-    EPS,
-    WANTS,
-    ErrorLaw,
-    Interval,
-    Laws,
-    MethodLaws,
-    Sensitivity,
-    load_laws,
-)
+from polhode.harness.picking.laws import ErrorLaw, Laws, MethodLaws, Sensitivity, load_laws
 from polhode.harness.picking.load import held_back
 from polhode.harness.picking.model_error import causes, check_averaging, model_errors, own_estimate
 from polhode.harness.picking.pilot import Pilot, PilotFailedError, averages, form_sensitivity, pilot
 from polhode.harness.picking.recommendation import Excluded, Recommendation, Way, outside_of_fit
-from polhode.harness.picking.refusals import (
-    Refusal,
-    Stage,
-    UnfitError,
-    rounded_up,
-    too_far_off,
-    why_nothing,
-)
+from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, too_far_off, why_nothing
 from polhode.harness.picking.trials import with_trials
 from polhode.harness.references.errors import attainable, magnitude
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.problem import Problem
-from polhode.models.scene import MOST, Scene, SlowStart
-from polhode.models.shape import require_numbers
+from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
-
-
-class NotAttainableError(ValueError):
-    """No run in double precision holds the error asked for; the reason says why, and what to expect instead."""
-
-    def __init__(self, error: float, reason: str) -> None:
-        super().__init__(error, reason)
-        self.error, self.reason = error, reason
-
-    def __str__(self) -> str:
-        """The message: what was asked for and the reason."""
-        return f"error: got {float(self.error)!r}, {self.reason}"
 
 
 def pick(
@@ -126,31 +105,9 @@ def _recommended(scene: Scene, error: float, want: str, samples: int, laws: Laws
     return Recommendation(want, error, *size, tuple(ways), excluded, outside_of_fit(scene))
 
 
-def check_asked(error: float, want: str) -> None:
-    """Raise ValueError for an error that is no positive number, or too large a one, or one of a thing unknown."""
-    require_numbers("error", error)
-    if not 0 < float(error) <= MOST:
-        raise ValueError(
-            f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}"
-        )
-    if want not in WANTS:
-        raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
-
-
 def _check(scene: Scene, error: float, want: str) -> None:
-    check_asked(error, want)
-    if want == "slow":
-        _check_representable(error, attainable(scene.ellipsoid, scene.initial))
-    elif isinstance(scene.start, SlowStart):
-        raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
-    elif scene.ellipsoid.kind == "sphere":
-        raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
-
-
-def _check_representable(error: float, least: float) -> None:
-    if error < least:
-        expected = f"expected at least {rounded_up(least)}"
-        raise NotAttainableError(error, f"not attainable in double precision, {expected}")
+    check_request(error, want)
+    check_answerable(scene, float(error), want)
 
 
 def _candidates(
@@ -163,7 +120,7 @@ def _candidates(
     solvers: Collection[str],
 ) -> tuple[list[Way], list[Refusal]]:
     found, candidates, refusals = pilot(scene), list[Candidate](), list[Refusal]()
-    _check_representable(
+    check_representable(
         error, attainable(scene.ellipsoid, found.observables) if want == "slow" else EPS
     )
     for form_name in forms:

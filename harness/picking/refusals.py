@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from math import ceil, floor, inf, log10
+from math import floor, inf, log10
 
+from polhode.harness.answers.request import one_digit, rounded_up
 from polhode.harness.common.text import in_full
 from polhode.harness.picking.laws import ErrorLaw, Sensitivity
 from polhode.models.form import FormNotValidError
@@ -107,20 +108,6 @@ def apart(one: float, other: float) -> tuple[str, str]:
     pairs = ((float(f"{one:.{digits}g}"), float(f"{other:.{digits}g}")) for digits in range(2, 18))
     first, second = next((pair for pair in pairs if pair[0] != pair[1]), (one, other))
     return in_full(first), in_full(second)
-
-
-def rounded_up(value: float) -> str:
-    """A positive number in two digits that is no smaller."""
-    unit = 10.0 ** (floor(log10(value)) - 1)
-    return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
-
-
-def one_digit(tolerance: float) -> float:
-    """The tolerance at one digit, never looser: those who compile for a tolerance then do so for few."""
-    if not 0 < tolerance < inf:
-        return tolerance
-    power = floor(log10(tolerance))
-    return float(f"{floor(tolerance / 10.0**power * (1 + 1e-9))}e{power}")
 
 
 def one_digit_up(tolerance: float) -> float:

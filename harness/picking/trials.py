@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field, replace
 from functools import lru_cache
-from math import inf, sqrt
+from math import inf, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from polhode.harness.picking.candidate import LOOSEST, Candidate
 from polhode.harness.picking.pilot import InPieces, PilotFailedError, averages, pilot_solver
 from polhode.harness.picking.recommendation import Way
 from polhode.harness.picking.refusals import Refusal, Stage, UnfitError, one_digit, one_digit_up
-from polhode.harness.picking.stated_error import STATED_OVER, said_by_pieces
 from polhode.harness.references.errors import errors
 from polhode.harness.references.rotations import STIFF
 from polhode.models.catalogue import full_form, reference_form
@@ -31,8 +30,11 @@ from polhode.models.observables import Observables
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status, Work
-from polhode.solvers.solve import solve
+from polhode.solvers.solve import Solution, solve
 
+# What the pieces of a run state over its error, in the median of random starts (`polhode accuracy
+# --order hybrid`).
+STATED_OVER = 8.0
 # Seconds that a run may be expected to take to be tried, if the quickest one expected takes longer
 # as long as that, up to a limit, which is another one where laws alone would refuse the scene; ways
 # that are, and tolerances of each.
@@ -368,3 +370,9 @@ def _run(
     seen = form.observe(scene, run.states) if run.success else None
     stated = said_by_pieces(run) if run.success else {"slow": inf, "orientation": inf}
     return Run(run.status, None if isinstance(form, InPieces) else run.work, seen, stated)
+
+
+def said_by_pieces(found: Solution) -> dict[str, float]:
+    """Errors that a run's pieces state."""
+    angle = sum(each.angle for each in found.stages)
+    return {"slow": sum(each.error for each in found.stages), "orientation": min(pi, angle)}

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.answers.rules import simplest
 from polhode.harness.api import solve
 from polhode.harness.pages.tables import fill
-from polhode.harness.picking.choice import simplest
 from polhode.harness.references.rotations import rotations
 from polhode.harness.site.markup import Page, html
 from polhode.harness.solution import SceneSolution

@@ -1,0 +1,147 @@
+"""Errors of averaged runs: against a full run, or from an estimate of the theory.
+
+First-order averaging errs like 1/St, and like 1/√St once a run crosses L² = 2EI₂. A surrogate, the
+same slow motion at a smaller St, is followed by the full equations as well; its error is scaled to
+the scene's own St by these powers, never by larger ones. Second order, and the pieces of `hybrid`,
+state errors of their own, from the size of the terms left out.
+"""
+
+from dataclasses import replace
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.answers.rules import EXPLICIT, Method, first_available, full_method, rotations
+from polhode.harness.answers.runs import Run, Runner
+from polhode.harness.answers.statement import Difference, difference
+from polhode.harness.references.rotations import damping_times
+from polhode.models.observables import Observables
+from polhode.models.scene import BodyStart, Scene, SlowStart
+
+# Rotations up to which an averaged run is compared with a full one.
+DIRECT_TURNS = 2_000.0
+# Rotations of a surrogate.
+SURROGATE_TURNS = 500.0
+# Tolerance of full runs that averaged ones are compared with.
+FULL_TOLERANCE = 1e-8
+# Steps of such a run, at most.
+MAX_STEPS = 300_000
+# Tolerance of an averaged run whose own error counts for nothing.
+EXACT_TOLERANCE = 1e-12
+# Rotations in a damping time from which on there is something to average over.
+LEAST_TURNS = 0.3
+# The tolerance of a second run in pieces over that of the run: it has fewer and narrower windows.
+LOOSER_PIECES = 10.0
+
+
+class NotKnownError(ValueError):
+    """Nothing tells the error of averaging for a scene; the message says why."""
+
+
+def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
+    """Kind of confirmation, family, difference and note of a run that averages."""
+    form = run.method.form
+    if run.solution.stages:
+        other = _other_in_pieces(runner, run)
+        note = f"estimate of its pieces, and {other.words}"
+        return "estimate", "hybrid", with_estimate(runner, run, other), note
+    turns = rotations(runner.scene)
+    if turns <= DIRECT_TURNS and not isinstance(runner.scene.start, SlowStart):
+        method = full_method(runner.scene)
+        other = runner.run(method, FULL_TOLERANCE, MAX_STEPS)
+        if other.success:
+            apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
+            return "unlike", "averaged", apart, f"unlike: {other.words}"
+    exact = runner.run(run.method, min(run.tolerance, EXACT_TOLERANCE), MAX_STEPS)
+    if not exact.success:
+        raise NotKnownError(f"a second run ended with {exact.solution.status}")
+    own = difference(runner.scene.ellipsoid, run.observables, exact.observables)
+    if hasattr(form, "estimate"):
+        said: Any = form.estimate(runner.scene)  # pyright: ignore[reportAttributeAccessIssue]
+        apart = _raised(own, said.slow, said.orientation)
+        return "estimate", "second order", apart, "estimate of second order"
+    model, stokes = _surrogate_difference(runner, exact, turns)
+    apart = Difference(own.slow + model, None)
+    return "estimate", "first order", apart, f"estimate from St = {stokes:.2g}"
+
+
+def with_estimate(runner: Runner, run: Run, other: Run) -> Difference:
+    """Difference of two runs in pieces, raised by what the first one's pieces state."""
+    apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
+    slow = np.zeros_like(apart.slow)
+    angle = np.zeros_like(apart.slow)
+    times = runner.inner
+    for stage in run.solution.stages:
+        later = times > stage.begin
+        slow[later] += stage.error
+        angle[later] += stage.angle
+    return _raised(apart, slow, angle)
+
+
+def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
+    orientation = apart.orientation
+    if orientation is not None:
+        orientation = np.minimum(pi, orientation + angle)
+    return Difference(apart.slow + slow, orientation)
+
+
+def _other_in_pieces(runner: Runner, run: Run) -> Run:
+    """A second run in pieces: by an unlike solver where the run's own is not the usual one, else looser."""
+    usual = first_available(EXPLICIT)
+    if run.method.solver.name == usual.name:
+        method, tolerance = run.method, min(1.0, LOOSER_PIECES * run.tolerance)
+    else:
+        method, tolerance = Method(run.method.form, usual), run.tolerance
+    other = runner.run(method, tolerance, MAX_STEPS + 4 * run.steps)
+    if not other.success:
+        raise NotKnownError(f"a second run ended with {other.solution.status}")
+    return other
+
+
+def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.ndarray, float]:
+    """The slow error of first-order averaging at the compared times, from a surrogate, and the latter's St."""
+    scene = oriented(runner.scene)
+    ratio = min(1.0, SURROGATE_TURNS / max(turns, 1e-300))
+    surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
+    if LEAST_TURNS * damping_times(surrogate) > SURROGATE_TURNS:
+        raise NotKnownError("St is too small to average over rotations")
+    small = Runner(surrogate, np.array([0.0, surrogate.time]))
+    full = small.run(full_method(surrogate), FULL_TOLERANCE, MAX_STEPS)
+    if not full.success:
+        raise NotKnownError(f"the surrogate's run ended with {full.solution.status}")
+    apart = difference(scene.ellipsoid, exact.observables, full.observables)
+    power = sqrt(ratio) if crosses(scene, exact.observables) else ratio
+    return apart.slow * power, surrogate.stokes
+
+
+def crosses(scene: Scene, observables: Observables) -> bool:
+    """Whether a run crosses L² = 2EI₂."""
+    if scene.ellipsoid.kind != "triaxial":
+        return False
+    middle = scene.ellipsoid.inertia[scene.ellipsoid.order[1]]
+    excess = (observables.angular_momentum**2).sum(axis=1) - 2 * middle * observables.energy
+    return bool(excess.min() < 0 < excess.max())
+
+
+def oriented(scene: Scene) -> Scene:
+    """The scene itself, or one of those that a start by L and E alone stands for: the middle axis across L."""
+    if not isinstance(scene.start, SlowStart):
+        return scene
+    ellipsoid, momentum = scene.ellipsoid, np.array(scene.start.angular_momentum)
+    size = float(np.linalg.norm(momentum))
+    if size == 0:
+        raise NotKnownError("the start has L = 0 and no orientation")
+    first, _, last = ellipsoid.order
+    low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
+    share = 1.0
+    if low < high:
+        share = (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
+        share = min(1.0, max(0.0, share))
+    body = np.zeros(3)
+    body[first], body[last] = sqrt(share), sqrt(1 - share)
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.align_vectors([momentum], [body])[0].as_quat().tolist()
+    v1, v2, v3 = (size * body / np.array(ellipsoid.inertia)).tolist()
+    return replace(scene, start=BodyStart((w, x, y, z), (v1, v2, v3)))

@@ -1,0 +1,351 @@
+"""A confirmed run: a run, and a second one that agrees with it.
+
+`meet` looks for a run that meets an error: it runs, runs again tighter, and stops when the two
+agree; the tighter one is the answer. `confirm` confirms a run at a tolerance that the user gave by
+a second one that costs less. Two runs that average never confirm each other: an estimate of the
+theory is added to their difference, a kind of its own.
+
+All decisions follow from counts and differences, none from a clock, so that the answer does not
+depend on what else the machine does.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import inf, pi
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from polhode.harness.answers import averaging
+from polhode.harness.answers.doubt import doubt
+from polhode.harness.answers.request import check_representable, one_digit
+from polhode.harness.answers.rules import TIGHTEST, Method, first_tolerance, full_solver, stiff
+from polhode.harness.answers.runs import Run, Runner, Watch, turns
+from polhode.harness.answers.statement import UNKNOWN, Difference, RunError, difference, stated
+from polhode.harness.common.text import scientific, short
+from polhode.harness.references.errors import attainable, magnitude
+from polhode.models.catalogue import form as find_form, full_form
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.scene import Scene
+from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Status
+from polhode.solvers.solve import Interrupted, Solution
+
+# The tolerance of a tighter run over that of the run before: a third more steps at order 8.
+TIGHTER = 0.1
+# The tolerance of a looser second run over that of the run: 0.65 of its steps at order 8.
+LOOSER = 30.0
+# From this tolerance on a second run is tighter: looser ones hold nothing.
+LOOSE = 1e-5
+# A second run whose steps differ by less than this share is the same run.
+SAME_STEPS = 0.03
+# Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
+SATURATED = 0.03
+# Runs of a method that look for an error, at most.
+MAX_RUNS = 6
+# Where two runs have not met an error, the next one is planned to have this share of it.
+PLANNED_SHARE = 0.3
+# A tolerance is divided by this much at most for that.
+MAX_STRIDE = 1e4
+# A tighter run has this share of the difference before; else tolerance no longer sets the errors.
+FALLING = 0.7
+# Steps that a second run may take: so many times those of the run, and an amount that costs little.
+STEP_RATIO = 30
+STEP_FLOOR = 20_000
+# The tightest tolerance of a run that a tighter one confirms.
+LEAST_CONFIRMED = 1e-14
+# An unlike run is tighter by this than equal errors ask for.
+UNLIKE_SHARE = 0.2
+# Error per rotation and tolerance of a solver that states none.
+USUAL_ERROR_CONSTANT = 20.0
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A run at the user's rows, and the error that it states."""
+
+    method: Method
+    tolerance: float
+    solution: Solution
+    error: RunError
+
+
+class Second(NamedTuple):
+    """A second run worth trying, and what it confirms as."""
+
+    kind: str
+    method: Method
+    tolerance: float
+
+
+def confirm(
+    runner: Runner, method: Method, tolerance: float, estimate: bool = True, watch: Watch = None
+) -> Answer:
+    """Run a method at a tolerance, and confirm the run by a second one if `estimate`."""
+    run = runner.run(method, tolerance, watch=watch)
+    if not estimate:
+        return Answer(method, tolerance, runner.rows(run.solution), UNKNOWN)
+    try:
+        return _believed(runner, run, confirmation(runner, run))
+    except KeyboardInterrupt:
+        raise Interrupted(runner.rows(run.solution)) from None
+
+
+def _believed(runner: Runner, run: Run, error: RunError) -> Answer:
+    """The answer that a run is, its success taken from it where that is known to be false."""
+    solution = runner.rows(run.solution)
+    if words := doubt(runner, run, error):
+        solution = replace(solution, status=Status.FALSE_SUCCESS, message=words)
+    return Answer(run.method, run.tolerance, solution, error)
+
+
+def meet(
+    runner: Runner,
+    methods: Sequence[Method],
+    error: float,
+    want: str,
+    estimate: bool = True,
+    watch: Watch = None,
+) -> Answer:
+    """Run the methods in turn until one meets an error; the best run of them where none does."""
+    best, smallest = None, inf
+    for method in methods:
+        answer = _meet(runner, method, error, want, estimate, watch)
+        interval = answer.error.wanted(want)
+        high = interval.high if interval and answer.solution.success else inf
+        if best is None or high < smallest or not best.solution.success:
+            best, smallest = answer, high
+        if smallest <= error or not estimate:
+            break
+    assert best is not None
+    return best
+
+
+def _meet(
+    runner: Runner, method: Method, error: float, want: str, estimate: bool, watch: Watch
+) -> Answer:
+    """Run a method ever tighter until it meets an error, or tolerance no longer sets its errors."""
+    tolerance = first_tolerance(runner.scene, method, error, want)
+    if not estimate or method.solver.closed_form or method.form.averaged:
+        return confirm(runner, method, tolerance, estimate, watch)
+    in_pairs = _partner(runner, method) is None
+    previous = run = None
+    best: tuple[Run, RunError] | None = None
+    for _ in range(MAX_RUNS):
+        limit = _limit(previous) if previous and previous.success else UNLIMITED
+        try:
+            run = runner.run(method, tolerance, limit, watch)
+        except Interrupted:
+            if previous and previous.success:
+                # A run that has ended is worth more than the beginning of a tighter one.
+                raise Interrupted(runner.rows(previous.solution)) from None
+            raise
+        stated_error = None
+        if run.success:
+            _check_attainable(runner, run, error, want)
+            if not in_pairs:
+                stated_error = confirmation(runner, run)
+            elif previous and previous.success and _differ(previous, run):
+                stated_error = _paired(runner, run, previous)
+        elif previous and previous.success:
+            break
+        interval = stated_error.wanted(want) if stated_error else None
+        stride = TIGHTER
+        if interval and stated_error:
+            before = best[1].wanted(want) if best else None
+            stalled = before is not None and interval.high > FALLING * before.high
+            if before is None or interval.high < before.high:
+                best = run, stated_error
+            if interval.high <= error or stalled:
+                break
+            stride = min(TIGHTER, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
+        if tolerance <= TIGHTEST:
+            break
+        previous, tolerance = run, one_digit(max(TIGHTEST, stride * tolerance))
+    assert run is not None
+    if best is None:
+        run = previous if previous and previous.success and not run.success else run
+        best = run, confirmation(runner, run)
+    return _believed(runner, *best)
+
+
+def _paired(runner: Runner, run: Run, looser: Run) -> RunError:
+    """The error of a run, from a looser one of the same method before it."""
+    if not (run.averaged or looser.averaged):
+        return _compared(runner, "tighter", run, looser)
+    apart = averaging.with_estimate(runner, run, looser)
+    return _stated(
+        runner, "estimate", "hybrid", run, apart, f"estimate of its pieces, and {looser.words}"
+    )
+
+
+def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
+    """The error of an answer, with advice if it is not confirmed to be below the requested one."""
+    found, interval = answer.error, answer.error.wanted(want)
+    if not answer.solution.success or (interval and interval.high <= error):
+        return found
+    head = f"the error asked for, {short(error)},"
+    if interval is None:
+        return replace(found, advice=f"{head} is not confirmed: {found.note}")
+    sure = "was missed" if interval.low > error else "may have been missed"
+    size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
+    form, full = answer.method.form, full_form(scene)
+    tighter = one_digit(answer.tolerance * error / interval.high / 2)
+    remedy = "no second run could confirm a tighter one"
+    if found.kind == "estimate":
+        remedy = "no full form takes such a start"
+        if find_form(full).takes(scene) and form.name != full:
+            remedy = f"do: --form {full}, whose error its tolerance alone sets"
+    elif tighter > LEAST_CONFIRMED:
+        remedy = f"do: --tolerance {short(tighter)}"
+    return replace(found, advice=f"{head} {sure}: it is {size}; {remedy}")
+
+
+def confirmation(runner: Runner, run: Run) -> RunError:
+    """The error of a run that has ended, from a second one that costs less."""
+    if not run.success:
+        return RunError(None, None, "the run did not reach its end")
+    began, before = perf_counter(), SPENT["compilation"]
+    try:
+        with np.errstate(all="ignore"):
+            found = _confirmation(runner, run)
+    except (FormNotValidError, SolverNotValidError, averaging.NotKnownError) as failure:
+        found = RunError(None, None, f"not confirmed: {failure}")
+    compilation = SPENT["compilation"] - before
+    return replace(found, seconds=perf_counter() - began - compilation)
+
+
+def _confirmation(runner: Runner, run: Run) -> RunError:
+    if run.method.solver.closed_form:
+        nothing = difference(runner.scene.ellipsoid, run.observables, run.observables)
+        return _stated(runner, "closed form", "exact", run, nothing, "closed form: rounding")
+    if run.averaged:
+        kind, family, apart, note = averaging.compared(runner, run)
+        return _stated(runner, kind, family, run, apart, note)
+    if run.solution.stages:
+        run = _in_one(runner, run)
+    why = "no second run came to its end"
+    for second in _seconds(runner, run):
+        other = runner.run(second.method, second.tolerance, _limit(run))
+        if not other.success:
+            continue
+        if second.method == run.method and not _differ(run, other):
+            why = "second runs took the very same steps"
+            continue
+        if second.kind == "looser" and _saturated(runner, run, other):
+            continue
+        return _compared(runner, second.kind, run, other)
+    return RunError(None, None, f"not confirmed: {why}")
+
+
+def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
+    """Second runs of a full run, the most telling one first."""
+    method, tolerance = run.method, run.tolerance
+    tighter = max(TIGHTEST, TIGHTER * tolerance)
+    looser = min(1.0, LOOSER * tolerance)
+    if partner := _partner(runner, method):
+        yield Second("unlike", partner, _equal_error_tolerance(runner, run, partner))
+    if looser < LOOSE:
+        yield Second("looser", method, looser)
+    if tighter < tolerance:
+        yield Second("tighter", method, tighter)
+    if looser >= LOOSE:
+        yield Second("looser", method, looser)
+
+
+def _partner(runner: Runner, method: Method) -> Method | None:
+    """An unlike method, by which a second run tells more or costs less; None where there is none."""
+    solver, form, scene = method.solver, method.form, runner.scene
+    if solver.name == "splitting-extended":
+        # In double precision, by another scheme, in a third of the time.
+        return Method(form, find_solver("splitting"))
+    if solver.many_periods:
+        return None
+    of_order = solver.implicit if stiff(scene) else _is_efficient(solver)
+    if of_order and _is_ours(solver) and _is_ours(form) and not form.angles:
+        return None
+    if form.angles or not _is_ours(form):
+        form = find_form(full_form(scene))
+    other = full_solver(scene, form)
+    same = other.name == solver.name and form.name == method.form.name
+    return Method(form, other) if other.available and not same else None
+
+
+def _is_efficient(solver: Solver) -> bool:
+    """Whether a solver is machine code of high order whose errors follow its tolerance."""
+    compiled = solver.backends == ("compiled",)
+    return compiled and not (solver.implicit or solver.low_order or solver.order_by_tolerance)
+
+
+def _is_ours(thing: Form | Solver) -> bool:
+    """Whether it comes with this package, so that tests hold what it claims."""
+    return type(thing).__module__.startswith("polhode.")
+
+
+def _equal_error_tolerance(runner: Runner, run: Run, partner: Method) -> float:
+    """The tolerance at which a partner errs by a share of what the run does."""
+    if partner.solver.many_periods:
+        ratio = 1.0
+    elif stiff(runner.scene):
+        ratio = TIGHTER
+    else:
+        constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
+        other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
+        ratio = min(1.0, UNLIKE_SHARE * constant / other)
+    return max(TIGHTEST, ratio * run.tolerance)
+
+
+def _in_one(runner: Runner, run: Run) -> Run:
+    """A run in pieces of the full equations as one run at the loosest tolerance of these."""
+    form = find_form(full_form(runner.scene))
+    tolerance = max(stage.tolerance for stage in run.solution.stages)
+    return run._replace(method=Method(form, run.method.solver), tolerance=tolerance)
+
+
+def _differ(a: Run, b: Run) -> bool:
+    """Whether two runs took different steps, as far as these are reported."""
+    if not (a.steps and b.steps):
+        return bool(np.any(a.observables.energy != b.observables.energy))
+    return abs(a.steps - b.steps) > SAME_STEPS * min(a.steps, b.steps)
+
+
+def _saturated(runner: Runner, run: Run, other: Run) -> bool:
+    """Whether two runs are so far apart that nothing follows for the better one."""
+    ellipsoid = runner.scene.ellipsoid
+    size = {"slow": magnitude(ellipsoid, run.observables), "orientation": pi}
+    apart = difference(ellipsoid, run.observables, other.observables).largest
+    return any(value > SATURATED * size[want] for want, value in apart.items())
+
+
+def _limit(run: Run) -> int:
+    """Steps that a second run may take."""
+    return STEP_FLOOR + STEP_RATIO * run.steps if run.steps else UNLIMITED
+
+
+def _compared(runner: Runner, kind: str, run: Run, other: Run) -> RunError:
+    """State the error of a run from its difference to a second one."""
+    apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
+    return _stated(runner, kind, family(run), run, apart, f"{kind}: {other.words}")
+
+
+def _stated(
+    runner: Runner, kind: str, family_name: str, run: Run, apart: Difference, note: str
+) -> RunError:
+    rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
+    ellipsoid = runner.scene.ellipsoid
+    return stated(ellipsoid, kind, family_name, apart, run.observables, rotations, note)
+
+
+def family(run: Run) -> str:
+    """The family of a full run's solver, whose factors it shares."""
+    solver = run.method.solver
+    if solver.many_periods:
+        return solver.name
+    return "implicit" if solver.implicit else "explicit"
+
+
+def _check_attainable(runner: Runner, run: Run, error: float, want: str) -> None:
+    if want == "slow":
+        check_representable(error, attainable(runner.scene.ellipsoid, run.observables))

@@ -1,0 +1,54 @@
+"""Whether a run that claims success is to be believed."""
+
+import numpy as np
+
+from polhode.harness.answers.rules import full_solver
+from polhode.harness.answers.runs import Run, Runner
+from polhode.harness.answers.statement import RunError
+from polhode.harness.common.text import scientific, short
+from polhode.harness.references.errors import magnitude
+from polhode.solvers.contract import SolverNotValidError
+
+# A success is false if L or E is off by more than this, over I_max, and by this share of the
+# largest of them.
+_OFF = 0.1
+_OFF_SHARE = 0.01
+# Tolerances of two sharp runs.
+_SHARP = (1e-10, 1e-12)
+# The sharp runs agree if their distance is this share of the run's from them: runs of a chaotic
+# motion do not agree, and say nothing.
+_AGREE = 0.1
+# Steps of a sharp run: at most so many, or so many times those of the run.
+_MAX_STEPS = 1_000_000
+_STEP_RATIO = 4
+
+
+def doubt(runner: Runner, run: Run, stated: RunError) -> str:
+    """Why a claimed success is none; empty if nothing speaks against it, or nothing that is sure.
+
+    Only a run whose error is large or unknown is compared with two sharp runs: others pay nothing.
+    """
+    unit = max(runner.scene.ellipsoid.inertia)
+    limit = max(_OFF, _OFF_SHARE * magnitude(runner.scene.ellipsoid, run.observables))
+    if not run.success or (stated.slow and stated.slow.high <= limit):
+        return ""
+    form = run.method.form
+    method = run.method._replace(solver=full_solver(runner.scene, form))
+    first: np.ndarray | None = None
+    off = 0.0
+    for tolerance in _SHARP:
+        try:
+            other = runner.run(method, tolerance, _MAX_STEPS + _STEP_RATIO * run.steps)
+        except SolverNotValidError:
+            return ""
+        if not other.success:
+            return ""
+        sharp = other.observables.slow
+        off = float(np.max(np.abs(run.observables.slow - sharp))) / unit
+        if off <= limit:
+            return ""
+        if first is not None and np.max(np.abs(first - sharp)) / unit > _AGREE * off:
+            return ""
+        first = sharp
+    agree = f"two runs by {method.solver.name} at {short(_SHARP[0])} and tighter agree"
+    return f"L or E is off by {scientific(off)} of I_max, as {agree}"

@@ -1,0 +1,82 @@
+"""What may be requested of a run: the error, what it is of, the tolerance."""
+
+from math import ceil, floor, inf, log10
+
+import numpy as np
+
+from polhode.harness.common.text import in_full
+from polhode.harness.references.errors import attainable
+from polhode.models.scene import MOST, Scene, SlowStart
+from polhode.models.shape import require_numbers
+
+WANTS = ("slow", "orientation")
+EPS = float(np.finfo(float).eps)
+# A tighter tolerance is lost in the rounding of double precision.
+LEAST_TOLERANCE = 1e-16
+# A looser tolerance holds nothing.
+LARGEST_TOLERANCE = 1.0
+
+
+class NotAttainableError(ValueError):
+    """No run in double precision holds the error requested; the reason says why, and what to expect instead."""
+
+    def __init__(self, error: float, reason: str) -> None:
+        super().__init__(error, reason)
+        self.error, self.reason = error, reason
+
+    def __str__(self) -> str:
+        """The message: what was requested and the reason."""
+        return f"error: got {float(self.error)!r}, {self.reason}"
+
+
+def check_request(error: float, want: str) -> None:
+    """Raise ValueError for an error that is no positive number or too large, or one of a thing unknown."""
+    require_numbers("error", error)
+    if not 0 < float(error) <= MOST:
+        raise ValueError(
+            f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}"
+        )
+    if want not in WANTS:
+        raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise ValueError for a tolerance that is of no use in double precision."""
+    require_numbers("tolerance", tolerance)
+    if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
+        least = f"{LEAST_TOLERANCE:g}, the rounding of double precision,"
+        expected = f"a number from {least} to {LARGEST_TOLERANCE:g}"
+        raise ValueError(f"tolerance: got {tolerance}, expected {expected}")
+
+
+def check_answerable(scene: Scene, error: float, want: str) -> None:
+    """Raise ValueError if a scene has no orientation, NotAttainableError if double precision cannot hold the error."""
+    if want == "slow":
+        check_representable(error, attainable(scene.ellipsoid, scene.initial))
+    elif isinstance(scene.start, SlowStart):
+        raise ValueError("want: got 'orientation' for a start by L and E alone, expected 'slow'")
+    elif scene.ellipsoid.kind == "sphere":
+        raise ValueError("want: got 'orientation' for a sphere, which has none, expected 'slow'")
+    else:
+        check_representable(error, EPS)
+
+
+def check_representable(error: float, least: float) -> None:
+    """Raise NotAttainableError for an error below the least that double precision can hold."""
+    if error < least:
+        expected = f"expected at least {rounded_up(least)}"
+        raise NotAttainableError(error, f"not attainable in double precision, {expected}")
+
+
+def rounded_up(value: float) -> str:
+    """A positive number in two digits that is no smaller."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
+
+
+def one_digit(tolerance: float) -> float:
+    """The tolerance at one digit, never looser: solvers that compile for a tolerance do so for few."""
+    if not 0 < tolerance < inf:
+        return tolerance
+    power = floor(log10(tolerance))
+    return float(f"{floor(tolerance / 10.0**power * (1 + 1e-9))}e{power}")

@@ -1,0 +1,117 @@
+"""Runs of one scene, at the rows that a user asks for and at the times at which runs are compared."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from polhode.harness.answers.rules import Method
+from polhode.harness.answers.statement import INNER
+from polhode.models.form import Form
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.spent import spent_on
+from polhode.solvers.contract import UNLIMITED, Record
+from polhode.solvers.solve import Interrupted, Solution, solve
+
+Watch = Callable[[Record], None] | None
+
+# Times closer than this share of the run count as one: some solvers do not step between them.
+_CLOSE = 1e-9
+
+
+class Run(NamedTuple):
+    """A run that has ended: its method, its tolerance, and its observables at the compared times."""
+
+    method: Method
+    tolerance: float
+    solution: Solution
+    observables: Observables
+
+    @property
+    def success(self) -> bool:
+        """Whether it reached its end."""
+        return self.solution.success
+
+    @property
+    def steps(self) -> int:
+        """Steps, 0 where they are not reported."""
+        return self.solution.work.steps or 0
+
+    @property
+    def averaged(self) -> bool:
+        """Whether it averages, in part at least."""
+        return self.method.form.averaged or any(each.averaged for each in self.solution.stages)
+
+    @property
+    def words(self) -> str:
+        """Form, solver and tolerance."""
+        return f"{self.method.form.name} by {self.method.solver.name} at {self.tolerance:.0e}"
+
+
+class Runner:
+    """Runs a scene by any method; raises `polhode.solvers.solve.Interrupted` on Ctrl-C, with the rows alone.
+
+    Parameters
+    ----------
+    scene : Scene
+    times : ndarray, shape (n,)
+        Rows, in units of the inverse shear rate, the first one 0 and the last one the scene's time.
+    """
+
+    def __init__(self, scene: Scene, times: np.ndarray) -> None:
+        self.scene, self.times = scene, times
+        end = float(times[-1])
+        inner = INNER * end
+        # A row that lies next to a compared time takes its place.
+        near = np.minimum(times.searchsorted(inner - _CLOSE * end), len(times) - 1)
+        inner = np.where(np.abs(times[near] - inner) <= _CLOSE * end, times[near], inner)
+        self.inner = inner
+        self.every = np.union1d(times, inner)
+        self._at_rows = self.every.searchsorted(times)
+        self._at_inner = self.every.searchsorted(inner)
+        self._problems = dict[Form, Problem]()
+
+    def problem(self, form: Form) -> Problem:
+        """The scene's problem in a form."""
+        if form not in self._problems:
+            self._problems[form] = form.problem(self.scene)
+        return self._problems[form]
+
+    def run(
+        self,
+        method: Method,
+        tolerance: float,
+        max_steps: int = UNLIMITED,
+        watch: Watch = None,
+    ) -> Run:
+        """Run a method; failure is the solution's status."""
+        problem = self.problem(method.form)
+        times = self.every * (problem.end / self.scene.time)
+        try:
+            with spent_on("integration"):
+                solution = solve(
+                    problem, method.solver, tolerance, times, watch=watch, max_steps=max_steps
+                )
+        except Interrupted as interruption:
+            raise Interrupted(self.rows(interruption.solution)) from None
+        inner = self._at_inner[: np.searchsorted(self._at_inner, len(solution.times))]
+        observables = method.form.observe(self.scene, solution.states[inner])
+        return Run(method, tolerance, solution, observables)
+
+    def rows(self, solution: Solution) -> Solution:
+        """A solution at the rows alone."""
+        rows = self._at_rows[: np.searchsorted(self._at_rows, len(solution.times))]
+        return replace(solution, times=solution.times[rows], states=solution.states[rows])
+
+
+def turns(scene: Scene, observables: Observables) -> float:
+    """Rotations ∫|ω|dt/2π of a run, about: |ω| is 2E/|L| and somewhat more."""
+    momentum = observables.angular_momentum
+    size = np.sqrt(np.einsum("ij,ij->i", momentum, momentum))
+    speed = np.divide(2 * observables.energy, size, out=np.zeros_like(size), where=size > 0)
+    mean = float(np.trapezoid(speed, INNER[: len(speed)]))
+    return mean * scene.time / (2 * pi) if np.isfinite(mean) else 0.0

@@ -1,0 +1,216 @@
+"""What a run states of its own error: its difference from a second run, times a factor of the kind of confirmation.
+
+Both runs are compared at `INNER` times of their own, so that the statement holds for the solution
+and does not depend on the rows that the user asks for.
+"""
+
+import json
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.resources import files
+from math import pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from polhode.harness.answers.interval import Interval
+from polhode.harness.answers.request import EPS
+from polhode.harness.common.text import in_two_digits, scientific
+from polhode.harness.references.errors import orientation_difference
+from polhode.models.observables import Observables
+from polhode.models.shape import Ellipsoid
+
+Array = np.ndarray
+
+# Share of the runs whose error stays below the upper end, as `polhode validate` counts.
+BOUNDED = 0.975
+# Times at which two runs are compared: equispaced ones, and ones that grow from the start on by a
+# constant ratio, since what damping leaves of an error lies there.
+_EQUISPACED = 96
+_GROWING = 32
+# The first of the latter, as a share of the run: half a row of 2,001.
+_FIRST = 1 / 4000
+INNER = np.unique(
+    np.concatenate([np.linspace(0, 1, _EQUISPACED + 1), np.geomspace(_FIRST, 1, _GROWING + 1)])
+)
+# Rounding of a run in eps of its largest L and E or of π: a first amount, and how it grows with
+# rotations. Errors of L and E add up at random, those of the phase follow them for ever longer.
+_ROUNDING = 2.0
+_ROUNDING_GROWTH = {"slow": 0.7, "orientation": 1.7}
+# Compared times on either side of one whose largest difference stands for that time: differences
+# pass through zero.
+_NEIGHBOURS = 4
+# No time has less than this share of the largest statement of the run: fits do not reach further.
+_LEAST_SHARE = 0.03
+
+
+class Difference(NamedTuple):
+    """Differences of two runs at the compared times: of L and E over I_max, and of the orientation in rad."""
+
+    slow: Array
+    orientation: Array | None
+
+    @property
+    def largest(self) -> dict[str, float]:
+        """The largest ones, by what they are of."""
+        found = {"slow": float(self.slow.max())}
+        if self.orientation is not None:
+            found["orientation"] = float(self.orientation.max())
+        return found
+
+
+def difference(ellipsoid: Ellipsoid, a: Observables, b: Observables) -> Difference:
+    """Differences of observables at the same n times, arrays of shape (n,)."""
+    momentum = np.abs(a.angular_momentum - b.angular_momentum).max(axis=1)
+    slow = np.maximum(momentum, np.abs(a.energy - b.energy)) / max(ellipsoid.inertia)
+    angle = orientation_difference(ellipsoid, a.rotation, b.rotation)
+    return Difference(np.where(np.isnan(slow), np.inf, slow), angle)
+
+
+class Along(NamedTuple):
+    """Upper ends of the error at the rows: of L and E over I_max, of the orientation in rad; None if unknown."""
+
+    slow: Array | None
+    orientation: Array | None
+
+
+@dataclass(frozen=True)
+class RunError:
+    """Estimated error of one run; None where it is not known or there is none.
+
+    `kind` says what confirms the run: `"tighter"`, `"looser"` or `"unlike"` for a second run,
+    `"estimate"` for an estimate of the theory of averaging, `"closed form"` for an exact solution,
+    None where nothing does.
+    """
+
+    slow: Interval | None  # of L and E over I_max
+    orientation: Interval | None  # in rad
+    note: str  # what the estimate rests on, or why there is none
+    kind: str | None = None
+    share: float = BOUNDED  # of the runs, whose error stays below the upper end
+    seconds: float = 0.0  # what the confirmation cost, compilation left out
+    advice: str = ""  # what to do about a requested error that was missed; empty if none was
+    largest_lz: float = 0.0  # the whole run's largest |L_z| over I_max; 0 where it is not known
+    axis: bool = False  # whether the orientation is that of a spheroid's symmetry axis
+    # Shares of the run, and the upper ends there.
+    shares: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
+    profile: Along = field(default=Along(None, None), repr=False, compare=False)
+    # Shares of the run at which the rows lie.
+    rows: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
+
+    def wanted(self, want: str) -> Interval | None:
+        """The error of what is wanted."""
+        return self.slow if want == "slow" else self.orientation
+
+    def at(self, rows: Array) -> "RunError":
+        """The same for other rows, at these shares of the run."""
+        return replace(self, rows=rows)
+
+    @property
+    def along(self) -> Along:
+        """The upper ends at the rows, shape (n,)."""
+        slow, angle = (
+            None if ends is None else np.interp(self.rows, self.shares, ends)
+            for ends in self.profile
+        )
+        return Along(slow, angle)
+
+    def words(self) -> str:
+        """The errors in a line, that of L and E also as a share of the run's largest |L_z|, if it is smaller."""
+        parts = []
+        if self.slow:
+            smaller = 0 < self.slow.high <= self.largest_lz
+            share = in_two_digits(100 * self.slow.high / self.largest_lz) if smaller else ""
+            of_lz = f", {share} % of the largest |L_z|" if share else ""
+            parts.append(f"L and E within {scientific(self.slow.high)} of I_max{of_lz}")
+        if self.orientation:
+            of = "symmetry axis" if self.axis else "orientation"
+            parts.append(f"{of} within {scientific(self.orientation.high)} rad")
+        if not parts:
+            return f"not known: {self.note}"
+        return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
+
+    def summary(self) -> dict[str, Any]:
+        """What a file says of it, as plain data."""
+        left_out = ("shares", "profile", "rows")
+        found = {name: each for name, each in vars(self).items() if name not in left_out}
+        for want in ("slow", "orientation"):
+            interval = found[want]
+            found[want] = interval and vars(interval)
+        return found
+
+
+UNKNOWN = RunError(None, None, "not estimated")
+
+
+class Factors(NamedTuple):
+    """The true error over the difference of two runs: below it in 1 %, 50 % and 99 % of the runs fitted."""
+
+    low: float
+    middle: float
+    high: float
+
+
+@cache
+def factors() -> dict[str, dict[str, dict[str, Factors]]]:
+    """Factors by kind of confirmation, family of methods, and what the error is of."""
+    text = files("polhode.harness.answers").joinpath("factors.json").read_text(encoding="utf-8")
+    return {
+        kind: {
+            family: {want: Factors(*numbers) for want, numbers in wants.items()}
+            for family, wants in families.items()
+        }
+        for kind, families in json.loads(text)["factors"].items()
+    }
+
+
+def stated(
+    scene_ellipsoid: Ellipsoid,
+    kind: str,
+    family: str,
+    apart: Difference,
+    observables: Observables,
+    turns: float,
+    note: str,
+) -> RunError:
+    """State the error of a run whose observables at the compared times differ so from a second one's."""
+    size = {"slow": _size(scene_ellipsoid, observables), "orientation": pi}
+    ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
+    profile: dict[str, Array | None] = {"slow": None, "orientation": None}
+    for want, values in (("slow", apart.slow), ("orientation", apart.orientation)):
+        if values is None:
+            continue
+        factor = factors()[kind][family][want]
+        rounding = _ROUNDING * EPS * size[want] * (1 + turns) ** _ROUNDING_GROWTH[want]
+        envelope = _envelope(values)
+        largest = float(values.max())
+        most = pi if want == "orientation" else np.inf
+        high = min(most, factor.high * largest + rounding)
+        ends[want] = Interval(factor.middle * largest, factor.low * largest, high)
+        profile[want] = np.minimum(most, factor.high * envelope + rounding)
+    return RunError(
+        ends["slow"],
+        ends["orientation"],
+        note,
+        kind,
+        largest_lz=_largest_lz(scene_ellipsoid, observables),
+        axis=scene_ellipsoid.symmetry_axis is not None,
+        profile=Along(profile["slow"], profile["orientation"]),
+    )
+
+
+def _size(ellipsoid: Ellipsoid, observables: Observables) -> float:
+    """The largest |L|, E over I_max."""
+    momentum = np.abs(observables.angular_momentum).max()
+    return float(max(momentum, np.abs(observables.energy).max())) / max(ellipsoid.inertia)
+
+
+def _largest_lz(ellipsoid: Ellipsoid, observables: Observables) -> float:
+    return float(np.abs(observables.angular_momentum[:, 2]).max()) / max(ellipsoid.inertia)
+
+
+def _envelope(values: Array) -> Array:
+    """The largest of the neighbouring values, and no less than a share of the largest one."""
+    padded = np.pad(values, _NEIGHBOURS, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
+    return np.maximum(windows.max(axis=1), _LEAST_SHARE * values.max())
