@@ -66,7 +66,9 @@ class Plan:
 
     @property
     def long(self) -> str:
-        """How long the run will take, if long."""
+        """How long a run that is left to choose will take, if long."""
+        if not self.requested:
+            return ""
         seconds = SECONDS_PER_STEP * steps_of(self.scene, self.methods[0], self.tolerance)
         if seconds < PATIENCE:
             return ""

@@ -44,5 +44,5 @@ def processor_clock(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def swift_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a machine far faster, with nothing beside this process: limits of time stop no run that is meant."""
-    for name in (*CLOCKS, "harness.picking.second_look"):
+    for name in CLOCKS:
         monkeypatch.setattr(f"polhode.{name}.perf_counter", lambda: process_time() / 10)

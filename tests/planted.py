@@ -61,6 +61,15 @@ class SecondOrder(_Disturbed):
         return _too_fast(tolerance**2, states)
 
 
+class Steady(_Disturbed):
+    """Angular velocities too large by 1e-5 of themselves, whatever the tolerance."""
+
+    name = "planted:Steady"
+
+    def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        return _too_fast(1e-5, states)
+
+
 class Askew(_Disturbed):
     """Turned by the tolerance, in rad, about an axis fixed in the body."""
 

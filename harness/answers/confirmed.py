@@ -250,7 +250,7 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     if looser < LOOSE:
         yield Second("looser", method, looser)
     if tighter < tolerance:
-        yield Second("tighter", method, tighter)
+        yield Second("sharper", method, tighter)
     if looser >= LOOSE:
         yield Second("looser", method, looser)
 

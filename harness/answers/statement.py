@@ -78,9 +78,10 @@ class Along(NamedTuple):
 class RunError:
     """Estimated error of one run; None where it is not known or there is none.
 
-    `kind` says what confirms the run: `"tighter"`, `"looser"` or `"unlike"` for a second run,
+    `kind` says what confirms the run: `"tighter"` if it is the tighter one of two that met an
+    error, `"looser"`, `"sharper"` or `"unlike"` for a second run beside one at a given tolerance,
     `"estimate"` for an estimate of the theory of averaging, `"closed form"` for an exact solution,
-    None where nothing does.
+    None where nothing confirms it.
     """
 
     slow: Interval | None  # of L and E over I_max

@@ -214,29 +214,14 @@ def calibrate(
     "--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from."
 )
 @click.option("--seeds", type=click.IntRange(min=1), default=3, help="So many seeds from it on.")
-@click.option(
-    "--errors",
-    type=click.IntRange(min=0),
-    default=0,
-    help="Runs whose stated errors are tested instead.",
-)
 @resume
 @quiet
-def validate(
-    out: Path, scenes: int, seed: int, seeds: int, errors: int, resume: bool, quiet: bool
-) -> None:
+def validate(out: Path, scenes: int, seed: int, seeds: int, resume: bool, quiet: bool) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page."""
     from polhode.harness.calibration.heldout import evaluate
-    from polhode.harness.calibration.stated import stated
-    from polhode.harness.pages.pick import stated_summary, summary, write_pages, write_stated
+    from polhode.harness.pages.pick import summary, write_pages
     from polhode.harness.picking.laws import load_laws
 
-    if errors:
-        with stored(out, resume, "stated") as store:
-            found = stated(store, seed, errors, quiet)
-        page = write_stated(out, found, f"polhode validate --errors {errors} --seed {seed}")
-        click.echo("\n".join([*stated_summary(found), str(page)]))
-        return
     with bad_input():
         known = load_laws()
     with stored(out, resume, "heldout") as store:

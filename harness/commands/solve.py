@@ -1,7 +1,7 @@
 """`polhode solve`: one scene, as a table on the terminal or as CSV."""
 
 import sys
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from importlib.util import find_spec
 from pathlib import Path
 from time import process_time
@@ -49,7 +49,10 @@ WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
     help="The solver's tolerance, from 1e-16 to 1; by default what meets --error.",
 )
 @click.option(
-    "--error", type=float, default=1e-6, help="Error wanted, where no tolerance is given."
+    "--error",
+    type=float,
+    default=1e-6,
+    help="Error to meet, where no tolerance is given; exit code 1 if it is not confirmed.",
 )
 @click.option(
     "--want",
@@ -67,7 +70,9 @@ WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 )
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
 @click.option("--restart", type=FILE, help="Scene file to write that goes on from the end.")
-@click.option("--estimate/--no-estimate", default=True, help="Look again, to estimate the error.")
+@click.option(
+    "--estimate/--no-estimate", default=True, help="Confirm the run by a second one, for its error."
+)
 @click.option("--quiet", is_flag=True, help="No progress and no notes.")
 @click.option("-v", "--verbose", is_flag=True, help="Say where the time went, on standard error.")
 def solve(
@@ -108,10 +113,11 @@ def solve(
         if verbose:
             # After all else, of a run that failed too.
             click.get_current_context().call_on_close(_say_times)
-        say(f"{what.form.name} by {what.solver.name} at tolerance {short(what.tolerance)}")
+        at = "at" if given["tolerance"] else "from"
+        say(f"{what.form.name} by {what.solver.name} {at} tolerance {short(what.tolerance)}")
         for note in _notes(what, given["tolerance"]):
             say(f"note: {note}")
-        solution = _run(what, target, beside, progress, omega, given)
+        solution = _run(what, target, beside, progress, omega)
     if restart:
         with bad_input():
             from polhode.models.files.scene_file import scene_table
@@ -120,14 +126,19 @@ def solve(
     with spent_on("output"):
         if not target and restart != Path("-"):
             click.echo(_table(solution))
-        elif target and target.atomic:
+        if what.requested:
+            method = f"{solution.form} by {solution.solver}"
+            say(f"{method} at tolerance {short(solution.tolerance)}")
+        if target and target.atomic:
             say(f"{out}: {len(what.times)} rows, solved in {duration(solution.seconds)}")
-        for piece in solution.pieces_in_words():
-            say(f"note: {piece}")
+        for note in [*solution.pieces_in_words(), *_empty(what, solution)]:
+            say(f"note: {note}")
         if what.estimate:
             say(f"error: {solution.error.words()}")
-            if solution.error.advice and not what.note:
+            if solution.error.advice:
                 say(f"note: {solution.error.advice}")
+    if solution.error.advice and _given("error"):
+        raise RunFailed(f"error: {short(given['error'])} is not confirmed; the rows are complete")
 
 
 def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Path | None) -> None:
@@ -146,20 +157,30 @@ def _say_times() -> None:
     click.echo(aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.values())))]), err=True)
 
 
+def _given(option: str) -> bool:
+    """Whether the user gave an option."""
+    source = click.get_current_context().get_parameter_source(option)
+    return source is not ParameterSource.DEFAULT
+
+
 def _notes(what: "Plan", tolerance: float | None) -> list[str]:
-    """What the user should know: that the error will not be met, or has no say, and what stays empty."""
-    asked = click.get_current_context().get_parameter_source("error") is not ParameterSource.DEFAULT
-    notes = ["the --tolerance given governs the run: --error is only for choosing one"] * (
-        asked and bool(tolerance)
-    )
-    notes += filter(None, (what.note, what.long))
-    known = what.form.known_axes(what.scene)
-    if len(known) < 3:
-        words = "the symmetry axis alone" if known else "no orientation"
-        empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
-        full = "; --form quaternion gives all" * find_form("quaternion").takes(what.scene)
-        notes.append(f"{what.form.name} knows {words}: {empty} stay empty{full}")
-    return notes
+    """What the user should know before the run: that the error has no say, and that the run is long."""
+    notes = []
+    if tolerance and _given("error"):
+        notes.append("the --tolerance given governs the run: --error is only for choosing one")
+    return [*notes, what.long] if what.long else notes
+
+
+def _empty(what: "Plan", solution: "SceneSolution") -> list[str]:
+    """Which columns stay empty, and what would fill them."""
+    form = solution.equations
+    known = form.known_axes(what.scene)
+    if len(known) == 3:
+        return []
+    words = "the symmetry axis alone" if known else "no orientation"
+    empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
+    full = "; --form quaternion gives all" * find_form("quaternion").takes(what.scene)
+    return [f"{form.name} knows {words}: {empty} stay empty{full}"]
 
 
 def _as_parquet(out: Path) -> bool:
@@ -182,15 +203,14 @@ def _run(
     beside: Path | None,
     progress: Progress,
     omega: bool,
-    given: Any,
 ) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
     from polhode.harness.solution import write_csv
-    from polhode.solvers.contract import Status
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
-        progress.begin(f"solving by {what.solver.name}", lambda: record.reached / what.problem.end)
+        end = record.unit * float(record.times[-1])
+        progress.begin(f"solving by {what.solver.name}", lambda: record.reached / end)
 
     progress.begin("compiling")
     try:
@@ -210,10 +230,7 @@ def _run(
             if not solution.success:
                 where = f"in {target.partial}" if target else "finished"
                 rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
-                stopped = solution.status == Status.INTERRUPTED
-                why = "; ".join(
-                    filter(None, (solution.message, "" if stopped else _remedy(what, given)))
-                )
+                why = "; ".join(filter(None, (solution.message, _remedy(what, solution))))
                 raise RunFailed(f"{solution.status}: {rows}. {why}".strip())
         if beside:
             write_file(beside, dumps(solution.provenance()) + "\n")
@@ -228,23 +245,15 @@ def _run(
     return solution
 
 
-def _remedy(what: "Plan", given: dict[str, Any]) -> str:
-    """What to do about a failure of a way that the user did not name: be stricter, or take the next one."""
-    from polhode.harness.api import pick
+def _remedy(what: "Plan", solution: "SceneSolution") -> str:
+    """What to do about a failure at a tolerance that was given with neither form nor solver."""
+    from polhode.harness.answers.rules import first_tolerance
 
-    if given["form"] or given["solver"]:
+    stopped = str(solution.status) == "interrupted"
+    if stopped or what.requested or _given("form") or _given("solver"):
         return ""
-    with suppress(ValueError):
-        ways = {
-            (way.form, way.solver): way
-            for way in pick(what.scene, given["error"], given["want"]).ranking
-        }
-        same = ways.pop((what.form.name, what.solver.name), None)
-        if same and given["tolerance"] and same.tolerance < given["tolerance"]:
-            return f"do: --tolerance {short(same.tolerance)}"
-        form, solver = next(iter(ways), ("", ""))
-        return f"do: --form {form} --solver {solver}" if form else ""
-    return ""
+    tighter = first_tolerance(what.scene, what.methods[0], 1e-6, "slow")
+    return f"do: --tolerance {short(tighter)}" if tighter < what.tolerance else ""
 
 
 def _table(solution: "SceneSolution") -> str:

@@ -122,7 +122,6 @@ def test_an_object_of_the_catalogue_is_chosen_for_as_its_name():
         plan("paper", each, None, None, 1e-6, "slow", 201) for each in ("quaternion", Quaternion())
     )
     assert (by_object.solver, by_object.tolerance) == (by_name.solver, by_name.tolerance)
-    assert by_object.note == by_name.note
 
 
 def test_an_object_whose_class_stands_within_a_function_is_chosen_for():
@@ -142,7 +141,7 @@ def test_ctrl_c_in_the_second_look_keeps_the_run(monkeypatch: pytest.MonkeyPatch
     def interrupted(*given: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("polhode.harness.api.run_error", interrupted)
+    monkeypatch.setattr("polhode.harness.answers.confirmed.confirmation", interrupted)
     with pytest.raises(Interrupted) as caught:
         solve("paper", **WAY)
     assert (caught.value.solution.status, len(caught.value.solution.times)) == ("reached_end", 201)

@@ -188,7 +188,7 @@ def test_an_event_beside_the_start_is_found():
 
 
 def test_a_false_success_stays_one_at_an_event_that_ends_it(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("polhode.harness.api.doubt", lambda *_: "it stood still")
+    monkeypatch.setattr("polhode.harness.answers.confirmed.doubt", lambda *_: "it stood still")
     given = {"form": "quaternion", "solver": "cyrk-vern8", "tolerance": 1e-6, "samples": 11}
     stopped = solve(
         "paper", **given, events=[Event("half", lambda each: each.times - 250.0, terminal=True)]
@@ -267,7 +267,7 @@ def test_refused_functions():
 
 
 def test_a_mistake_in_an_event_is_found_before_the_run(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("polhode.harness.api.run", None)
+    monkeypatch.setattr("polhode.harness.answers.runs.solve", None)
     with pytest.raises(ValueError, match="event 'off': got AttributeError"):
         solve("paper", events=Event("off", lambda each: each.enrgy))
 
