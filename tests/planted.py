@@ -4,7 +4,6 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from math import cos, sin
 from typing import Any
 
@@ -27,7 +26,7 @@ class _Disturbed(Taylor):
         raise NotImplementedError
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        exact = super().prepare(problem, replace(settings, tolerance=TIGHT))
+        exact = super().prepare(problem, settings.at(TIGHT))
 
         def integrate(record: Record) -> Outcome:
             outcome = exact(record)

@@ -19,7 +19,7 @@ from polhode.harness.commands._study_options import (
     stored,
     to_json,
 )
-from polhode.harness.common.text import cells, fitting, in_full, on_terminal
+from polhode.harness.common.text import cells, fitting, on_terminal, short
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
@@ -82,9 +82,12 @@ def pick(
         click.echo(to_json({name: value for name, value in asdict(found).items() if name in names}))
         return
     click.echo(pick_page(found, everything, why))
-    options = f"--error {in_full(error)} --want {want} --samples {samples}"
+    first = found.ranking[0]
+    options = f"--form {first.form} --solver {first.solver} --tolerance {short(first.tolerance)}"
     click.echo(
-        fitting(f"\nTo run the first: polhode solve {quote(scene)} {options} --out FILE.csv")
+        fitting(
+            f"\nTo run the first: polhode solve {quote(scene)} {options} --samples {samples} --out FILE.csv"
+        )
     )
 
 
