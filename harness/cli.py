@@ -8,6 +8,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import wraps
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
@@ -15,6 +16,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from polhode.models.libraries import MissingLibraryError, how_to_install, missing_library, need
 from polhode.models.registry import Question, hint
 
 
@@ -87,14 +89,22 @@ def bad_input() -> Iterator[None]:
         raise BadInput(str(error)) from None
 
 
-def command(**how: Any) -> Callable[[Callable[..., None]], click.Command]:
-    """Make the command of its name of a function."""
+def command(
+    *, needs: Sequence[str] = (), **how: Any
+) -> Callable[[Callable[..., None]], click.Command]:
+    """Make the command of its name of a function; it is refused where one of the libraries that it needs is missing."""
 
     def made(function: Callable[..., None]) -> click.Command:
         words = COMMANDS[function.__name__.replace("_", "-")]
         text = f"{function.__doc__}\n\n{words.more}"
+
+        @wraps(function)
+        def checked(*values: Any, **options: Any) -> None:
+            need(words.name, *needs)
+            function(*values, **options)
+
         return click.command(words.name, help=text, epilog=f"Example: {words.example}", **how)(
-            function
+            checked
         )
 
     return made
@@ -125,7 +135,11 @@ class _Commands(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
+        except MissingLibraryError as error:
+            raise RunFailed(str(error)) from None
         except (KeyboardInterrupt, ImportError, SystemError) as error:
+            if library := missing_library(error):
+                raise RunFailed(how_to_install(library)) from None
             # Libraries whose import Ctrl-C interrupts raise errors of their own.
             if not isinstance(error.__cause__ or error.__context__ or error, KeyboardInterrupt):
                 raise

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import inf
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from tqdm import tqdm
 
 from polhode.harness.analysis.frames import rows_of
@@ -20,19 +19,22 @@ from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import time_runs, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
 from polhode.harness.ivp import check_samples
-from polhode.harness.pages.figures.work_precision import work_precision
-from polhode.harness.references.extended import extended_run
+from polhode.harness.references.extended import reference_runs
 from polhode.harness.references.reference import LONG_DOUBLE, SAFETY
 from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.runner import COMPILATION, how_failed
+from polhode.models.libraries import need
 from polhode.models.problem import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 from polhode.models.registry import hint
-from polhode.solvers.catalogue import SOLVERS, solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, available_like, solver as find_solver
 from polhode.solvers.compile import as_it_stands, check_field
 from polhode.solvers.contract import Solver, Status
 from polhode.solvers.solve import Solution, solve
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Of the classical problems.
 TOLERANCES, QUICK = tuple(10.0**-k for k in range(3, 13)), (1e-4, 1e-7, 1e-10)
@@ -46,7 +48,9 @@ class WorkPrecision:
 
     The column `error` is the largest deviation of any component at any sample from a Taylor
     solution in long double, over that component's largest magnitude; `uncertainty` is that of this
-    reference, ten times the difference of two tolerances. `seconds` is the fastest warm run. A line
+    reference, ten times the difference of two tolerances. Without heyoka, which runs Taylor's
+    method, the reference is a run in double precision, and its uncertainty ten times the difference
+    from a run by an unlike method. `seconds` is the fastest warm run. A line
     on the terminal says how far the study is.
 
     Parameters
@@ -89,7 +93,7 @@ class WorkPrecision:
         if self.classical:
             # What the end is worth is part of the test problem.
             return np.array([self.problem.start, self.classical.reference]), 0.0
-        states, loose = (extended_run(self.problem, self.times, *how) for how in LONG_DOUBLE)
+        states, loose = reference_runs(self.problem, self.times, LONG_DOUBLE)
         apart = SAFETY * self.error_of(loose, states)
         # Taylor's method sees no branch within a step.
         return states, max(
@@ -99,9 +103,10 @@ class WorkPrecision:
     def _stepped(self, exact: np.ndarray) -> float:
         """How far a method that steps into kinks, begun anew at every sample, is from the reference."""
         states = [np.array(self.problem.start)]
+        name, tolerance = BRANCHES
         for duration in np.diff(self.times).tolist():
             piece = replace(self.problem, start=tuple(states[-1].tolist()), end=duration)
-            run = solve(piece, *BRANCHES, max_seconds=self.max_seconds)
+            run = solve(piece, available_like(name), tolerance, max_seconds=self.max_seconds)
             if not run.success:
                 return inf
             states.append(run.states[-1])
@@ -132,8 +137,11 @@ class WorkPrecision:
                         break
         return pd.DataFrame(rows)
 
-    def plot(self, axes: Axes) -> Axes:
+    def plot(self, axes: "Axes") -> "Axes":
         """Draw wall time against error, grey where the reference does not resolve it; return the axes."""
+        need("plot", "matplotlib")
+        from polhode.harness.pages.figures.work_precision import work_precision
+
         names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
         work_precision(axes, self.frame.rename(columns=names).assign(form=""))
         axes.xaxis.set_inverted(True)

@@ -30,6 +30,20 @@ SOLVERS: "Catalogue[Solver]" = Catalogue(
 solver = SOLVERS.find
 Base = TypeVar("Base", bound="Solver")
 
+# Solvers that stand in for one whose library is missing, the quickest first.
+_EXPLICIT = ("cyrk-vern8", "taylor", "cyrk-dop853", "dop853")
+_IMPLICIT = ("cyrk-radau", "cvode-bdf", "radau")
+
+
+def first_available(*names: str) -> str:
+    """The first of the solvers that can run here; the very first if none can, whose run says why."""
+    return next((name for name in names if solver(name).available), names[0])
+
+
+def available_like(name: str) -> str:
+    """A solver, or where its library is missing one of the same kind, explicit or implicit, that can run here."""
+    return first_available(name, *(_IMPLICIT if solver(name).implicit else _EXPLICIT))
+
 
 def methods(base: "type[Base]") -> "list[type[Base]]":
     """Classes of the methods of a library, which differ by the traits that `methods.toml` gives them."""

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.files.kept import cache_folder
+from polhode.models.libraries import need
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Factory, Problem
@@ -127,6 +128,7 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
 @spent_on("import")
 def load_heyoka() -> Any:
     """Import heyoka: quiet, and with its cache of compiled code where the user wants it."""
+    need("Taylor's method", "heyoka")
     import heyoka
 
     # It prints warnings about a cache that it cannot write on standard output, where tables go.

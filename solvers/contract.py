@@ -1,14 +1,12 @@
 """The solver contract: what a solver receives, what it returns, who counts what."""
 
-import sys
 import tomllib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
 from math import inf
 from pathlib import Path
 from time import perf_counter
@@ -16,6 +14,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from polhode.models.libraries import how_to_install, installed
 from polhode.models.problem import Problem
 
 Backend = Literal["compiled", "numba", "python"]
@@ -33,14 +32,8 @@ _MAX_STEPS_AHEAD = 1e8
 # Steps have shrunk that are shorter than this share of those before.
 _SHRUNK = 0.1
 
-# What a choice needs besides the solver's own library; module and package are of one name.
+# What a choice of back end or Jacobian needs besides the solver's own library.
 _NEEDS = {"compiled": "llvmlite", "numba": "llvmlite", "exact": "llvmlite"}
-
-
-@cache
-def installed(library: str) -> bool:
-    """Whether a library can be imported."""
-    return sys.modules.get(library) is not None or find_spec(library) is not None
 
 
 class Status(StrEnum):
@@ -282,6 +275,8 @@ class Solver(ABC):
     wears: ClassVar[float] = 0.0
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
+    # Library that each back end and Jacobian needs besides its own, which may bring a compiler.
+    choices_need: ClassVar[Mapping[str, str]] = _NEEDS
     error_constant: ClassVar[float]
     # Tolerances that may differ, from each other ("atol") and by components ("rtol vector").
     tolerances: ClassVar[tuple[str, ...]] = ()
@@ -296,11 +291,13 @@ class Solver(ABC):
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
-        return (
-            None
-            if installed(self.library)
-            else f"{self.package} is not installed: pip install {self.package}"
-        )
+        if not installed(self.library):
+            return f"{self.package} is not installed: pip install {self.package}"
+        lacking = [self.lacks(backend) for backend in self.backends]
+        if not all(lacking):
+            return None
+        needed = self.choices_need.get(self.backends[0])
+        return how_to_install(needed) if needed else lacking[0]
 
     @property
     def note(self) -> str | None:
@@ -361,7 +358,7 @@ class Solver(ABC):
 
     def lacks(self, choice: str) -> str | None:
         """What a back end or Jacobian needs that is not there."""
-        needed = _NEEDS.get(choice)
+        needed = self.choices_need.get(choice)
         return (
             f"{needed!r} installed: pip install {needed}"
             if needed and not installed(needed)

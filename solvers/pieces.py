@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import how_to_install, missing_library
 from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.own_function import place_of
 from polhode.models.problem import ROUNDING, Course, Piece, Problem
@@ -180,6 +181,8 @@ class Run:
 
 
 def _crash(error: Exception, solver: str) -> Outcome:
+    if library := missing_library(error):
+        return Status.ADAPTER_MISSING, f"solver {solver!r}: {how_to_install(library)}"
     words = " ".join(str(error).split())
     return (
         Status.CRASHED,

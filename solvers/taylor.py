@@ -1,7 +1,7 @@
 """Taylor's method by heyoka: machine code, arbitrary order, dense output from the steps' own series."""
 
-from collections.abc import Callable
-from typing import Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -161,6 +161,7 @@ class Taylor(Solver):
     package = "heyoka"
     family = "heyoka"
     backends = ("compiled",)
+    choices_need: ClassVar[Mapping[str, str]] = {}  # heyoka compiles by itself
     order_by_tolerance = True
     wears = 1.0
     error_constant = 20.0  # 6 measured

@@ -19,9 +19,11 @@ from polhode.harness.common.files import digest
 from polhode.harness.common.machine import here
 from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
+from polhode.harness.references.extended import unlike_runs
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.hybrid.form import Hybrid
+from polhode.models.libraries import installed
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
@@ -30,7 +32,7 @@ from polhode.models.second_order.extent import squares_for, squares_of
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
 
@@ -135,6 +137,7 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             samples,
             REFERENCE_TOLERANCES,
             DOUBLE,
+            *([] if installed("heyoka") else ["without heyoka"]),
         ]
     )
     found = cache.load(key)
@@ -143,9 +146,12 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             tight, apart = true_observables(scene, samples)
         else:
             times = np.linspace(0.0, problem.end, samples)
-            tight, other = (
-                form.observe(scene, solve(problem, *how, times).states) for how in DOUBLE
+            runs = (
+                (solve(problem, *how, times).states for how in DOUBLE)
+                if all(find_solver(name).available for name, _ in DOUBLE)
+                else unlike_runs(problem, times).values()
             )
+            tight, other = (form.observe(scene, states) for states in runs)
             apart = errors(scene.ellipsoid, other, tight)
         found = {name: each.astype(float) for name, each in vars(tight).items()}
         found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
@@ -168,7 +174,13 @@ def _measured(
 ) -> HybridError:
     true, slow_off, orientation_off = known
     run = plan(
-        scene, Hybrid.name, SOLVER, error / ERROR_PER_TOLERANCE, error, "slow", SAMPLES
+        scene,
+        Hybrid.name,
+        available_like(SOLVER),
+        error / ERROR_PER_TOLERANCE,
+        error,
+        "slow",
+        SAMPLES,
     ).run()
     slow = orientation = mirror = nan
     if run.success:
@@ -202,16 +214,17 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
 def _timed(start: int, scene: Scene) -> Speed:
     form, times = Hybrid(), np.linspace(0.0, scene.time, SAMPLES)
     problem, tolerance = form.problem(scene), FAST_ERROR / ERROR_PER_TOLERANCE
+    solver_of_windows = available_like(SOLVER)
 
     def seconds(times: np.ndarray) -> float:
         for kept in (outline, path_of):
             kept.cache_clear()
         began = perf_counter()
-        solve(problem, SOLVER, tolerance, times)
+        solve(problem, solver_of_windows, tolerance, times)
         return perf_counter() - began
 
     run, slow, full = (
-        solve(problem, SOLVER, tolerance, times),
+        solve(problem, solver_of_windows, tolerance, times),
         nan,
         dict[tuple[str, float], float](),
     )
@@ -241,9 +254,9 @@ def _timed(start: int, scene: Scene) -> Speed:
     own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
     steps = (
         sum(each.steps or 0 for each in run.stages if not each.averaged),
-        full.get((SOLVER, at), nan),
+        full.get((solver_of_windows, at), nan),
     )
-    steps = steps if solver == SOLVER else (nan, nan)
+    steps = steps if solver == solver_of_windows else (nan, nan)
     return Speed(
         start,
         scene.ellipsoid.kind,
@@ -283,8 +296,12 @@ def _full(
 ) -> dict[tuple[str, float], float]:
     """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
     form, found = find_form(full_form(scene)), dict[tuple[str, float], float]()
-    knowing = [(KNOWING, KNOWING_TOLERANCES)] if find_solver(KNOWING).takes(problem) else []
-    for solver, tolerances in [*((solver, FULL_TOLERANCES) for solver in FULL_SOLVERS), *knowing]:
+    tried: list[tuple[str, Sequence[float]]] = [(name, FULL_TOLERANCES) for name in FULL_SOLVERS]
+    if find_solver(KNOWING).takes(problem):
+        tried.append((KNOWING, KNOWING_TOLERANCES))
+    for solver, tolerances in tried:
+        if not find_solver(solver).available:
+            continue
         for tolerance in tolerances:
             run = solve(problem, solver, tolerance, times)
             if (

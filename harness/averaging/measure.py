@@ -16,6 +16,7 @@ from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.second_order.form import SecondOrder
+from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
 SAMPLES = 501
@@ -47,7 +48,7 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
                 Absent(*head, stokes, f"its own exact solution is not certified: {failure}")
             )
             continue
-        solution = solve(form.problem(scene), SOLVER, TOLERANCE, exact.times)
+        solution = solve(form.problem(scene), available_like(SOLVER), TOLERANCE, exact.times)
         if not solution.success:
             raise ReferenceFailedError(
                 f"{subject.name}, St = {stokes:g}: {name} ended with {solution.status}"

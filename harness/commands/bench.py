@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
+# What pages are made with: asked for before anything is measured.
+PAGE_LIBRARIES = ("pandas", "matplotlib", "PIL", "scipy")
 # Modules of `pages` by what a study names.
 PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
 # Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
@@ -26,7 +28,7 @@ PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "s
 FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
-@command()
+@command(needs=PAGE_LIBRARIES)
 @options.study_options
 @click.option(
     "--problems", is_flag=True, help="The classical test problems instead; --scene is one of them."
@@ -92,7 +94,7 @@ def _problems(wanted: Wanted, page_only: bool) -> None:
     click.echo(f"{write_page(rows, folder, command_line())}")
 
 
-@command()
+@command(needs=PAGE_LIBRARIES)
 @options.study_options
 def regimes(wanted: Wanted) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
@@ -123,7 +125,7 @@ def ahead(study: "Study", store: "Store") -> str:
     return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"
 
 
-@command()
+@command(needs=(*PAGE_LIBRARIES, "llvmlite"))
 @options.out_folder("reports/solvers")
 @options.quick
 @options.resume
@@ -156,7 +158,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     click.echo(f"{write_page(measured, out, command_line())}")
 
 
-@command()
+@command(needs=PAGE_LIBRARIES)
 @click.argument("names", metavar="[ITEM…]", nargs=-1)
 @options.out_folder("reports/paper")
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
@@ -211,7 +213,7 @@ def paper(
     click.echo(f"{out / 'README.md'}")
 
 
-@command()
+@command(needs=PAGE_LIBRARIES)
 @click.option(
     "--order", type=click.Choice(list(FOLDERS)), default="1", help="What is measured of averaging."
 )
@@ -282,7 +284,7 @@ def accuracy(
     click.echo(str(out / "README.md"), err=True)
 
 
-@command()
+@command(needs=PAGE_LIBRARIES)
 @click.argument("file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=options.FOLDER, help="Folder; by default reports/NAME.")
 @click.option(
@@ -328,7 +330,7 @@ def sweep(
     click.echo(to_json(ensembles) if as_json else f"{page}")
 
 
-@command()
+@command(needs=(*PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/sweep")
 def throughput(out: Path) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory."""

@@ -75,15 +75,16 @@ def doctor(as_json: bool) -> None:
 
 def examine() -> dict[str, Any]:
     """All that `polhode doctor` shows; takes a little longer than `WATCH` seconds."""
-    from polhode.harness.common.machine import machine, package_version, versions
+    from polhode.harness.common.machine import machine, versions
     from polhode.harness.pages.tables import templates
     from polhode.models.files.kept import cache_folder
+    from polhode.models.libraries import version_of
     from polhode.solvers.catalogue import SOLVERS, solver
 
     keys = ("name", "package", "available", "why_not")
     adapters = [{key: getattr(method, key) for key in keys} for method in map(solver, SOLVERS)]
     for row in adapters:
-        row["version"] = package_version(row["package"]) if row["available"] else None
+        row["version"] = version_of(row["package"]) if row["available"] else None
     caches = {
         "references": cache_folder(part="references"),
         "compiled integrators": cache_folder("heyoka"),
@@ -219,7 +220,7 @@ def export(store: Path, out: Path) -> None:
         write(opened, out)
 
 
-@command()
+@command(needs=("pandas",))
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
 @click.option("--slower", type=ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
@@ -256,7 +257,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
 
 
-@command()
+@command(needs=("pandas", "matplotlib", "PIL"))
 @click.option(
     "--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages."
 )

@@ -132,7 +132,7 @@ def schema(kind: str) -> None:
     click.echo(json.dumps(dialect | found | {"title": f"polhode {kind} file"}, indent=2))
 
 
-@command()
+@command(needs=("matplotlib",))
 @click.argument("scene", shell_complete=setup.scene_names)
 @click.option(
     "--out",

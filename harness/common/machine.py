@@ -5,14 +5,13 @@ import platform
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
+from polhode.models.libraries import version_of
 
 PACKAGES = (
     "polhode",
@@ -26,7 +25,6 @@ PACKAGES = (
     "pandas",
     "matplotlib",
 )
-ABSENT = "absent"
 # Seconds between two records beyond which a study stood still.
 PAUSE = 600.0
 
@@ -41,20 +39,10 @@ def machine() -> dict[str, str | int]:
     }
 
 
-@cache
-def package_version(package: str) -> str:
-    """Version of an installed package, "absent" if it is not installed."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ABSENT
-
-
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    return {
-        package: number for package in PACKAGES if (number := package_version(package)) != ABSENT
-    }
+    found = {package: version_of(package) for package in PACKAGES}
+    return {package: number for package, number in found.items() if number is not None}
 
 
 def now() -> str:

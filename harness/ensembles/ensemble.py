@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 
 from polhode.harness.common.files import digest
-from polhode.harness.common.machine import package_version
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
 from polhode.harness.ensembles.hybrid import (
@@ -23,12 +22,14 @@ from polhode.harness.ensembles.hybrid import (
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
+from polhode.models.libraries import version_of
 from polhode.models.observables import angular_velocity
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import Attractor, attractors
-from polhode.solvers.contract import Status
+from polhode.solvers.catalogue import available_like
+from polhode.solvers.contract import Status, installed
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
@@ -135,14 +136,12 @@ class Ensemble:
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         if self.equations == "hybrid":
             if (least := least_of(self)) == inf:
-                return f"{SOLVER}, error {scientific(self.tolerance)}"
-            return f"averaged, where |L| falls below {least:.2g} I_max full or {SOLVER}"
+                return f"{available_like(SOLVER)}, error {scientific(self.tolerance)}"
+            return f"averaged, where |L| falls below {least:.2g} I_max full or {available_like(SOLVER)}"
         chosen = plan_of(self)
-        return (
-            "Taylor's method"
-            if chosen is None
-            else f"{chosen.method}, error {scientific(chosen.error)}"
-        )
+        if chosen is not None:
+            return f"{chosen.method}, error {scientific(chosen.error)}"
+        return "Taylor's method" if installed("heyoka") else available_like(SOLVER)
 
     @property
     def slow_time(self) -> float | None:
@@ -189,7 +188,7 @@ class Ensemble:
                 for name in ("stokes", "time", "tolerance", "radius")
             },
             "versions": {
-                name: package_version(name)
+                name: version_of(name)
                 for name in ("polhode", "heyoka", "llvmlite", "numpy", "cyrk", "scipy")
             },
         }
@@ -292,7 +291,12 @@ class Ensemble:
 
 @cache
 def plan_of(ensemble: Ensemble) -> Plan | None:
-    """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error."""
+    """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error.
+
+    Nor are there any without llvmlite, which compiles them.
+    """
+    if not installed("llvmlite"):
+        return None
     problem, sample = (
         ensemble.problem,
         ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid),

@@ -18,9 +18,11 @@ from polhode.models.forms.spheroid import Spheroid
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.contract import Status
+from polhode.solvers.catalogue import available_like
+from polhode.solvers.contract import Status, installed
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
-from polhode.solvers.ensembles.equal_steps import run, unplanned
+from polhode.solvers.ensembles.equal_steps import TAYLOR, run, unplanned
+from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
 # What particles are run by one at a time.
@@ -114,6 +116,8 @@ def run_hybrid(
 def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the full equations and statuses."""
     problem, whole = find_form(full_form(scene)).problem(scene), min(0.1, WHOLE * tolerance)
+    if not installed("llvmlite"):
+        return run_batches(problem, starts, times, whole * TAYLOR)
     return run(problem, starts, times, whole, unplanned(problem, starts, times, whole))
 
 
@@ -206,7 +210,10 @@ def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tu
     statuses = np.empty(len(starts), dtype=object)
     for i, start in enumerate(starts.tolist()):
         found = solve(
-            replace(problem, start=tuple(start)), SOLVER, tolerance / ERROR_PER_TOLERANCE, times
+            replace(problem, start=tuple(start)),
+            available_like(SOLVER),
+            tolerance / ERROR_PER_TOLERANCE,
+            times,
         )
         statuses[i] = str(found.status)
         if found.success:

@@ -11,6 +11,7 @@ from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
 TOLERANCE = 1e-12
@@ -46,8 +47,13 @@ def run_form(
     solver: str = SOLVER,
     partial: bool = False,
 ) -> Run:
-    """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short."""
-    solution = solve(form.problem(scene), solver, tolerance, times, max_seconds=120.0)
+    """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short.
+
+    Where the solver's library is missing, one of the same kind runs it.
+    """
+    solution = solve(
+        form.problem(scene), available_like(solver), tolerance, times, max_seconds=120.0
+    )
     if not (solution.success or partial):
         raise RuntimeError(
             f"form {form.name!r} ended with {solution.status} at t = {solution.times[-1]:g}"

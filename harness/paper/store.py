@@ -11,10 +11,10 @@ import pandas as pd
 
 from polhode import models, solvers
 from polhode.harness.common.files import digest, read_file, write_file
-from polhode.harness.common.machine import package_version
 from polhode.harness.paper import sections
 from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
 from polhode.harness.paper.tables import tables_of
+from polhode.models.libraries import version_of
 
 SCHEMA = 1
 DIGITS = 8
@@ -23,6 +23,7 @@ LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 FAILURES = (
     ArithmeticError,
     AttributeError,
+    ImportError,
     LookupError,
     NameError,
     RuntimeError,
@@ -41,7 +42,7 @@ def content_key(item: Item, grid: Grid) -> str:
         "settings": repr(getattr(item.compute, "__self__", None)),
         "grid": grid,
         "code": hash_of_code(),
-        "libraries": {name: package_version(name) for name in LIBRARIES},
+        "libraries": {name: version_of(name) for name in LIBRARIES},
     }
     return digest(content)
 

@@ -13,6 +13,7 @@ from polhode.models.problem import Problem
 from polhode.models.rotation import quaternion_from_matrix
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
 # Pieces of a run, evenly spread over it; so many of them must be decided, none against the
@@ -20,14 +21,21 @@ from polhode.solvers.solve import solve
 PIECES, REQUIRED = 24, 20
 # Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
 # time for averaged ones: those of low order are slow.
-LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0}
+LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
+# Methods unrelated to Taylor's, the quicker one first.
+_UNRELATED = ("cyrk-vern8", "dop853")
 # Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
 LARGEST_EXPONENT = 5.0
 # The other method's own error at the tight tolerance: the tolerance, what the loose one makes of
 # it, ten times what an ulp in the start makes, an ulp for each of its steps, and rounding of the
 # numbers compared. Of L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a disc at St
 # = 3e5, where √n ulps are 2e-14.
-TOLERANCES = {"cyrk-vern8": (1e-14, 1e-13), "ida": (1e-12, 1e-11), "exact": (1e-15, 1e-15)}
+TOLERANCES = {
+    "cyrk-vern8": (1e-14, 1e-13),
+    "dop853": (1e-13, 1e-12),
+    "ida": (1e-12, 1e-11),
+    "exact": (1e-15, 1e-15),
+}
 ULPS, ROUNDING = 10.0, 1e-14
 # Ways to move the numbers of a start by an ulp, up and down.
 SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
@@ -97,13 +105,16 @@ def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
 def opposite(scene: Scene, form: Form) -> tuple[str, str]:
     """Another form and an unrelated method; averaged forms have no second form of their own."""
     if form.averaged:
-        return form.name, "cyrk-vern8"
+        return form.name, first_available(*_UNRELATED)
     spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
     if scene.stokes == 0:
-        return (
-            ("jeffery", "exact") if scene.ellipsoid.kind != "triaxial" else ("euler-angles", "ida")
-        )
-    return "spheroid-axis" if spheroidal else "euler-angles", "cyrk-vern8"
+        if scene.ellipsoid.kind != "triaxial":
+            return "jeffery", "exact"
+        if find_solver("ida").available:
+            return "euler-angles", "ida"
+        # No other solver takes Euler angles at St = 0.
+        return "jeffery", first_available(*_UNRELATED)
+    return "spheroid-axis" if spheroidal else "euler-angles", first_available(*_UNRELATED)
 
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:

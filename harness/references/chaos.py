@@ -1,13 +1,16 @@
 """Chaos: how fast neighbouring solutions part, from the variational equations, and what that leaves to compare."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, log
 from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import installed
 from polhode.models.problem import Factory, Problem
+from polhode.solvers.catalogue import first_available
 from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, tangent_system
+from polhode.solvers.solve import solve
 
 TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written
@@ -20,6 +23,8 @@ EXPONENTIAL = 5.0
 # grown to this, in rad.
 MEANINGLESS = 1e-2
 HALF_ULP = 1e-16
+# Distance of two neighbouring solutions: their growth follows the linear equations to 1e-7, rounding errs by 1e-8.
+NEIGHBOUR = 1e-7
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,8 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
     # v starts in a generic direction and is renormalised after each interval (Benettin et al.,
     # Meccanica 15 (1980) 9).
+    if not installed("heyoka"):
+        return _growth_of_neighbours(problem, intervals)
     times, parameters = np.linspace(0.0, problem.end, intervals + 1), parameter_array(problem)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
     integrator = tangent_integrator(problem.field, problem.dimension, len(parameters))
@@ -68,6 +75,33 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
         length = float(np.linalg.norm(tangent))
         tangent /= length
         logarithm[i] = logarithm[i - 1] + log(length)
+    return Growth(times, logarithm)
+
+
+def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
+    """Growth of the distance of two neighbouring solutions, brought back to `NEIGHBOUR` after each interval."""
+    times = np.linspace(0.0, problem.end, intervals + 1)
+    method = first_available("cyrk-vern8", "dop853")
+    state = np.array(problem.start)
+    direction = np.cos(np.arange(1.0, problem.dimension + 1))
+    direction /= np.linalg.norm(direction)
+    logarithm = np.zeros(intervals + 1)
+    for i in range(intervals):
+        ends = []
+        for start in (state, state + NEIGHBOUR * direction):
+            piece = replace(
+                problem, start=tuple(start.tolist()), end=float(times[i + 1] - times[i])
+            )
+            run = solve(piece, method, TOLERANCE / 100)
+            if not run.success:
+                raise ValueError(
+                    f"form {problem.name!r}: a neighbour's run ended with {run.status} after t = {times[i]:g}"
+                )
+            ends.append(run.states[-1])
+        difference = (ends[1] - ends[0]) / NEIGHBOUR
+        length = float(np.linalg.norm(difference))
+        state, direction = ends[0], difference / length
+        logarithm[i + 1] = logarithm[i] + log(length)
     return Growth(times, logarithm)
 
 

@@ -1,11 +1,15 @@
-"""Runs in extended precision, from the problem's own doubles."""
+"""Runs in extended precision, from the problem's own doubles; without heyoka unlike runs in double precision."""
 
 from math import inf
+from time import perf_counter
 
 import numpy as np
 
+from polhode.models.libraries import installed
 from polhode.models.problem import Problem
+from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.contract import Record
+from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, Precision
 
 Run = tuple[Precision, float]
@@ -14,6 +18,20 @@ Run = tuple[Precision, float]
 ROUNDING_RUN: Run = ("long double", 1e-17)
 # Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
 MOST_SLOW_STEPS, MOST_STEPS = 200_000, 50_000_000
+
+
+# Without heyoka two unlike methods stand for the runs in extended precision, the first two kinds that reach the end:
+# a Runge-Kutta pair, Adams' multistep formulas, collocation, backward differences. Tolerances are the least ones that
+# rounding does not spoil.
+_UNLIKE = (
+    ("cyrk-vern8", "dop853"),
+    ("cvode-adams", "cyrk-lsoda", "lsoda"),
+    ("radau", "cyrk-radau"),
+    ("cvode-bdf", "cyrk-bdf", "bdf"),
+)
+_UNLIKE_TOLERANCES = {"cyrk-vern8": 1e-14, "radau": 1e-12, "cyrk-radau": 1e-12}
+_UNLIKE_TOLERANCE = 1e-13
+_MAX_UNLIKE_STEPS = 10_000_000
 
 
 class ReferenceFailedError(RuntimeError):
@@ -51,3 +69,50 @@ def extended_run(
     # NumPy knows no cast from quadruple: it goes by two doubles.
     high = rows.astype(float)
     return high.astype(np.longdouble) + (rows - high.astype(rows.dtype)).astype(float)
+
+
+def unlike_runs(
+    problem: Problem, times: np.ndarray, deadline: float = inf
+) -> dict[str, np.ndarray]:
+    """States, shape (n, d), by two unlike methods in double precision, each under its solver's name.
+
+    Raises ReferenceFailedError if fewer than two of the available ones reach the end.
+    """
+    runs: dict[str, np.ndarray] = {}
+    failures: list[str] = []
+    for kind in _UNLIKE:
+        name = first_available(*kind)
+        method = find_solver(name)
+        if not (method.available and method.takes(problem)):
+            continue
+        tolerance = _UNLIKE_TOLERANCES.get(name, _UNLIKE_TOLERANCE)
+        left = deadline - perf_counter()
+        if left <= 0:
+            break
+        found = solve(
+            problem, name, tolerance, times, max_seconds=left, max_steps=_MAX_UNLIKE_STEPS
+        )
+        if not found.success:
+            failures.append(f"{name} ended with {found.status}")
+            continue
+        runs[name] = found.states
+        if len(runs) == 2:
+            return runs
+    reasons = "; ".join(failures) or "no others are installed"
+    raise ReferenceFailedError(
+        f"heyoka is not installed, and {len(runs)} of two unlike methods solve {problem.name!r}: {reasons}"
+    )
+
+
+def reference_runs(
+    problem: Problem, times: np.ndarray, runs: tuple[Run, Run]
+) -> tuple[np.ndarray, np.ndarray]:
+    """States of a tight and of a loose run, shape (n, d) each, from whose difference the uncertainty follows.
+
+    Taylor runs in extended precision, or without heyoka those of `unlike_runs`.
+    """
+    if installed("heyoka"):
+        tight, loose = (extended_run(problem, times, *run) for run in runs)
+    else:
+        tight, loose = unlike_runs(problem, times).values()
+    return tight, loose

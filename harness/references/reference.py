@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from importlib.metadata import version
 from itertools import chain
 from math import inf, isfinite, isnan
 from time import perf_counter
@@ -21,13 +20,16 @@ from polhode.harness.references.extended import (
     ReferenceFailedError,
     Run,
     extended_run,
+    unlike_runs,
 )
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form, full_form, reference_form
 from polhode.models.form import Form
+from polhode.models.libraries import installed, version_of
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
@@ -58,11 +60,16 @@ SUSPICIOUS = 1e-9
 EXTENDED_UP_TO, MOST_ROTATIONS = 2e4, 2e5
 SPHEROIDS, OTHERS = ("splitting-extended", 1e-13), ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
+# Where CyRK is missing; SciPy takes no tolerance below 2.2e-14.
+AGAINST_WITHOUT = ("dop853", 1e-13)
 # Over so many shear times that one loses the phase. It confirms the reference, and how well that is
 # known follows from this run, which errs as much as the reference: so many times their distance.
 FURTHER, ALIKE = ("taylor", 1e-16), 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
 APART = 1e-4
+# Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
+# chaotic, trajectories mean something until it has grown too large.
+DOUBLE_ERROR = 1e-13
 SCHEMA = 10
 # Changes with what certifies a reference: those that failed before are tried again.
 CERTIFICATES = 2
@@ -107,7 +114,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     not reach its end or takes more than `seconds`, is contradicted by its certificate, or is beyond
     the horizon; what failed is kept too, and not tried again within as many seconds. Long runs,
     within limited seconds or above St = 1e6, are known in double precision alone, by methods that
-    confirm each other.
+    confirm each other. So are all runs where heyoka, which brings extended precision, is missing.
     """
     shape, long = find_form(form) if isinstance(form, str) else form, False
     if not shape.averaged:
@@ -132,9 +139,12 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
 
         def computed(limit: float) -> dict[str, Any]:
             try:
-                run = (
-                    partial(_compared, scene) if long else partial(_compute, scene, shape, problem)
-                )
+                if not installed("heyoka"):
+                    run = partial(_unlike, scene, shape, problem)
+                elif long:
+                    run = partial(_compared, scene)
+                else:
+                    run = partial(_compute, scene, shape, problem)
                 return _packed(run(samples, perf_counter() + limit))
             except (ReferenceFailedError, ValueError) as error:
                 failed = {"failure": str(error), "status": getattr(error, "status", "")}
@@ -223,8 +233,10 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
             )
         return equations.observe(scene, found.states)
 
-    exact = run(full_form(scene), *(OTHERS if scene.ellipsoid.kind == "triaxial" else SPHEROIDS))
-    other = run("quaternion", *AGAINST)
+    splits = scene.ellipsoid.kind != "triaxial" and find_solver(SPHEROIDS[0]).available
+    exact = run(full_form(scene), *(SPHEROIDS if splits else OTHERS))
+    against = AGAINST if find_solver(AGAINST[0]).available else AGAINST_WITHOUT
+    other = run("quaternion", *against)
     apart = errors(scene.ellipsoid, other, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
@@ -232,7 +244,7 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
     if _far(scene):
         other, doubt = run("quaternion", *FURTHER), ALIKE
         apart = errors(scene.ellipsoid, other, exact)
-    certificate = Certificate("quaternion", AGAINST[0], 1, 0, 1.0)
+    certificate = Certificate("quaternion", against[0], 1, 0, 1.0)
     distance = statistics_distance(scene.ellipsoid, other, exact)
     slow, orientation = (
         doubt * apart.slow,
@@ -248,6 +260,36 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
         "double",
         samples,
         distance,
+    )
+
+
+def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> Reference:
+    """Reference of a form without heyoka: two unlike methods in double precision."""
+    times = np.linspace(0.0, problem.end, samples)
+    (_, states), (other_solver, other_states) = unlike_runs(problem, times, deadline).items()
+    exact, other = form.observe(scene, states), form.observe(scene, other_states)
+    size = max(1.0, magnitude(scene.ellipsoid, exact))
+    apart = errors(scene.ellipsoid, other, exact)
+    meaningful = samples
+    largest = max(apart.slow / size, apart.orientation or 0.0)
+    if largest > SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
+        until = grown.meaningful_until(DOUBLE_ERROR)
+        meaningful = max(2, int(np.searchsorted(times, until, side="right")))
+        apart = errors(scene.ellipsoid, other[:meaningful], exact[:meaningful])
+    if not apart.slow < APART * size:
+        raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
+    rounding = float(np.finfo(float).eps) * size
+    orientation = apart.orientation
+    return Reference(
+        form.name,
+        times,
+        exact,
+        SAFETY * max(apart.slow, rounding),
+        None if orientation is None else SAFETY * max(orientation, rounding),
+        Certificate(form.name, other_solver, 1, 0, 1.0),
+        "double",
+        meaningful,
+        statistics_distance(scene.ellipsoid, other, exact),
     )
 
 
@@ -330,6 +372,6 @@ def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, 
         "end": float(problem.end).hex(),
         "samples": samples,
         "runs": (SPHEROIDS, OTHERS, AGAINST) if long else extended,
-        "heyoka": version("heyoka"),
+        "heyoka": version_of("heyoka"),
     }
     return digest(content)

@@ -14,6 +14,7 @@ from polhode.models.forms import jeffery, quaternion
 from polhode.models.free_top.polhode import mean_speed
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart, start_from
+from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
 # The explicit runs are cheap enough to follow a chaotic scene for a while.
@@ -135,7 +136,7 @@ def _averaged_angle(scene: Scene) -> float | None:
     span = np.log1p(problem.end / fastest)
     s = span * (node + 1) / 2
     times = np.concatenate([[0.0], fastest * np.expm1(s)])
-    run = solve(problem, "cyrk-vern8", AVERAGED_TOLERANCE, times, max_steps=100_000)
+    run = solve(problem, available_like("cyrk-vern8"), AVERAGED_TOLERANCE, times, max_steps=100_000)
     if not run.success:
         return None
     observed = form.observe(scene, run.states[1:])
@@ -163,7 +164,7 @@ def _angle(scene: Scene) -> float:
     risen = longest if _is_separated(scene) else RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
-        run = solve(problem, solver, tolerance, np.array([0.0, end / 2, end]))
+        run = solve(problem, available_like(solver), tolerance, np.array([0.0, end / 2, end]))
         if not run.success:
             raise ValueError(
                 f"rotations: the loose run ended with {run.status.value}: {run.message}"

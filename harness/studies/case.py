@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from polhode.harness.common.files import digest
-from polhode.harness.common.machine import package_version
 from polhode.harness.common.store import Record
 from polhode.harness.common.timing import seconds_of, with_processor, within
 from polhode.harness.references.errors import Errors, errors, statistics_distance
@@ -17,6 +16,7 @@ from polhode.harness.references.reference import Reference, reference
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.files.scene_file import scene_table
+from polhode.models.libraries import version_of
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -74,7 +74,7 @@ class Case:
             },
             **{name: float(getattr(self, name)) for name in ("tolerance", "max_seconds")},
             "samples": int(self.samples),
-            "versions": {name: package_version(name) for name in packages},
+            "versions": {name: version_of(name) for name in packages},
         }
 
     @property

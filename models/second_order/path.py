@@ -23,7 +23,7 @@ Array = np.ndarray
 # The solver that follows a path, imported on use, as models know no solvers; its tolerance, by
 # which kicks are where they are said to be. Points of a path, and of a spheroid's, which has no
 # kicks.
-FOLLOWED, TOLERANCE = "polhode.solvers.cyrk:followed", 1e-8
+FOLLOWED, TOLERANCE = "polhode.solvers.following:followed", 1e-8
 KICKED, SMOOTH = 240, 100
 # |L| over I_max below which a body does not rotate, and what times lie apart at least, over the whole: rates are taken
 # between them.

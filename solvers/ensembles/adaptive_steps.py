@@ -18,11 +18,13 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import installed
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.methods import Array, change, moved
+from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.machine_code.lanes import Lanes, lanes
 from polhode.solvers.machine_code.program import Program, compare, compiled, width
 from polhode.solvers.machine_code.tracing import OPERATIONS
@@ -54,8 +56,11 @@ def run_adaptive(
 
     The times increase from 0 to the end; the tolerance is of the local error per step, absolute
     below 1 and relative above, in the Euclidean norm. Source: Dormand and Prince, J. Comput. Appl.
-    Math. 6 (1980) 19; Shampine's fourth-order interpolation.
+    Math. 6 (1980) 19; Shampine's fourth-order interpolation. Without llvmlite the particles run
+    one by one, by another solver.
     """
+    if not installed("llvmlite"):
+        return run_one_by_one(problem, starts, times, tolerance)
     (n, d), end = starts.shape, float(times[-1])
     parameters = parameter_array(problem)
     code, fill = _stepper(problem.field, d, len(parameters)), _filler(d, width())

@@ -4,10 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import installed
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Status
+from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.machine_code.program import REGISTERS
 
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for
@@ -17,13 +19,17 @@ MOST_STEPS = 10_000_000
 
 def run_batches(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
-) -> tuple[np.ndarray, ...]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where a particle failed, and statuses.
 
     Particles of like speed share a batch, so that no lane waits long for the others. The problem
     has no periodic components, whose angles would need wrapping; the times increase from 0 to the
-    end; the tolerance is heyoka's `tol`.
+    end; the tolerance is heyoka's `tol`. Without heyoka the particles run one by one.
     """
+    if not installed("heyoka"):
+        states, statuses = run_one_by_one(problem, starts, times, tolerance)
+        states[:, statuses != str(Status.REACHED_END)] = np.nan
+        return states, statuses
     parameters = parameter_array(problem)
     integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
     lanes = integrator.batch_size

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import need
 from polhode.models.spent import spent_on
 
 # LLVM knows its own functions.
@@ -90,6 +91,7 @@ def _host() -> tuple[str, str]:
 @cache
 @spent_on("import")
 def _llvm() -> Any:
+    need("machine code", "llvmlite")
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853, RK45
 
-from polhode.harness.common.machine import package_version
 from polhode.harness.ensembles.ensemble import Ensemble, Task, plan_of, run_task
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.toml_file import checked
+from polhode.models.libraries import version_of
 from polhode.models.observables import observe_body
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
@@ -216,8 +216,8 @@ def test_a_task_of_other_versions_is_refused(monkeypatch: pytest.MonkeyPatch, ot
     assert task.key
     found = {other: "0.0"}
     monkeypatch.setattr(
-        "polhode.harness.ensembles.ensemble.package_version",
-        lambda name: found.get(name) or package_version(name),
+        "polhode.harness.ensembles.ensemble.version_of",
+        lambda name: found.get(name) or version_of(name),
     )
     with pytest.raises(RuntimeError, match="other versions"):
         run_task(task)

@@ -25,7 +25,7 @@ def test_equal_numbers_of_other_types_give_the_same_key():
 
 def test_the_key_outlives_the_process(monkeypatch: pytest.MonkeyPatch):
     """Stores of before are resumed: the key of given versions stays what it was."""
-    monkeypatch.setattr(module, "package_version", lambda package: "0")
+    monkeypatch.setattr(module, "version_of", lambda package: "0")
     assert CASE.key == "3383ba4ed62688c6f42cce53058e146b06817699be0dda51ffd108a1fafbdfcb"
 
 
@@ -51,7 +51,7 @@ def test_another_question_has_another_key(other: Case):
 
 def test_versions_belong_to_the_case(monkeypatch):
     before = CASE.key
-    monkeypatch.setattr("polhode.harness.studies.case.package_version", lambda package: "0")
+    monkeypatch.setattr("polhode.harness.studies.case.version_of", lambda package: "0")
     assert CASE.key != before
 
 

@@ -1,0 +1,71 @@
+"""Libraries that polhode works without: whether one is installed, its version, and a line on how to install it."""
+
+import sys
+from functools import cache
+from importlib.util import find_spec
+
+# What pip installs, where the import has another name.
+_PACKAGES = {
+    "CyRK": "cyrk",
+    "PIL": "pillow",
+    "distributed": "'polhode[dask]'",
+    "pyarrow": "'polhode[data]'",
+    "sksundae": "scikit-sundae",
+    "xarray": "'polhode[data]'",
+}
+# Libraries whose absence is told in a line: what pip installs with polhode, and its extras.
+KNOWN_LIBRARIES = frozenset(
+    {*_PACKAGES, "heyoka", "llvmlite", "matplotlib", "numba", "pandas", "scipy"}
+)
+
+
+class MissingLibraryError(ImportError):
+    """A library is needed that is not installed; the message names it, what for, and how to install it."""
+
+
+@cache
+def installed(library: str) -> bool:
+    """Whether a library can be imported; "scipy.special" is a part of one."""
+    if sys.modules.get(library) is not None:
+        return True
+    try:
+        return find_spec(library) is not None
+    except ModuleNotFoundError:
+        # Of a part, when the whole is missing.
+        return False
+
+
+def how_to_install(library: str) -> str:
+    """The line that says that a library is missing and what installs it."""
+    package = _PACKAGES.get(library, library)
+    name = library if package.startswith("'") else package
+    return f"{name} is not installed: pip install {package}"
+
+
+def need(purpose: str, *libraries: str) -> None:
+    """Raise MissingLibraryError if one of the libraries is missing that something is done with."""
+    for library in libraries:
+        if not installed(library):
+            raise MissingLibraryError(f"{purpose}: {how_to_install(library)}", name=library)
+
+
+def missing_library(error: BaseException) -> str | None:
+    """The library whose absence an exception tells, the cause of another one too; None if it tells none."""
+    seen: BaseException | None = error
+    while seen is not None:
+        library = (seen.name or "").partition(".")[0] if isinstance(seen, ImportError) else ""
+        if library in KNOWN_LIBRARIES and not installed(library):
+            return library
+        seen = seen.__cause__ or seen.__context__
+    return None
+
+
+@cache
+def version_of(package: str) -> str | None:
+    """Version of an installed package; None if it is not installed."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

@@ -1,0 +1,29 @@
+"""Particles one after another by a solver of the catalogue: what is left where no library runs many at once."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import available_like
+from polhode.solvers.contract import Status
+from polhode.solvers.solve import solve
+
+# Steps after which a particle is given up.
+_MAX_STEPS = 10_000_000
+
+
+def run_one_by_one(
+    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where one failed, and statuses."""
+    method = available_like("cyrk-vern8")
+    states = np.full((len(times), *starts.shape), np.nan)
+    statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
+    for i, start in enumerate(starts.tolist()):
+        run = solve(
+            replace(problem, start=tuple(start)), method, tolerance, times, max_steps=_MAX_STEPS
+        )
+        states[: len(run.states), i] = run.states
+        statuses[i] = str(run.status)
+    return states, statuses

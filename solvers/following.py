@@ -1,0 +1,60 @@
+"""A solution with rows where the steps of its solver lie: what follows the path of a run beforehand."""
+
+import numpy as np
+
+from polhode.models.problem import Problem
+from polhode.solvers import cyrk
+from polhode.solvers.catalogue import solver
+from polhode.solvers.compile import array_callback, parameter_array
+from polhode.solvers.contract import installed
+
+# Steps after which a solution that is looked at beforehand is given up.
+_MAX_STEPS = 2000
+
+
+def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
+    """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes.
+
+    By CyRK's method of order 7, or without it by SciPy's of order 8.
+    """
+    if solver("cyrk-vern7").available:
+        return cyrk.followed(problem, tolerance, points)
+    return _followed_by_scipy(problem, tolerance, points)
+
+
+def _followed_by_scipy(
+    problem: Problem, tolerance: float, points: int
+) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.integrate import DOP853, OdeSolution
+
+    backend = "numba" if installed("llvmlite") else "python"
+    callback, values = array_callback(problem, backend, parameter_array(problem))
+
+    def rates(time: float, state: np.ndarray) -> np.ndarray:
+        out = np.empty_like(state)
+        callback(state, values, out)
+        return out
+
+    start = np.array(problem.start)
+    alone = np.zeros(1), start[None]
+    # A rate that overflows or has no value ends the path; NumPy need not say so.
+    with np.errstate(all="ignore"):
+        try:
+            if not np.isfinite(rates(0.0, start)).all():
+                return alone
+            stepper = DOP853(rates, 0.0, start, problem.end, rtol=tolerance, atol=tolerance)
+            times, pieces = [0.0], []
+            while stepper.status == "running" and len(pieces) < _MAX_STEPS:
+                stepper.step()
+                if stepper.status == "failed" or not np.isfinite(stepper.y).all():
+                    break
+                times.append(float(stepper.t))
+                pieces.append(stepper.dense_output())
+        except ArithmeticError:
+            return alone
+        if not pieces:
+            return alone
+        steps = np.array(times)
+        count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
+        wanted = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
+        return wanted, OdeSolution(steps, pieces)(wanted).T
