@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from polhode.harness.common.streams import forget_output, prepare_streams
 from polhode.models.libraries import MissingLibraryError, how_to_install, missing_library, need
 from polhode.models.registry import Question, hint
 
@@ -186,14 +187,12 @@ def _terminated(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
 
-def _forget_output() -> None:
-    """Let what was not written go nowhere, so that the interpreter does not try again at its end."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed; SIGTERM is met as Ctrl-C is."""
+    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed; SIGTERM is met as Ctrl-C is.
+
+    1 too when standard output is closed or full before all is written: files of --out are whole.
+    """
+    prepare_streams()
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminated)
     # Extreme input overflows; what comes of it is a status of the run.
@@ -210,14 +209,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (KeyboardInterrupt, click.Abort):
         said = "polhode: interrupted"
     except BrokenPipeError:
-        code = 0
-        _forget_output()
+        # Who reads has seen enough.
+        forget_output()
     except MemoryError:
         said = "polhode: out of memory, expected a smaller problem: fewer samples, a shorter time"
     except OSError as error:
         where = error.filename or "standard output"
-        said = f"polhode: {where}: {error.strerror or error}, expected a place to write and room for it"
-        _forget_output()
+        reason = "closed" if error.errno == errno.EBADF else error.strerror or error
+        said = f"polhode: {where}: {reason}, expected a place to write and room for it"
+        forget_output()
     with suppress(OSError):
         if said:
             click.echo(said, err=True)

@@ -14,7 +14,7 @@ from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events, happened
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.solve import Solution, solve
@@ -30,7 +30,7 @@ def solve_ivp(
     fun: Callable[..., Any],
     t_span: tuple[float, float],
     y0: Sequence[float],
-    method: str | Solver = "cyrk-dop853",
+    method: str | Solver | None = None,
     t_eval: Sequence[float] | np.ndarray | None = None,
     *,
     events: Sequence[Callable[..., float]] | Callable[..., float] | None = None,
@@ -52,7 +52,8 @@ def solve_ivp(
         As `Problem.from_function` takes it.
     t_span, y0, args : sequence of float
     method : str or Solver
-        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver.
+        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver; by default
+        `cyrk-dop853`, or where CyRK is missing another explicit one.
     t_eval : sequence of float, optional
         Times of the output, increasing; by default 201 equispaced ones.
     events : callable or sequence of callables, optional
@@ -108,7 +109,7 @@ def solve_ivp(
         else increasing("t_eval", t_eval, began, end)
     )
     times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
-    solver = find_solver(method)
+    solver = find_solver(available_like("cyrk-dop853") if method is None else method)
     note = ""
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)

@@ -14,10 +14,11 @@ from polhode.harness.common.files import dumps
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import scientific, short
 from polhode.models.form import Form
+from polhode.models.libraries import need
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
 from polhode.models.shape import require_numbers
-from polhode.solvers.contract import Status, installed
+from polhode.solvers.contract import Status
 from polhode.solvers.dense_output import LikeSolveIvp, times_within
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import Solution, described
@@ -201,12 +202,12 @@ class SceneSolution(LikeSolveIvp):
 
     def to_parquet(self, path: "str | PathLike[str]", omega: bool = False) -> None:
         """Write `frame` as Parquet, where pyarrow is installed."""
-        _need("to_parquet", "pyarrow")
+        need("to_parquet", "pyarrow")
         self.frame(omega).to_parquet(path)
 
     def to_xarray(self) -> "xr.Dataset":
         """L, E, rotation matrix and ω over t, where xarray is installed; body axes count from 1."""
-        _need("to_xarray", "xarray")
+        need("to_xarray", "xarray")
         import xarray as xr
 
         return xr.Dataset(
@@ -255,11 +256,6 @@ class SceneSolution(LikeSolveIvp):
         start = start_from(self.scene.ellipsoid, self(last).observables)
         time = self.scene.time - last or self.scene.time if time is None else time
         return replace(self.scene, start=start, time=time)
-
-
-def _need(method: str, library: str) -> None:
-    if not installed(library):
-        raise ImportError(f"{method}: {library} is not installed: pip install 'polhode[data]'")
 
 
 def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]) -> None:

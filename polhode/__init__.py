@@ -59,7 +59,15 @@ def __getattr__(name: str) -> Any:
             return tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"polhode.{_HOMES[name]}"), name)
+    try:
+        return getattr(import_module(f"polhode.{_HOMES[name]}"), name)
+    except ModuleNotFoundError as error:
+        from polhode.models.libraries import MissingLibraryError, how_to_install, missing_library
+
+        if library := missing_library(error):
+            text = f"{name}: {how_to_install(library)}"
+            raise MissingLibraryError(text, name=library) from None
+        raise
 
 
 def __dir__() -> list[str]:

@@ -259,6 +259,7 @@ class Solver(ABC):
     accepts: ClassVar[str] = ""
     library: ClassVar[str] = "numpy"
     package: ClassVar[str] = "numpy"
+    also_needs: ClassVar[tuple[str, ...]] = ()  # import names of further libraries
     family: ClassVar[str] = OWN
     implicit: ClassVar[bool] = False
     switching: ClassVar[bool] = False
@@ -293,6 +294,9 @@ class Solver(ABC):
         """What is missing and how to install it; None if nothing is."""
         if not installed(self.library):
             return f"{self.package} is not installed: pip install {self.package}"
+        for library in self.also_needs:
+            if not installed(library):
+                return how_to_install(library)
         lacking = [self.lacks(backend) for backend in self.backends]
         if not all(lacking):
             return None

@@ -2,14 +2,13 @@
 
 import hashlib
 import io
-import sys
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from polhode.harness.common.files import write_file
-from polhode.models.files.kept import cache_folder, make_private
+from polhode.models.files.kept import cache_folder, make_private, say
 
 # Hexadecimal digits of the checksum at the head of a file.
 CHECKSUM = 64
@@ -24,7 +23,7 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         return None
     checksum, payload = content[:CHECKSUM], content[CHECKSUM:]
     if _checksum(key, payload) != checksum:
-        print(f"polhode: {path}: damaged, or another one renamed; computed anew", file=sys.stderr)
+        say(f"{path}: damaged, or another one renamed; computed anew")
         with suppress(OSError):
             path.unlink()
         return None

@@ -61,7 +61,8 @@ class Progress:
             bar.close()
 
     def __enter__(self) -> "Progress":
-        if not self._quiet and self._stream.isatty():
+        # A process without a console has no standard error.
+        if not self._quiet and self._stream is not None and self._stream.isatty():
             self._thread.start()
         return self
 

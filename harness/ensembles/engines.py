@@ -12,7 +12,7 @@ from queue import SimpleQueue
 from typing import Any, NamedTuple
 
 from polhode.harness.common.worker import Failure, Reply, Worker
-from polhode.solvers.contract import installed
+from polhode.models.libraries import how_to_install, installed
 
 # Tasks that wait for each worker: enough that none is ever idle, few enough to stop soon.
 AHEAD = 2
@@ -101,7 +101,7 @@ def check_dask(address: str) -> None:
     if not ADDRESS.fullmatch(address):
         raise ValueError(f"dask: got {address!r}, expected an address such as tcp://host:8786")
     if not installed("distributed"):
-        raise ValueError("dask: distributed is not installed: pip install 'polhode[dask]'")
+        raise ValueError(f"dask: {how_to_install('distributed')}")
     try:
         with _client(address):
             pass

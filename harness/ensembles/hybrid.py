@@ -11,7 +11,6 @@ from dataclasses import replace
 from math import inf
 
 import numpy as np
-from scipy.special import ellipj, ellipkm1
 
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
@@ -179,6 +178,8 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
     small = rise / (far - near) * share
     complement = np.clip((1 - share) / (1 - small), 1e-300, 1)
     phase, turn, *signs = random.uniform(-1, 1, (4, *shape))
+    from scipy.special import ellipj, ellipkm1
+
     sn, cn, dn, _ = ellipj(phase * ellipkm1(complement), 1 - complement)
     # Half of the polhode; the other half is its image.
     flip = np.sign(signs[0])

@@ -7,7 +7,6 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from scipy.special import bdtrik
 
 from polhode.harness.common.fits import COVERAGE, wilson
 from polhode.harness.ensembles.ensemble import Ensemble
@@ -80,6 +79,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     if n == 0 or len(reached) == 0:
         return Estimate(None, None, None)
     tail = (1 - COVERAGE) / 2
+    from scipy.special import bdtrik
+
     low, high = ceil(bdtrik(tail, n, share)), ceil(bdtrik(1 - tail, n, share)) + 1
     earliest = order_statistic(low) if low > 0 else 0.0
     return Estimate(order_statistic(max(1, round(share * n))), earliest, order_statistic(high))

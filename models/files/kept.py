@@ -94,13 +94,18 @@ def _private(folder: Path, reason: str) -> Path:
                 prefix="polhode-", ignore_cleanup_errors=True
             )
             expected = f"expected a folder that you alone may write; set {CACHE_VARIABLE} to one"
-            with suppress(OSError, ValueError, AttributeError):
-                print(
-                    f"polhode: {folder}: not used as a cache, {reason}, {expected}; "
-                    "caches last as long as this process",
-                    file=sys.stderr,
-                )
+            say(
+                f"{folder}: not used as a cache, {reason}, {expected}; "
+                "caches last as long as this process"
+            )
         return Path(_private_folder.name)
+
+
+def say(line: str) -> None:
+    """Say something of a cache on standard error, if anybody hears it."""
+    if sys.stderr is not None:
+        with suppress(OSError, ValueError):
+            print(f"polhode: {line}", file=sys.stderr)
 
 
 def make_private(folder: Path) -> None:

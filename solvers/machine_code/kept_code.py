@@ -6,13 +6,12 @@ alone.
 
 import json
 import os
-import sys
 from collections.abc import Container, Mapping
 from contextlib import closing, suppress
 from pathlib import Path
 from zlib import crc32
 
-from polhode.models.files.kept import make_private
+from polhode.models.files.kept import make_private, say
 
 # Bytes that heyoka may keep, some fifty integrators: to read and sum them takes 20 ms of a start.
 MOST = 20_000_000
@@ -40,7 +39,7 @@ def check(folder: Path) -> bool:
         reason = "a checksum does not match"
     except DatabaseError as error:
         reason = str(error)
-    print(f"polhode: {folder}: damaged ({reason}), compiled anew", file=sys.stderr)
+    say(f"{folder}: damaged ({reason}), compiled anew")
     for file in folder.glob("*"):
         with suppress(OSError):
             file.unlink()

@@ -11,6 +11,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from polhode.models.libraries import need
+
 
 @dataclass(frozen=True, eq=False)
 class Scheme:
@@ -96,8 +98,10 @@ PARALLEL = Parallel(**_TABLES["parallel"])
 @cache
 def dop853() -> SimpleNamespace:
     """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
+    need("the coefficients of DOP853", "scipy")
     scipy = find_spec("scipy")
-    folder = Path((scipy and scipy.origin) or "scipy is not installed").parent
+    assert scipy is not None
+    folder = Path(scipy.origin or "").parent
     return SimpleNamespace(
         **run_path(str(folder / "integrate" / "_ivp" / "dop853_coefficients.py"))
     )

@@ -251,6 +251,7 @@ class Stroboscopic(Splitting):
     """
 
     name = "stroboscopic"
+    also_needs = ("scipy",)  # for the coefficients of DOP853
     summary = "averaged equations from turns of the full ones, for nearly torque-free spheroids and long runs"
 
     def bound(self, problem: Problem, tolerance: float) -> Strobe:

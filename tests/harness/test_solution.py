@@ -234,7 +234,7 @@ def test_at_an_event_the_error_is_compared_with_the_whole_run():
 
 
 def test_what_is_missing_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path):
-    monkeypatch.setattr("polhode.harness.solution.installed", lambda library: False)
+    monkeypatch.setattr("polhode.models.libraries.installed", lambda library: False)
     with pytest.raises(
         ImportError, match=r"pyarrow is not installed: pip install 'polhode\[data\]'"
     ):

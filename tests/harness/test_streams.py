@@ -1,0 +1,118 @@
+"""Standard streams that are closed, full, or that nobody reads: an exit code, no traceback, files of --out whole."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+RUN = ("solve", "paper", "--form", "quaternion", "--solver", "cyrk-vern8", "--tolerance", "1e-6")
+# A table, a text of click's, a file, a file on standard output that fills a pipe, and a refusal.
+TABLE = (*RUN, "--samples", "9")
+FILE = (*TABLE, "--out", "a.csv")
+CSV = (*RUN, "--samples", "3000", "--out", "-")
+REFUSED = ("solve", "nosuch")
+ON_OUTPUT = [TABLE, ("--help",), CSV]
+
+
+def shell(
+    redirection: str, words: tuple[str, ...], folder: Path, environment: Mapping[str, str]
+) -> subprocess.CompletedProcess[str]:
+    """Run a command with its streams as a shell redirects them."""
+    command = f'"$@" {redirection}'
+    return subprocess.run(
+        ["sh", "-c", command, "sh", sys.executable, "-P", "-m", "polhode", *words],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("words", ON_OUTPUT, ids=["table", "help", "csv"])
+@pytest.mark.parametrize("redirection", [">&-", ">/dev/full", "<&- >&-"])
+def test_output_that_cannot_be_written_is_a_failure_in_one_line(
+    redirection: str, words: tuple[str, ...], tmp_path: Path, environment: Mapping[str, str]
+):
+    done = shell(redirection, words, tmp_path, environment)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("polhode: ")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "redirection", ["2>&-", "2>/dev/full", ">&- 2>&-", "<&- >&- 2>&-", ">/dev/full 2>/dev/full"]
+)
+def test_a_file_is_whole_whatever_the_streams_are(
+    redirection: str, tmp_path: Path, environment: Mapping[str, str]
+):
+    assert shell("", FILE, tmp_path, environment).returncode == 0
+    expected = (tmp_path / "a.csv").read_bytes()
+    (tmp_path / "a.csv").unlink()
+    done = shell(redirection, FILE, tmp_path, environment)
+    assert done.returncode == 0
+    assert (tmp_path / "a.csv").read_bytes() == expected
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]
+
+
+@pytest.mark.parametrize("redirection", ["2>&-", "2>/dev/full"])
+def test_without_standard_error_the_output_is_the_same(
+    redirection: str, tmp_path: Path, environment: Mapping[str, str]
+):
+    expected = shell("", TABLE, tmp_path, environment)
+    done = shell(redirection, TABLE, tmp_path, environment)
+    assert (done.returncode, done.stdout) == (0, expected.stdout)
+    assert expected.stdout
+    assert shell(redirection, REFUSED, tmp_path, environment).returncode == 2
+
+
+@pytest.mark.parametrize("words", ON_OUTPUT, ids=["table", "help", "csv"])
+def test_a_pipe_that_nobody_reads_is_a_failure_without_words(
+    words: tuple[str, ...], tmp_path: Path, environment: Mapping[str, str]
+):
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "polhode", *words],
+        cwd=tmp_path,
+        env=environment,
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    os.close(writing)
+    assert done.returncode == 1
+    assert "polhode:" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+SAID = """
+import sys
+from polhode.harness.common.progress import Progress
+from polhode.models.files.kept import say
+assert sys.stderr is None
+with Progress() as progress:
+    progress.begin("something")
+say("nobody hears this")
+print("done")
+"""
+
+
+def test_a_process_without_standard_error_may_say_things(tmp_path: Path):
+    done = subprocess.run(
+        ["sh", "-c", '"$@" 2>&-', "sh", sys.executable, "-P", "-c", SAID],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "done\n")

@@ -1,0 +1,182 @@
+"""Each library taken away: commands and functions work with what is left, or name what is missing before work.
+
+`make torture` asks all commands; here are those that take no time.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+from hidden import (
+    LIBRARIES,
+    LONG_COMMANDS,
+    QUICK_COMMANDS,
+    answers,
+    complaint,
+    not_installed,
+    python,
+)
+
+from polhode.models.libraries import KNOWN_LIBRARIES
+
+every_library = pytest.mark.parametrize("library", LIBRARIES)
+
+
+@every_library
+def test_the_library_is_hidden_indeed(library: str, tmp_path: Path):
+    code = (
+        "import importlib.util, importlib.metadata\n"
+        f"assert importlib.util.find_spec({library!r}) is None\n"
+        "try:\n"
+        f"    importlib.metadata.version({LIBRARIES[library]!r})\n"
+        "except importlib.metadata.PackageNotFoundError:\n"
+        f"    import {library}\n"
+    )
+    done = python(library, tmp_path, "-c", code)
+    assert done.returncode == 1
+    assert f"ModuleNotFoundError: No module named '{library}'" in done.stderr
+    assert library in KNOWN_LIBRARIES
+
+
+@every_library
+def test_commands_work_or_say_before_any_work_what_is_missing(library: str, tmp_path: Path):
+    refused = {words for words, needs in LONG_COMMANDS.items() if library in needs}
+    commands = [*QUICK_COMMANDS, *refused]
+    complaints = {
+        words: text
+        for words, answer in zip(commands, answers(library, tmp_path, commands), strict=True)
+        if (text := complaint(answer, library, refused=words in refused))
+    }
+    assert complaints == {}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["study.toml", "sweep.toml"]
+
+
+# Solvers that are gone with a library.
+GONE = {
+    "CyRK": ["cyrk-vern8", "cyrk-lsoda"],
+    "heyoka": ["taylor"],
+    "sksundae": ["cvode-adams", "ida"],
+    "llvmlite": ["cyrk-vern8", "splitting", "stroboscopic"],
+    "scipy": ["dop853", "lsoda", "stroboscopic"],
+}
+FUNCTIONS = """
+import json
+import numpy as np
+import polhode
+from polhode.models.catalogue import form
+from polhode.models.libraries import MissingLibraryError, installed
+from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.solve import solve
+
+def oscillator(t, y):
+    return [y[1], -y[0]]
+
+said = ""
+problem = polhode.Problem.from_function(oscillator, [1.0, 0.0], 10.0)
+if installed("pandas"):
+    names = ["cyrk-vern8", "cvode-adams", "dop853"]
+    study = polhode.WorkPrecision(problem, names, [1e-4], samples=11, quiet=True)
+    states, uncertainty = study.reference
+    error = np.abs(states[:, 0] - np.cos(study.times)).max()
+    assert error <= uncertainty + np.finfo(float).eps, (error, uncertainty)
+    assert uncertainty < 1e-9
+    statuses = dict(zip(study.frame.solver, study.frame.status))
+    assert all((statuses[name] == "reached_end") is solver(name).available for name in names)
+else:
+    try:
+        polhode.WorkPrecision
+    except MissingLibraryError as error:
+        said = str(error)
+run = polhode.solve("paper", form="quaternion", tolerance=1e-6, samples=5)
+assert run.success, run
+if installed("scipy"):
+    result = polhode.solve_ivp(oscillator, (0.0, 10.0), [1.0, 0.0], rtol=1e-8)
+    assert result.success, result
+    assert abs(result.y[0, -1] - np.cos(10.0)) < 1e-5
+problem = form("spheroid-axis").problem(named_scene("spheroid"))
+statuses = {
+    name: solve(problem, name, 1e-4, max_steps=10).status for name in SOLVERS if name != "exact"
+}
+print(json.dumps([said, statuses, {name: solver(name).why_not for name in statuses}]))
+"""
+
+
+@pytest.mark.parametrize(
+    "library",
+    [
+        "CyRK",
+        "heyoka",
+        "llvmlite",
+        "pandas",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("sksundae", "scipy", "matplotlib", "PIL")
+        ),
+    ],
+)
+def test_functions_and_solvers_work_with_what_is_left(library: str, tmp_path: Path):
+    done = python(library, tmp_path, "-c", FUNCTIONS)
+    assert done.returncode == 0, done.stderr
+    said, statuses, why_not = json.loads(done.stdout)
+    assert said == (f"WorkPrecision: {not_installed(library)}" if library == "pandas" else "")
+    for name, status in statuses.items():
+        assert (status == "adapter_missing") is (why_not[name] is not None), name
+        assert status != "crashed", name
+        assert why_not[name] in (None, not_installed(library)), name
+    for name in GONE.get(library, []):
+        assert statuses[name] == "adapter_missing", name
+    assert GONE.get(library) or set(why_not.values()) == {None}
+
+
+REFERENCES = """
+import json
+from dataclasses import replace
+from polhode.harness.references.chaos import growth
+from polhode.harness.references.reference import reference
+from polhode.models.catalogue import form
+from polhode.models.scenes import named_scene
+scene = named_scene("paper")
+found = {}
+for stokes, time, name in json.loads(INPUT):
+    known = reference(replace(scene, stokes=stokes, time=time), name, 21)
+    found[f"{stokes} {name}"] = [
+        known.observables.slow.tolist(), known.slow_uncertainty, known.precision
+    ]
+shadow = growth(form("jeffery").problem(replace(scene, stokes=0.0, time=200.0)), 100)
+print(json.dumps([found, shadow.logarithm[-1]]))
+"""
+
+
+def test_references_without_heyoka_keep_their_stated_uncertainty(tmp_path: Path):
+    scenes = [[1000.0, 100.0, "quaternion"], [1000.0, 100.0, "averaged"]]
+    code = REFERENCES.replace("INPUT", repr(json.dumps(scenes)))
+    found = []
+    # Without Pillow nothing changes here.
+    for library in ("PIL", "heyoka"):
+        done = python(library, tmp_path, "-c", code)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout))
+    (exact, growth), (double, growth_of_neighbours) = found
+    for name, (slow, uncertainty, precision) in double.items():
+        errors = [
+            abs(one - other)
+            for row, others in zip(slow, exact[name][0], strict=True)
+            for one, other in zip(row, others, strict=True)
+        ]
+        assert precision == "double"
+        assert 0 < max(errors) <= uncertainty < 1e-7, name
+    assert growth_of_neighbours == pytest.approx(growth, abs=0.01)
+
+
+def test_records_have_no_version_of_what_is_not_installed(tmp_path: Path):
+    code = (
+        "import json\n"
+        "from polhode.harness.ensembles.ensemble import Ensemble\n"
+        "from polhode.models.shape import Ellipsoid\n"
+        "ensemble = Ensemble(Ellipsoid((1.0, 1.0, 2.0)), 10.0, 1.0)\n"
+        "print(json.dumps(ensemble.content['versions']))\n"
+    )
+    versions = json.loads(python("heyoka", tmp_path, "-c", code).stdout)
+    assert versions["heyoka"] is None
+    assert versions["numpy"]
