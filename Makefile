@@ -44,7 +44,7 @@ test-all: check ## the checks, then all tests, the slow ones too
 benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (2 minutes)
 	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
 
-torture: $(READY) ## hostile input, kills, bit flips, full disks, races: 20 minutes; SEED=2 MINUTES=5, TORTURE_COUNTS=full
+torture: $(READY) ## hostile input, kills, bit flips, full disks, races, missing libraries, foreign caches, closed streams: 20 minutes; SEED=2 MINUTES=5, TORTURE_COUNTS=full
 	cd tests && ../$(BIN)/python -m torture --seed $(SEED) --minutes $(MINUTES) $(if $(filter full,$(TORTURE_COUNTS)),--full)
 
 cold-start: $(READY) ## commands in processes of their own: wall and processor time

@@ -17,7 +17,7 @@ from pathlib import Path
 # How many inputs, flips, kills, and runs of each command on a full disk: in 20 minutes, and in all
 # that was asked for.
 USUAL, FULL = (1000, 500, 40, 2), (2000, 500, 100, 5)
-PARTS = ("flips", "races", "disks", "kills", "inputs", "runs")
+PARTS = ("flips", "races", "disks", "kills", "inputs", "libraries", "caches", "streams", "runs")
 SUCCESSES = ("-m", "torture.successes", "--runs", "5000")
 
 
@@ -49,6 +49,7 @@ def main() -> None:
         from torture.flips import flipped
         from torture.fuzz import fuzzed, warm
         from torture.kills import filled, killed, raced
+        from torture.surroundings import closed, foreign, without
 
         def folder(name: str) -> Path:
             path = Path(place, name)
@@ -66,6 +67,9 @@ def main() -> None:
             ),
             "kills": (f"{kills} kills", lambda: killed(given.seed, kills, folder("kills"))),
             "inputs": (f"{fuzzes} inputs", lambda: fuzzed(given.seed, fuzzes, spoiled)),
+            "libraries": ("libraries taken away", lambda: without(folder("libraries"))),
+            "caches": ("foreign cache folders", lambda: foreign(folder("caches"))),
+            "streams": ("closed streams", lambda: closed(folder("streams"))),
             "runs": ("5000 runs", successes),
         }
         chosen = given.parts or (PARTS if given.full else PARTS[:-1])
