@@ -11,6 +11,9 @@ from polhode.models.shape import Triple
 Array = np.ndarray
 Quaternion = tuple[float, float, float, float]
 
+# Entries whose squares are numbers of full precision are larger, and smaller than its inverse.
+_SMALLEST_SIZE = 1e-140
+
 
 def quaternion_from_euler(angles: Any, ops: Operations = FLOAT) -> Any:
     """Unit quaternion of the zxz Euler angles (θ, φ, ψ) in rad; rows of its matrix are the body axes (`tiju`)."""
@@ -80,6 +83,11 @@ def matrix_from_quaternion(q: Array) -> Array:
     """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components."""
     # The quaternions are normalised first, so that the rows stay unit vectors where a solver let
     # the norm drift.
+    size = np.abs(q).max(axis=-1, keepdims=True)
+    if not ((size > _SMALLEST_SIZE) & (size < 1 / _SMALLEST_SIZE)).all():
+        # Their squares would vanish or overflow; a quaternion of zeros has no matrix.
+        with np.errstate(invalid="ignore"):
+            q = q / size
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
     q0, q1, q2, q3 = np.moveaxis(q, -1, 0)
     rows = [

@@ -83,7 +83,9 @@ class Outline:
         )
 
 
+# At extreme St and times estimates overflow; what is not finite is not averaged.
 @lru_cache(maxsize=64)
+@np.errstate(over="ignore", invalid="ignore")
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path, share = path_of(scene), SHARE * budget
@@ -97,6 +99,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
     why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
     why[~(path.size > TINY)] = TOO_SLOW
+    why[(why == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = TOO_SLOW
     sound, sudden = why == 0, np.zeros(len(times))
     swing, smaller, third = (
         np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third)
@@ -114,7 +117,11 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     if kicks:
         sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
     held = third * np.gradient(times) * weight
-    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / times[-1]) * times)
+    unknown = sound & ~(np.isfinite(held) & np.isfinite(local))
+    why[unknown] = INACCURATE
+    sound &= ~unknown
+    held, local = np.where(unknown, 0, held), np.where(unknown, 0, local)
+    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / float(times[-1])) * times)
     # Where the phase is wrong, the swing is put back wrongly.
     swung = np.where(sound & (local <= share), swing * path.scale, 0)
     level = most = held.max()

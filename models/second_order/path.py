@@ -65,14 +65,16 @@ class Path:
             problem = form.problem(scene)
             points = KICKED if scene.ellipsoid.kind == "triaxial" else SMOOTH
             times, states = imported(FOLLOWED)(problem, TOLERANCE, points)
-            slow = form.observe(scene, states).slow
+            # Times of a short run may lie closer than numbers can.
+            apart = np.append(True, np.diff(times) > 0)
+            times, slow = times[apart], form.observe(scene, states).slow[apart]
         if times[-1] < scene.slow_time:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
             end = times[-1] + sqrt(RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
-            times, slow = (
-                np.append(times, min(end, scene.slow_time)),
-                slow[[*range(len(times)), -1]],
-            )
+            # At large St that takes less than a digit of the time.
+            if end > times[-1]:
+                times = np.append(times, min(end, scene.slow_time))
+                slow = slow[[*range(len(slow)), -1]]
         return cls(scene.ellipsoid, scene.torque_factor, times, slow)
 
     def at(self, times: Array) -> "Path":
@@ -160,12 +162,15 @@ class Path:
     def change(self) -> Array:
         """|L'| of first order over I_max."""
         steps = np.diff(self.times)
-        slopes = np.diff(self.slow[:, :3].T) / steps
-        within = (steps[1:] * slopes[:, :-1] + steps[:-1] * slopes[:, 1:]) / (
-            steps[1:] + steps[:-1]
-        )
-        x, y, z = np.concatenate([slopes[:, :1], within, slopes[:, -1:]], axis=1)
-        return np.sqrt(x * x + y * y + z * z) / max(self.ellipsoid.inertia)
+        # At extreme St rates in slow time overflow: they are as good as infinite.
+        with np.errstate(over="ignore", invalid="ignore"):
+            slopes = np.diff(self.slow[:, :3].T) / steps
+            within = (steps[1:] * slopes[:, :-1] + steps[:-1] * slopes[:, 1:]) / (
+                steps[1:] + steps[:-1]
+            )
+            x, y, z = np.concatenate([slopes[:, :1], within, slopes[:, -1:]], axis=1)
+            change = np.sqrt(x * x + y * y + z * z) / max(self.ellipsoid.inertia)
+        return np.where(np.isnan(change), inf, change)
 
     @cached_property
     def smaller(self) -> Array:
@@ -184,7 +189,10 @@ class Path:
     def third(self) -> Array:
         """|L'| or |E'| of third order over I_max; that of second order may vanish where a body settles."""
         damped = max(self.ellipsoid.damping) * self.torque_factor / self.speed
-        return self.second * self.smaller + DAMPED * self.change * damped**2
+        with np.errstate(invalid="ignore"):
+            third = self.second * self.smaller + DAMPED * self.change * damped**2
+        # A rate of infinity times nothing is not known.
+        return np.where(np.isnan(third), inf, third)
 
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:

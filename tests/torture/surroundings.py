@@ -20,7 +20,7 @@ from hidden import (
 _LIMIT = 900.0
 # A user that is not this one.
 _SOMEBODY = 12345
-_SOLVE = ("solve", "paper", "--samples", "5", "--quiet", "--out", "a.csv")
+_SOLVE = ("solve", "paper", "--solver", "taylor", "--samples", "5", "--quiet", "--out", "a.csv")
 _BENCH = ("bench", "study.toml", "--quick", "--quiet", "--out", "bench")
 _SWEEP = ("sweep", "sweep.toml", "--workers", "2", "--quiet", "--out", "sweep")
 _REDIRECTIONS = (

@@ -387,3 +387,22 @@ def test_damaged_numbers_on_disk_are_made_anew(tmp_path, monkeypatch):
     first.write_bytes(second.read_bytes())
     assert kept.load("one") is None
     assert kept.load("none") is None
+
+
+@pytest.mark.parametrize(
+    ("axes", "stokes", "spin", "time"),
+    [
+        ((616.3202877568937, 0.2569314946531958, 0.05907524534534838), 1.58e208, 260.0, 6.5e284),
+        ((17.542747984276847, 2.3934069989403524, 32.413938638127256), 6.96e260, 500.0, 6.2e-46),
+        ((0.09161554465253338, 0.09161554465351295, 55.983768605560805), 6.4e214, 1.3, 3.9e279),
+        ((1.0, 1.0 + 1e-9, 1.0 - 1e-7), 1e300, 1e-150, 1e-6),
+    ],
+)
+def test_extreme_scenes_are_followed_or_refused_without_a_warning(axes, stokes, spin, time):
+    """Warnings are errors here; of such scenes an estimate may overflow, and a path's times coincide."""
+    direction = np.array([0.5, -0.2, -0.1]) * spin
+    start = BodyStart((0.78, -0.2, -0.55, 0.2), tuple(direction.tolist()))
+    scene = Scene(Ellipsoid(axes), stokes, start, time)
+    for name in (NAME, "hybrid"):
+        with suppress(FormNotValidError):
+            form(name).problem(scene)
