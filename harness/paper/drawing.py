@@ -1,9 +1,10 @@
 """How the figures of the reproduction look: one style, one palette, panels with labels and units."""
 
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,11 @@ from PIL import Image
 
 from polhode.harness.common.files import write_file
 from polhode.harness.pages.figures.style import few_colours, power
+from polhode.harness.paper.item import Table
+from polhode.harness.paper.tables import groups
+
+# A column's name, or a function of the rows that gives the values.
+Values = str | Callable[[Table], Any]
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
@@ -58,6 +64,73 @@ def panels(
     kinds: dict[Any, Any] = {place: {"projection": "3d"} for place in spatial}
     found = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
     return figure, [found[place] for row in places for place in row]
+
+
+def column(table: Table, values: Values) -> Any:
+    """Values of a table's rows: a column by its name, or what a function makes of the rows."""
+    return table[values] if isinstance(values, str) else values(table)
+
+
+def draw_each(
+    axes: Axes,
+    table: Table,
+    key: str,
+    x: Values,
+    y: Values,
+    *,
+    label: Callable[[float], str] | None = None,
+    colors: Sequence[str] = CYCLE,
+    **style: Any,
+) -> None:
+    """Draw a curve for each value of a table's key column, in turn in each of the colors.
+
+    Raises ValueError for a table without rows: a figure that lacks its data is a mistake.
+    """
+    require_rows(table)
+    for color, (value, rows) in zip(cycle(colors), groups(table, key), strict=False):
+        text = label(value) if label else None
+        axes.plot(column(rows, x), column(rows, y), **{"color": color, "label": text, **style})
+
+
+def draw_levels(
+    axes: Axes, table: Table, key: str, y: Values, colors: Sequence[str] = CYCLE, **style: Any
+) -> None:
+    """Draw a horizontal line for each value of a table's key column, at the first of its values."""
+    require_rows(table)
+    for color, (_, rows) in zip(cycle(colors), groups(table, key), strict=False):
+        axes.axhline(column(rows, y)[0], **{"color": color, **style})
+
+
+def draw_power(
+    axes: Axes,
+    x: np.ndarray,
+    last: float,
+    exponent: float,
+    *,
+    color: str = BLACK,
+    linestyle: str = ":",
+    label: str | None = None,
+) -> None:
+    """Draw a power law that has the value `last` at the last of the points x."""
+    text = f"slope {exponent:.3g}" if label is None else label
+    axes.plot(x, last * (x / x[-1]) ** exponent, color=color, linestyle=linestyle, label=text)
+
+
+def name_line(axes: Axes, label: str, **style: Any) -> None:
+    """Put a line into the legend that other calls draw."""
+    axes.plot([], [], label=label, **style)
+
+
+def legend_below(figure: Figure, axes: Axes, **options: Any) -> None:
+    """Put the legend of one of the axes below all of them."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", **options)
+
+
+def require_rows(table: Table) -> None:
+    """Raise ValueError for a table without rows."""
+    if not len(table):
+        raise ValueError("curve: got a table without rows, expected some")
 
 
 def unit_sphere(axes: Any) -> None:

@@ -1,6 +1,7 @@
 """What an item of the paper's reproduction is: a claim, the data that test it, a figure, a verdict."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
@@ -11,12 +12,13 @@ from matplotlib.figure import Figure
 T = TypeVar("T")
 
 Part = tuple[str, Mapping[str, Any]]
-"""The name of a table, "" of the first one, and values by column: some rows' numbers or words, or one for all rows."""
+"""Rows of a table: its name, "" for the first one, and values by column (one for all rows, or one per row)."""
 Computed = Iterable[Part]
 """The parts of an item's tables, as they are computed."""
 Table = Any
-"""A record array, as it is read: `table.stokes` is a column, `table[chosen]` a table of some rows."""
+"""A record array: `table.stokes` is a column, `table[mask]` a table of some rows."""
 Data = Mapping[str, Table]
+"""The tables of an item by name, as they are read from their files."""
 
 
 class Grid(StrEnum):
@@ -31,7 +33,7 @@ class Grid(StrEnum):
 
 
 class Word(StrEnum):
-    """What became of a claim; `texts/paper.md` says what each means."""
+    """What became of a claim; `harness/pages/texts/paper.md` says what each word means."""
 
     CONFIRMED = "confirmed"
     SHARPENED = "sharpened"
@@ -42,20 +44,47 @@ class Word(StrEnum):
 
 
 @dataclass(frozen=True)
+class Range:
+    """Values for which a verdict holds, both ends included, and why these ends."""
+
+    low: float
+    high: float
+    reason: str
+
+    @classmethod
+    def near(cls, value: float, within: float, reason: str) -> "Range":
+        """Values that differ from one by no more than a distance."""
+        return cls(value - within, value + within, reason)
+
+    @classmethod
+    def at_most(cls, high: float, reason: str) -> "Range":
+        """Values up to a bound."""
+        return cls(-inf, high, reason)
+
+    @classmethod
+    def at_least(cls, low: float, reason: str) -> "Range":
+        """Values from a bound on."""
+        return cls(low, inf, reason)
+
+    def __contains__(self, value: float) -> bool:
+        """Whether a value lies in the range; NaN does not."""
+        return self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
 class Number:
-    """A measured number and the range, both ends included, in which the verdict holds."""
+    """A measured number, and the range that its item's verdict needs."""
 
     what: str
     value: float
-    low: float = -inf
-    high: float = inf
-    unit: str = ""  # empty for pure numbers
-    interval: tuple[float, float] | None = None  # at 95 %, where the measurement has one
+    expected: Range | None = None  # None: the number informs, and no verdict depends on it.
+    unit: str = ""  # Empty for pure numbers.
+    interval: tuple[float, float] | None = None  # At 95 %, where the measurement has one.
 
     @property
     def holds(self) -> bool:
-        """Whether the value lies in the range; NaN does not."""
-        return self.low <= self.value <= self.high
+        """Whether the value lies in the range that the verdict needs."""
+        return self.expected is None or self.value in self.expected
 
 
 @dataclass(frozen=True)
@@ -69,20 +98,39 @@ class Verdict:
 
     @property
     def word(self) -> Word:
-        """The one earned, if every number lies in its range."""
+        """The word that the data earn: `earned` if every number lies in its range."""
         return self.earned if all(number.holds for number in self.numbers) else Word.NOT_CONFIRMED
+
+
+class Experiment(ABC):
+    """How one claim, or several of one kind, are tested.
+
+    Its settings are the fields of a frozen dataclass; they and the code that `compute` uses decide
+    whether data that were kept are still today's (`harness/paper/dependencies.py`).
+    """
+
+    @abstractmethod
+    def compute(self, grid: Grid) -> Computed:
+        """Compute the tables, part by part."""
+
+    @abstractmethod
+    def judge(self, data: Data) -> Verdict:
+        """Compare the tables with the claim."""
+
+    @abstractmethod
+    def draw(self, data: Data) -> Figure:
+        """Draw the tables."""
 
 
 @dataclass(frozen=True)
 class Item:
-    """A figure or table of the paper, or a question beyond it; the claim is the paper's, in our words."""
+    """A claim of the paper, or a question beyond it, and the experiment that tests it."""
 
     name: str
     title: str
-    claim: str
-    compute: Callable[[Grid], Computed]
-    figure: Callable[[Data], Figure]
-    verdict: Callable[[Data], Verdict]
+    source: str  # Label or place in the paper; "beyond" where the paper says nothing.
+    claim: str  # The paper's statement in our words.
+    experiment: Experiment
 
 
 @dataclass(frozen=True)

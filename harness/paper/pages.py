@@ -37,8 +37,11 @@ def _described(section: Section, item: Item, found: store.Judged) -> str:
         )
     data, verdict, *_ = found
     files = [f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data]
-    rows = [_cells(number.what, measured(number), allowed(number)) for number in verdict.numbers]
-    numbers = markdown(["measured", "value", "verdict holds for"], rows)
+    rows = [
+        _cells(number.what, measured(number), allowed(number), reason(number))
+        for number in verdict.numbers
+    ]
+    numbers = markdown(["measured", "value", "verdict holds for", "because"], rows)
     place = f"{section.name}/{item.name}"
     return fill(
         "paper-item",
@@ -66,10 +69,18 @@ def measured(number: Number) -> str:
 
 def allowed(number: Number) -> str:
     """The range in which the verdict holds."""
-    low, high = number.low, number.high
+    if number.expected is None:
+        return "any value"
+    low = number.expected.low
+    high = number.expected.high
     if low == -float("inf"):
-        return "any value" if high == float("inf") else f"≤ {_digits(high)}"
+        return f"≤ {_digits(high)}"
     return f"≥ {_digits(low)}" if high == float("inf") else f"{_digits(low)} … {_digits(high)}"
+
+
+def reason(number: Number) -> str:
+    """Why the range has its ends; empty where there is none."""
+    return number.expected.reason if number.expected else ""
 
 
 def _digits(value: float, count: int = 4) -> str:
@@ -133,10 +144,14 @@ def run(
         found = None if force else store.read(own, item)
         kept = found is not None and (redraw or found[1:] == (True, grid))
         try:
-            data = found[0] if found and kept else store.write(own, item, grid, item.compute(grid))
+            data = (
+                found[0]
+                if found and kept
+                else store.write(own, item, grid, item.experiment.compute(grid))
+            )
             with style():
-                save(item.figure(data), own, item.name)
-            word = item.verdict(data).word
+                save(item.experiment.draw(data), own, item.name)
+            word = item.experiment.judge(data).word
         except store.FAILURES as error:
             failed.append(item.name)
             report(f"[{number:2}/{len(items)}] {item.name:28} failed: {error}")

@@ -14,6 +14,10 @@ from polhode.models.scenes import aligned_start
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import FixedPoint, Stability, fixed_points
 
+# St of the full trajectories in the planes, the smaller one first.
+PLANE_STOKES = (1e3, 1e4)
+Differences = dict[float, dict[float, float]]
+"""Largest differences by St and by the number that names a body."""
 # L_z/I_max above which a trajectory with L_z > 0 counts as away from the pinch point.
 ABOVE_PINCH = 0.2
 # Distance from the node, over I_max, at which a trajectory has reached it.

@@ -1,17 +1,13 @@
 """Where the data of the items are kept: CSV files beside the figures, and a record that says whether they hold."""
 
-import ast
 import json
-import tomllib
-from functools import cache
 from io import BytesIO
 from pathlib import Path
 
 import pandas as pd
 
-from polhode import models, solvers
 from polhode.harness.common.files import digest, read_file, write_file
-from polhode.harness.paper import sections
+from polhode.harness.paper.dependencies import code_key
 from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
 from polhode.harness.paper.tables import tables_of
 from polhode.models.libraries import version_of
@@ -19,13 +15,12 @@ from polhode.models.libraries import version_of
 SCHEMA = 1
 DIGITS = 8
 LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
-# What the expressions and the computation of an item may end with.
+# What the computation of an item may end with.
 FAILURES = (
     ArithmeticError,
     AttributeError,
     ImportError,
     LookupError,
-    NameError,
     RuntimeError,
     TypeError,
     ValueError,
@@ -39,51 +34,12 @@ def content_key(item: Item, grid: Grid) -> str:
     content = {
         "schema": SCHEMA,
         "item": item.name,
-        "settings": repr(getattr(item.compute, "__self__", None)),
+        "settings": repr(item.experiment),
         "grid": grid,
-        "code": hash_of_code(),
+        "code": code_key(item.experiment),
         "libraries": {name: version_of(name) for name in LIBRARIES},
     }
     return digest(content)
-
-
-def code() -> list[Path]:
-    """Files that compute, tables among them: of models, solvers and sections, and what these take from this package."""
-    rooms = [Path(room.__file__ or "").parent for room in (models, solvers, sections)]
-    beside = [
-        rooms[-1].parent / name
-        for name in ("planes.py", "runs.py", "tables.py", "../references/chaos.py")
-    ]
-    found = sorted(
-        path for room in rooms for path in room.rglob("*") if path.suffix in (".py", ".toml", ".ll")
-    )
-    # Claims are no code: an item's data stay when its words change.
-    return [
-        *beside,
-        *(path for path in found if path.suffix != ".toml" or path.parent != rooms[-1]),
-    ]
-
-
-@cache
-def hash_of_code() -> str:
-    """Of all of `code`."""
-    return digest([_meaning(path) for path in code()])
-
-
-def _meaning(path: Path) -> str:
-    """A file without comments, docstrings and the way it is broken into lines."""
-    if path.suffix == ".toml":
-        return repr(tomllib.loads(path.read_text("utf-8")))
-    if path.suffix == ".ll":
-        return path.read_text("utf-8")
-    tree = ast.parse(path.read_bytes())
-    for node in ast.walk(tree):
-        if (
-            isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-            and ast.get_docstring(node) is not None
-        ):
-            node.body = node.body[1:]
-    return ast.dump(tree)
 
 
 def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
@@ -122,7 +78,7 @@ def judged(folder: Path, item: Item) -> Judged:
     if found is None:
         return NO_DATA
     try:
-        return found[0], item.verdict(found[0]), *found[1:]
+        return found[0], item.experiment.judge(found[0]), *found[1:]
     except FAILURES as error:
         # Older code kept other columns, or other rows.
         return f"The verdict failed ({type(error).__name__}: {error})" if found[1] else NO_DATA

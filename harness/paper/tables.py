@@ -66,6 +66,11 @@ def listed(form: str, rows: Iterable[Sequence[Any]], between: str = ", ") -> str
     return between.join(WORDING.format(form, *row) for row in rows)
 
 
+def joined(values: Iterable[float], spec: str = "g") -> str:
+    """Numbers in one format of Python's, with commas."""
+    return ", ".join(format(float(value), spec) for value in values)
+
+
 def worst(values: Sequence[float] | np.ndarray) -> float:
     """The largest size."""
     return np.max(np.abs(values))

@@ -1,14 +1,31 @@
 """The limits St = 0 and ∞: Poincaré sections of the Jeffery top, chaos at its saddle, and Euler tops in closed form."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import acosh, inf, log, pi
+from math import acosh, inf, log, nan, pi
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.interpolate import CubicHermiteSpline
 
-from polhode.harness.paper.item import Computed, Grid, Table
-from polhode.harness.paper.runs import bisected, full_run, run_form
+from polhode.harness.common.text import in_two_digits
+from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, legend_below, panels, unit_sphere
+from polhode.harness.paper.item import (
+    Computed,
+    Data,
+    Experiment,
+    Grid,
+    Item,
+    Number,
+    Range,
+    Section,
+    Table,
+    Verdict,
+    Word,
+)
+from polhode.harness.paper.runs import axes_of, bisected, full_run, run_form
+from polhode.harness.paper.tables import Estimate, share
 from polhode.harness.references.chaos import tangent_integrator
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import jeffery_spin, shares
@@ -26,13 +43,22 @@ PIECE = 100
 TANGENT = (0.5, -0.5, 0.5, -0.5)
 # Beside ψ = 0, which some orbits never leave.
 PSI = 1e-9
-# Where ends of a layer are looked for, in rad from θ = π/2, with halvings down to the last digit.
-SEARCHED = 0.0, 1.2, 52
+# Where ends of a layer are looked for, in rad from θ = π/2.
+SEARCHED_FROM = 0.0
+SEARCHED_TO = 1.2
+# Halvings down to the last digit.
+HALVINGS = 52
 # Distance, in rad, from the saddle at which its growth is measured.
 TINY = 1e-4
-# Where a start lies: uniform over the section's area element; next to the saddle; about the
-# separatrix, at ψ = 0.
-ISOTROPIC, BESIDE, ABOUT = 0.0, 1.0, 2.0
+# Where a start lies: an orientation uniform on SO(3); one with φ = 0 and cos θ, ψ uniform, which
+# the shear does not turn into the first; one next to the saddle; one about the separatrix, at ψ = 0.
+ISOTROPIC = 0.0
+ON_SECTION = 1.0
+BESIDE = 2.0
+ABOUT = 3.0
+# ψ, in rad, of the starts next to the saddle, and their distances from it along θ.
+BESIDE_PSI = 1.57
+BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)
 # Distances from the separatrix, over its own from θ = π/2, of the starts about it.
 STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # Width, in rad, that rounding alone gives a separatrix.
@@ -71,13 +97,13 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 
 
 def stretched_orbit(
-    ellipsoid: Ellipsoid, theta: float, psi: float, duration: float
+    ellipsoid: Ellipsoid, theta: float, psi: float, duration: float, phi: float = 0.0
 ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
-    """Section points, θ and ψ, of the orbit from φ = 0, and the logarithm of the stretching of a tangent vector."""
+    """Section points, θ and ψ, of an orbit, and the logarithm of the stretching of a tangent vector."""
     integrator = tangent_integrator(jeffery_field, 4, 6)
     times = np.linspace(0.0, duration, int(duration / STEP) + 2)
     integrator.time = 0.0
-    integrator.state[:] = [*quaternion_from_euler((theta, 0.0, psi)), *TANGENT]
+    integrator.state[:] = [*quaternion_from_euler((theta, phi, psi)), *TANGENT]
     integrator.pars[:] = shares(ellipsoid)
     orientation, stretch = [integrator.state[None, :4].copy()], 0.0
     for first in range(0, len(times) - 1, PIECE):
@@ -114,7 +140,8 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
         theta, _ = orbit(ellipsoid, pi / 2 + offset, PSI, duration)
         return bool(np.any((theta[1:] - pi / 2) * (theta[:-1] - pi / 2) < 0))
 
-    return bisected(lambda offset: not circulates(offset), *SEARCHED), bisected(librates, *SEARCHED)
+    searched = (SEARCHED_FROM, SEARCHED_TO, HALVINGS)
+    return bisected(lambda offset: not circulates(offset), *searched), bisected(librates, *searched)
 
 
 def saddle_growth(ellipsoid: Ellipsoid) -> float:
@@ -125,31 +152,52 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
     return acosh((pi / 2 - abs(psi[0])) / TINY)
 
 
+# Share of chaotic orbits up to which chaos counts as confined to thin layers.
+THIN_SHARE = 0.05
+
+
 @dataclass(frozen=True)
-class Sections:
+class Start:
+    """Where an orbit starts: a kind, and Euler angles in rad."""
+
+    kind: float
+    theta: float
+    psi: float
+    phi: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Sections(Experiment):
     """Poincaré sections of one ellipsoid; z' is its odd axis, so that the saddles lie at θ = π/2, ψ = ±π/2."""
 
     ellipsoid: Ellipsoid
-    sections: int  # half turns to follow, about
-    close: tuple[float, float]  # half width in θ and ψ, in rad, of the magnified view of the saddle
-    layered: bool = False  # look for the layer of chaos along the separatrix
+    sections: int  # Half turns to follow, about.
+    close: tuple[float, float]  # Half width in θ and ψ, in rad, of the magnified view.
+    isotropic: int  # Starts of random orientation.
+    layered: bool = False  # Whether to look for the layer of chaos along the separatrix.
 
-    def starts(
-        self, grid: Grid, layers: Sequence[tuple[float, float]]
-    ) -> list[tuple[float, float, float]]:
-        """Kind, θ and ψ at φ = 0."""
+    def starts(self, grid: Grid, layers: Sequence[tuple[float, float]]) -> list[Start]:
+        """Starts of all kinds, the random ones from fixed seeds."""
         generator = np.random.default_rng(7)
-        count = grid.of(72, 16)
-        theta = np.arccos(generator.uniform(-1.0, 1.0, count))
-        psi = generator.uniform(-pi / 2, pi / 2, count)
-        found = [(ISOTROPIC, *pair) for pair in zip(theta.tolist(), psi.tolist(), strict=True)]
-        found += [(BESIDE, pi / 2 + offset, 1.57) for offset in (1e-3, 5e-3, 2e-2)[: grid.of(3, 1)]]
+        found = []
+        for kind in (ISOTROPIC, ON_SECTION):
+            count = grid.of(self.isotropic if kind == ISOTROPIC else 72, 16)
+            theta = np.arccos(generator.uniform(-1.0, 1.0, count)).tolist()
+            psi = generator.uniform(-pi / 2, pi / 2, count).tolist()
+            phi = generator.uniform(0.0, 2 * pi, count).tolist()
+            for place in range(count):
+                angle = phi[place] if kind == ISOTROPIC else 0.0
+                found.append(Start(kind, theta[place], psi[place], angle))
+        offsets = BESIDE_OFFSETS[: grid.of(3, 1)]
+        found += [Start(BESIDE, pi / 2 + offset, BESIDE_PSI) for offset in offsets]
         if layers:
             librating, circulating = layers[-1]
-            middle, width = (librating + circulating) / 2, circulating - librating
-            # An orbit on a sharp separatrix would only rest at the saddle.
-            steps = [step for step in STEPS_OFF[:: grid.of(1, 2)] if step != 0 or width > ROUNDING]
-            found += [(ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
+            middle = (librating + circulating) / 2
+            steps = STEPS_OFF[:: grid.of(1, 2)]
+            if circulating - librating <= ROUNDING:
+                # An orbit on a sharp separatrix would only rest at the saddle.
+                steps = [step for step in steps if step != 0]
+            found += [Start(ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
         return found
 
     def compute(self, grid: Grid) -> Computed:
@@ -159,41 +207,218 @@ class Sections:
         duration = turns * half_turn(body)
         counts = grid.of((200, 800), (100,)) if self.layered else ()
         layers = [measure_layer(body, count) for count in counts]
-        parts, close, orbits = [], [], []
+        parts = []
+        close = []
         width, height = self.close
-        for number, (kind, theta, psi) in enumerate(self.starts(grid, layers)):
-            found, stretch = stretched_orbit(body, theta, psi, duration)
-            points = [(number, *point) for point in zip(*found, strict=True)]
-            parts += points if kind != ABOUT else []
+        for number, start in enumerate(self.starts(grid, layers)):
+            path, stretch = stretched_orbit(body, start.theta, start.psi, duration, start.phi)
+            points = [(number, *point) for point in zip(*path, strict=True)]
+            if start.kind != ABOUT:
+                parts += points
             close += [
-                row for row in points if abs(row[1] - pi / 2) <= height and pi / 2 - row[2] <= width
+                (orbit_number, theta, psi)
+                for orbit_number, theta, psi in points
+                if abs(theta - pi / 2) <= height and pi / 2 - psi <= width
             ]
-            start = {"orbit": number, "kind": kind, "theta": theta, "psi": psi}
+            row = {"orbit": number, "kind": start.kind, "theta": start.theta, "psi": start.psi}
             chaotic = float(stretch > chaos_border(turns))
-            orbits.append(
-                {**start, "stretch": stretch, "exponent": stretch / turns, "chaotic": chaotic}
-            )
+            yield "orbits", {**row, "exponent": stretch / turns, "chaotic": chaotic}
         yield "", _thinned(parts, grid.of(9000, 2000))
         yield "close", _thinned(close, grid.of(6000, 1000))
-        yield from (("orbits", row) for row in orbits)
         yield "settings", {"duration": duration, "turns": turns}
         for count, (low, high) in zip(counts, layers, strict=True):
-            yield (
-                "layer",
-                {"turns": count, "librating": low, "circulating": high, "width": high - low},
-            )
+            ends = {"librating": low, "circulating": high}
+            yield "layer", {"turns": count, **ends, "width": high - low}
         if layers:
             yield "saddle", {"growth": saddle_growth(body)}
 
+    @abstractmethod
+    def judge(self, data: Data) -> Verdict:
+        """Compare the share of chaotic orbits with the claim."""
 
-def beside_a_half(interval: tuple[float, float]) -> str:
-    """Whether a share, known to within the interval, is most of all, about half, or the lesser part."""
-    low, high = interval
-    if high < 0.2:
-        return ""
-    return (
-        ", the lesser part" if high < 0.5 else ", the greater part" if low > 0.5 else ", about half"
-    )
+    def draw(self, data: Data) -> Figure:
+        """The section, and one saddle magnified; chaotic orbits stand out."""
+        orbits = data["orbits"]
+        wild = orbits.orbit[orbits.chaotic > 0]
+        figure, (whole, saddle) = panels(1, 2, 4.2, 3.6)
+        for axes, table, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
+            chaotic = np.isin(table.orbit, wild)
+            style = {"linestyle": "none", "marker": ".", "markersize": size, "rasterized": True}
+            regular = table[~chaotic]
+            axes.plot(regular.psi, regular.theta, color=BLUE, label="regular", **style)
+            if chaotic.any():
+                rest = table[chaotic]
+                axes.plot(rest.psi, rest.theta, color=VERMILLION, label="chaotic", **style)
+            axes.set(xlabel=r"$\psi$, rad", ylabel=r"$\theta$, rad")
+        whole.set(xlim=(-pi / 2, pi / 2), ylim=(0, pi))
+        whole.plot([-pi / 2, pi / 2], [pi / 2, pi / 2], "x", color=BLACK, clip_on=False)
+        width, height = self.close
+        saddle.set(
+            xlim=(pi / 2 - width, pi / 2),
+            ylim=(pi / 2 - height, pi / 2 + height),
+            title="at the saddle",
+        )
+        saddle.locator_params(axis="x", nbins=6)
+        legend_below(figure, whole, ncols=2, markerscale=5)
+        return figure
+
+    def caption(self, data: Data) -> str:
+        """The caption of the figure."""
+        orbits = data["orbits"]
+        about = ", with more orbits about its separatrix" if self.layered else ""
+        return (
+            "Section φ = nπ of the inertialess ellipsoid with semi-axes "
+            f"{axes_of(self.ellipsoid)} along x', y', z', {np.sum(orbits.kind < ABOUT)} orbits "
+            f"over {data['settings'].duration[0]:.3g} inverse shear rates; ψ modulo π; crosses: "
+            f"saddles, one of them magnified on the right{about}."
+        )
+
+
+@dataclass(frozen=True)
+class Chaos:
+    """How many of a section's orbits are chaotic, and how fast they part."""
+
+    isotropic: np.ndarray  # Of starts uniform on SO(3): whether chaotic.
+    on_section: np.ndarray  # Of starts with φ = 0.
+    beside: np.ndarray  # Of starts next to the saddle.
+    share: Estimate  # Of the isotropic ones.
+    chaotic_exponent: float  # Median of all chaotic orbits, per half turn; NaN if there is none.
+    regular_exponent: float
+    chaotic_count: int  # Of all kinds.
+    border: float  # Exponent that tells the two apart.
+
+    @classmethod
+    def of(cls, data: Data) -> "Chaos":
+        """That of an item's tables."""
+        orbits = data["orbits"]
+        turns = data["settings"].turns[0]
+        chaotic = orbits.chaotic > 0
+        isotropic = chaotic[orbits.kind == ISOTROPIC]
+        return cls(
+            isotropic,
+            chaotic[orbits.kind == ON_SECTION],
+            chaotic[orbits.kind == BESIDE],
+            share(isotropic),
+            float(np.median(orbits.exponent[chaotic])) if chaotic.any() else nan,
+            float(np.median(orbits.exponent[~chaotic])),
+            int(np.sum(chaotic)),
+            chaos_border(turns) / turns,
+        )
+
+    def sentence(self) -> str:
+        """Counts and exponents in words."""
+        regular = in_two_digits(self.regular_exponent)
+        exponents = f"{regular} of the regular ones"
+        if self.chaotic_count:
+            wild = in_two_digits(self.chaotic_exponent)
+            exponents = f"{wild} of the {self.chaotic_count} chaotic of all starts, {exponents}"
+        return (
+            f"{np.sum(self.isotropic)} of {len(self.isotropic)} orbits from orientations that are "
+            f"uniform on SO(3) are chaotic (median exponent per half turn: {exponents}); "
+            f"{np.sum(self.beside)} of {len(self.beside)} that start within 0.02 rad of the saddle "
+            f"are. Of starts with φ = 0, cos θ and ψ uniform, {np.sum(self.on_section)} of "
+            f"{len(self.on_section)} are: the share depends on the measure."
+        )
+
+    def numbers(self, expected: Range) -> list[Number]:
+        """The share with its expected range, and what supports it."""
+        low, high = self.share.interval
+        found = [
+            Number(
+                "share of chaotic orbits, orientations uniform on SO(3)",
+                float(self.share),
+                expected,
+                interval=(low, high),
+            ),
+            Number("the same, φ = 0, cos θ and ψ uniform", float(np.mean(self.on_section))),
+            Number(
+                "median exponent of the regular orbits, per half turn",
+                self.regular_exponent,
+                Range.at_most(self.border, "the border between the two kinds"),
+            ),
+            Number("chaotic share of starts next to the saddle", float(np.mean(self.beside))),
+        ]
+        if self.chaotic_count:
+            border = Range.at_least(self.border, "the border between the two kinds")
+            name = "median exponent of the chaotic orbits, per half turn"
+            found.append(Number(name, self.chaotic_exponent, border))
+        return found
+
+
+@dataclass(frozen=True)
+class DominantChaos(_Sections):
+    """Whether more than half of the orientations are chaotic."""
+
+    def judge(self, data: Data) -> Verdict:
+        """By the interval of the share: above one half, below, or both."""
+        chaos = Chaos.of(data)
+        low, high = chaos.share.interval
+        if low > 0.5:
+            word, words = Word.CONFIRMED, "the greater part"
+        elif high < 0.5:
+            word, words = Word.CORRECTED, "the lesser part"
+        else:
+            word, words = Word.UNDECIDED, "about half"
+        sentence = (
+            f"{chaos.sentence()} Dominant is taken as more than half of all orientations: it is "
+            f"{words}. Orbits are judged over a finite time, so that slow chaos counts as regular."
+        )
+        expected = Range(
+            0.2, 1.0, "a share that is small contradicts the claim, whatever the measure"
+        )
+        return Verdict(word, sentence, self.caption(data), chaos.numbers(expected))
+
+
+@dataclass(frozen=True)
+class ThinLayers(_Sections):
+    """Whether chaos is confined to a thin layer along the separatrix of the saddles."""
+
+    def judge(self, data: Data) -> Verdict:
+        """A layer that is wider than rounding shows itself; one that is not may be absent."""
+        chaos = Chaos.of(data)
+        layer = data["layer"]
+        width = float(layer.width[-1])
+        place = float(layer.librating[-1])
+        turns = layer.turns[-1]
+        growth = float(data["saddle"].growth[0])
+        resolved = abs(width) > ROUNDING
+        if resolved:
+            expected = Range(1e-5, 1e-3, "wider than rounding by far, and thin beside the section")
+            words = self._resolved(data, width, place, turns, chaos)
+        else:
+            expected = Range.near(0.0, ROUNDING, "the width that rounding gives a separatrix")
+            words = (
+                f"A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 "
+                f"libration changes to circulation at {place:.3f} rad from θ = π/2 within "
+                f"{in_two_digits(abs(width))} rad, which is rounding, over {turns:g} half turns. "
+                f"The saddle repels by no more than {growth:.2g} per half turn, and a separatrix "
+                "splits by what is exponentially small in the inverse of that. As no orbit is "
+                "chaotic, there may be none."
+            )
+        numbers = chaos.numbers(Range(0.0, THIN_SHARE, "up to this share a layer counts as thin"))
+        name = f"width of the layer at ψ = 0 over {turns:g} half turns"
+        numbers.append(Number(name, width, expected, "rad"))
+        positive = Range(0.0, 1.0, "a saddle repels, a weak one by less than e per half turn")
+        numbers.append(Number("exponent of the saddle itself, per half turn", growth, positive))
+        word = Word.SHARPENED if resolved else Word.UNDECIDED
+        return Verdict(word, f"{chaos.sentence()} {words}", self.caption(data), numbers)
+
+    def _resolved(self, data: Data, width: float, place: float, turns: float, chaos: Chaos) -> str:
+        """Words about a layer that is wider than rounding."""
+        orbits = data["orbits"]
+        layer = data["layer"]
+        middle = (layer.librating[-1] + layer.circulating[-1]) / 2
+        offset = np.abs(orbits.theta - pi / 2 - middle)
+        near = (orbits.kind == ABOUT) & (offset > 1e-6)
+        chaotic = int(np.sum(orbits.chaotic[near] > 0))
+        return (
+            "Between orbits that librate and orbits that circulate lies a layer of chaos at least "
+            f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half "
+            f"turns). It is thin there: of {np.sum(near)} orbits that start from "
+            f"{offset[near].min():.1g} to {offset[near].max():.1g} rad beside its middle "
+            f"{chaotic or 'none'} is chaotic. The share of random orientations alone would not show "
+            f"it: it may be up to {chaos.share.interval[1]:.2g} at 95 %."
+        )
 
 
 def _thinned(points: list[tuple], count: int) -> dict[str, np.ndarray]:
@@ -202,39 +427,147 @@ def _thinned(points: list[tuple], count: int) -> dict[str, np.ndarray]:
     return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))
 
 
-START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
-TIME = 12.0
+TOP_START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
+# Duration, in inverse shear rates, of the tops' paths.
+TOP_TIME = 12.0
 # Turns of the precession in which the path must not close. The nutation has half the period of the
 # polhode.
 TURNS = 12
 
 
 @dataclass(frozen=True)
-class Top:
+class _Top(Experiment):
     """A top of one shape from the paper's start."""
 
     ellipsoid: Ellipsoid
 
     def compute(self, grid: Grid) -> Computed:
         """Path of z', in the closed form, and the closed form against integration."""
-        times = np.linspace(0.0, TIME, grid.of(2401, 601))
-        scene = Scene(self.ellipsoid, inf, START, TIME)
-        exact, integrated = (
-            run_form(find_form("euler-top"), scene, times, 1e-14, solver=solver).observables
-            for solver in ("exact", "taylor")
-        )
+        times = np.linspace(0.0, TOP_TIME, grid.of(2401, 601))
+        scene = Scene(self.ellipsoid, inf, TOP_START, TOP_TIME)
+        form = find_form("euler-top")
+        exact = run_form(form, scene, times, 1e-14, solver="exact").observables
+        integrated = run_form(form, scene, times, 1e-14, solver="taylor").observables
         axis = exact.rotation[:, 2]
         size = float(np.linalg.norm(exact.angular_momentum[0]))
         nutation = np.arccos(axis @ exact.angular_momentum[0] / size)
-        top = TorqueFree(self.ellipsoid.inertia, START.quaternion, START.angular_velocity)
+        inertia = self.ellipsoid.inertia
+        top = TorqueFree(inertia, TOP_START.quaternion, TOP_START.angular_velocity)
         difference = np.max(np.abs(exact.rotation - integrated.rotation))
         drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
-        yield (
-            "",
-            {"t": times, "x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2], "nutation": nutation},
-        )
+        path = {"x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2]}
+        yield "", {"t": times, **path, "nutation": nutation}
         periods = {"period": top.period, "precession_period": top.precession_period}
         yield "numbers", {**periods, "difference": difference, "drift": drift, "momentum": size}
+
+    @abstractmethod
+    def judge(self, data: Data) -> Verdict:
+        """Compare the path with the claim."""
+
+    def draw(self, data: Data) -> Figure:
+        """The path of z' on the unit sphere."""
+        path = data[""]
+        figure, (axes,) = panels(1, 1, 4.4, 4.2, spatial=[0])
+        unit_sphere(axes)
+        axes.plot(path.x, path.y, path.z, color=BLUE, linewidth=0.6)
+        style = {"marker": "o", "color": VERMILLION, "markersize": 5, "zorder": 5}
+        axes.plot(path.x[:1], path.y[:1], path.z[:1], **style)
+        return figure
+
+    def caption(self) -> str:
+        """The caption of the figure."""
+        return (
+            f"Path of z' on the unit sphere for {TOP_TIME:g} inverse shear rates from "
+            "(θ, φ, ψ, θ̇, φ̇, ψ̇) = (1.05, 0, 0, 2.5, 15, 4) at St = ∞, in closed form; the dot is "
+            "the start."
+        )
+
+    def checks(self, data: Data) -> list[Number]:
+        """The closed form against an integration."""
+        numbers = data["numbers"]
+        return [
+            Number(
+                "closed form against integration, largest |Δt_ij|",
+                numbers.difference[0],
+                Range.at_most(1e-10, "the integration's error over some twelve turns"),
+            ),
+            Number(
+                "drift of L and E, relative",
+                numbers.drift[0],
+                Range.at_most(1e-12, "rounding: both are conserved"),
+            ),
+        ]
+
+
+@dataclass(frozen=True)
+class GeneralTop(_Top):
+    """A top of three unequal axes."""
+
+    def judge(self, data: Data) -> Verdict:
+        """That the path does not close within the turns that are shown."""
+        table = data[""]
+        numbers = data["numbers"]
+        least = np.degrees(table.nutation.min())
+        most = np.degrees(table.nutation.max())
+        ratio = numbers.precession_period[0] / numbers.period[0]
+        denominators = np.arange(1, 2 * TURNS + 1)
+        distance = np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators))
+        return Verdict(
+            Word.SHARPENED,
+            f"The axis nutates between {least:.1f}° and {most:.1f}° from L with T = "
+            f"{numbers.period[0]:.5g} and precesses with T' = {numbers.precession_period[0]:.5g}; "
+            f"T'/T = {ratio:.5f} is {distance:.1g} from the nearest fraction with a denominator up "
+            f"to {2 * TURNS}: as the nutation repeats itself after T/2, the path does not close "
+            f"within {TURNS} turns of the precession.",
+            self.caption(),
+            [
+                Number(
+                    "width of the band of nutation",
+                    most - least,
+                    Range(1.0, 90.0, "a band, and no circle"),
+                    "degrees",
+                ),
+                Number("precession period T' over polhode period T", ratio),
+                Number(
+                    "distance of T'/T from the nearest fraction with a denominator up to "
+                    f"{2 * TURNS}",
+                    distance,
+                    Range(1e-3, 0.5, "far above the digits of the two periods"),
+                ),
+                *self.checks(data),
+            ],
+        )
+
+
+@dataclass(frozen=True)
+class SymmetricTop(_Top):
+    """A top with a symmetry axis."""
+
+    def judge(self, data: Data) -> Verdict:
+        """That the axis describes a circle with the printed period."""
+        table = data[""]
+        measured = measured_period(table)
+        printed = 2 * pi * self.ellipsoid.inertia[0] / data["numbers"].momentum[0]
+        return Verdict(
+            Word.CONFIRMED,
+            f"The axis describes a circle {np.degrees(table.nutation.mean()):.1f}° from L, once in "
+            f"{measured:.5g} = 2πI_e/L.",
+            self.caption(),
+            [
+                Number(
+                    "variation of the nutation angle",
+                    np.ptp(table.nutation),
+                    Range.at_most(1e-6, "the arccosine of eight digits"),
+                    "rad",
+                ),
+                Number(
+                    "relative difference of the measured period from 2πI_e/L",
+                    abs(measured / printed - 1),
+                    Range.at_most(1e-6, "the digits of the table"),
+                ),
+                *self.checks(data),
+            ],
+        )
 
 
 def measured_period(path: Table) -> float:
@@ -246,3 +579,57 @@ def measured_period(path: Table) -> float:
     first = across[0] / np.linalg.norm(across[0])
     azimuth = np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
     return path.t[-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
+
+
+# z' is the longest axis of the first two bodies and the shortest of the others.
+SECTION = Section(
+    "limits",
+    "Limiting cases: the Jeffery and the Euler top",
+    (
+        Item(
+            "poincare-slender",
+            "Poincaré section, slender prolate ellipsoid",
+            "slender_prolate",
+            "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
+            DominantChaos(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.8, 0.8), 240),
+        ),
+        Item(
+            "poincare-fat-prolate",
+            "Poincaré section, fat prolate ellipsoid",
+            "fat_prolate",
+            "For b/a = 1.2/3, c/a = 1/3 chaos is confined to thin layers along the separatrices of "
+            "the saddles.",
+            ThinLayers(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.06, 0.06), 72, layered=True),
+        ),
+        Item(
+            "poincare-flat",
+            "Poincaré section, thin oblate ellipsoid",
+            "flat_oblate",
+            "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
+            DominantChaos(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.8, 0.8), 240),
+        ),
+        Item(
+            "poincare-fat-oblate",
+            "Poincaré section, fat oblate ellipsoid",
+            "fat_oblate",
+            "For b/a = 2/2.1, c/a = 1/2.1 chaos is confined to thin layers along the separatrices "
+            "of the saddles.",
+            ThinLayers(Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.06, 0.03), 72, layered=True),
+        ),
+        Item(
+            "euler-top",
+            "Trajectory of a general Euler top",
+            "euler_top_nutation",
+            "Nutation and precession of (1, 2, 2.3) have incommensurate periods: the orientation "
+            "vector fills a band.",
+            GeneralTop(Ellipsoid((1.0, 2.0, 2.3))),
+        ),
+        Item(
+            "symmetric-top",
+            "Trajectory of a symmetric Euler top",
+            "symmetric_top_nutation",
+            "The axis of κ = 2.3 describes a circle about L with the period 2πI_e/L.",
+            SymmetricTop(Ellipsoid((1.0, 1.0, 2.3))),
+        ),
+    ),
+)

@@ -1,16 +1,49 @@
-"""Section "Discussion", particles that start from rest: on the unit sphere, and the transient of order √St."""
+"""Starts from rest: the path of the axis on the unit sphere, and the transient of order √St."""
 
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import find_peaks
 
-from polhode.harness.paper.item import Computed, Grid, Table
-from polhode.harness.paper.runs import Run, full_run
+from polhode.harness.pages.figures.style import power
+from polhode.harness.paper.drawing import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    GREEN,
+    NODE,
+    ORANGE,
+    PURPLE,
+    VERMILLION,
+    draw_each,
+    draw_power,
+    name_line,
+    panels,
+    unit_sphere,
+)
+from polhode.harness.paper.item import (
+    Computed,
+    Data,
+    Experiment,
+    Grid,
+    Item,
+    Number,
+    Range,
+    Section,
+    Table,
+    Verdict,
+    Word,
+)
+from polhode.harness.paper.runs import Run, axes_of, full_run, run_form, spheroid
 from polhode.harness.paper.sections.slow_motion import NAMES
+from polhode.harness.paper.tables import by, exponent, spread, worst
+from polhode.models.catalogue import form as find_form
+from polhode.models.flow import jeffery_spin
 from polhode.models.observables import angular_velocity
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -22,7 +55,7 @@ ONSET = 1.0
 # Share of the largest torque by which a weakest one stands out.
 WIGGLE = 0.02
 # Smallest St of the fits of the transient.
-LARGE = 5e5
+LARGE_STOKES = 5e5
 # Scaled time up to which the magnified views go.
 EARLY = 2.0
 
@@ -53,29 +86,50 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
     )
 
 
-def draw_marks(axes: Axes, onset: Table) -> None:
-    """Draw the onset at the largest St."""
-    for name, line, text in (("turned", ":", "turned by 1 rad"), ("wiggle", "--", "first wiggle")):
-        axes.axvline(
-            np.mean(onset[name][-2:]), color="0.4", linestyle=line, linewidth=0.9, label=text
-        )
-
-
 def turns(path: Table) -> np.ndarray:
     """Times between one maximum of z and the next."""
     peaks, _ = find_peaks(path.z)
     return np.diff(path.t[peaks])
 
 
-def onset_of(path: Table) -> float:
-    """Time after which the gyroscopic terms stay larger than the viscous ones."""
-    below = np.flatnonzero(path.ratio < 1.0)
-    last = int(below[-1]) + 1 if len(below) else 0
-    return float(path.t[min(last, len(path) - 1)])
+def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Sizes of the gyroscopic and of the viscous term of `govg`, per I, at each row of a run, shape (n,) each."""
+    scene = run.scene
+    rotation = run.observables.rotation
+    inertia = np.array(scene.ellipsoid.inertia)
+    resistance = np.array(scene.ellipsoid.resistance)
+    spin = angular_velocity(scene.ellipsoid, run.observables)
+    flow = jeffery_spin(scene.ellipsoid, rotation)
+    gyroscopic = np.linalg.norm(np.cross(spin, inertia * spin), axis=1)
+    viscous = np.linalg.norm(8 * pi * resistance / scene.stokes * (spin - flow), axis=1)
+    return gyroscopic, viscous
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Change:
+    """Where turns like a Jeffery orbit's give way to those of a free top, by their durations."""
+
+    time: float  # Start of the first short turn, in inverse shear rates.
+    before: float  # Duration of the last long turn.
+    after: float  # Duration of the first short one.
+    share: float  # Of the logarithm of the whole change of duration.
+    durations: np.ndarray  # Of all turns.
+
+    @classmethod
+    def of(cls, path: Table) -> "Change":
+        """That of a path: the first turn shorter than the mean, in the logarithm, of the first and the last."""
+        peaks, _ = find_peaks(path.z)
+        durations = np.diff(path.t[peaks])
+        border = np.sqrt(durations[0] * durations[-1])
+        place = int(np.argmax(durations < border))
+        before = float(durations[place - 1])
+        after = float(durations[place])
+        share = float(np.log(before / after) / np.log(durations[0] / durations[-1]))
+        return cls(float(path.t[peaks[place]]), before, after, share, durations)
+
+
+@dataclass(frozen=True)
+class Sphere(Experiment):
     """A particle from rest at St = 1000, followed over many turns; the time is in inverse shear rates."""
 
     ellipsoid: Ellipsoid
@@ -84,41 +138,112 @@ class Sphere:
     stokes: float = 1e3
 
     def compute(self, grid: Grid) -> Computed:
-        """Path of z', and its gyroscopic over its viscous terms."""
-        times = np.linspace(0.0, self.time, grid.of(4001, 2001))
-        run = full_run(Scene(self.ellipsoid, self.stokes, self.start, self.time), times)
-        # Gyroscopic over viscous terms of `govg`, in order of magnitude: L²/I_min over the torque
-        # at rest.
-        momentum = np.linalg.norm(run.observables.angular_momentum, axis=1)
-        torque = 8 * pi * max(self.ellipsoid.resistance) / 2
-        ratio = self.stokes * momentum**2 / min(self.ellipsoid.inertia) / torque
-        yield "", {"t": times, **_path(run), "ratio": ratio}
+        """Path of z', and the sizes of its gyroscopic and viscous terms."""
+        times = np.linspace(0.0, self.time, grid.of(12001, 6001))
+        scene = Scene(self.ellipsoid, self.stokes, self.start, self.time)
+        # This form gives the whole rotation, of spheroids too.
+        run = run_form(find_form("quaternion"), scene, times)
+        gyroscopic, viscous = terms_of(run)
+        rows = {"t": times, **_path(run), "gyroscopic": gyroscopic, "viscous": viscous}
+        yield "", rows
         yield from _jeffery_orbit(self.ellipsoid, self.start, 401)
 
+    def judge(self, data: Data) -> Verdict:
+        """How long turns take before and after the change, how sudden it is, and which terms rule."""
+        table = data[""]
+        change = Change.of(table)
+        jeffery = turns(data["jeffery"])[0]
+        turned = arc_length(points(table))[np.searchsorted(table.t, change.time)]
+        first = change.durations[0] / jeffery
+        last = change.durations[-1] / (4 * pi)
+        tilt = worst(table.z[table.t >= 0.95 * self.time])
+        later = table[table.t >= change.time]
+        viscous = float(np.mean(later.viscous > later.gyroscopic))
+        angles = ", ".join(f"{angle:.4g}" for angle in self.start.angles[:2])
+        return Verdict(
+            Word.SHARPENED,
+            f"Turns like the Jeffery orbit's, the first {first:.2f} times as long, end at "
+            f"t = {change.time:.3g} = {change.time / self.stokes**0.5:.2g} √St, when the axis has "
+            f"run through {turned:.2g} rad. From one turn to the next their duration falls from "
+            f"{change.before:.3g} to {change.after:.3g}: {100 * change.share:.0f} % of the whole "
+            "change, in its logarithm, in a single turn, so that abrupt is the word. Later turns "
+            f"take {last:.2f} times 4π, that of the final rotation, and |z| falls to {tilt:.1g}: "
+            "the spiral goes to the plane of the flow. The sizes of the terms of `govg` show no "
+            "such onset: after the change the viscous term is the larger one for "
+            f"{100 * viscous:.0f} % of the time, as the gyroscopic one vanishes in planar "
+            "tumbling.",
+            f"Axis z' of {axes_of(self.ellipsoid)} from rest at (θ, φ) = ({angles}), St = 1000, on "
+            "the sphere up to three times the change of the turns, right up to "
+            f"t = {self.time:g}; green: the Jeffery orbit of the same orientation; dot: start.",
+            [
+                Number("time at which the turns change", change.time, unit="1/γ̇"),
+                Number(
+                    "the same over √St",
+                    change.time / self.stokes**0.5,
+                    Range(0.1, 10.0, "theory: of order √St"),
+                ),
+                Number(
+                    "share of the whole change of duration, in its logarithm, in one turn",
+                    change.share,
+                    Range(0.5, 1.0, "the claim: abrupt, more than half of it at once"),
+                ),
+                Number(
+                    "time of the first turn over that of the Jeffery orbit",
+                    first,
+                    Range.near(1.0, 0.2, "the claim: turns like Jeffery orbits, but for a fifth"),
+                ),
+                Number(
+                    "time of the last turn over that of the free top at -1/2, 4π",
+                    last,
+                    Range.near(1.0, 0.2, "the settled rotation at St = 1000 is near its limit"),
+                ),
+                Number(
+                    "|z| of the axis at the end, largest",
+                    tilt,
+                    Range.at_most(0.1, "the claim: the axis ends in the plane of the flow"),
+                ),
+                Number(
+                    "share of the time after the change in which the viscous term is the larger",
+                    viscous,
+                ),
+            ],
+        )
+
+    def draw(self, data: Data) -> Figure:
+        """The path on the sphere, and z against time."""
+        table = data[""]
+        jeffery = data["jeffery"]
+        onset = Change.of(table).time
+        before = table[table.t <= onset]
+        after = table[table.t >= onset]
+        figure, (sphere, plain) = panels(1, 2, 4.3, 3.9, spatial=[0], wspace=0.06)
+        unit_sphere(sphere)
+        close = after[after.t <= 3 * onset]
+        sphere.plot(before.x, before.y, before.z, color=BLUE, linewidth=1.8, zorder=2.8)
+        sphere.plot(close.x, close.y, close.z, color=ORANGE, linewidth=0.9, zorder=1.9)
+        _draw_orbit(sphere, jeffery)
+        plain.plot(before.t, before.z, color=BLUE, linewidth=1.1, label="before the change")
+        plain.plot(after.t, after.z, color=ORANGE, linewidth=1.1, label="after it")
+        plain.axvline(onset, color=NODE, linestyle=":", label="turns become short")
+        name_line(plain, "Jeffery orbit (left)", color=GREEN, linestyle="--")
+        plain.set(
+            xlabel=r"time $t\dot\gamma$", ylabel="z component of the axis", ylim=(-1.05, 1.05)
+        )
+        plain.legend(loc="lower right", fontsize=7)
+        return figure
+
+
+def _draw_orbit(axes: Axes, jeffery: Table) -> None:
+    """Draw the Jeffery orbit and its start on the sphere."""
+    sphere: Any = axes  # Its methods for three dimensions are no part of Axes.
+    style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3, "zorder": 4}
+    sphere.plot(jeffery.x, jeffery.y, jeffery.z, label="Jeffery orbit", **style)
+    dot = {"marker": "o", "color": BLACK, "markersize": 4, "zorder": 5}
+    sphere.plot(jeffery.x[:1], jeffery.y[:1], jeffery.z[:1], **dot)
+
 
 @dataclass(frozen=True)
-class Short:
-    """A particle from rest until t = √St, up to St = 1e8."""
-
-    ellipsoid: Ellipsoid
-    start: EulerStart
-
-    def compute(self, grid: Grid) -> Computed:
-        """Paths of z' and their lengths; the Jeffery orbit of the same start."""
-        scaled = np.linspace(0.0, 1.0, grid.of(401, 101))
-        for stokes in np.geomspace(1e2, 1e8, 7).tolist():
-            times = scaled * stokes**0.5
-            path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
-            yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
-            yield (
-                "length",
-                {"stokes": stokes, "length": arc_length(np.column_stack([*path.values()]))[-1]},
-            )
-        yield from _jeffery_orbit(self.ellipsoid, self.start, 201)
-
-
-@dataclass(frozen=True)
-class Transient:
+class Transient(Experiment):
     """A particle from rest at several St, followed for some √St."""
 
     ellipsoid: Ellipsoid
@@ -133,23 +258,303 @@ class Transient:
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
-                yield (
-                    "",
-                    {
-                        "stokes": stokes,
-                        "scaled": scaled[::8],
-                        **dict(zip(NAMES, run.slow[::8].T, strict=True)),
-                    },
-                )
+                columns = dict(zip(NAMES, run.slow[::8].T, strict=True))
+                yield "", {"stokes": stokes, "scaled": scaled[::8], **columns}
             # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque;
             # the speed at t = √St.
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
-            turned = np.interp(ONSET, cumulative_trapezoid(speed, run.times, initial=0.0), scaled)
+            angle = cumulative_trapezoid(speed, run.times, initial=0.0)
             torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
             weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
-            found = {
-                "turned": turned,
+            onset = {
+                "turned": np.interp(ONSET, angle, scaled),
                 "wiggle": scaled[weakest[0]],
                 "speed": np.interp(1.0, scaled, speed),
             }
-            yield "onset", {"stokes": stokes, **found}
+            yield "onset", {"stokes": stokes, **onset}
+
+    def judge(self, data: Data) -> Verdict:
+        """How onset times and speeds scale with St."""
+        onset = data["onset"]
+        large = onset[onset.stokes >= LARGE_STOKES]
+        root = large.stokes**0.5
+        last = onset[-1]
+        shown = onset[onset.stokes <= self.stokes[-1]]
+        speed = exponent(large.stokes, large.speed)
+        turned = exponent(large.stokes, large.turned * root)
+        wiggle = exponent(large.stokes, large.wiggle * root)
+        angles = ", ".join(f"{angle:g}" for angle in self.start.angles)
+        between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
+        same = Range(1.0, 2.0, "the claim: the same for all St; a factor of two over four decades")
+        return Verdict(
+            Word.SHARPENED,
+            f"At large St the particle has turned by one radian at t = {last.turned:.2f} √St, and "
+            f"L_z wiggles first, its torque weakest, at {last.wiggle:.2f} √St. {between[0].upper()}"
+            f"{between[1:]} these times are the same to a factor of {spread(shown.turned):.2g} and "
+            f"{spread(shown.wiggle):.2g}, {shown.turned.min():.2g} … {shown.turned.max():.2g} √St "
+            f"and {shown.wiggle.min():.2g} … {shown.wiggle.max():.2g} √St, later at small St. At "
+            f"t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as "
+            "an earlier sentence of the paper has it.",
+            f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) "
+            "against t/√St; below, early and scaled by √St and St, from St = 5000 on; dotted, "
+            "where the particle has turned by one radian at the largest St; dashed, where the "
+            "torque along the vorticity is weakest for the first time; right, both against St.",
+            [
+                Number(
+                    f"exponent in St of the time of the first radian, St ≥ {LARGE_STOKES:g}",
+                    float(turned),
+                    Range.near(0.5, 0.02, "the claim: √St; corrections are of order 1/√St"),
+                    interval=turned.interval,
+                ),
+                Number(
+                    "exponent of the time of the first wiggle",
+                    float(wiggle),
+                    Range.near(0.5, 0.05, "the claim: √St; the wiggle is read off rows"),
+                    interval=wiggle.interval,
+                ),
+                Number(
+                    "exponent of the angular velocity at t = √St",
+                    float(speed),
+                    Range.near(-0.5, 0.05, "the claim: O(St^-½)"),
+                    interval=speed.interval,
+                ),
+                Number(
+                    "time of the first radian over √St, largest St",
+                    last.turned,
+                    Range(0.1, 10.0, "a number of order one"),
+                    "1/γ̇",
+                ),
+                Number(
+                    "time of the first wiggle over √St, largest St",
+                    last.wiggle,
+                    Range(0.1, 10.0, "a number of order one"),
+                    "1/γ̇",
+                ),
+                Number(
+                    f"latest over earliest first radian, over √St, {between}",
+                    spread(shown.turned),
+                    same,
+                ),
+                Number(
+                    f"latest over earliest first wiggle, over √St, {between}",
+                    spread(shown.wiggle),
+                    same,
+                ),
+            ],
+        )
+
+    def draw(self, data: Data) -> Figure:
+        """Slow variables on the scaled time; onset times against St."""
+        table = data[""]
+        onset = data["onset"]
+        figure, axes = panels(3, 3, 3.2, 2.3)
+        scaled = r"$t\dot\gamma/\mathrm{St}^{1/2}$"
+        for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 3), ("E", 4)):
+            own = axes[place]
+            label = _stokes_label
+            draw_each(own, table, "stokes", "scaled", name, label=label, linewidth=0.8)
+            _draw_marks(own, onset)
+            own.set(xlabel=scaled, ylabel=NAMES[name])
+        self._draw_onsets(axes[2], onset)
+        axes[5].axis("off")
+        axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
+        early = table[(table.stokes >= 5e3) & (table.scaled <= EARLY)]
+        for name, place in (("Ly", 6), ("Lz", 7), ("E", 8)):
+            own = axes[place]
+            root = 1.0 if name == "E" else 0.5
+            draw_each(
+                own,
+                early,
+                "stokes",
+                "scaled",
+                lambda rows, name=name, root=root: rows[name] * rows.stokes**root,
+                colors=CYCLE[2:],
+                linewidth=0.8,
+            )
+            _draw_marks(own, onset)
+            factor = r"$\mathrm{St}\," if name == "E" else r"$\mathrm{St}^{1/2}\,"
+            own.set(xlabel=scaled, ylabel=factor + NAMES[name][1:])
+        return figure
+
+    def _draw_onsets(self, axes: Axes, onset: Table) -> None:
+        """Onset times against St."""
+        root = onset.stokes**0.5
+        style = {"linestyle": "none"}
+        turned = onset.turned * root
+        axes.plot(onset.stokes, turned, marker="o", color=BLUE, label="turned by 1 rad", **style)
+        wiggle = onset.wiggle * root
+        axes.plot(onset.stokes, wiggle, marker="s", color=NODE, label="first wiggle", **style)
+        last = float(np.mean(onset.turned[-2:])) * root[-1]
+        draw_power(axes, onset.stokes, last, 0.5)
+        axes.set(
+            xlabel="Stokes number St",
+            ylabel=r"onset time $t\dot\gamma$",
+            xscale="log",
+            yscale="log",
+        )
+        axes.legend()
+
+
+def _stokes_label(stokes: float) -> str:
+    """A run in the legend."""
+    return f"St = {power(stokes)}"
+
+
+def _draw_marks(axes: Axes, onset: Table) -> None:
+    """Draw the onset at the largest St."""
+    for name, line, text in (("turned", ":", "turned by 1 rad"), ("wiggle", "--", "first wiggle")):
+        place = np.mean(onset[name][-2:])
+        axes.axvline(place, color="0.4", linestyle=line, linewidth=0.9, label=text)
+
+
+@dataclass(frozen=True)
+class Short(Experiment):
+    """A particle from rest until t = √St, up to St = 1e8."""
+
+    ellipsoid: Ellipsoid
+    start: EulerStart
+
+    def compute(self, grid: Grid) -> Computed:
+        """Paths of z' and their lengths; the Jeffery orbit of the same start."""
+        scaled = np.linspace(0.0, 1.0, grid.of(401, 101))
+        for stokes in np.geomspace(1e2, 1e8, 7).tolist():
+            times = scaled * stokes**0.5
+            path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
+            yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
+            length = arc_length(np.column_stack([*path.values()]))[-1]
+            yield "length", {"stokes": stokes, "length": length}
+        yield from _jeffery_orbit(self.ellipsoid, self.start, 201)
+
+    def judge(self, data: Data) -> Verdict:
+        """To which length the paths tend, from which St on, and how far they leave the Jeffery orbit."""
+        length = data["length"]
+        jeffery = data["jeffery"]
+        last = length.length[-1]
+        at_million = length.length[length.stokes == 1e6][0]
+        axis = points(by(data[""], "stokes")[1e8])
+        gaps = np.linalg.norm(axis[:, None] - points(jeffery)[None], axis=2)
+        distance = np.min(gaps, axis=1)
+        left = arc_length(axis)[np.argmax(distance > APART)]
+        turn = arc_length(points(jeffery))[-1]
+        limit = Range.near(0.0, 5e-3, "corrections are of order 1/√St ≤ 3e-4, times some")
+        return Verdict(
+            Word.SHARPENED,
+            f"The length tends to {last:.2f} rad, {last / turn:.2f} times that of the Jeffery "
+            f"orbit; at St = 1e6 it is within {100 * abs(at_million / last - 1):.2g} % of that at "
+            f"1e8, so that the paper's St of 1e8 is not needed. The axis is {APART:g} rad off the "
+            f"orbit after {left:.2g} rad, {100 * left / turn:.0f} % of a turn, and "
+            f"{distance.max():.2g} rad at most.",
+            f"Axis z' of {axes_of(self.ellipsoid)} from rest until t = √St, for St from 1e2 to "
+            "1e8, and the length of its path.",
+            [
+                Number(
+                    "path length at St = 1e8",
+                    last,
+                    Range(0.1, 10.0, "a number of order one"),
+                    "rad",
+                ),
+                Number("its relative change from St = 1e7", last / length.length[-2] - 1, limit),
+                Number(
+                    "path length at St = 1e6 over that at 1e8, less one",
+                    at_million / last - 1,
+                    Range.near(0.0, 0.02, "corrections are of order 1/√St = 1e-3, times some"),
+                ),
+                Number(
+                    "largest distance from the Jeffery orbit at St = 1e8",
+                    distance.max(),
+                    Range(APART, pi, "the claim: the path leaves the orbit"),
+                    "rad",
+                ),
+                Number(
+                    f"path until it is {APART:g} rad off, over the length of the orbit",
+                    left / turn,
+                    Range(0.0, 0.5, "the claim: before a single turn"),
+                ),
+            ],
+        )
+
+    def draw(self, data: Data) -> Figure:
+        """Paths on the sphere, and their lengths against St."""
+        table = data[""]
+        length = data["length"]
+        figure, (sphere, plain) = panels(1, 2, 4.3, 3.9, spatial=[0], wspace=0.06)
+        unit_sphere(sphere)
+        space: Any = sphere
+        shown = by(table, "stokes")
+        colors = (BLUE, ORANGE, VERMILLION, PURPLE)
+        for color, stokes in zip(colors, length.stokes[::2], strict=True):
+            rows = shown[stokes]
+            label = _stokes_label(stokes)
+            space.plot(rows.x, rows.y, rows.z, color=color, linewidth=1.4, label=label)
+        _draw_orbit(sphere, data["jeffery"])
+        sphere.legend(loc="upper left", fontsize=7)
+        plain.plot(length.stokes, length.length, marker="o", color=BLUE)
+        plain.set(
+            xlabel="Stokes number St",
+            ylabel=r"path length until $t = \mathrm{St}^{1/2}$, rad",
+            xscale="log",
+        )
+        plain.set_ylim(bottom=0.0)
+        return figure
+
+
+SPIRAL = (
+    "From rest at St = 1000 the axis first spirals along turns like Jeffery orbits towards the "
+    "plane of the flow, then changes abruptly to an Euler spiral, where inertia sets in."
+)
+ROOT = (
+    "Inertial effects set in after a time of O(St^½), the same for all St when scaled so, when the "
+    "angular velocity is O(St^-½)."
+)
+SHORT = (
+    "Until t = St^½ the axis runs through a path whose length tends to a number of order one, which "
+    "needs St of 1e8, and leaves the Jeffery orbit before a single turn."
+)
+SECTION = Section(
+    "rest",
+    "Starts from rest",
+    (
+        Item(
+            "rest-needle",
+            "From rest on the unit sphere, spheroid",
+            "discussion, starts from rest",
+            SPIRAL,
+            Sphere(spheroid(10.0), EulerStart((0.10472, 5.4978, 0.0)), 600.0),
+        ),
+        Item(
+            "rest-blade",
+            "From rest on the unit sphere, ellipsoid",
+            "discussion, starts from rest",
+            SPIRAL,
+            Sphere(Ellipsoid((0.1, 0.15, 1.0)), EulerStart((0.10472, 2.35619, 0.0)), 600.0),
+        ),
+        Item(
+            "rest-transient-spheroid",
+            "The St^½ transient of a spheroid",
+            "discussion, starts from rest",
+            ROOT,
+            Transient(spheroid(2.0), EulerStart((0.314, 0.52, 0.0))),
+        ),
+        Item(
+            "rest-transient-ellipsoid",
+            "The St^½ transient of an ellipsoid",
+            "discussion, starts from rest",
+            ROOT,
+            Transient(Ellipsoid((3.0, 2.0, 1.0)), EulerStart((0.314, 0.52, 1.05))),
+        ),
+        Item(
+            "rest-short-spheroid",
+            "From rest until St^½, spheroid",
+            "discussion, starts from rest",
+            SHORT,
+            Short(spheroid(2.0), EulerStart((0.78539, 2.35619, 0.0))),
+        ),
+        Item(
+            "rest-short-ellipsoid",
+            "From rest until St^½, ellipsoid",
+            "discussion, starts from rest",
+            SHORT,
+            Short(Ellipsoid((0.5, 0.55, 1.0)), EulerStart((0.78539, 2.35619, 0.0))),
+        ),
+    ),
+)

@@ -1,1 +1,0 @@
-"""The appendix: averages, their tables, the first-order correction."""

@@ -1,0 +1,440 @@
+"""Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes."""
+
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from math import sqrt
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.path import Path as Outline
+
+from polhode.harness.paper import planes
+from polhode.harness.paper.drawing import (
+    BLACK,
+    BLUE,
+    BOUND,
+    CYCLE,
+    ORANGE,
+    draw_broken,
+    legend_below,
+    panels,
+)
+from polhode.harness.paper.item import (
+    Computed,
+    Data,
+    Experiment,
+    Grid,
+    Item,
+    Number,
+    Range,
+    Section,
+    Table,
+    Verdict,
+    Word,
+)
+from polhode.harness.paper.runs import graded, slow_run, spheroid
+from polhode.harness.paper.sections.planes import REACHES_NODE, PlanesOfBodies, plane_tables
+from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion
+from polhode.harness.paper.tables import by, groups, joined, worst
+from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
+from polhode.models.theory.fixed_points import fixed_points
+
+BODY = spheroid(2.0)
+# Slow time for which trajectories on the upper parabola are followed, before rounding carries them
+# off it.
+ON_EDGE = 0.16
+
+
+@dataclass(frozen=True)
+class Plane(Experiment):
+    """Slow trajectories in the L_z–E plane of one spheroid."""
+
+    def compute(self, grid: Grid) -> Computed:
+        """Slow trajectories from both edges of the plane, and from close to the pinch point."""
+        shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
+        starts = [(momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares]
+        starts += [(-1.1, 1.0), (-0.06, 1.0)]
+        chosen = partial(planes.plane_steps, count=150)
+        return plane_tables(BODY, starts, grid.of(2001, 601), ON_EDGE, chosen)
+
+    def judge(self, data: Data) -> Verdict:
+        """Where the trajectories end."""
+        ends = data["ends"]
+        on_edge = ends.share == 1.0
+        left = (ends.Lz0 < 0) & ~on_edge
+        pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
+        saddle = planes.fixed_point(BODY, "saddle")[0]
+        last = {int(number): rows.Lz[-1] for number, rows in groups(data[""], "path")}
+        off_saddle = worst([momentum - saddle for n, momentum in last.items() if on_edge[n]])
+        return Verdict(
+            Word.CORRECTED,
+            "Every start with L_z < 0 off the upper parabola reaches the node, those on it reach "
+            "the saddle. Starts with L_z > 0 meet the pinch point in a finite slow time, at most "
+            f"{pinch:.2g} of the bound L_z/(4π min X). The saddle lies at (I_a/I_e)(-1/2, 1/8); "
+            "the caption prints the node's place for it.",
+            f"L_z–E plane of a prolate spheroid, κ = 2, with {len(last)} slow trajectories of "
+            "L_x = L_y = 0; I_max = I_e.",
+            [
+                Number(
+                    f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
+                    float(np.mean(ends.distance[left] < planes.REACHED)),
+                    REACHES_NODE,
+                ),
+                Number(
+                    "distance from the saddle where starts on the upper parabola end",
+                    off_saddle,
+                    Range.at_most(2e-3, "what is left of the approach at the end of the run"),
+                    "I_max",
+                ),
+                Number(
+                    "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
+                    pinch,
+                    Range(0.0, 1.0, "no torque along L is weaker than that of the smallest X"),
+                ),
+            ],
+        )
+
+    def draw(self, data: Data) -> Figure:
+        """The plane with its bounds, fixed points and trajectories."""
+        figure, (axes,) = panels(1, 1, 6.0, 4.2)
+        planes.draw_frame(axes, BODY, -1.0, 1.0)
+        planes.draw_paths(axes, data[""], (0.6, 0.2))
+        names = {"stable node": "stable node (tumbling)", "saddle": "saddle (spinning)"}
+        planes.name_points(axes, names)
+        planes.name_lines(axes, BODY, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
+        axes.set(ylim=(0.0, 0.8))
+        axes.legend(loc="upper center")
+        return figure
+
+
+@dataclass(frozen=True)
+class SpheroidPlanes(PlanesOfBodies):
+    """Full and slow trajectories of spheroids of several aspect ratios."""
+
+    def expected(self, differences: planes.Differences) -> list[Number]:
+        """That the differences fall with St and with the distance of κ from one."""
+        low, high = planes.PLANE_STOKES
+        ratios = [differences[low][name] / differences[high][name] for name in self.bodies]
+        first = differences[low]
+        return [
+            Number(
+                f"largest difference at St = {high:g}, worst body",
+                max(differences[high].values()),
+                Range(0.0, 0.02, "too small to see in the plane"),
+                "I_max",
+            ),
+            Number(
+                f"difference at St = {low:g} over that at {high:g}, smallest",
+                min(ratios),
+                Range(5.0, 20.0, "theory: ten, the ratio of the two St, to first order"),
+            ),
+            Number(
+                "difference of κ = 3.33 over that of 2, St = 1000",
+                first[3.33] / first[2.0],
+                Range(1.2, 10.0, "the claim: larger; ten would be more than its share of κ - 1"),
+            ),
+            Number(
+                "difference of κ = 0.3 over that of 0.5, St = 1000",
+                first[0.3] / first[0.5],
+                Range(1.0, 10.0, "the claim: larger; ten would be more than its share of 1 - κ"),
+            ),
+        ]
+
+
+# Energies over I_e, and |L|/I_e, of the starts of the projections.
+ENERGIES = (2 / 9, 0.305, 0.472)
+PROJECTED_MOMENTUM = 2 / 3
+# Azimuths of L, in degrees, that the figure shows, and those whose path is held against the two
+# limiting ones.
+AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
+BETWEEN = (15.0, 45.0, 75.0)
+
+
+@dataclass(frozen=True)
+class Projections(Experiment):
+    """Slow trajectories with L in any direction, seen in two planes."""
+
+    def compute(self, grid: Grid) -> Computed:
+        """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
+        slow_times = graded(1.0, 1201)
+        cosines = grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))
+        for energy, cosine in product(ENERGIES, cosines):
+            paths = {}
+            for azimuth in sorted({*AZIMUTHS, *BETWEEN}):
+                sine = sqrt(1 - cosine**2)
+                angle = np.radians(azimuth)
+                direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine])
+                start = (*(direction * PROJECTED_MOMENTUM), energy)
+                slow = slow_run(BODY, start, slow_times).slow
+                across = np.linalg.norm(slow[:, :2], axis=1)
+                paths[azimuth] = {"Lz": slow[:, 2], "Lxy": across, "E": slow[:, 3]}
+                labels = {"E0": energy, "cosine": cosine, "azimuth": azimuth}
+                if azimuth in AZIMUTHS:
+                    yield "", {**labels, **_thinned(paths[azimuth])}
+                distance = planes.distance_from_node(BODY, slow[-1])
+                yield "ends", {**labels, "distance": distance}
+            for azimuth, across in product(BETWEEN, ("E", "Lxy")):
+                curves = [
+                    np.stack([paths[other]["Lz"], paths[other][across]], axis=1)
+                    for other in (azimuth, 0.0, 90.0)
+                ]
+                row = {"azimuth": azimuth, "across": across, "outside": outside(*curves)}
+                yield "between", row
+
+    def judge(self, data: Data) -> Verdict:
+        """Where all starts end, and how far paths leave the limiting ones."""
+        ends = data["ends"]
+        between = data["between"]
+        aside = {across: between.outside[between.across == across].max() for across in ("E", "Lxy")}
+        tangents = joined(np.tan(np.radians(BETWEEN)), ".2g")
+        cosines = joined(np.unique(ends.cosine))
+        return Verdict(
+            Word.SHARPENED,
+            "Every start ends at the node, whatever L_x0/L_y0 and the cone angle. In the L_z–E "
+            f"plane the paths from L_x0/L_y0 = {tangents} lie between those of the limiting cases "
+            f"but for {aside['E']:.1g} I_max at most, less than the width of a printed line; in "
+            f"the plane of L_z and L_xy, for {aside['Lxy']:.1g} I_max. Neither bound is exact.",
+            f"Slow trajectories of κ = 2 from |L| = 2I_e/3, L_z/|L| = {cosines}, at three energies "
+            "(I_aη₀/L₀ grows).",
+            [
+                Number(
+                    f"share of the {len(ends)} starts that reach the node",
+                    float(np.mean(ends.distance < planes.REACHED)),
+                    REACHES_NODE,
+                ),
+                Number(
+                    "farthest that a path lies outside the limiting ones in the L_z–E plane",
+                    aside["E"],
+                    Range(
+                        1e-5, 2e-3, "more than the averaged run errs by, less than a line is wide"
+                    ),
+                    "I_max",
+                ),
+                Number(
+                    "the same in the plane of L_z and L_xy",
+                    aside["Lxy"],
+                    Range(1e-3, 1e-2, "enough to be seen, and no more"),
+                    "I_max",
+                ),
+            ],
+        )
+
+    def draw(self, data: Data) -> Figure:
+        """Both planes at each of the energies."""
+        table = data[""]
+        figure, axes = panels(3, 2, 3.9, 2.4)
+        node = planes.fixed_point(BODY, "stable node")
+        places = product(np.unique(table.E0), ("E", "Lxy"))
+        for own, (energy, across) in zip(axes, places, strict=True):
+            self._draw_plane(own, table[energy == table.E0], energy, across, node)
+        planes.name_points(axes[0], {"stable node": "stable node"})
+        legend_below(figure, axes[0], ncols=4)
+        return figure
+
+    def _draw_plane(
+        self, axes: Axes, table: Table, energy: float, across: str, node: tuple[float, float]
+    ) -> None:
+        """One plane at one energy."""
+        axes.set_xlabel("$L_z/I_{max}$")
+        if across == "E":
+            parabola = np.linspace(-0.7, 0.7, 101)
+            axes.plot(parabola, parabola**2 / 2, color=BOUND, linewidth=0.8)
+            title = f"$E_0/I_e$ = {energy:.3f}"
+            axes.set(title=title, ylabel="$E/I_{max}$", ylim=(0.0, 1.1 * energy))
+        else:
+            axes.set_ylabel(r"$\sqrt{L_x^2+L_y^2}/I_{max}$")
+        for color, (azimuth, rows) in zip(
+            (BLUE, BLACK, ORANGE), groups(table, "azimuth"), strict=True
+        ):
+            style = {"color": color, "linewidth": 0.8, "label": AZIMUTHS[azimuth]}
+            draw_broken(axes, rows.Lz, rows[across], rows.cosine, **style)
+        place = (node[0], node[1] if across == "E" else 0.0)
+        planes.draw_point(axes, "stable node", place)
+
+
+def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
+    """Farthest that a path lies outside what two others with the same ends enclose; shape (n, 2) each."""
+    edge = np.concatenate([first, last[::-1]])
+    beyond = inner[~Outline(edge).contains_points(inner)]
+    offsets = beyond[:, None] - edge[:-1]
+    sides = np.diff(edge, axis=0)
+    lengths = np.maximum(np.sum(sides**2, axis=-1), np.finfo(float).tiny)
+    share = np.sum(offsets * sides, axis=-1) / lengths
+    apart = np.linalg.norm(offsets - share.clip(0.0, 1.0)[..., None] * sides, axis=-1)
+    return float(apart.min(axis=-1).max(initial=0.0))
+
+
+# Ratios of L_xy to |L_z| of the L–E planes.
+RATIOS = (0.1, 1.0, 10.0)
+
+
+@dataclass(frozen=True)
+class LPlanes(Experiment):
+    """Slow trajectories in the plane of |L| and E."""
+
+    def compute(self, grid: Grid) -> Computed:
+        """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
+        slow_times = graded(1.0, 1201)
+        shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
+        starts = product((0, 1), RATIOS, (-1.0, 1.0), shares)
+        for index, (zero, ratio, sign, share) in enumerate(starts):
+            start = np.zeros(4)
+            start[1 - zero] = ratio / sqrt(1 + ratio**2)
+            start[2] = sign / sqrt(1 + ratio**2)
+            start[3] = planes.energy_at(BODY, 1.0, share)
+            slow = slow_run(BODY, start.tolist(), slow_times).slow
+            momentum = np.linalg.norm(slow[:, :3], axis=1)
+            labels = {"zero": zero, "ratio": sign * ratio}
+            yield "", {**labels, "path": index, **_thinned({"L": momentum, "E": slow[:, 3]})}
+            distance = planes.distance_from_node(BODY, slow[-1])
+            row = {"share": share, "distance": distance, "smallest": momentum.min()}
+            yield "ends", {**labels, **row}
+
+    def judge(self, data: Data) -> Verdict:
+        """Where all starts end."""
+        ends = data["ends"]
+        return Verdict(
+            Word.SHARPENED,
+            "Whatever the ratio of L_xy to L_z, its sign, and which of L_x and L_y is zero, every "
+            "slow trajectory ends at the node: those with L_z > 0 pass the neighbourhood of L = 0 "
+            "and come back. Only the ends were compared, not saddles or manifolds; the smallest "
+            f"|L| on the way is {ends.smallest.min():.2g} I_max.",
+            "L–E planes of κ = 2, E as its share between L²/2I_e and L²/2I_a, from |L| = I_e with "
+            "L_x = 0 (left) and L_y = 0 (right); starts with L_z < 0 above, with L_z > 0 below; "
+            "colours: L_xy/|L_z|; circles: starts.",
+            [
+                Number(
+                    f"share of the {len(ends)} starts that reach the node",
+                    float(np.mean(ends.distance < planes.REACHED)),
+                    REACHES_NODE,
+                ),
+                Number(
+                    "largest distance at the end",
+                    ends.distance.max(),
+                    Range.at_most(planes.REACHED, "the distance that counts as reached"),
+                    "I_max",
+                ),
+            ],
+        )
+
+    def draw(self, data: Data) -> Figure:
+        """A plane for each sign of L_z and each component that is zero."""
+        table = data[""]
+        figure, axes = panels(2, 2, 3.9, 2.6)
+        for own, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
+            rows = table[(table.zero == zero) & (np.sign(table.ratio) == sign)]
+            starts = rows[np.unique(rows.path, return_index=True)[1]]
+            parts = by(starts, "ratio")
+            for color, (ratio, part) in zip(CYCLE, groups(rows, "ratio"), strict=False):
+                label = f"$L_{{xy}}/|L_z|$ = {abs(ratio):g}"
+                style = {"color": color, "linewidth": 1.1, "label": label}
+                draw_broken(own, part.L, share_of(part.E, part.L), part.path, **style)
+                first = parts[ratio]
+                own.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
+            for point in fixed_points(BODY):
+                along, height = planes.place_of(BODY, point)
+                share = float(share_of(np.array(height), np.array(along)))
+                planes.draw_point(own, point.stability, (abs(along), share))
+            own.set(
+                xlabel="$|L|/I_{max}$",
+                ylabel="E, share between bounds",
+                title=f"$L_{'xy'[zero]} = 0$, from $L_z {'>' if sign > 0 else '<'} 0$",
+                xlim=(0.0, 1.02),
+                ylim=(-0.05, 1.05),
+            )
+        planes.name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
+        legend_below(figure, axes[0], ncols=3)
+        return figure
+
+
+def share_of(energy: np.ndarray, momentum: np.ndarray) -> np.ndarray:
+    """E as its share between the bounds, the inverse of `energy_at`."""
+    return (2 * energy / momentum**2 - 1) / (max(BODY.inertia) / min(BODY.inertia) - 1)
+
+
+def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A path at even steps, so that few points draw it smoothly."""
+    index = planes.even_steps(np.stack(list(values.values()), axis=1), 90)
+    return {name: column[index] for name, column in values.items()}
+
+
+ACCURATE_AT_100 = Range(0.0, ACCURATE, "the claim: accurate for St ≳ 100")
+INACCURATE_AT_100 = Range(
+    ACCURATE, 1.5, "the correction: not accurate at 100, by a factor below three"
+)
+CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
+
+SECTION = Section(
+    "spheroids",
+    "Spheroids at large St",
+    (
+        Item(
+            "spheroid-slow-1",
+            "Slow variables of a spheroid, first start",
+            "lsds",
+            "The slow solution predicts the full one accurately for St ≳ 100, and on average even "
+            "at St = 50; the oscillation about it shrinks with growing St; all end at "
+            "L_z = -I_e/2, E = I_e/8.",
+            SlowMotion(
+                spheroid(2.0),
+                SPHEROID_START,
+                0.5,
+                constant=Range(20.0, 60.0, CONSTANT_REASON),
+                relative=ACCURATE_AT_100,
+            ),
+        ),
+        Item(
+            "spheroid-slow-2",
+            "Slow variables of a spheroid, start near the saddle's stable manifold",
+            "lsds",
+            "The same accuracy for St ≳ 100, with an intermediate plateau while the run lingers "
+            "near the spinning mode.",
+            SlowMotion(
+                spheroid(2.0),
+                NEAR_POLE_START,
+                1.0,
+                word=Word.CORRECTED,
+                fitted_from=5e3,
+                constant=Range(20.0, 90.0, CONSTANT_REASON),
+                relative=INACCURATE_AT_100,
+                plateau=True,
+            ),
+        ),
+        Item(
+            "spheroid-plane",
+            "The L_z–E plane of a spheroid",
+            "lsds, the phase plane",
+            "With L_x = L_y = 0 and L_z < 0 almost all slow trajectories converge to the tumbling "
+            "node of κ = 2; the upper parabola is the stable manifold of the saddle, which the "
+            "caption puts at (-1/2, 1/8); from L_z > 0 they grind to a halt at the pinch point.",
+            Plane(),
+        ),
+        Item(
+            "spheroid-planes",
+            "Full and slow trajectories of four spheroids",
+            "lsds, the phase planes",
+            "For a given St the deviation from the slow trajectories decreases as κ approaches "
+            "one, and with growing St; κ = 3.33 at St = 1000 shows the largest oscillations.",
+            SpheroidPlanes(tuple((kappa, spheroid(kappa)) for kappa in (2.0, 3.33, 0.5, 0.3)), 201),
+        ),
+        Item(
+            "spheroid-projections",
+            "Projections for finite L_x and L_y",
+            "lsds, the projections",
+            "From |L| = 2I_e/3 all slow trajectories end at the node, whatever L_x0/L_y0 and the "
+            "cone angle; in the L_z–E plane each is bounded by the limiting cases L_x = 0 and "
+            "L_y = 0.",
+            Projections(),
+        ),
+        Item(
+            "spheroid-l-planes",
+            "The L–E planes",
+            "lsds, the L–E planes",
+            "The topology in the L–E plane does not depend on L_xy/L_z, nor on which of L_x and "
+            "L_y is zero.",
+            LPlanes(),
+        ),
+    ),
+)
