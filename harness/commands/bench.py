@@ -206,9 +206,10 @@ def paper(
     report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
         make_folder(out)
-    if failed := run(
-        items, out, report, grid=Grid.REDUCED if quick else Grid.FULL, force=force, redraw=redraw
-    ):
+    grid = Grid.REDUCED if quick else Grid.FULL
+    processes = min(len(items), os.cpu_count() or 1)
+    failed = run(items, out, report, grid=grid, force=force, redraw=redraw, processes=processes)
+    if failed:
         raise RunFailed(f"failed: {', '.join(failed)}")
     click.echo(f"{out / 'README.md'}")
 

@@ -1,7 +1,11 @@
 """Items computed and drawn, and their pages: one per section, and an index from claim to verdict."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from itertools import chain
+from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
@@ -9,9 +13,9 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
 from polhode.harness.pages.tables import fill
 from polhode.harness.paper import store
-from polhode.harness.paper.claims import section_of, sections
+from polhode.harness.paper.claims import find_items, section_of, sections
 from polhode.harness.paper.drawing import save, style
-from polhode.harness.paper.item import Grid, Item, Number, Section, Word
+from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Word
 
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
@@ -134,30 +138,91 @@ def run(
     grid: Grid = Grid.FULL,
     force: bool = False,
     redraw: bool = False,
+    processes: int = 1,
 ) -> list[str]:
-    """Compute what today's code has not made, draw, write the pages; returns the names of the items that failed."""
-    failed = []
+    """Compute what today's code has not made, draw, write the pages; returns the names of the items that failed.
+
+    With several processes as many items are computed at a time, each found again by its name.
+    """
     began = perf_counter()
-    for number, item in enumerate(items, start=1):
-        start = perf_counter()
-        own = folder / section_of(item).name
-        found = None if force else store.read(own, item)
-        kept = found is not None and (redraw or found[1:] == (True, grid))
-        try:
-            data = (
-                found[0]
-                if found and kept
-                else store.write(own, item, grid, item.experiment.compute(grid))
-            )
-            with style():
-                save(item.experiment.draw(data), own, item.name)
-            word = item.experiment.judge(data).word
-        except store.FAILURES as error:
+    data: dict[str, Data] = {}
+    for item in items:
+        found = None if force else store.read(folder / section_of(item).name, item)
+        if found is not None and (redraw or found[1:] == (True, grid)):
+            data[item.name] = found[0]
+    missing = [item for item in items if item.name not in data]
+    report(f"{len(items)} items, {len(missing)} to compute, {processes} at a time")
+    outcomes = _kept(data)
+    if processes == 1:
+        outcomes = chain(outcomes, _in_turn(missing, folder, grid))
+    else:
+        outcomes = chain(outcomes, _side_by_side(missing, folder, grid, processes))
+    failed = []
+    by_name = {item.name: item for item in items}
+    for number, outcome in enumerate(outcomes, start=1):
+        item = by_name[outcome.name]
+        words = outcome.failure
+        if outcome.data is not None:
+            try:
+                with style():
+                    save(
+                        item.experiment.draw(outcome.data),
+                        folder / section_of(item).name,
+                        item.name,
+                    )
+                words = str(item.experiment.judge(outcome.data).word)
+            except store.FAILURES as error:
+                outcome = replace(outcome, failure=str(error))
+        if outcome.failure:
             failed.append(item.name)
-            report(f"[{number:2}/{len(items)}] {item.name:28} failed: {error}")
-            continue
-        how = "   kept " if kept else f"{perf_counter() - start:6.1f} s"
-        report(f"[{number:2}/{len(items)}] {item.name:28} {how}  {word}")
+            words = f"failed: {outcome.failure}"
+        took = "   kept " if outcome.seconds is None else f"{outcome.seconds:6.1f} s"
+        report(f"[{number:2}/{len(items)}] {item.name:28} {took}  {words}")
     write_pages(folder, sections())
     report(f"{perf_counter() - began:.0f} s; index: {folder / 'README.md'}")
     return failed
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """The data of an item, or why there are none, and the seconds that they took; None if they were there."""
+
+    name: str
+    data: Data | None
+    seconds: float | None = None
+    failure: str = ""
+
+
+def _kept(data: Mapping[str, Data]) -> Iterator[_Outcome]:
+    for name, tables in data.items():
+        yield _Outcome(name, tables)
+
+
+def _in_turn(items: Sequence[Item], folder: Path, grid: Grid) -> Iterator[_Outcome]:
+    for item in items:
+        yield _computed(item, folder, grid)
+
+
+def _side_by_side(
+    items: Sequence[Item], folder: Path, grid: Grid, processes: int
+) -> Iterator[_Outcome]:
+    """Outcomes as they come; heavy libraries have threads, so that processes are spawned."""
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        running = [pool.submit(_computed_by_name, item.name, folder, grid) for item in items]
+        for future in as_completed(running):
+            yield future.result()
+
+
+def _computed_by_name(name: str, folder: Path, grid: Grid) -> _Outcome:
+    (item,) = find_items((name,))
+    return _computed(item, folder, grid)
+
+
+def _computed(item: Item, folder: Path, grid: Grid) -> _Outcome:
+    start = perf_counter()
+    try:
+        parts = item.experiment.compute(grid)
+        data = store.write(folder / section_of(item).name, item, grid, parts)
+    except store.FAILURES as error:
+        return _Outcome(item.name, None, perf_counter() - start, str(error))
+    return _Outcome(item.name, data, perf_counter() - start)

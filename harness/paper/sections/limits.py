@@ -591,7 +591,7 @@ SECTION = Section(
             "Poincaré section, slender prolate ellipsoid",
             "slender_prolate",
             "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
-            DominantChaos(Ellipsoid((1 / 20, 1 / 10, 1.0)), 240, (0.8, 0.8), 240),
+            DominantChaos(Ellipsoid((1 / 20, 1 / 10, 1.0)), 120, (0.8, 0.8), 240),
         ),
         Item(
             "poincare-fat-prolate",
@@ -606,7 +606,7 @@ SECTION = Section(
             "Poincaré section, thin oblate ellipsoid",
             "flat_oblate",
             "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
-            DominantChaos(Ellipsoid((1.0, 1 / 2, 1 / 20)), 240, (0.8, 0.8), 240),
+            DominantChaos(Ellipsoid((1.0, 1 / 2, 1 / 20)), 120, (0.8, 0.8), 240),
         ),
         Item(
             "poincare-fat-oblate",
