@@ -15,8 +15,11 @@ FILE = Path(__file__).parents[2] / "oracle" / "whole_runs" / "whole_runs.json"
 RUNS = json.loads(FILE.read_text(encoding="utf-8"))
 # St up to which a run takes less than a second.
 QUICK_STOKES = 1e3
-# Rounding of the constants of a shape, in double precision, over one time unit: an ulp.
+# An ulp, relative.
 ULP = 2.3e-16
+# A reference states what half an ulp in the parameters makes; constants of a shape are computed to
+# two ulps, so that it may be off the exact scene's by four times that.
+CONSTANTS = 4.0
 
 
 def scene_of(run):
@@ -46,9 +49,11 @@ def distance(run, observables):
 
 
 def marked(runs):
+    found = []
     for run in runs:
         marks = [] if run["stokes"] <= QUICK_STOKES else [pytest.mark.slow]
-        yield pytest.param(run, id=run["name"], marks=marks)
+        found.append(pytest.param(run, id=run["name"], marks=marks))
+    return found
 
 
 def test_every_kind_of_body_start_and_stokes_number_is_there():
@@ -63,7 +68,7 @@ def test_the_reference_is_known_as_well_as_it_says(run):
     scene = scene_of(run)
     known = reference(scene, full_form(scene), len(run["rows"]))
     size = max(1.0, float(np.max(np.abs(truth(run["name"])[1]))))
-    allowed = known.slow_uncertainty + run["uncertainty"] * size + 10 * ULP * size
+    allowed = CONSTANTS * known.slow_uncertainty + run["uncertainty"] * size + 10 * ULP * size
     assert distance(run, known.observables) <= allowed
 
 
@@ -77,7 +82,7 @@ def test_the_reference_is_known_as_well_as_it_says(run):
         ("spheroid-angles", "cyrk-dop853"),
     ],
 )
-@pytest.mark.parametrize("run", [run for run in RUNS if 1 <= run["stokes"] <= QUICK_STOKES])
+@pytest.mark.parametrize("run", marked([run for run in RUNS if 1 <= run["stokes"] <= QUICK_STOKES]))
 def test_forms_err_by_no_more_than_they_state(run, form, solver):
     scene = scene_of(run)
     if form.startswith("spheroid") and scene.ellipsoid.symmetry_axis is None:

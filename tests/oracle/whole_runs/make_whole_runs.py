@@ -40,11 +40,12 @@ SCALES = ((1e-3, 3.0), (1e-1, 20.0), (1e1, 40.0), (1e3, 400.0), (1e5, 2e4), (1e7
 def moments(axes):
     """Moments of inertia of the solid of unit density, by quadrature along each axis."""
     # The cross-section at height z of the ellipsoid (p, q, r) has the area π p q (1 - z²/r²).
-    second = []
-    for place in range(3):
-        r = mp.mpf(axes[place])
-        p, q = (mp.mpf(axes[other]) for other in range(3) if other != place)
-        second.append(mp.quad(lambda z: mp.pi * p * q * (1 - (z / r) ** 2) * z**2, [-r, r]))
+
+    def second_moment(p, q, r):
+        return mp.quad(lambda z: mp.pi * p * q * (1 - (z / r) ** 2) * z**2, [-r, r])
+
+    a, b, c = map(mp.mpf, axes)
+    second = [second_moment(b, c, a), second_moment(c, a, b), second_moment(a, b, c)]
     total = sum(second)
     return [total - value for value in second]
 
