@@ -103,7 +103,7 @@ class _Averages(Experiment):
         for place, own in enumerate(axes):
             rows = table[place * count : (place + 1) * count]
             heights = -np.arange(len(rows))
-            style = {"linestyle": "none"}
+            style: dict[str, Any] = {"linestyle": "none"}
             right = np.maximum(rows.corrected, LEAST_DRAWN)
             own.plot(
                 right, heights, marker="o", color=BLUE, markersize=4, label="corrected", **style

@@ -5,9 +5,9 @@ from itertools import product
 from math import pi, sqrt
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from scipy import optimize, stats
 
@@ -219,11 +219,10 @@ class AveragingOrder(Experiment):
         for own, rows, size, title in zip(
             axes, (laws.without, laws.crossing), laws.sizes, titles, strict=True
         ):
-            style = {"color": SKY, "linewidth": 0.5, "label": "single starts"}
+            style: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "label": "single starts"}
             draw_broken(own, rows.stokes, rows.error, rows.start, **style)
-            style = {"marker": "o", "markersize": 4}
-            label = "root mean square"
-            own.plot(laws.stokes, size, color=BLUE, linewidth=2.0, label=label, **style)
+            line: dict[str, Any] = {"color": BLUE, "linewidth": 2.0, "marker": "o", "markersize": 4}
+            own.plot(laws.stokes, size, label="root mean square", **line)
             own.set(
                 xlabel="Stokes number St",
                 ylabel="largest error of L and E$/I_{max}$",
@@ -525,7 +524,12 @@ class CrossingJumps(Experiment):
         figure, (left, right) = panels(1, 2, 3.8, 3.1)
         places = np.linspace(-2.0, 5.0, 401)
         shares = (np.arange(len(along)) + 0.5) / len(along)
-        style = {"drawstyle": "steps-mid", "color": BLUE, "linewidth": 2.0, "label": "measured"}
+        style: dict[str, Any] = {
+            "drawstyle": "steps-mid",
+            "color": BLUE,
+            "linewidth": 2.0,
+            "label": "measured",
+        }
         left.plot(np.sort(along), shares, **style)
         left.plot(places, law(places), color=VERMILLION, label=r"$-\ln(2\,\sin\,\pi\xi)$")
         normal = stats.norm.cdf(places)
@@ -716,7 +720,12 @@ class SaddleEndings(Experiment):
         )
         flips = _flips(table)
         text = "end of $z'$ changes with the fast phase"
-        style = {"marker": "s", "linestyle": "--", "color": VERMILLION, "label": text}
+        style: dict[str, Any] = {
+            "marker": "s",
+            "linestyle": "--",
+            "color": VERMILLION,
+            "label": text,
+        }
         right.plot(list(flips), list(flips.values()), **style)
         right.set(
             xlabel="Stokes number St", ylabel="share of starts", xscale="log", ylim=(-0.03, 1.03)
@@ -844,8 +853,8 @@ class Basins(Experiment):
     def _draw_ends(self, figure: Figure, axes: Axes, ends: Table) -> None:
         """The map of the ends of z'."""
         thetas, psis, heights = map_of(ends, "theta psi z")
-        colors: Any = mpl.colors.ListedColormap((BLUE, YELLOW))
-        style = {"cmap": colors, "vmin": -1, "vmax": 1, "rasterized": True}
+        colors: Any = ListedColormap((BLUE, YELLOW))
+        style: dict[str, Any] = {"cmap": colors, "vmin": -1, "vmax": 1, "rasterized": True}
         mesh = axes.pcolormesh(psis, thetas, heights, **style)
         label = "$z'$ at the end, along the vorticity axis $z$"
         bar = figure.colorbar(mesh, ax=axes, label=label, ticks=(-0.5, 0.5))

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import cache
 from math import pi
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.signal import find_peaks
 
 from polhode.harness.paper.drawing import BLUE, GREEN, ORANGE, VERMILLION, draw_each, panels
@@ -226,9 +226,9 @@ class DecayRates(_Decay):
             yscale="log",
         )
         for axis in (left.xaxis, left.yaxis):
-            axis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter("{x:g}")
-            axis.set_minor_formatter(mpl.ticker.NullFormatter())
+            axis.set_minor_formatter(NullFormatter())
         left.legend()
         for kappa, line in ((0.5, "-"), (2.0, "--")):
             rows = large[large.kappa == kappa]

@@ -263,7 +263,7 @@ def _draw_sides(
         lambda rows: size(rows[averaged]),
         label=lambda side: f"averaged, $L^2 {'>' if side else '<'} 2EI_2$",
     )
-    style = {"colors": (BLACK,), "linestyle": ":", "linewidth": 1.6}
+    style: dict[str, Any] = {"colors": (BLACK,), "linestyle": ":", "linewidth": 1.6}
     draw_each(axes, table, "side", x, lambda rows: size(rows[local]), **style)
 
 
@@ -426,7 +426,12 @@ class Plane(Experiment):
             planes.draw_frame(axes, ELLIPSOID, -1.0, 1.0)
             planes.draw_paths(axes, data[""], (0.6, 0.2, 0.1))
             for kind, color, line, order in ((0, ORANGE, "--", 5), (1, VERMILLION, "-", 4)):
-                style = {"colors": (color,), "linestyle": line, "linewidth": 2.0, "zorder": order}
+                style: dict[str, Any] = {
+                    "colors": (color,),
+                    "linestyle": line,
+                    "linewidth": 2.0,
+                    "zorder": order,
+                }
                 draw_each(axes, critical[critical.kind == kind], "side", "Lz", "E", **style)
         whole.set(ylim=(0.0, 0.8))
         planes.name_points(whole, planes.POINTS)

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import acosh, inf, log, nan, pi
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -243,7 +244,12 @@ class _Sections(Experiment):
         figure, (whole, saddle) = panels(1, 2, 4.2, 3.6)
         for axes, table, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
             chaotic = np.isin(table.orbit, wild)
-            style = {"linestyle": "none", "marker": ".", "markersize": size, "rasterized": True}
+            style: dict[str, Any] = {
+                "linestyle": "none",
+                "marker": ".",
+                "markersize": size,
+                "rasterized": True,
+            }
             regular = table[~chaotic]
             axes.plot(regular.psi, regular.theta, color=BLUE, label="regular", **style)
             if chaotic.any():
@@ -470,7 +476,7 @@ class _Top(Experiment):
         figure, (axes,) = panels(1, 1, 4.4, 4.2, spatial=[0])
         unit_sphere(axes)
         axes.plot(path.x, path.y, path.z, color=BLUE, linewidth=0.6)
-        style = {"marker": "o", "color": VERMILLION, "markersize": 5, "zorder": 5}
+        style: dict[str, Any] = {"marker": "o", "color": VERMILLION, "markersize": 5, "zorder": 5}
         axes.plot(path.x[:1], path.y[:1], path.z[:1], **style)
         return figure
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from math import inf, pi
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -258,7 +259,7 @@ class Period(Experiment):
         )
         draw_levels(axes, table, "kappa", "jeffery", linestyle=":", linewidth=0.8)
         integrated = data["integrated"]
-        style = {"color": BLACK, "marker": "+", "linestyle": "none", "zorder": 4}
+        style: dict[str, Any] = {"color": BLACK, "marker": "+", "linestyle": "none", "zorder": 4}
         axes.plot(integrated.stokes, integrated.period, label="integrated in time", **style)
         axes.axhline(4 * pi, color=BLACK, linestyle="--", linewidth=0.8, label=r"$4\pi$ (free top)")
         name_line(axes, r"$2\pi(\kappa+1/\kappa)$ (Jeffery)", color=BLACK, linestyle=":")
@@ -521,7 +522,7 @@ class PlanarFlows(Experiment):
             label=lambda kappa: rf"$\kappa$ = {kappa:g}",
             marker="o",
         )
-        style = {"color": "0.4", "linestyle": ":", "linewidth": 0.8}
+        style: dict[str, Any] = {"color": "0.4", "linestyle": ":", "linewidth": 0.8}
         draw_levels(axes, table, "kappa", "printed", **style)
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -215,7 +216,7 @@ class Pinch(Experiment):
         _draw_runs(axes[2], data["tilted"])
         axes[2].set(title=r"$L_y \neq 0$ at the start", ylim=(0.0, 0.16))
         for color, (kappa, rows) in zip(CYCLE, groups(data["crossing"], "kappa"), strict=False):
-            style = {"marker": ".", "linestyle": "none", "markersize": 2}
+            style: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2}
             axes[3].plot(rows.stokes, rows.least, color=color, **style)
             stokes, mean = root_mean_squares(rows, "stokes", "least")
             axes[3].plot(stokes, mean, color=color, label=rf"$\kappa$ = {kappa:g}")
@@ -241,7 +242,7 @@ def _draw_runs(axes: Axes, table: Table) -> None:
     draw_frame(axes, spheroid(KAPPA), -0.55, 0.4)
     for color, (stokes, rows) in zip(RUNS, groups(table, "path"), strict=False):
         order = 5 if np.isinf(stokes) else 3
-        style = {"color": color, "linewidth": WIDTHS[stokes], "zorder": order}
+        style: dict[str, Any] = {"color": color, "linewidth": WIDTHS[stokes], "zorder": order}
         axes.plot(rows.Lz, rows.E, label=run_name(stokes), **style)
 
 

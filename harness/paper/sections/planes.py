@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -137,7 +138,7 @@ class PlanesOfBodies(Experiment):
         for own, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
             planes.draw_frame(own, body, -0.8, 0.8)
             full = table[table.stokes == stokes]
-            style = {"linewidth": 0.9}
+            style: dict[str, Any] = {"linewidth": 0.9}
             draw_broken(own, full.Lz, full.E, full.path, color=BLUE, label="full", **style)
             draw_broken(own, slow.Lz, slow.E, slow.path, color=AVERAGED, label="averaged", **style)
             title = f"{name_of(body)}, St = {stokes:g}"

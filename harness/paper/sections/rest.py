@@ -236,7 +236,7 @@ class Sphere(Experiment):
 def _draw_orbit(axes: Axes, jeffery: Table) -> None:
     """Draw the Jeffery orbit and its start on the sphere."""
     sphere: Any = axes  # Its methods for three dimensions are no part of Axes.
-    style = {"color": GREEN, "linestyle": "--", "linewidth": 1.3, "zorder": 4}
+    style: dict[str, Any] = {"color": GREEN, "linestyle": "--", "linewidth": 1.3, "zorder": 4}
     sphere.plot(jeffery.x, jeffery.y, jeffery.z, label="Jeffery orbit", **style)
     dot = {"marker": "o", "color": BLACK, "markersize": 4, "zorder": 5}
     sphere.plot(jeffery.x[:1], jeffery.y[:1], jeffery.z[:1], **dot)
@@ -379,7 +379,7 @@ class Transient(Experiment):
     def _draw_onsets(self, axes: Axes, onset: Table) -> None:
         """Onset times against St."""
         root = onset.stokes**0.5
-        style = {"linestyle": "none"}
+        style: dict[str, Any] = {"linestyle": "none"}
         turned = onset.turned * root
         axes.plot(onset.stokes, turned, marker="o", color=BLUE, label="turned by 1 rad", **style)
         wiggle = onset.wiggle * root

@@ -1,6 +1,7 @@
 """Slow variables in time, full against averaged: one start at several Stokes numbers."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -222,7 +223,12 @@ class SlowMotion(Experiment):
         figure, axes = panels(2, 3, 3.2, 2.4)
         for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 3), ("E", 4)):
             self._draw_variable(axes[place], data, name)
-        style = {"marker": "o", "color": BLUE, "markersize": 3.5, "label": "measured"}
+        style: dict[str, Any] = {
+            "marker": "o",
+            "color": BLUE,
+            "markersize": 3.5,
+            "label": "measured",
+        }
         axes[2].plot(errors.stokes, errors.error, **style)
         draw_power(axes[2], errors.stokes, errors.error[-1], -1)
         axes[2].set(

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -248,7 +249,7 @@ class Projections(Experiment):
         for color, (azimuth, rows) in zip(
             (BLUE, BLACK, ORANGE), groups(table, "azimuth"), strict=True
         ):
-            style = {"color": color, "linewidth": 0.8, "label": AZIMUTHS[azimuth]}
+            style: dict[str, Any] = {"color": color, "linewidth": 0.8, "label": AZIMUTHS[azimuth]}
             draw_broken(axes, rows.Lz, rows[across], rows.cosine, **style)
         place = (node[0], node[1] if across == "E" else 0.0)
         planes.draw_point(axes, "stable node", place)
@@ -329,7 +330,7 @@ class LPlanes(Experiment):
             parts = by(starts, "ratio")
             for color, (ratio, part) in zip(CYCLE, groups(rows, "ratio"), strict=False):
                 label = f"$L_{{xy}}/|L_z|$ = {abs(ratio):g}"
-                style = {"color": color, "linewidth": 1.1, "label": label}
+                style: dict[str, Any] = {"color": color, "linewidth": 1.1, "label": label}
                 draw_broken(own, part.L, share_of(part.E, part.L), part.path, **style)
                 first = parts[ratio]
                 own.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
