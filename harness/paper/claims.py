@@ -10,6 +10,7 @@ from polhode.harness.paper.sections import (
     ellipsoids,
     limits,
     periods,
+    remarks,
     rest,
     spheroids,
 )
@@ -21,6 +22,7 @@ SECTIONS = (
     clocks.SECTION,
     ellipsoids.SECTION,
     rest.SECTION,
+    remarks.SECTION,
     appendix.SECTION,
     beyond.SECTION,
 )
