@@ -229,8 +229,8 @@ class Waves(Experiment):
             f"At St = {WAVE_STOKES:g} the angular frequencies of the fast oscillation of E are "
             f"{named}. κ = 3.33 has {spheroids.frequency[1] / spheroids.frequency[0]:.2f} times the "
             f"frequency of κ = 2. From the top to the foot of a column of ellipsoids it grows by "
-            f"factors of {joined(growth, '.2f')}, {steady}. Two swings that follow each other in the same direction differ "
-            f"by factors of {joined(np.exp(near), '.2f')} for the four near-spheroids and of "
+            f"factors of {joined(growth, '.2f')}, {steady}. Two swings that follow each other in "
+            f"the same direction differ by factors of {joined(np.exp(near), '.2f')} for the four near-spheroids and of "
             f"{joined(np.exp(triaxial), '.2f')} for the two bodies between.",
             "Angular frequency of the oscillation of E, and median factor between neighbouring "
             f"swings, from (L_z0/I_max, θ₀) = ({WAVE_START[0]:g}, {WAVE_START[1]:g}), St = "
