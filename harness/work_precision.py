@@ -1,193 +1,475 @@
 """Cost against accuracy of several solvers on one problem, whatever it describes, and on classical test problems."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property, partial
+from itertools import product
 from math import inf
 from numbers import Real
+from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
+from polhode.harness.analysis.equal_error import best_of_families
 from polhode.harness.analysis.frames import rows_of
-from polhode.harness.common.files import digest
+from polhode.harness.common.files import digest, dumps, write_file
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.common.progress import Progress
 from polhode.harness.common.store import Record, Store
-from polhode.harness.common.timing import time_runs, within
+from polhode.harness.common.timing import Timing, collector_off, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
-from polhode.harness.ivp import check_samples
-from polhode.harness.references.extended import reference_runs
-from polhode.harness.references.reference import LONG_DOUBLE, SAFETY
+from polhode.harness.ivp import atol_of, check_samples
+from polhode.harness.references.any_problem import OwnReference, reference_of
+from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.runner import COMPILATION, how_failed
+from polhode.harness.studies.setups import Setup, as_setups, run_function, start_time
 from polhode.models.libraries import need
+from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
 from polhode.models.registry import hint
-from polhode.solvers.catalogue import SOLVERS, available_like, solver as find_solver
-from polhode.solvers.compile import as_it_stands, check_field
-from polhode.solvers.contract import Solver, Status
-from polhode.solvers.solve import Solution, solve
+from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
+from polhode.solvers.compile import check_field, frozen
+from polhode.solvers.contract import Status
+from polhode.solvers.solve import solve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 # Of the classical problems.
 TOLERANCES, QUICK = tuple(10.0**-k for k in range(3, 13)), (1e-4, 1e-7, 1e-10)
-# What the reference is compared with where the right-hand side branches.
-BRANCHES = "cyrk-dop853", 1e-10
+# Errors by name: the largest at any sample, that at the end, the root of the mean square.
+ERRORS = ("max", "final", "L2")
+# An error above this share of the state's size is no accuracy: it is not known, and no success.
+_NO_ACCURACY = 0.1
+# A reference less certain than this contradicts no run.
+_SURE = 0.01
+
+Atol = float | Sequence[float] | Callable[[float], float | Sequence[float]] | None
 
 
-@dataclass(frozen=True)
 class WorkPrecision:
-    """A work-precision study of one problem: `frame` holds the rows, `plot` draws them.
+    """A work-precision study of one problem: `frame` holds the rows, `plot` draws them, `write` makes a page.
 
-    The column `error` is the largest deviation of any component at any sample from a Taylor
-    solution in long double, over that component's largest magnitude; `uncertainty` is that of this
-    reference, ten times the difference of two tolerances. Without heyoka, which runs Taylor's
-    method, the reference is a run in double precision, and its uncertainty ten times the difference
-    from a run by an unlike method. `seconds` is the fastest warm run. A line
-    on the terminal says how far the study is.
+    A row is a solver at a relative tolerance. `seconds` is the fastest warm run, the integration
+    alone, as in `solve(...).seconds`; `compile_seconds` is what preparing the solver took, nothing
+    once that is cached; `trace_seconds` what tracing the function took, once for all rows. `error`
+    is measured against `reference`, whose `uncertainty` is in the same measure. `known` marks errors
+    above ten times that and not above 0.1. A run that is off by more than 0.1 of the state's size is
+    a `false_success`.
 
     Parameters
     ----------
-    problem : Problem
-        One's own (`Problem.from_function`) or a form's (`form("quaternion").problem(scene)`).
-    solvers : sequence of str or Solver, optional
-        Catalogue names or solvers of one's own; by default every solver that accepts the problem.
+    problem : Problem or callable
+        One's own (`Problem.from_function`) or a form's (`form("quaternion").problem(scene)`). With
+        `over`, it may be a function of the parameters named there that returns a Problem.
+    solvers : sequence or dict, optional
+        Catalogue names, solvers of one's own, or functions ``mine(f, t_span, y0, t_eval, rtol,
+        atol) -> states`` that return states of shape (len(t_eval), d). Any of these may stand in a
+        pair with a dictionary of options: ``("radau", {"max_step": 0.1})``. A dictionary gives them
+        labels. By default every solver that accepts the problem.
     tolerances : sequence of float
+        Relative tolerances.
     samples : int
         Equispaced times at which the error is measured.
     max_seconds : float
-        Time limit of a run. A solver stopped by it does not run at tighter tolerances; the row
-        stays.
+        Time limit of a run, those of the reference too. A solver stopped by it does not run at
+        tighter tolerances; the row stays.
+    quiet : bool
+        No progress on the terminal.
     classical : Classical, optional
-        A test problem: the error is that of the end, `Classical.error`, against the published one.
+        A test problem: the error is that of the end, `Classical.error`, against the published one,
+        and `atol` its authors'.
+    atol : float, sequence of float or callable, optional
+        Absolute tolerance of all rows, one number or one per component; or a function of the
+        relative tolerance, ``lambda rtol: 1e-6 * rtol``. By default the relative tolerance times the
+        largest component of the start.
+    error : {"max", "final", "L2"}
+        The largest deviation of any component at any sample; the largest at the end; the root mean
+        square over samples and components.
+    relative : bool
+        Whether a component's deviation is divided by that component's largest magnitude.
+    reference : callable, ndarray or solution, optional
+        One's own: a function of the user's time that returns the state, states of shape (samples,
+        d), or a solution with `sol`. Taken as exact.
+    over : dict, optional
+        A parameter of the function by name, and its values: the study is made for all of them, and
+        `frame` has a column for the parameter.
     """
 
-    problem: Problem
-    solvers: Sequence[str | Solver] | None = None
-    tolerances: Sequence[float] = (1e-4, 1e-6, 1e-8, 1e-10)
-    samples: int = 101
-    max_seconds: float = 10.0
-    quiet: bool = False
-    classical: Classical | None = None
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.problem, Problem):
+    def __init__(
+        self,
+        problem: Problem | Callable[..., Problem],
+        solvers: Any = None,
+        tolerances: Sequence[float] = (1e-4, 1e-6, 1e-8, 1e-10),
+        samples: int = 101,
+        max_seconds: float = 10.0,
+        quiet: bool = False,
+        classical: Classical | None = None,
+        *,
+        atol: Atol = None,
+        error: str = "max",
+        relative: bool = True,
+        reference: Any = None,
+        over: Mapping[str, Sequence[float]] | None = None,
+    ) -> None:
+        if not (isinstance(problem, Problem) or (over and callable(problem))):
             expected = "expected a Problem: Problem.from_function(f, y0, t_end), or a form's"
-            raise ValueError(f"problem: got {self.problem!r:.60}, {expected}")
-        check_samples(self.samples)
-        given = [*self.tolerances] if np.iterable(self.tolerances) else []
+            raise ValueError(f"problem: got {problem!r:.60}, {expected}")
+        check_samples(samples)
+        given = [*tolerances] if np.iterable(tolerances) else []
         if not (given and all(isinstance(each, Real) and each > 0 for each in given)):
-            raise ValueError(f"tolerances: got {self.tolerances!r}, expected positive numbers")
-        object.__setattr__(self, "problem", as_it_stands(self.problem))
+            raise ValueError(f"tolerances: got {tolerances!r}, expected positive numbers")
+        if error not in ERRORS:
+            raise ValueError(f"error: got {error!r}, expected one of {', '.join(ERRORS)}")
+        if not max_seconds > 0:
+            raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
+        self.solvers, self.tolerances, self.samples = solvers, tuple(given), samples
+        self.max_seconds, self.quiet, self.classical = max_seconds, quiet, classical
+        self.atol, self.error, self.relative = atol, error, relative
+        if classical and atol is None:
+            self.atol = classical.atol
+        self.own_reference, self.over = reference, dict(over or {})
+        began = perf_counter()
+        self.problem = frozen(problem) if isinstance(problem, Problem) else problem
+        self.trace_seconds = perf_counter() - began
+
+    @property
+    def name(self) -> str:
+        """The problem's name."""
+        return str(getattr(self.problem, "name", getattr(self.problem, "__name__", "problem")))
+
+    @property
+    def one(self) -> Problem:
+        """The problem, of a study of one; ValueError of one over a parameter, whose `studies` have one each."""
+        if self.over or not isinstance(self.problem, Problem):
+            raise ValueError(
+                f"over: got {', '.join(self.over)}, expected `studies`: one for each value"
+            )
+        return self.problem
+
+    @cached_property
+    def studies(self) -> list[tuple[dict[str, float], "WorkPrecision"]]:
+        """The studies that this one consists of, each with its values of the parameters in `over`."""
+        points = [
+            dict(zip(self.over, values, strict=True)) for values in product(*self.over.values())
+        ]
+        if not self.over:
+            return [({}, self)]
+        return [(point, self._at(point)) for point in points]
+
+    def _at(self, point: dict[str, float]) -> "WorkPrecision":
+        base = self.problem
+        one = isinstance(base, Problem)
+        problem = _with_parameters(base, point) if one else base(**point)
+        reference = self.own_reference
+        if callable(reference) and not hasattr(reference, "sol"):
+            reference = _at_point(reference, point)
+        words = ", ".join(f"{name} = {value:g}" for name, value in point.items())
+        return WorkPrecision(
+            replace(problem, name=f"{problem.name}, {words}"),
+            *(self.solvers, self.tolerances, self.samples, self.max_seconds, self.quiet),
+            atol=self.atol,
+            error=self.error,
+            relative=self.relative,
+            reference=reference,
+        )
 
     @cached_property
     def reference(self) -> tuple[np.ndarray, float]:
-        """States in long double, shape (samples, d), and their uncertainty in the same measure as the errors."""
+        """States, shape (samples, d), and their uncertainty in the same measure as the errors."""
+        return self._reference.states, self._reference.uncertainty
+
+    @property
+    def source(self) -> str:
+        """Where the reference comes from, in words."""
+        return self._reference.source
+
+    @cached_property
+    def _reference(self) -> OwnReference:
+        problem = self.one
         if self.classical:
             # What the end is worth is part of the test problem.
-            return np.array([self.problem.start, self.classical.reference]), 0.0
-        states, loose = reference_runs(self.problem, self.times, LONG_DOUBLE)
-        apart = SAFETY * self.error_of(loose, states)
-        # Taylor's method sees no branch within a step.
-        return states, max(
-            apart, self._stepped(states) if getattr(self.problem.field, "branches", False) else 0.0
-        )
+            ends = np.array([problem.start, self.classical.reference])
+            return OwnReference(ends, 0.0, self.classical.source)
+        if self.own_reference is not None:
+            return OwnReference(self._given(self.own_reference), 0.0, "given")
+        return reference_of(problem, self.times, self.error_of, self.max_seconds)
 
-    def _stepped(self, exact: np.ndarray) -> float:
-        """How far a method that steps into kinks, begun anew at every sample, is from the reference."""
-        states = [np.array(self.problem.start)]
-        name, tolerance = BRANCHES
-        for duration in np.diff(self.times).tolist():
-            piece = replace(self.problem, start=tuple(states[-1].tolist()), end=duration)
-            run = solve(piece, available_like(name), tolerance, max_seconds=self.max_seconds)
-            if not run.success:
-                return inf
-            states.append(run.states[-1])
-        return self.error_of(np.array(states), exact)
+    def _given(self, reference: Any) -> np.ndarray:
+        """States of a reference of one's own, shape (samples, d)."""
+        problem, times = self.one, self.times
+        states: np.ndarray
+        if hasattr(reference, "sol") and callable(reference.sol):
+            own = isinstance(getattr(reference, "problem", None), Problem)
+            states = np.asarray(reference.sol(times if own else times + start_time(problem))).T
+        elif callable(reference):
+            own_times = (times + start_time(problem)).tolist()
+            states = np.array([reference(t) for t in own_times], dtype=float).reshape(
+                len(times), -1
+            )
+        else:
+            states = np.asarray(reference)
+        if states.ndim != 2 or len(states) != len(times) or states.shape[1] < self._components:
+            expected = f"states of shape {(len(times), self._components)}"
+            raise ValueError(f"reference: got shape {states.shape}, expected {expected}")
+        if not np.isfinite(states.astype(float)).all():
+            raise ValueError("reference: got numbers that are not finite, expected finite ones")
+        return states
+
+    @property
+    def _components(self) -> int:
+        """Components of the state but for a time."""
+        return self.one.dimension - self.one.timed
 
     @property
     def times(self) -> np.ndarray:
         """Sample times in the problem's own time."""
-        return np.linspace(0.0, self.problem.end, self.samples)
+        return np.linspace(0.0, self.one.end, self.samples)
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """One row per solver and tolerance; `known` marks errors above ten times the reference's uncertainty."""
-        check_field(self.problem)
-        rows, methods = [], self._accepted()
+        """One row per solver and tolerance, and per value of the parameters in `over`."""
+        if self.over:
+            return pd.concat(
+                [study.frame.assign(**point) for point, study in self.studies], ignore_index=True
+            )
+        rows, setups = [], as_setups(self.solvers, self.one)
+        if any(setup.solver for setup in setups):
+            check_field(self.one)
         with Progress(self.quiet) as progress:
-            progress.begin(f"{self.problem.name}: reference")
-            exact, uncertainty = self.reference
-            for i, method in enumerate(methods):
-                progress.begin(
-                    f"{self.problem.name}: {method.name}, {i + 1} of {len(methods)} solvers"
-                )
+            loosest = max(self.tolerances)
+            compiled = [
+                _prepared(one, self.one, loosest, self._atol_of(one, loosest)) for one in setups
+            ]
+            progress.begin(f"{self.name}: reference")
+            exact, uncertainty, missing = None, None, ""
+            try:
+                exact, uncertainty = self.reference
+            except ReferenceFailedError as error:
+                missing = str(error)
+            for i, setup in enumerate(setups):
+                progress.begin(f"{self.name}: {setup.label}, {i + 1} of {len(setups)} solvers")
                 for tolerance in sorted(self.tolerances, reverse=True):
-                    row = self._measure(method, tolerance, exact)
-                    known = row["error"] is not None and row["error"] > least_known(uncertainty)
-                    rows.append({**row, "uncertainty": uncertainty, "known": known})
+                    row = self._measure(setup, tolerance, exact, uncertainty)
+                    if tolerance == loosest and compiled[i] is not None:
+                        row["compile_seconds"] = compiled[i]
+                    rows.append({**row, "message": row["message"] or missing})
                     if row["status"] == Status.TIME_LIMIT:
                         break
         return pd.DataFrame(rows)
 
-    def plot(self, axes: "Axes") -> "Axes":
-        """Draw wall time against error, grey where the reference does not resolve it; return the axes."""
-        need("plot", "matplotlib")
-        from polhode.harness.pages.figures.work_precision import work_precision
+    def plot(self, axes: "Axes", *, best: bool = False, reach: float | None = None) -> "Axes":
+        """Draw wall time against error, titled with problem and tolerances, named by solvers; return the axes.
 
-        names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
-        work_precision(axes, self.frame.rename(columns=names).assign(form=""))
-        axes.xaxis.set_inverted(True)
-        axes.set(
-            xlabel="largest relative error; more accurate to the right",
-            ylabel="wall time of a warm run, s",
-        )
-        return axes
+        Errors that the reference does not resolve are grey. With `best`, the fastest of each family
+        of solvers alone. A study over a parameter is drawn as the time that each solver takes to
+        `reach` an error, 1e-6 by default, against the parameter.
+        """
+        need("plot", "matplotlib")
+        from polhode.harness.pages import own_problem
+
+        frame = self.best() if best else self.frame
+        if self.over:
+            return own_problem.draw_over(axes, frame, self, reach or 1e-6)
+        return own_problem.draw(axes, frame, self)
+
+    def best(self) -> pd.DataFrame:
+        """The rows of the solver of each family that is the fastest at most of the errors reached."""
+        return best_of_families(self.frame)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write `frame` as CSV."""
+        return write_file(Path(path), self.frame.to_csv(index=False))
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write the study's settings and its rows as JSON."""
+        rows = rows_of(self.frame)
+        return write_file(Path(path), dumps({**self.settings(), "rows": rows}) + "\n")
+
+    def settings(self) -> dict[str, Any]:
+        """What was asked for, and what the reference is."""
+        sources = [_source(study) for _, study in self.studies]
+        return {
+            "problem": self.name,
+            "tolerances": list(self.tolerances),
+            "atol": self._atol_in_words(),
+            "error": f"{'relative' if self.relative else 'absolute'}, {self.error}",
+            "samples": self.samples,
+            "max_seconds": self.max_seconds,
+            "over": {name: [*values] for name, values in self.over.items()},
+            "reference": sources if self.over else sources[0],
+            "machine": machine(),
+            "versions": versions(),
+        }
+
+    def write(self, folder: str | Path, command: str = "") -> Path:
+        """Write page, figure, `runs.csv` and `runs.json` into a folder; return the page's path."""
+        need("write", "matplotlib")
+        from polhode.harness.pages import own_problem
+
+        return own_problem.write_page(self, Path(folder), command)
 
     def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:
-        """The largest deviation of any component, over that component's largest magnitude."""
+        """The error of states of shape (samples, d), as `error` and `relative` say."""
         if self.classical:
             return self.classical.error(states[-1])
-        size = np.max(np.abs(exact), axis=0)
-        return float(np.max(np.abs(states - exact) / np.where(size > 0, size, 1)))
+        components = self._components
+        exact = exact[:, :components]
+        off = np.abs(states[:, :components] - exact)
+        if self.relative:
+            size = np.max(np.abs(exact), axis=0)
+            off = off / np.where(size > 0, size, 1)
+        if self.error == "L2":
+            return float(np.sqrt(np.mean(off**2)))
+        return float(np.max(off[-1] if self.error == "final" else off))
 
-    def _accepted(self) -> list[Solver]:
-        named = self.solvers is not None
-        if isinstance(self.solvers, str) or (named and not self.solvers):
-            raise ValueError(
-                f"solvers: got {self.solvers!r}, expected a sequence: [{self.solvers or 'taylor'!r}]"
-            )
-        methods = [find_solver(name) for name in self.solvers or SOLVERS]
-        return [each for each in methods if named or (each.available and each.takes(self.problem))]
+    def _atol_in_words(self) -> Any:
+        if callable(self.atol):
+            return {f"{tolerance:g}": self.atol(tolerance) for tolerance in self.tolerances}
+        return "rtol × largest component of the start" if self.atol is None else self.atol
 
-    def _measure(self, method: Solver, tolerance: float, exact: np.ndarray) -> dict[str, Any]:
-        def run(limit: float = self.max_seconds, *, count: bool = False) -> Solution:
-            return solve(
-                self.problem, method, tolerance, self.times, count=count, max_seconds=limit
-            )
+    def _atol_of(self, setup: Setup, tolerance: float) -> Any:
+        if "atol" in setup.options:
+            return setup.options["atol"]
+        if not setup.has_atol and self.atol is None:
+            return None
+        if callable(self.atol):
+            return self.atol(tolerance)
+        if self.atol is not None:
+            return self.atol
+        return atol_of(tolerance, self.one.start[: self._components])[0]
 
-        solution, _ = within(
-            self.max_seconds, partial(run, count=True), lambda own: own.status is Status.TIME_LIMIT
+    def _measure(
+        self, setup: Setup, tolerance: float, exact: np.ndarray | None, uncertainty: float | None
+    ) -> dict[str, Any]:
+        problem, times, atol = self.one, self.times, self._atol_of(setup, tolerance)
+        options = {name: value for name, value in setup.options.items() if name != "atol"}
+
+        def run(limit: float = inf, *, count: bool = False, doubt: bool = False) -> Any:
+            if setup.solver is None:
+                return run_function(setup, problem, times, tolerance, atol, count=count)
+            how = {"count": count, "max_seconds": limit, "doubt": doubt, **options}
+            return solve(problem, setup.solver, tolerance, times, atol=atol, **how)
+
+        compile_seconds = _prepared(setup, problem, tolerance, atol)
+        first, _ = within(
+            self.max_seconds,
+            partial(run, count=True, doubt=True),
+            lambda one: one.status is Status.TIME_LIMIT,
         )
-        timing = time_runs(partial(run, inf)) if solution.success else None
+        status, message = first.status, first.message
+        error = self.error_of(first.states, exact) if first.success and exact is not None else None
+        if error is not None and exact is not None:
+            apart = self._apart(first.states, exact)
+            if apart > _NO_ACCURACY and uncertainty is not None and uncertainty < _SURE:
+                status, error = Status.FALSE_SUCCESS, None
+                message = f"off by {apart:.2g} of the state's size"
+        timing = None
+        if status.success and first.seconds <= self.max_seconds:
+            timing = _timed(run)
+        if setup.solver is None and timing:
+            # What the first call took beyond the others: a library's own compilation.
+            compile_seconds = max(0.0, first.seconds - timing.seconds)
+        least = least_known(uncertainty)
         return {
-            "solver": method.name,
+            "solver": setup.label,
             "tolerance": tolerance,
-            "status": str(solution.status),
-            "message": solution.message,
-            "error": self.error_of(solution.states, exact) if solution.success else None,
+            "atol": atol if atol is None or np.ndim(atol) == 0 else tuple(atol),
+            "status": str(status),
+            "message": message,
+            "error": error,
             "seconds": timing.seconds if timing else None,
             "spread": timing.spread if timing else None,
-            "implicit": method.implicit,
-            **vars(solution.work),
+            "compile_seconds": compile_seconds,
+            "trace_seconds": self.trace_seconds,
+            "family": setup.family,
+            "implicit": setup.implicit,
+            **vars(first.work),
+            "uncertainty": uncertainty,
+            "known": error is not None and bool(least < error <= _NO_ACCURACY),
         }
+
+    def _apart(self, states: np.ndarray, exact: np.ndarray) -> float:
+        """The largest deviation of any component over the size of the whole state."""
+        components = self._components
+        exact = exact[:, :components]
+        off = (states[[0, -1]] if self.classical else states)[:, :components] - exact
+        size = float(np.max(np.abs(exact))) or 1.0
+        return float(np.max(np.abs(off))) / size
+
+
+def _timed(run: Callable[[], Any]) -> Timing:
+    """Times of repeated runs, of the integration alone."""
+    timing = None
+    while timing is None or timing.wants_more:
+        with collector_off():
+            seconds = run().seconds
+        timing = Timing((*(timing.runs if timing else ()), seconds))
+    return timing
+
+
+def _prepared(setup: Setup, problem: Problem, tolerance: float, atol: Any) -> float | None:
+    """Seconds that preparing a solver takes, imports left out; None of a plain function. Its run says what is wrong."""
+    if setup.solver is None or not setup.solver.available:
+        return None
+    before = SPENT["compilation"]
+    with suppress(Exception):
+        # A run that ends at its first step.
+        limits = {"max_steps": 1, "max_seconds": 1e-9, "doubt": False}
+        solve(problem, setup.solver, tolerance, **{**setup.options, "atol": atol, **limits})
+    return SPENT["compilation"] - before
+
+
+def _source(study: WorkPrecision) -> str:
+    try:
+        return study.source
+    except ReferenceFailedError as error:
+        return str(error)
+
+
+def _at_point(reference: Callable[..., Any], point: dict[str, float]) -> Callable[[float], Any]:
+    """A reference of time alone: one that takes the parameters besides gets them."""
+    names = inspect.signature(reference).parameters
+    if not all(name in names for name in point):
+        return reference
+    return lambda t: reference(t, **point)
+
+
+def _with_parameters(problem: Problem, point: dict[str, float]) -> Problem:
+    """A problem of one's own function with some parameters changed; ValueError by other names."""
+    if not isinstance(problem.field, OwnField):
+        expected = "a Problem.from_function, or a function of the parameters that returns a Problem"
+        raise ValueError(f"over: got {', '.join(point)} of {problem.name!r}, expected {expected}")
+    count = len(problem.parameters or ())
+    names = [*inspect.signature(problem.field.function).parameters][2 : 2 + count]
+    parameters = list(problem.parameters or ())
+    for name, value in point.items():
+        if name not in names:
+            expected = f"one of {', '.join(names)}" if names else "a function with parameters"
+            raise ValueError(f"over: got {name!r}{hint(name, names)}, expected {expected}")
+        parameters[names.index(name)] = float(value)
+    return replace(problem, parameters=tuple(parameters))
+
+
+def side_by_side(studies: Sequence[WorkPrecision], *, best: bool = False) -> "Figure":
+    """A figure with one panel for each study, with one legend."""
+    need("side_by_side", "matplotlib")
+    from polhode.harness.pages import own_problem
+
+    return own_problem.panels_of(
+        [(own_problem.title(study), study.best() if best else study.frame) for study in studies]
+    )
 
 
 def measured(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from time import perf_counter
 from typing import Any
@@ -217,6 +217,17 @@ def _has_rates(problem: Problem, state: np.ndarray) -> bool:
     with np.errstate(all="ignore"), suppress(Exception):
         return bool(np.isfinite([*state, *problem.field(ARRAYS)(state, parameters)]).all())
     return True
+
+
+def wrapped_start(problem: Problem) -> Problem:
+    """The problem with its angles at the start within a turn of 0: a tolerance is relative to them too."""
+    far = [i for i in problem.periodic if abs(problem.start[i]) > 2 * pi]
+    if not far or problem.course:
+        return problem
+    start = list(problem.start)
+    for i in far:
+        start[i] %= 2 * pi
+    return replace(problem, start=tuple(start))
 
 
 def wrapped(problem: Problem, times: np.ndarray) -> Course:

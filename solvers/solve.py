@@ -22,7 +22,7 @@ from polhode.solvers.contract import (
     Work,
 )
 from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
-from polhode.solvers.pieces import Run, Stage, wrapped
+from polhode.solvers.pieces import Run, Stage, wrapped, wrapped_start
 from polhode.solvers.singularity import jumped
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def solve(
     Interrupted
         On Ctrl-C, with the finished part.
     """
-    method, problem = find_solver(solver), as_it_stands(problem)
+    method, problem = find_solver(solver), wrapped_start(as_it_stands(problem))
     rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
     limits = {"max_step": max_step, "first_step": first_step}
     settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)

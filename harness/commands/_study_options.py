@@ -100,7 +100,10 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
         "--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words."
     )
     file = click.argument(
-        "study_file", metavar="[STUDY.toml]", required=False, type=click.Path(path_type=Path)
+        "study_file",
+        metavar="[STUDY.toml|FILE.py:NAME]",
+        required=False,
+        type=click.Path(path_type=Path),
     )
     return file(out(quick(resume(quiet(disturbed(wanting))))))
 

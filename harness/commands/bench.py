@@ -43,6 +43,9 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     if problems:
         _problems(wanted, page_only)
         return
+    if ".py:" in str(wanted.study_file or ""):
+        _own_problem(wanted, page_only)
+        return
     from polhode.harness.analysis.frames import NEEDED, frame, of_runs
     from polhode.harness.calibration.fit import refit
     from polhode.harness.common.store import read_export
@@ -92,6 +95,53 @@ def _problems(wanted: Wanted, page_only: bool) -> None:
     with stored(folder, wanted.resume) as store:
         rows = run_problems(store, *some, quick=wanted.quick, quiet=wanted.quiet)
     click.echo(f"{write_page(rows, folder, command_line())}")
+
+
+def _own_problem(wanted: Wanted, page_only: bool) -> None:
+    """Work and precision of ``FILE.py:NAME``, a Problem or a WorkPrecision of the user's own."""
+    from polhode.harness.work_precision import QUICK, WorkPrecision
+    from polhode.models.problem import Problem
+
+    given, filters = str(wanted.study_file), wanted.filters
+    if page_only or wanted.resume or any(filters[kind] for kind in ("scenes", "tags", "forms")):
+        raise BadInput(f"{given}: got --page-only, --resume or filters, expected --solver at most")
+    with bad_input():
+        study = _object_in(given)
+        if isinstance(study, Problem):
+            settings = {"tolerances": QUICK, "max_seconds": 1.0} if wanted.quick else {}
+            solvers = list(filters["solvers"]) or None
+            study = WorkPrecision(study, solvers, quiet=wanted.quiet, **settings)
+        elif not isinstance(study, WorkPrecision):
+            raise ValueError(f"{given}: got {study!r:.60}, expected a Problem or a WorkPrecision")
+        folder = wanted.out or options.usual(f"reports/{study.name}", wanted.quick)
+        make_folder(folder)
+        page = study.write(folder, command_line())
+    click.echo(f"{page}")
+
+
+def _object_in(given: str) -> Any:
+    """The object that ``FILE.py:NAME`` names; ValueError, in one line, if there is none."""
+    import sys
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    path, _, name = given.rpartition(":")
+    file = Path(path)
+    if not file.is_file():
+        raise ValueError(f"{path}: no such file, expected FILE.py:NAME")
+    spec = spec_from_file_location(file.stem, file)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"{path}: got no module of Python, expected FILE.py:NAME")
+    # What lies beside the file may be imported by it.
+    sys.path.insert(0, str(file.resolve().parent))
+    module = sys.modules[file.stem] = module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        words = " ".join(str(error).split())
+        raise ValueError(f"{path}: {type(error).__name__}: {words}") from error
+    if not hasattr(module, name):
+        raise ValueError(f"{path}: got no {name!r}, expected the name of a Problem in it")
+    return getattr(module, name)
 
 
 @command(needs=PAGE_LIBRARIES)

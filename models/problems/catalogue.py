@@ -44,7 +44,8 @@ def _problem(entry: dict[str, Any], sources: dict[str, str]) -> Classical:
         entry["name"], field, tuple(entry["start"]), entry["end"], None if mass else (), mass
     )
     source, hopeless = entry["source"].format(**sources), tuple(entry.get("hopeless", ()))
-    return Classical(problem, tuple(entry["reference"]), entry["stiff"], source, hopeless)
+    reference, ratio = tuple(entry["reference"]), entry.get("atol_per_rtol", 1.0)
+    return Classical(problem, reference, entry["stiff"], source, hopeless, ratio)
 
 
 PROBLEMS = read_toml(files("polhode.models.problems") / "problems.toml", _problems)

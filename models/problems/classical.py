@@ -21,6 +21,8 @@ class Classical:
         Where problem and digits are published; where none are, how the digits were found.
     hopeless : tuple of str
         Solvers that would take minutes, and prove nothing.
+    atol_per_rtol : float
+        Absolute tolerance over the relative one, as those who published the problem chose it.
     """
 
     problem: Problem
@@ -28,6 +30,11 @@ class Classical:
     stiff: bool
     source: str
     hopeless: tuple[str, ...] = ()
+    atol_per_rtol: float = 1.0
+
+    def atol(self, rtol: float) -> float:
+        """The absolute tolerance that belongs to a relative one."""
+        return self.atol_per_rtol * rtol
 
     def error(self, state: np.ndarray) -> float:
         """Largest error of a component, relative where the component exceeds one in size."""

@@ -414,3 +414,11 @@ def test_threads_do_not_share_an_integrator_that_holds_a_state():
 def test_a_deadline_is_looked_at_more_often_when_it_is_near(left: float, usual: int, steps: int):
     record = Record(np.zeros(2), np.zeros((2, 1)), deadline=perf_counter() + left)
     assert record.chunk(usual) == steps
+
+
+def test_angles_of_many_turns_at_the_start_cost_no_accuracy():
+    far = replace(TURNS, start=(2e5 * np.pi + 0.3, 0.0), end=20.0)
+    near = replace(TURNS, start=(0.3, 0.0), end=20.0)
+    for name in ("taylor", "cyrk-vern7"):
+        one, other = (solve(problem, name, 1e-8).states[-1] for problem in (far, near))
+        assert one[1] == pytest.approx(other[1], abs=1e-7)

@@ -1,0 +1,49 @@
+"""What solvers of a work-precision study take for an error, who is the best of a library, and both over a parameter."""
+
+import numpy as np
+import pandas as pd
+
+from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.pareto import cost, front
+from polhode.harness.references.uncertainty import least_known
+
+# Errors at which solvers are compared.
+TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
+
+
+def seconds_to(frame: pd.DataFrame, target: float) -> dict[str, float]:
+    """Seconds that each solver takes to an error, of those that reach it; none where the reference does not know it."""
+    uncertainty = frame["uncertainty"].dropna()
+    if uncertainty.empty or target <= least_known(float(uncertainty.iloc[0])):
+        return {}
+    times = {}
+    for solver, rows in frame.groupby("solver", sort=False):
+        points = front(rows.astype({"error": float, "seconds": float}), "error")
+        seconds = cost(points, target)
+        if np.isfinite(seconds):
+            times[str(solver)] = seconds
+    return times
+
+
+def best_of_families(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows of one solver of each family: the one that is the fastest at most of `TARGETS`."""
+    reached = {target: seconds_to(frame, target) for target in TARGETS}
+    kept = []
+    for _, rows in frame.groupby("family", sort=False):
+        names = list(dict.fromkeys(rows["solver"]))
+        wins = dict.fromkeys(names, 0)
+        for times in reached.values():
+            own = {name: times[name] for name in names if name in times}
+            if own:
+                wins[min(own, key=own.__getitem__)] += 1
+        kept.append(max(names, key=wins.__getitem__))
+    return where(frame, frame["solver"].isin(kept)).reset_index(drop=True)
+
+
+def over_table(frame: pd.DataFrame, name: str, target: float) -> pd.DataFrame:
+    """Seconds to an error: a row for each value of a parameter, a column for each solver that gets there."""
+    rows = {value: seconds_to(own, target) for value, own in frame.groupby(name)}
+    solvers = [
+        one for one in dict.fromkeys(frame["solver"]) if any(one in row for row in rows.values())
+    ]
+    return pd.DataFrame.from_dict(rows, orient="index", columns=None).reindex(columns=solvers)

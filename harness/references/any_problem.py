@@ -1,0 +1,208 @@
+"""A reference for any problem: a tight run, a looser one, and methods unlike it that look where it may be blind.
+
+Two runs of one method share its blindness: both step over a pulse, or over a kink. So an unlike
+method begins anew at every sample, from the reference's own states, with a limit on its largest
+step. Where it lands elsewhere, the reference gives way to runs of such methods, and what they differ
+by is its uncertainty.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.references.extended import ReferenceFailedError, extended_run
+from polhode.harness.references.reference import LONG_DOUBLE, SAFETY
+from polhode.models.problem import Problem
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.solve import solve
+from polhode.solvers.taylor import Bound
+
+# Steps into which a whole run is divided at least, by the method that looks for pulses.
+_LEAST_STEPS = 10_000
+# Steps between two samples, after which an explicit method gives way to an implicit one.
+_MAX_STEPS = 50_000
+# Who looks over the reference, the first that takes the problem and gets through: tolerance, and
+# what it may differ by from one sample to the next, over a component's size.
+_WITNESSES = (
+    (("cyrk-dop853", "dop853"), 1e-12, 1e-9),
+    (("cyrk-radau", "radau"), 1e-9, 1e-6),
+    (("cvode-bdf", "bdf"), 1e-10, 1e-6),
+)
+# Pairs of unlike methods whose runs stand in where Taylor's method is no reference: a tight and a
+# looser tolerance of the first, and one of the second.
+_PAIRS = (
+    (("cyrk-vern8", "dop853"), (1e-13, 1e-11), ("cyrk-dop853", "dop853"), 1e-12),
+    (("cyrk-radau", "radau"), (1e-11, 1e-9), ("cvode-bdf", "bdf"), 1e-11),
+)
+# Absolute over relative tolerance of these runs, over the size of the start.
+_SMALL = 1e-6
+# What double precision leaves of a run of some thousand steps.
+_ROUNDING = 1e-14
+# Deviation of two unlike runs, over a component's size, up to which they confirm each other.
+_CONFIRMED = 1e-5
+
+Measure = Callable[[np.ndarray, np.ndarray], float]
+
+
+@dataclass(frozen=True)
+class OwnReference:
+    """States of a problem, shape (n, d), their uncertainty in the measure of the errors, and where they come from."""
+
+    states: np.ndarray
+    uncertainty: float
+    source: str
+
+
+def reference_of(
+    problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float
+) -> OwnReference:
+    """The reference of a problem at some times; each run of it may take `max_seconds`.
+
+    Raises ReferenceFailedError, with the reasons, if no method has one.
+    """
+    reasons = []
+    try:
+        taylor = _by_taylor(problem, times, measure, max_seconds)
+    except (ReferenceFailedError, ValueError) as error:
+        reasons.append(f"taylor: {error}")
+        taylor = None
+    if taylor:
+        witness, apart = _seen_by_others(problem, times, taylor.states, max_seconds)
+        if witness and apart <= 1:
+            return replace(taylor, source=f"{taylor.source}, confirmed by {witness}")
+        reasons.append(
+            f"taylor: {witness} contradicts it"
+            if witness
+            else "taylor: no other method gets through"
+        )
+    for pair in _PAIRS:
+        found = _by_pair(problem, times, measure, max_seconds, *pair)
+        if isinstance(found, OwnReference):
+            return found
+        reasons.append(found)
+    raise ReferenceFailedError(f"{problem.name}: no reference: {'; '.join(reasons)}")
+
+
+def _size(problem: Problem) -> float:
+    return float(np.abs(problem.start[: problem.dimension - problem.timed]).max(initial=0.0)) or 1.0
+
+
+def _by_taylor(
+    problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float
+) -> OwnReference:
+    taylor = find_solver("taylor")
+    if not taylor.available:
+        raise ReferenceFailedError(str(taylor.why_not))
+    taylor.check(problem)
+    units = np.full(problem.dimension, _size(problem))
+    runs = []
+    for precision, tolerance in LONG_DOUBLE:
+        # Compilation, which is kept, is not the run's time.
+        Bound(problem, tolerance, precision, units)
+        deadline = perf_counter() + max_seconds
+        runs.append(extended_run(problem, times, precision, tolerance, deadline, units=units))
+    tight, loose = runs
+    return OwnReference(tight, SAFETY * measure(loose, tight), "Taylor's method in long double")
+
+
+def _first(names: tuple[str, ...], problem: Problem) -> str | None:
+    """The first solver that is installed and takes a problem."""
+    for name in names:
+        solver = find_solver(name)
+        if solver.available and solver.takes(problem):
+            return name
+    return None
+
+
+def _seen_by_others(
+    problem: Problem, times: np.ndarray, exact: np.ndarray, max_seconds: float
+) -> tuple[str, float]:
+    """Who looked over the reference, and its largest deviation over the one allowed."""
+    components = problem.dimension - problem.timed
+    states = exact.astype(float)
+    size = np.abs(states[:, :components]).max(axis=0)
+    size = np.where(size > 0, size, size.max() or 1.0)
+    for names, tolerance, allowed in _WITNESSES:
+        name = _first(names, problem)
+        if name is None:
+            continue
+        apart = _begun_anew(problem, name, tolerance, times, states, size, max_seconds)
+        if apart is not None:
+            return name, apart / allowed
+    return "", inf
+
+
+def _begun_anew(
+    problem: Problem,
+    name: str,
+    tolerance: float,
+    times: np.ndarray,
+    states: np.ndarray,
+    size: np.ndarray,
+    max_seconds: float,
+) -> float | None:
+    """The largest deviation over `size` of runs from each sample to the next; None if one does not get through."""
+    deadline = perf_counter() + max_seconds
+    components, worst = len(size), 0.0
+    limits: dict[str, Any] = {"max_step": float(times[-1]) / _LEAST_STEPS, "max_steps": _MAX_STEPS}
+    for row, duration in enumerate(np.diff(times).tolist()):
+        piece = replace(problem, start=tuple(states[row].tolist()), end=duration)
+        left = deadline - perf_counter()
+        if left <= 0:
+            return None
+        run = solve(
+            piece,
+            name,
+            tolerance,
+            atol=(tolerance * size).tolist(),
+            max_seconds=left,
+            doubt=False,
+            **limits,
+        )
+        if not run.success:
+            return None
+        off = np.abs(run.states[-1, :components] - states[row + 1, :components]) / size
+        worst = max(worst, float(off.max()))
+    return worst
+
+
+def _by_pair(
+    problem: Problem,
+    times: np.ndarray,
+    measure: Measure,
+    max_seconds: float,
+    names: tuple[str, ...],
+    tolerances: tuple[float, float],
+    others: tuple[str, ...],
+    other_tolerance: float,
+) -> OwnReference | str:
+    """A tight run by one method, with a looser one and one by an unlike method beside it; else why not."""
+    name, other = _first(names, problem), _first(others, problem)
+    if name is None or other is None:
+        return f"{names[0]}, {others[0]}: none takes the problem"
+    step = float(times[-1]) / _LEAST_STEPS
+    runs = []
+    for solver, tolerance in (
+        (name, tolerances[0]),
+        (name, tolerances[1]),
+        (other, other_tolerance),
+    ):
+        # Small components are followed by the relative tolerance.
+        atol = _SMALL * tolerance * _size(problem)
+        # A step limit costs Python's methods seconds: one of the two has it.
+        limit: dict[str, Any] = {"max_step": step} if solver.startswith(("cyrk", "cvode")) else {}
+        run = solve(problem, solver, tolerance, times, atol=atol, max_seconds=max_seconds, **limit)
+        if not run.success:
+            return f"{solver}: {run.status}"
+        runs.append(run.states)
+    tight, loose, unlike = runs
+    apart = measure(unlike, tight)
+    uncertainty = max(SAFETY * measure(loose, tight), _ROUNDING)
+    if not apart <= _CONFIRMED:
+        uncertainty = max(uncertainty, SAFETY * apart)
+    source = f"{name} at {tolerances[0]:g}, compared with {other} at {other_tolerance:g}"
+    return OwnReference(tight, uncertainty, source)
