@@ -67,7 +67,7 @@ LONG_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
     ("accuracy", "--order", "hybrid", "--quick", "--quiet", "--out", "hybrid"): PAGES,
     ("equal-error", "--quick", "--quiet", "--out", "equal"): PAGES | {"llvmlite"},
     ("throughput", "--out", "throughput"): PAGES | {"llvmlite", "heyoka"},
-    ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES - {"scipy"},
+    ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES,
     ("doctor",): frozenset(),
 }
 SWEEP = """\

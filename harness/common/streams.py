@@ -28,7 +28,9 @@ def prepare_streams() -> None:
     closed = [number for number in (0, 1, 2) if not _is_open(number)]
     for _ in closed:
         # The system takes the lowest free number; reading alone, writes to it fail.
-        os.open(os.devnull, os.O_RDONLY)
+        number = os.open(os.devnull, os.O_RDONLY)
+        # Processes that this one starts have streams too.
+        os.set_inheritable(number, True)
     if sys.stdout is None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     if sys.stderr is None or (sys.stderr is sys.__stderr__ and sys.stderr.fileno() == 2):

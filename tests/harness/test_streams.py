@@ -116,3 +116,27 @@ def test_a_process_without_standard_error_may_say_things(tmp_path: Path):
         check=False,
     )
     assert (done.returncode, done.stdout) == (0, "done\n")
+
+
+WORKERS = """
+import sys
+from polhode.harness.common.streams import prepare_streams
+from polhode.harness.common.worker import Worker
+if __name__ == "__main__":
+    prepare_streams()
+    with Worker() as worker, open("a.txt", "w") as file:
+        file.write(str(worker.run(abs, -3, limit=60.0).value))
+"""
+
+
+@pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_workers_run_though_streams_are_closed(redirection: str, tmp_path: Path):
+    (tmp_path / "program.py").write_text(WORKERS, encoding="utf-8")
+    done = subprocess.run(
+        ["sh", "-c", f'"$@" {redirection}', "sh", sys.executable, "program.py"],
+        cwd=tmp_path,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0
+    assert (tmp_path / "a.txt").read_text(encoding="utf-8") == "3"
