@@ -207,13 +207,13 @@ def confirmation(runner: Runner, run: Run) -> RunError:
     """The error of a run that has ended, from a second one that costs less."""
     if not run.success:
         return RunError(None, None, "the run did not reach its end")
-    began, before = perf_counter(), SPENT["compilation"]
+    began, before = perf_counter(), SPENT.seconds["compilation"]
     try:
         with np.errstate(all="ignore"):
             found = _confirmation(runner, run)
     except (FormNotValidError, SolverNotValidError, averaging.NotKnownError) as failure:
         found = RunError(None, None, f"not confirmed: {failure}")
-    compilation = SPENT["compilation"] - before
+    compilation = SPENT.seconds["compilation"] - before
     return replace(found, seconds=perf_counter() - began - compilation)
 
 

@@ -110,7 +110,7 @@ def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
     """What `pick` says, and what that costs with everything compiled."""
     pilot.cache_clear()
     form_ladder.cache_clear()
-    began, compiling = perf_counter(), SPENT["compilation"]
+    began, compiling = perf_counter(), SPENT.seconds["compilation"]
     found, refusal = None, ""
     try:
         found = pick(question.scene, question.error, question.want, question.samples, laws)
@@ -121,7 +121,7 @@ def ask(question: Question, laws: Laws, stratum: Stratum = "short") -> Answer:
         found,
         refusal,
         stratum,
-        perf_counter() - began - (SPENT["compilation"] - compiling),
+        perf_counter() - began - (SPENT.seconds["compilation"] - compiling),
     )
 
 

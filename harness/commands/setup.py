@@ -157,7 +157,7 @@ from polhode.harness.cli import main
 from polhode.models.spent import SPENT
 with suppress(SystemExit):
     main(["solve", "paper", "--quiet", "--out", os.devnull])
-print(json.dumps(SPENT))
+print(json.dumps(SPENT.seconds))
 """
 
 

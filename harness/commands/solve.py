@@ -91,7 +91,7 @@ def solve(
             click.echo(fitting(words, sys.stderr), err=True)
 
     # What came before this, in processor time.
-    SPENT["import"] = process_time()
+    SPENT.seconds["import"] = process_time()
     with Progress(quiet) as progress:
         with bad_input():
             target = PartialFile(out, binary=_as_parquet(out)) if out else None
@@ -153,8 +153,10 @@ def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Pat
 
 
 def _say_times() -> None:
-    rows = [(work, duration(seconds)) for work, seconds in SPENT.items()]
-    click.echo(aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.values())))]), err=True)
+    rows = [(work, duration(seconds)) for work, seconds in SPENT.seconds.items()]
+    click.echo(
+        aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.seconds.values())))]), err=True
+    )
 
 
 def _given(option: str) -> bool:
