@@ -6,11 +6,13 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
+from operator import attrgetter
 from traceback import FrameSummary, extract_tb
 from types import CellType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
+from weakref import WeakMethod, ref
 
 import numpy as np
 
@@ -85,6 +87,39 @@ class OwnField:
     def _time(self, ops: Operations, elapsed: Any) -> Any:
         time = self.t_start + elapsed
         return ops.where_positive(self.t_end - time, time, self.t_end + 0.0 * elapsed)
+
+    def weakly(self, forget: Callable[[Any], None]) -> Any:
+        """What equals this field, and dies with its function (`polhode.models.once`)."""
+        try:
+            return _WeakField(self, forget)
+        except TypeError:
+            # Some objects take no weak references.
+            return self
+
+
+# What makes a field besides its function.
+_REST = attrgetter(
+    *(each.name for each in fields(OwnField) if each.compare and each.name != "function")
+)
+
+
+class _WeakField:
+    """A field whose function may die."""
+
+    __slots__ = ("_function", "_hash", "_rest")
+
+    def __init__(self, field: OwnField, forget: Callable[[Any], None]) -> None:
+        kind: Any = WeakMethod if isinstance(field.function, MethodType) else ref
+        self._function = kind(field.function, lambda _: forget(self))
+        self._hash, self._rest = hash(field), _REST(field)
+
+    def __hash__(self) -> int:
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, OwnField):
+            return self is other
+        return self._rest == _REST(other) and self._function() == other.function
 
 
 def own_field(

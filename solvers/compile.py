@@ -1,6 +1,7 @@
 """Compilation of vector fields: one field, written once, made into what each library calls.
 
-Every function here keeps what it compiled, under the field's factory, for the life of the process.
+Every function here compiles once, whatever the number of threads that ask, and caches the latest
+results under the field's factory; what was compiled of a function of the user's dies with it.
 """
 
 import atexit
@@ -9,15 +10,14 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
-from threading import local
 from typing import Any
 
 import numpy as np
 
 from polhode.models.files.kept import cache_folder
 from polhode.models.libraries import need
+from polhode.models.once import once
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Factory, Problem
@@ -30,26 +30,16 @@ from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import FieldError, trace
 
 _FOLDER = Path(__file__).parent
+# Bytes of compiled code that heyoka may keep in memory, some fifty integrators.
+_MAX_HEYOKA_MEMORY = 20_000_000
 # A quotient in a traced field, by a number that is no constant.
 _DIVISION = re.compile(r"= fdiv contract double \S+, (%v\d+)")
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 
-@cache
 def plain_field(factory: Factory) -> Field:
     """The field in plain Python, over floats."""
     return factory(FLOAT)
-
-
-class KeptForThread(local):
-    """A function whose results are kept for the thread that asks: heyoka's integrators hold a run's state."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.kept = cache(function)
-
-    def __call__(self, *arguments: Any) -> Any:
-        """What is kept for the arguments, made where there is nothing."""
-        return self.kept(*arguments)
 
 
 def check_field(problem: Problem) -> None:
@@ -78,7 +68,7 @@ def frozen(problem: Problem) -> Problem:
     return replace(problem, field=replace(problem.field, frozen=True))
 
 
-@cache
+@once()
 def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Callback:
     """The field as ``callback(y, p, out)`` in machine code, of contiguous arrays of float64."""
     return array_function(
@@ -86,7 +76,7 @@ def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Call
     )
 
 
-@cache
+@once()
 def denominators(factory: Factory, dimension: int, parameters: int) -> tuple[Callback, int] | None:
     """What the field divides by, as ``callback(y, p, out)``, and how many numbers that is; None if there are none."""
     lines = trace(factory, dimension, parameters)
@@ -101,7 +91,7 @@ def denominators(factory: Factory, dimension: int, parameters: int) -> tuple[Cal
     return array_function("\n".join(kept), arrays), len(divisors)
 
 
-@cache
+@once()
 def c_callback(
     factory: Factory, dimension: int, parameters: int, *, count: bool = False
 ) -> MachineCode:
@@ -124,7 +114,7 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
     return callback, values.tolist()
 
 
-@cache
+@once()
 @spent_on("import")
 def load_heyoka() -> Any:
     """Import heyoka: quiet, and with its cache of compiled code where the user wants it."""
@@ -133,6 +123,7 @@ def load_heyoka() -> Any:
 
     # It prints warnings about a cache that it cannot write on standard output, where tables go.
     heyoka.set_logger_level_critical()
+    heyoka.llvm_state.set_memcache_limit(_MAX_HEYOKA_MEMORY)
     folder = cache_folder("heyoka")
     if kept_code.check(folder):
         atexit.register(kept_code.note, folder)
@@ -143,7 +134,7 @@ def load_heyoka() -> Any:
     return heyoka
 
 
-@cache
+@once()
 def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
     """The field as heyoka expressions ``[(variable, rate), …]`` with p in ``heyoka.par``."""
     heyoka = load_heyoka()
@@ -159,7 +150,7 @@ def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tup
     return list(zip(variables, rates, strict=True))
 
 
-@cache
+@once()
 def system_in_units(
     factory: Factory, dimension: int, parameters: int, *, timed: bool
 ) -> list[tuple[Any, Any]]:
@@ -181,7 +172,7 @@ def system_in_units(
     return list(zip(values, scaled, strict=True))
 
 
-@cache
+@once()
 def tangent_system(factory: Factory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
     """The field as `traced_system`, and a tangent vector v beside it, v' = Jv with the exact Jacobian J."""
     heyoka = load_heyoka()
@@ -197,7 +188,7 @@ def tangent_system(factory: Factory, dimension: int, parameters: int) -> list[tu
     return [*system, *zip(tangent, rates, strict=True)]
 
 
-@cache
+@once()
 def exact_jacobian(factory: Factory, dimension: int, parameters: int) -> Callable[..., np.ndarray]:
     """The Jacobian ``jacobian(y, p) -> (d, d)`` by automatic differentiation of the traced field."""
     lines = trace_jacobian(factory, dimension, parameters)
@@ -216,7 +207,7 @@ def parameter_array(problem: Problem) -> np.ndarray:
     return np.array(problem.parameters, dtype=float)
 
 
-@cache
+@once()
 def _heyoka_operations() -> Operations:
     heyoka = load_heyoka()
 

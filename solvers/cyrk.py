@@ -18,7 +18,6 @@ import tomllib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 from importlib.metadata import version
 from math import hypot, inf
 from pathlib import Path
@@ -27,6 +26,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
@@ -40,6 +40,7 @@ from polhode.solvers.contract import (
     Solver,
     Status,
 )
+from polhode.solvers.machine_code.llvm import MachineCode
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
@@ -63,7 +64,7 @@ _TYPES = {"nothing": None, "doubles": ctypes.POINTER(ctypes.c_double)}
 _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
 
-@cache
+@once()
 @spent_on("import")
 def load_cyrk() -> Any:
     """The library's C functions, as its bridge to numba names them, without the 0.3 s that numba takes to import."""
@@ -139,12 +140,10 @@ class CyrkSolver(Solver):
 
     def _call(self, problem: Problem, settings: Settings, calls: np.ndarray) -> "Call":
         parameters = parameter_array(problem)
-        address = c_callback(
-            problem.field, problem.dimension, len(parameters), count=settings.count
-        ).address
+        code = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count)
         if settings.count:
             parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
-        return Call(address, method_number(self.method), parameters, settings)
+        return Call(code, method_number(self.method), parameters, settings)
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
@@ -155,7 +154,7 @@ class CyrkSolver(Solver):
         return lambda: call.library.c_free(call(0.0, end, start, wanted, UNLIMITED))
 
 
-@cache
+@once()
 def method_number(name: str) -> int:
     """The library's number of a method."""
     load_cyrk()
@@ -168,10 +167,11 @@ class Call:
     """The library's C entry with everything bound but the piece to run: field, number of the method, parameters."""
 
     def __init__(
-        self, address: int, method: int, parameters: np.ndarray, settings: Settings
+        self, code: MachineCode, method: int, parameters: np.ndarray, settings: Settings
     ) -> None:
         self.library, _ = load_cyrk(), FlushedToZero()
-        self.address, self.method = address, method
+        # The code lives as long as this call, whatever caches do.
+        self.code, self.method = code, method
         self.parameters, self.max_step = parameters, settings.max_step
         self.first_step = settings.first_step or 0.0  # 0: the library's guess
         self.rtol = np.atleast_1d(settings.rtols())
@@ -181,7 +181,7 @@ class Call:
         """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
         rates = np.empty_like(state)
         with FlushedToZero():
-            _FIELD(self.address)(
+            _FIELD(self.code.address)(
                 rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data
             )
         with np.errstate(all="ignore"):
@@ -199,7 +199,7 @@ class Call:
     ) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
         return self.library.c_numba_cysolve_ivp(
-            *(self.address, start, end, state.ctypes.data, state.size),
+            *(self.code.address, start, end, state.ctypes.data, state.size),
             # Expected size: the library's guess; extra outputs.
             *(self.method, 0, 0, self.parameters.ctypes.data, self.parameters.nbytes),
             # Dense output is used, not kept.

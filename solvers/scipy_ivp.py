@@ -7,6 +7,8 @@ where it is smaller. Rows come from each method's own dense output.
 
 import warnings
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from threading import Lock, RLock
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,6 +28,41 @@ START_CALLS = 2
 STALLED = 1000
 # Steps between two looks at how far a run has come: a second at most.
 LOOK = 5000
+
+
+class _Unwarned:
+    """No warnings while any thread is within: Python's filters belong to the whole process."""
+
+    def __init__(self) -> None:
+        self.lock, self.threads = Lock(), 0
+        self.before = warnings.catch_warnings()
+
+    def __enter__(self) -> None:
+        with self.lock:
+            self.threads += 1
+            if self.threads == 1:
+                self.before = warnings.catch_warnings()
+                self.before.__enter__()
+                warnings.simplefilter("ignore")
+
+    def __exit__(self, *_: object) -> None:
+        with self.lock:
+            self.threads -= 1
+            if self.threads == 0:
+                self.before.__exit__(None, None, None)
+
+
+_unwarned = _Unwarned()
+_lsoda_lock = RLock()
+
+
+def _lock_of(method: str) -> AbstractContextManager[Any]:
+    """What keeps runs of a method apart that share memory: LSODA's Fortran, before SciPy 1.17, is not reentrant."""
+    if method != "LSODA":
+        return nullcontext()
+    from scipy.integrate import _ode
+
+    return _lsoda_lock if hasattr(_ode.lsoda, "active_global_handle") else nullcontext()
 
 
 class ScipySolver(Solver):
@@ -57,8 +94,7 @@ class ScipySolver(Solver):
                 calls += 1
                 return fun(t, y)
 
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with _unwarned, _lock_of(self.method):
                 own = counted if settings.count else fun
                 stepper = method(
                     own, record.times[0], record.start.copy(), record.times[-1], **options

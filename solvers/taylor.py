@@ -1,18 +1,14 @@
 """Taylor's method by heyoka: machine code, arbitrary order, dense output from the steps' own series."""
 
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from polhode.models.once import OncePerThread, once
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import (
-    KeptForThread,
-    load_heyoka,
-    parameter_array,
-    system_in_units,
-    traced_system,
-)
+from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -21,8 +17,8 @@ Precision = Literal["double", "long double", "quadruple"]
 CHUNK = 10_000
 
 
-@KeptForThread
-def taylor_integrator(
+@once()
+def _compiled(
     factory: Factory,
     dimension: int,
     parameters: int,
@@ -31,7 +27,7 @@ def taylor_integrator(
     in_units: bool = False,
     timed: bool = False,
 ) -> Any:
-    """heyoka's integrator of a field, kept for its thread; its state, time and parameters are set anew."""
+    """heyoka's integrator of a field, of which every thread has a copy."""
     # Extended precisions are compiled in compact mode, which costs speed but saves up to half a
     # minute of compilation.
     heyoka = load_heyoka()
@@ -43,6 +39,12 @@ def taylor_integrator(
     start = np.zeros(len(system), number)
     options = {"fp_type": number, "tol": number(tolerance), "compact_mode": precision != "double"}
     return heyoka.taylor_adaptive(system, start, **options)
+
+
+@OncePerThread
+def taylor_integrator(*key: Any) -> Any:
+    """An integrator for this thread, arguments as of `_compiled`; a run sets its state, time and parameters."""
+    return deepcopy(_compiled(*key))
 
 
 def propagate(

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from polhode.models.libraries import installed
+from polhode.models.once import OncePerThread
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.catalogue import first_available
-from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, tangent_system
+from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
 TOLERANCE = 1e-12
@@ -105,7 +106,7 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
     return Growth(times, logarithm)
 
 
-@KeptForThread
+@OncePerThread
 def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
     """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
     system = tangent_system(factory, dimension, parameters)

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,6 +19,7 @@ from polhode.harness.common.timing import seconds_of
 from polhode.harness.common.worker import Worker
 from polhode.models.catalogue import form as find_form
 from polhode.models.files.kept import CACHE_VARIABLE
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scenes import named_scene
@@ -62,7 +63,7 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
     return min(best, *(seconds_of(partial(run, calls)) for _ in range(ROUNDS - 1))) / calls
 
 
-@cache
+@once()
 def _compiled_loop() -> Any:
     """A loop over any C callback."""
     code = compile_file(Path(__file__).with_suffix(".ll"))

@@ -12,13 +12,13 @@ step.
 import tomllib
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from polhode.models.libraries import installed
+from polhode.models.once import once
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import parameter_array
@@ -98,7 +98,7 @@ def run_adaptive(
     return states.swapaxes(0, 1), statuses
 
 
-@cache
+@once()
 def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
     """A tried step; its constants are the tolerance, the end, and the field's parameters."""
     rhs, (sqrt, where) = field(OPERATIONS), (OPERATIONS.sqrt, OPERATIONS.where_positive)
@@ -149,7 +149,7 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
     return lanes(step, 3 * dimension + 2, 2 + parameters)
 
 
-@cache
+@once()
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
     """What fills the rows of states that steps in lanes have passed, and counts which is due next."""
     # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due`

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Factory, Parts, Problem
 from polhode.solvers.machine_code.lanes import Lanes, lanes
 from polhode.solvers.machine_code.tracing import OPERATIONS
@@ -59,7 +60,7 @@ def method(name: str, problem: Problem) -> Method:
     )
 
 
-@cache
+@once()
 def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
     zeros = [0.0] * 64
     fast, slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
@@ -80,7 +81,7 @@ def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
     return lanes(step, dimension, begin + slow_size * len(scheme.slow), *ends)
 
 
-@cache
+@once()
 def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes, int]:
     table, rhs = dop853(), field(OPERATIONS)
     nodes, weights = table.A[: table.N_STAGES].tolist(), table.B.tolist()

@@ -1,13 +1,15 @@
 """Full forms for many particles at once: heyoka's Taylor integrator with one particle in each SIMD lane."""
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
 from polhode.models.libraries import installed
+from polhode.models.once import OncePerThread, once
 from polhode.models.operations import ARRAYS
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import KeptForThread, load_heyoka, parameter_array, traced_system
+from polhode.solvers.compile import load_heyoka, parameter_array, traced_system
 from polhode.solvers.contract import Status
 from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.machine_code.program import REGISTERS
@@ -79,8 +81,13 @@ def _status(outcome: Any) -> str:
     return str(Status[statuses.get(outcome, "STEP_UNDERFLOW")])
 
 
-@KeptForThread
-def _integrator(factory: Factory, dimension: int, parameters: int, tolerance: float) -> Any:
+@OncePerThread
+def _integrator(*key: Any) -> Any:
+    return deepcopy(_compiled(*key))
+
+
+@once()
+def _compiled(factory: Factory, dimension: int, parameters: int, tolerance: float) -> Any:
     heyoka = load_heyoka()
     lanes = REGISTERS * heyoka.recommended_simd_size()
     system = traced_system(factory, dimension, parameters)

@@ -1,9 +1,10 @@
 """The exact Jacobian of a vector field: dual numbers, which carry their derivatives along, traced like any other."""
 
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
+from polhode.models.once import once
 from polhode.models.operations import Operations
 from polhode.models.problem import Factory
 from polhode.solvers.machine_code.tracing import (
@@ -110,7 +111,7 @@ _DUAL = Operations(
 )
 
 
-@cache
+@once()
 def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
 

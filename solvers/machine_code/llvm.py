@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.libraries import need
+from polhode.models.once import once
 from polhode.models.spent import spent_on
 
 # LLVM knows its own functions.
@@ -60,7 +60,12 @@ def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
     passes = llvm.create_pass_builder(
         machine, llvm.create_pipeline_tuning_options(speed_level=level)
     )
-    passes.getModulePassManager().run(module, passes)
+    manager = passes.getModulePassManager()
+    manager.run(module, passes)
+    if type(manager)._dispose is llvm.ffi.ObjectRef._dispose:
+        # llvmlite 0.50 forgets to free it: 50 kB.
+        llvm.NewPassManager._dispose(manager)
+        manager.detach()
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
     return engine
@@ -82,13 +87,13 @@ def host_features() -> dict[str, bool]:
     return _llvm().get_host_cpu_features()
 
 
-@cache
+@once()
 def _host() -> tuple[str, str]:
     """Name and features of this processor, which take half a millisecond to find out."""
     return _llvm().get_host_cpu_name(), _llvm().get_host_cpu_features().flatten()
 
 
-@cache
+@once()
 @spent_on("import")
 def _llvm() -> Any:
     need("machine code", "llvmlite")

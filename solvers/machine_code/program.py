@@ -9,12 +9,12 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
 from math import factorial
 from typing import Any
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.operations import polynomial
 from polhode.solvers.machine_code.llvm import compile_text, host_features
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number, operand
@@ -23,7 +23,7 @@ from polhode.solvers.machine_code.tracing import OPERATIONS, Number, operand
 REGISTERS = 2
 
 
-@cache
+@once()
 def width() -> int:
     """Particles, or rows, that this processor moves at once."""
     features = host_features()

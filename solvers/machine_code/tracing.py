@@ -12,13 +12,14 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import partial
 from numbers import Real
 from struct import pack, unpack
 from typing import Any
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.operations import Operations
 from polhode.models.own_function import BRANCHES, FUNCTIONS, OwnField, line_of
 from polhode.models.problem import Factory
@@ -151,7 +152,7 @@ _SIN, _COS, _SQRT, _EXP, _LOG = (
 OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
 
 
-@cache
+@once()
 def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's rates, read at %y and %p and written at %out.
 

@@ -7,9 +7,9 @@ of others: a run that goes on long after its particle has settled would stall.
 import ctypes
 import platform
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
+from polhode.models.once import once
 from polhode.solvers.machine_code.llvm import compile_file
 
 # Control word of x86's floating-point unit: its usual one, with results and operands flushed to
@@ -34,7 +34,7 @@ class FlushedToZero:
         self._exchange(self._before)
 
 
-@cache
+@once()
 def _exchange() -> Callable[[int], int]:
     """Set the control word and return the one before."""
     if platform.machine() not in ("x86_64", "AMD64"):

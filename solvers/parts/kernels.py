@@ -3,11 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
 from math import inf, pi
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import (
     WIDEST_REGISTERS,
@@ -65,7 +65,7 @@ def clock(time: float, number: type = float) -> np.ndarray:
     return np.array([time, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, 0.0, 0.0], number)
 
 
-@cache
+@once()
 def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1) -> Kernels:
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
     flows = Flows(parts, dimension, number, chains)

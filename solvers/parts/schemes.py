@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from runpy import run_path
@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from polhode.models.libraries import need
+from polhode.models.once import once
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +94,13 @@ SCHEMES = tuple(Scheme(**each) for each in _TABLES["palindromes"])
 # By itself it gained over the others at any error; it leads to rows.
 ABA = SCHEMES[-1]
 PARALLEL = Parallel(**_TABLES["parallel"])
+# Numbers whose addresses are given away are computed here, before there are threads: of two copies
+# that threads compute at once, one would be freed.
+for _scheme in (*SCHEMES, PARALLEL):
+    _ = _scheme.addresses
 
 
-@cache
+@once()
 def dop853() -> SimpleNamespace:
     """SciPy's coefficients of DOP853, without the 0.2 s that its package takes to import."""
     need("the coefficients of DOP853", "scipy")

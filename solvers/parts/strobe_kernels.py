@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from math import nan, pi
 
+from polhode.models.once import once
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
@@ -39,7 +39,7 @@ class StrobeKernels:
     rows: Callable[..., None]
 
 
-@cache
+@once()
 def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
     """Compile those of stroboscopic averaging."""
     flows = Flows(parts, dimension)

@@ -1,11 +1,12 @@
 """Stroboscopic averaging: the averaged field from turns of the full equations, integrated by steps of whole turns."""
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from math import isfinite, pi
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Outcome, Record, Status
 from polhode.solvers.parts.schemes import ABA, dop853
@@ -47,7 +48,7 @@ class Setting:
     failed: int = 0
 
 
-@cache
+@once()
 def interpolant() -> np.ndarray:
     """Its terms between two points, of their difference and the stages in between."""
     table = dop853()

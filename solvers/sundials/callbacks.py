@@ -4,11 +4,10 @@ Whatever a callback raises ends a run, Ctrl-C among it, with its rows kept. A st
 advance the time is no error to the library: it "will continue anyway". Here it is.
 """
 
-import io
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Lock
+from threading import Lock, get_ident
 from typing import Any
 
 import numpy as np
@@ -22,21 +21,41 @@ from polhode.solvers.sundials.library import FAILURES, posed
 LOOK = 1000
 
 
-_LOCK, _OUTSIDE = Lock(), list[Any]()
+# Threads that are within `quiet`, and the lock for entering and leaving it.
+_quiet_threads: list[int] = []
+_lock = Lock()
+
+
+class _OthersAlone:
+    """A stream that takes what threads write that are not within `quiet`, and drops the rest."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text, or drop it."""
+        if self.stream is None or get_ident() in _quiet_threads:
+            return len(text)
+        return self.stream.write(text)
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Standard output goes nowhere while any thread is within, and comes back with the last one."""
-    with _LOCK:
-        _OUTSIDE.append(sys.stdout)
-        sys.stdout = io.StringIO()
+    """What this thread prints goes nowhere; other threads print as ever."""
+    with _lock:
+        if not isinstance(sys.stdout, _OthersAlone):
+            sys.stdout = _OthersAlone(sys.stdout)
+        _quiet_threads.append(get_ident())
     try:
         yield
     finally:
-        with _LOCK:
-            first, _ = _OUTSIDE[0], _OUTSIDE.pop()
-            sys.stdout = sys.stdout if _OUTSIDE else first
+        with _lock:
+            _quiet_threads.remove(get_ident())
+            if not _quiet_threads and isinstance(sys.stdout, _OthersAlone):
+                sys.stdout = sys.stdout.stream
 
 
 class _StoppedError(Exception):

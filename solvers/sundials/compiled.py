@@ -8,7 +8,6 @@ same steps. While it runs, numbers below 2e-308 count as zero.
 import ctypes
 import re
 from collections.abc import Callable
-from functools import cache
 from math import inf, ulp
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from weakref import finalize
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
 from polhode.solvers.machine_code.derivatives import trace_jacobian
@@ -182,7 +182,7 @@ def _free(library: Sundials, owned: list[tuple[str, int, Any]]) -> None:
         library(name, pointer)
 
 
-@cache
+@once()
 def _callback(
     library: Sundials, what: str, factory: Factory, dimension: int, parameters: int
 ) -> MachineCode:
@@ -201,7 +201,7 @@ def _callback(
     return compile_file(file, library, lines=lines, parameters=parameters)
 
 
-@cache
+@once()
 def _loop(library: Sundials) -> Callable[..., int]:
     """Fill rows ``first <= i < count`` in at most `most` steps since the start; the first row not filled."""
     implicit = library.prefix == "IDA"

@@ -1,13 +1,13 @@
 """SUNDIALS' C libraries, which scikit-sundae's wheel brings: found at run time, called by name."""
 
 import ctypes
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.compile import parameter_array
@@ -59,7 +59,7 @@ class Sundials:
         return f"inttoptr (i64 {ctypes.cast(self.function(name), ctypes.c_void_p).value} to ptr)"
 
 
-@cache
+@once()
 @spent_on("import")
 def load_sundials(prefix: str) -> Sundials | None:
     """The library whose functions begin with `prefix`, ``CVode`` or ``IDA``; None if it is not found or unknown."""

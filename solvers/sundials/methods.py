@@ -20,6 +20,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import methods
 from polhode.solvers.contract import (
@@ -34,6 +35,13 @@ from polhode.solvers.contract import (
 from polhode.solvers.sundials.callbacks import Callbacks
 from polhode.solvers.sundials.compiled import Memory, integrator
 from polhode.solvers.sundials.library import load_sundials
+
+
+@once()
+def _silence() -> None:
+    """Send the library's warnings nowhere: they would go to standard output, where tables go."""
+    # Once, and before any run: a run in another thread may read the environment.
+    os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 
 class SundialsSolver(Solver):
@@ -79,8 +87,7 @@ class SundialsSolver(Solver):
             super().load()
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        # The library prints its warnings on standard output, where tables go.
-        os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
+        _silence()
         if settings.backend == "compiled":
             return integrator(self._memory(problem, settings), settings.count)
         callbacks = self._callbacks(problem, settings)

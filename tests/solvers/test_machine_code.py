@@ -328,17 +328,17 @@ def test_a_run_is_that_of_the_field_in_python(name: str):
         for i, rate in enumerate(field(y[:d], problem.parameters)):
             out[i] = rate
 
-    def run(address: int) -> np.ndarray:
-        call = Call(address, method_number(solver(name).method), p, Settings(1e-8, "compiled"))
+    def run(code: MachineCode) -> np.ndarray:
+        call = Call(code, method_number(solver(name).method), p, Settings(1e-8, "compiled"))
         result = call(0.0, times[-1], np.array(problem.start), times[1:], 10**6)
         rows = call.library.c_get_y_ptr(result)[: d * (len(times) - 1)]
         call.library.c_free(result)
         return np.array(rows)
 
     uncontracted = alone(trace(problem.field, d, len(p)).replace(" contract", ""))
-    expected = run(ctypes.cast(in_python, ctypes.c_void_p).value or 0)
-    assert np.array_equal(run(uncontracted.address), expected)
-    assert run(c_callback(problem.field, d, len(p)).address) == pytest.approx(expected, abs=1e-8)
+    expected = run(MachineCode(ctypes.cast(in_python, ctypes.c_void_p).value or 0, in_python))
+    assert np.array_equal(run(uncontracted), expected)
+    assert run(c_callback(problem.field, d, len(p))) == pytest.approx(expected, abs=1e-8)
 
 
 def test_numbers_next_to_zero_do_not_stall_a_run():

@@ -17,7 +17,20 @@ from pathlib import Path
 # How many inputs, flips, kills, and runs of each command on a full disk: in 20 minutes, and in all
 # that was asked for.
 USUAL, FULL = (1000, 500, 40, 2), (2000, 500, 100, 5)
-PARTS = ("flips", "races", "disks", "kills", "inputs", "libraries", "caches", "streams", "runs")
+PARTS = (
+    "flips",
+    "races",
+    "disks",
+    "kills",
+    "inputs",
+    "libraries",
+    "caches",
+    "streams",
+    "threads",
+    "runs",
+)
+# Rounds of threads, each in a process of its own.
+ROUNDS = 5
 SUCCESSES = ("-m", "torture.successes", "--runs", "5000")
 
 
@@ -50,6 +63,7 @@ def main() -> None:
         from torture.fuzz import fuzzed, warm
         from torture.kills import filled, killed, raced
         from torture.surroundings import closed, foreign, without
+        from torture.threads import threaded
 
         def folder(name: str) -> Path:
             path = Path(place, name)
@@ -70,6 +84,10 @@ def main() -> None:
             "libraries": ("libraries taken away", lambda: without(folder("libraries"))),
             "caches": ("foreign cache folders", lambda: foreign(folder("caches"))),
             "streams": ("closed streams", lambda: closed(folder("streams"))),
+            "threads": (
+                f"{ROUNDS} rounds of 12 cold threads",
+                lambda: threaded(given.seed, ROUNDS),
+            ),
             "runs": ("5000 runs", successes),
         }
         chosen = given.parts or (PARTS if given.full else PARTS[:-1])

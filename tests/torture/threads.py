@@ -1,0 +1,159 @@
+"""Many threads at once, cold: every scene, form and solver that go together, to the last bit as in one thread.
+
+`python -m torture.threads THREADS SEED EVERY` in the folder `tests` prints the digest of every so
+many cells as JSON.
+"""
+
+import hashlib
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from commandline import importing
+
+from polhode.harness.api import solve
+from polhode.harness.ivp import solve_ivp
+from polhode.models.catalogue import FORMS
+from polhode.models.scene import BodyStart, Ellipsoid, EulerStart, Scene
+from polhode.solvers.catalogue import SOLVERS
+
+TOLERANCE = 1e-5
+SAMPLES = 7
+# A round takes a minute or two.
+_LIMIT = 1200.0
+
+_SPINNING = EulerStart((1.0, 0.5, 0.1), (1.0, 1.0, -1.0))
+_TUMBLING = BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.7))
+SCENES = {
+    "triaxial": Scene(Ellipsoid((1.0, 0.8, 0.5)), 1000.0, _SPINNING, 6.0),
+    "prolate": Scene(Ellipsoid((1.0, 1.0, 2.0)), 1000.0, _SPINNING, 6.0),
+    "oblate": Scene(Ellipsoid((0.4, 1.0, 1.0)), 300.0, _SPINNING, 6.0),
+    "damped": Scene(Ellipsoid((1.0, 0.8, 0.5)), 5.0, _SPINNING, 4.0),
+    "damped-prolate": Scene(Ellipsoid((1.0, 1.0, 3.0)), 5.0, _SPINNING, 4.0),
+    "tumbling": Scene(Ellipsoid((1.0, 0.7, 0.5)), 10.0, _TUMBLING, 4.0),
+    "massless": Scene(Ellipsoid((1.0, 1.0, 2.0)), 0.0, _SPINNING, 4.0),
+    "top": Scene(Ellipsoid((1.0, 2.0, 2.3)), float("inf"), _SPINNING, 4.0),
+    "sphere": Scene(Ellipsoid((1.0, 1.0, 1.0)), 100.0, _SPINNING, 4.0),
+}
+Cell = tuple[str, str, str]
+OWN = "own function"
+
+
+def cells() -> list[Cell]:
+    """All of them, those that are refused too, and functions of a user's own by every solver."""
+    scenes = [(scene, form, solver) for scene in SCENES for form in FORMS for solver in SOLVERS]
+    own = [(OWN, kind, solver) for kind in ("shared", "closure") for solver in SOLVERS]
+    return [*scenes, *own]
+
+
+def digest(cell: Cell) -> str:
+    """The status and a checksum of all numbers of a run; empty where it is refused."""
+    scene, form, solver = cell
+    try:
+        if scene == OWN:
+            return _own(form, solver)
+        found = solve(
+            SCENES[scene],
+            form=form,
+            solver=solver,
+            tolerance=TOLERANCE,
+            samples=SAMPLES,
+            estimate=False,
+        )
+    except ValueError:
+        return ""
+    numbers = [found.times, found.angular_momentum, found.energy, found.rotation]
+    return _digest(found.status, *(each for each in numbers if each is not None))
+
+
+def _digest(status: object, *numbers: np.ndarray) -> str:
+    content = b"".join(each.tobytes() for each in numbers)
+    return f"{status} {hashlib.sha256(content).hexdigest()[:16]}"
+
+
+def _shared(t: float, y: np.ndarray, a: float) -> list[float]:
+    return [
+        -a * y[1] + 0.1 * np.sin(t),
+        a * y[0] - 0.2 * y[1] * y[2],
+        -0.3 * y[2] / (1 + y[0] ** 2),
+    ]
+
+
+def _own(kind: str, solver: str) -> str:
+    frequency = 1.25
+
+    def closure(t: float, y: np.ndarray) -> list[float]:
+        return _shared(t, y, frequency)
+
+    start, span, times = [1.0, 0.5, 0.7], (0.0, 3.0), np.linspace(0.0, 3.0, SAMPLES)
+    if kind == "shared":
+        found = solve_ivp(_shared, span, start, solver, times, args=[frequency], rtol=TOLERANCE)
+    else:
+        found = solve_ivp(closure, span, start, solver, times, rtol=TOLERANCE)
+    return _digest(found.status, found.y)
+
+
+def digests(chosen: Sequence[Cell], threads: int, seed: int) -> dict[str, str]:
+    """The digest of each cell, from several threads, twice in a row so that two of them compile the same."""
+    order = list(chosen)
+    Random(seed).shuffle(order)
+    if threads == 1:
+        return {" ".join(cell): digest(cell) for cell in order}
+    twice = [cell for cell in order for _ in range(2)]
+    with ThreadPoolExecutor(threads) as pool:
+        found = list(pool.map(digest, twice))
+    return {
+        " ".join(cell): first if first == second else f"{first} and {second}"
+        for cell, first, second in zip(order, found[::2], found[1::2], strict=True)
+    }
+
+
+def in_process(threads: int, seed: int, every: int = 1) -> dict[str, str]:
+    """The digests of every so many cells from a process of its own; raises RuntimeError if it dies."""
+    words = map(str, (threads, seed, every))
+    command = [sys.executable, "-m", "torture.threads", *words]
+    run = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=_LIMIT,
+        check=False,
+        env=importing(Path(__file__).parents[1]),
+    )
+    if run.returncode:
+        last = run.stderr.strip().splitlines()[-1:]
+        raise RuntimeError(f"{threads} threads, seed {seed}: exit code {run.returncode} {last}")
+    return json.loads(run.stdout)
+
+
+def threaded(seed: int, rounds: int, every: int = 1, threads: int = 12) -> list[str]:
+    """Complaints about so many rounds of threads beside one thread."""
+    serial = in_process(1, seed, every)
+    complaints = []
+    for number in range(rounds):
+        try:
+            found = in_process(threads, seed + number, every)
+        except RuntimeError as error:
+            complaints.append(str(error))
+            continue
+        complaints += [
+            f"{cell}: {found[cell]}, in one thread {expected}"
+            for cell, expected in serial.items()
+            if found[cell] != expected
+        ]
+    return complaints
+
+
+def main() -> None:
+    """Print the digests."""
+    threads, seed, every = map(int, sys.argv[1:])
+    json.dump(digests(cells()[::every], threads, seed), sys.stdout)
+
+
+if __name__ == "__main__":
+    main()
