@@ -423,12 +423,12 @@ def _prepared(setup: Setup, problem: Problem, tolerance: float, atol: Any) -> fl
     """Seconds that preparing a solver takes, imports left out; None of a plain function. Its run says what is wrong."""
     if setup.solver is None or not setup.solver.available:
         return None
-    before = SPENT["compilation"]
+    before = SPENT.seconds["compilation"]
     with suppress(Exception):
         # A run that ends at its first step.
         limits = {"max_steps": 1, "max_seconds": 1e-9, "doubt": False}
         solve(problem, setup.solver, tolerance, **{**setup.options, "atol": atol, **limits})
-    return SPENT["compilation"] - before
+    return SPENT.seconds["compilation"] - before
 
 
 def _source(study: WorkPrecision) -> str:
