@@ -5,6 +5,7 @@ and does not depend on the rows that the user asks for.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
@@ -93,6 +94,9 @@ class RunError:
     advice: str = ""  # what to do about a requested error that was missed; empty if none was
     largest_lz: float = 0.0  # the whole run's largest |L_z| over I_max; 0 where it is not known
     axis: bool = False  # whether the orientation is that of a spheroid's symmetry axis
+    # Family of methods whose factors it has, and the largest differences from the second run.
+    family: str = ""
+    apart: Mapping[str, float] = field(default_factory=dict, repr=False)
     # Shares of the run, and the upper ends there.
     shares: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
     profile: Along = field(default=Along(None, None), repr=False, compare=False)
@@ -196,6 +200,8 @@ def stated(
         kind,
         largest_lz=_largest_lz(scene_ellipsoid, observables),
         axis=scene_ellipsoid.symmetry_axis is not None,
+        family=family,
+        apart=apart.largest,
         profile=Along(profile["slow"], profile["orientation"]),
     )
 
