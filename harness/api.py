@@ -1,7 +1,7 @@
 """What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from operator import is_
 from os import PathLike, fspath
 from typing import Any
@@ -21,6 +21,7 @@ from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form
+from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scenes import find_scene
 from polhode.solvers.catalogue import solver as find_solver
@@ -48,6 +49,7 @@ class Plan:
     times: np.ndarray  # Of the output, in units of the inverse shear rate.
     requested: tuple[float, str] | None  # Error and what it is of, where no tolerance was given.
     estimate: bool = True  # Whether a second run confirms it.
+    problems: Mapping[Form, Problem] = field(default_factory=dict)  # Those made already.
 
     @property
     def form(self) -> Form:
@@ -78,7 +80,7 @@ class Plan:
         self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()
     ) -> SceneSolution:
         """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
-        runner = Runner(self.scene, self._times)
+        runner = Runner(self.scene, self._times, self.problems)
         self._check(runner, events)
         if self.requested:
             error, want = self.requested
@@ -145,9 +147,10 @@ def plan(
     if tolerance is not None:
         check_tolerance(tolerance)
     methods = _methods(what, form, solver, error, want, tolerance)
+    problem = _checked(what, methods[0])
     requested = None if tolerance else (error, want)
     first = tolerance or first_tolerance(what, methods[0], error, want)
-    return Plan(what, methods, float(first), rows, requested, estimate)
+    return Plan(what, methods, float(first), rows, requested, estimate, {methods[0].form: problem})
 
 
 def _methods(
@@ -172,13 +175,18 @@ def _methods(
         methods = [method_for(scene, equations, method)]
     else:
         methods = methods_for(scene, error, want)
-    for equations, method in methods[:1]:
-        if not method.available:
-            raise ValueError(f"solver: {method.why_not}")
-        problem = equations.problem(scene)
-        method.check(problem)
-        check_field(problem)
     return tuple(methods)
+
+
+def _checked(scene: Scene, method: Method) -> Problem:
+    """The problem of a scene that a method takes; raises ValueError if form or solver refuse it."""
+    form, solver = method
+    if not solver.available:
+        raise ValueError(f"solver: {solver.why_not}")
+    problem = form.problem(scene)
+    solver.check(problem)
+    check_field(problem)
+    return problem
 
 
 def solve(

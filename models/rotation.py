@@ -81,21 +81,31 @@ def matrix_from_euler(angles: Array) -> Array:
 
 def matrix_from_quaternion(q: Array) -> Array:
     """Matrices t_ij, shape (..., 3, 3), of quaternions, shape (..., 4); row i is body axis i in space components."""
-    # The quaternions are normalised first, so that the rows stay unit vectors where a solver let
+    # The squares are divided by the norm's, so that the rows stay unit vectors where a solver let
     # the norm drift.
-    size = np.abs(q).max(axis=-1, keepdims=True)
-    if not ((size > _SMALLEST_SIZE) & (size < 1 / _SMALLEST_SIZE)).all():
-        # Their squares would vanish or overflow; a quaternion of zeros has no matrix.
+    q0, q1, q2, q3 = (q[..., i] for i in range(4))
+    a, b, c, d = q0 * q0, q1 * q1, q2 * q2, q3 * q3
+    square = a + b + c + d
+    if not ((square > _SMALLEST_SIZE**2) & (square < 1 / _SMALLEST_SIZE**2)).all():
+        # Squares vanish or overflow; a quaternion of zeros has no matrix.
         with np.errstate(invalid="ignore"):
-            q = q / size
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    q0, q1, q2, q3 = np.moveaxis(q, -1, 0)
-    rows = [
-        [q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, 2 * (q1 * q2 + q0 * q3), 2 * (q1 * q3 - q0 * q2)],
-        [2 * (q1 * q2 - q0 * q3), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, 2 * (q2 * q3 + q0 * q1)],
-        [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+            q = q / np.abs(q).max(axis=-1, keepdims=True)
+        q0, q1, q2, q3 = (q[..., i] for i in range(4))
+        a, b, c, d = q0 * q0, q1 * q1, q2 * q2, q3 * q3
+        square = a + b + c + d
+    x, y, z = q1 * q2, q1 * q3, q2 * q3
+    u, v, w = q0 * q1, q0 * q2, q0 * q3
+    matrix = np.empty((*q.shape[:-1], 3, 3), dtype=square.dtype)
+    matrix[..., 0, 0] = a + b - c - d
+    matrix[..., 1, 1] = a - b + c - d
+    matrix[..., 2, 2] = a - b - c + d
+    matrix[..., 0, 1] = 2 * (x + w)
+    matrix[..., 0, 2] = 2 * (y - v)
+    matrix[..., 1, 0] = 2 * (x - w)
+    matrix[..., 1, 2] = 2 * (z + u)
+    matrix[..., 2, 0] = 2 * (y + v)
+    matrix[..., 2, 1] = 2 * (z - u)
+    return matrix / square[..., None, None]
 
 
 def quaternion_from_matrix(matrices: Array) -> Array:

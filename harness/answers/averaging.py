@@ -20,7 +20,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 
 # Rotations up to which an averaged run is compared with a full one.
-DIRECT_TURNS = 2_000.0
+DIRECT_TURNS = 1_000.0
 # Rotations of a surrogate.
 SURROGATE_TURNS = 500.0
 # Tolerance of full runs that averaged ones are compared with.

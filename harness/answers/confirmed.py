@@ -144,7 +144,8 @@ def _meet(
             raise
         stated_error = None
         if run.success:
-            _check_attainable(runner, run, error, want)
+            if previous is None and want == "slow":
+                check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
             if not in_pairs:
                 stated_error = confirmation(runner, run)
             elif previous and previous.success and _differ(previous, run):
@@ -344,8 +345,3 @@ def family(run: Run) -> str:
     if solver.many_periods:
         return solver.name
     return "implicit" if solver.implicit else "explicit"
-
-
-def _check_attainable(runner: Runner, run: Run, error: float, want: str) -> None:
-    if want == "slow":
-        check_representable(error, attainable(runner.scene.ellipsoid, run.observables))

@@ -28,9 +28,11 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
 
     Only a run whose error is large or unknown is compared with two sharp runs: others pay nothing.
     """
+    if not run.success or (stated.slow and stated.slow.high <= _OFF):
+        return ""
     unit = max(runner.scene.ellipsoid.inertia)
     limit = max(_OFF, _OFF_SHARE * magnitude(runner.scene.ellipsoid, run.observables))
-    if not run.success or (stated.slow and stated.slow.high <= limit):
+    if stated.slow and stated.slow.high <= limit:
         return ""
     form = run.method.form
     method = run.method._replace(solver=full_solver(runner.scene, form))

@@ -115,10 +115,14 @@ def full_method(scene: Scene) -> Method:
 
 def full_solver(scene: Scene, form: Form) -> Solver:
     """The solver for a form: exact where there is a closed form, else implicit where the scene is stiff."""
+    preferred = IMPLICIT if stiff(scene) and not form.averaged else EXPLICIT
+    first = find_solver(preferred[0])
+    if 0 < scene.stokes < inf and first.available:
+        # There is no closed form, and every form has explicit equations.
+        return first
     problem = form.problem(scene)
     if problem.closed_form is not None:
         return find_solver("exact")
-    preferred = IMPLICIT if stiff(scene) and not form.averaged else EXPLICIT
     for name in (*preferred, *SOLVERS):
         solver = find_solver(name)
         if solver.available and solver.takes(problem):

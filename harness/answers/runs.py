@@ -1,6 +1,6 @@
 """Runs of one scene, at the rows that a user asks for and at the times at which runs are compared."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import pi
 from typing import NamedTuple
@@ -60,9 +60,13 @@ class Runner:
     scene : Scene
     times : ndarray, shape (n,)
         Rows, in units of the inverse shear rate, the first one 0 and the last one the scene's time.
+    problems : mapping of Form to Problem
+        Problems of the scene that are made already.
     """
 
-    def __init__(self, scene: Scene, times: np.ndarray) -> None:
+    def __init__(
+        self, scene: Scene, times: np.ndarray, problems: Mapping[Form, Problem] | None = None
+    ) -> None:
         self.scene, self.times = scene, times
         end = float(times[-1])
         inner = INNER * end
@@ -73,7 +77,7 @@ class Runner:
         self.every = np.union1d(times, inner)
         self._at_rows = self.every.searchsorted(times)
         self._at_inner = self.every.searchsorted(inner)
-        self._problems = dict[Form, Problem]()
+        self._problems = dict(problems or {})
 
     def problem(self, form: Form) -> Problem:
         """The scene's problem in a form."""

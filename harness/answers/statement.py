@@ -5,7 +5,6 @@ and does not depend on the rows that the user asks for.
 """
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.resources import files
@@ -64,8 +63,8 @@ def difference(ellipsoid: Ellipsoid, a: Observables, b: Observables) -> Differen
     """Differences of observables at the same n times, arrays of shape (n,)."""
     momentum = np.abs(a.angular_momentum - b.angular_momentum).max(axis=1)
     slow = np.maximum(momentum, np.abs(a.energy - b.energy)) / max(ellipsoid.inertia)
-    angle = orientation_difference(ellipsoid, a.rotation, b.rotation)
-    return Difference(np.where(np.isnan(slow), np.inf, slow), angle)
+    slow[np.isnan(slow)] = np.inf
+    return Difference(slow, orientation_difference(ellipsoid, a.rotation, b.rotation))
 
 
 class Along(NamedTuple):
@@ -94,12 +93,9 @@ class RunError:
     advice: str = ""  # what to do about a requested error that was missed; empty if none was
     largest_lz: float = 0.0  # the whole run's largest |L_z| over I_max; 0 where it is not known
     axis: bool = False  # whether the orientation is that of a spheroid's symmetry axis
-    # Family of methods whose factors it has, and the largest differences from the second run.
-    family: str = ""
-    apart: Mapping[str, float] = field(default_factory=dict, repr=False)
-    # Shares of the run, and the upper ends there.
-    shares: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
-    profile: Along = field(default=Along(None, None), repr=False, compare=False)
+    family: str = ""  # of methods, whose factors it has
+    # Differences from the second run at the compared times.
+    difference: Difference | None = field(default=None, repr=False, compare=False)
     # Shares of the run at which the rows lie.
     rows: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
 
@@ -113,12 +109,16 @@ class RunError:
 
     @property
     def along(self) -> Along:
-        """The upper ends at the rows, shape (n,)."""
-        slow, angle = (
-            None if ends is None else np.interp(self.rows, self.shares, ends)
-            for ends in self.profile
-        )
-        return Along(slow, angle)
+        """The upper ends at the rows, shape (n,); between two compared times they are interpolated."""
+        ends = []
+        for want in ("slow", "orientation"):
+            interval = self.wanted(want)
+            values = getattr(self.difference, want, None)
+            if interval is None or values is None:
+                ends.append(None)
+            else:
+                ends.append(interval.high * np.interp(self.rows, INNER, _shape(values)))
+        return Along(*ends)
 
     def words(self) -> str:
         """The errors in a line, that of L and E also as a share of the run's largest |L_z|, if it is smaller."""
@@ -137,7 +137,7 @@ class RunError:
 
     def summary(self) -> dict[str, Any]:
         """What a file says of it, as plain data."""
-        left_out = ("shares", "profile", "rows")
+        left_out = ("difference", "rows")
         found = {name: each for name, each in vars(self).items() if name not in left_out}
         for want in ("slow", "orientation"):
             interval = found[want]
@@ -170,7 +170,7 @@ def factors() -> dict[str, dict[str, dict[str, Factors]]]:
 
 
 def stated(
-    scene_ellipsoid: Ellipsoid,
+    ellipsoid: Ellipsoid,
     kind: str,
     family: str,
     apart: Difference,
@@ -179,45 +179,35 @@ def stated(
     note: str,
 ) -> RunError:
     """State the error of a run whose observables at the compared times differ so from a second one's."""
-    size = {"slow": _size(scene_ellipsoid, observables), "orientation": pi}
+    momentum = np.abs(observables.angular_momentum).max(axis=0)
+    size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
-    profile: dict[str, Array | None] = {"slow": None, "orientation": None}
-    for want, values in (("slow", apart.slow), ("orientation", apart.orientation)):
-        if values is None:
-            continue
+    for want, largest in apart.largest.items():
         factor = factors()[kind][family][want]
-        rounding = _ROUNDING * EPS * size[want] * (1 + turns) ** _ROUNDING_GROWTH[want]
-        envelope = _envelope(values)
-        largest = float(values.max())
-        most = pi if want == "orientation" else np.inf
-        high = min(most, factor.high * largest + rounding)
+        growth = (1 + turns) ** _ROUNDING_GROWTH[want]
+        if want == "slow":
+            high = factor.high * largest + _ROUNDING * EPS * size * growth
+        else:
+            # No two orientations are further apart.
+            high = min(pi, factor.high * largest + _ROUNDING * EPS * pi * growth)
         ends[want] = Interval(factor.middle * largest, factor.low * largest, high)
-        profile[want] = np.minimum(most, factor.high * envelope + rounding)
     return RunError(
         ends["slow"],
         ends["orientation"],
         note,
         kind,
-        largest_lz=_largest_lz(scene_ellipsoid, observables),
-        axis=scene_ellipsoid.symmetry_axis is not None,
+        largest_lz=float(momentum[2]) / max(ellipsoid.inertia),
+        axis=ellipsoid.symmetry_axis is not None,
         family=family,
-        apart=apart.largest,
-        profile=Along(profile["slow"], profile["orientation"]),
+        difference=apart,
     )
 
 
-def _size(ellipsoid: Ellipsoid, observables: Observables) -> float:
-    """The largest |L|, E over I_max."""
-    momentum = np.abs(observables.angular_momentum).max()
-    return float(max(momentum, np.abs(observables.energy).max())) / max(ellipsoid.inertia)
-
-
-def _largest_lz(ellipsoid: Ellipsoid, observables: Observables) -> float:
-    return float(np.abs(observables.angular_momentum[:, 2]).max()) / max(ellipsoid.inertia)
-
-
-def _envelope(values: Array) -> Array:
-    """The largest of the neighbouring values, and no less than a share of the largest one."""
+def _shape(values: Array) -> Array:
+    """The largest of neighbouring differences over the largest of all, and no less than a share of it."""
+    largest = values.max()
+    if not 0 < largest < np.inf:
+        return np.ones_like(values)
     padded = np.pad(values, _NEIGHBOURS, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
-    return np.maximum(windows.max(axis=1), _LEAST_SHARE * values.max())
+    return np.maximum(windows.max(axis=1) / largest, _LEAST_SHARE)

@@ -78,13 +78,18 @@ def orientation_difference(
     if ellipsoid.kind == "sphere":
         return None
     if ellipsoid.kind == "triaxial":
-        chord = np.linalg.norm((found - true).astype(float), axis=(1, 2)) / np.sqrt(2)
+        apart = (found - true).astype(float)
+        half_chord = np.sqrt(np.einsum("nij,nij->n", apart, apart) / 8)
     else:
-        chord = np.linalg.norm((found - true)[:, ellipsoid.symmetry_axis].astype(float), axis=1)
-    if np.all(np.isnan(chord)):
+        axis = ellipsoid.symmetry_axis
+        apart = (found[:, axis] - true[:, axis]).astype(float)
+        half_chord = np.sqrt(np.einsum("ni,ni->n", apart, apart) / 4)
+    lost = np.isnan(half_chord)
+    if lost.all():
         return None
-    angle = 2 * np.arcsin(np.minimum(chord / 2, 1))
-    return np.where(np.isnan(angle), np.pi, angle)
+    angle = 2 * np.arcsin(np.minimum(half_chord, 1))
+    angle[lost] = np.pi
+    return angle
 
 
 def phase_and_shape(
