@@ -11,8 +11,8 @@ from polhode.solvers.contract import SolverNotValidError
 
 # A success is false if L or E is off by more than this, over I_max, and by this share of the
 # largest of them.
-_OFF = 0.1
-_OFF_SHARE = 0.01
+OFF = 0.1
+OFF_SHARE = 0.01
 # Tolerances of two sharp runs.
 _SHARP = (1e-10, 1e-12)
 # The sharp runs agree if their distance is this share of the run's from them: runs of a chaotic
@@ -28,10 +28,10 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
 
     Only a run whose error is large or unknown is compared with two sharp runs: others pay nothing.
     """
-    if not run.success or (stated.slow and stated.slow.high <= _OFF):
+    if not run.success or (stated.slow and stated.slow.high <= OFF):
         return ""
     unit = max(runner.scene.ellipsoid.inertia)
-    limit = max(_OFF, _OFF_SHARE * magnitude(runner.scene.ellipsoid, run.observables))
+    limit = max(OFF, OFF_SHARE * magnitude(runner.scene.ellipsoid, run.observables))
     if stated.slow and stated.slow.high <= limit:
         return ""
     form = run.method.form

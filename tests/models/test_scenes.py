@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from oracle.first_principles import body_rates, jeffery, rotation_from_euler
-from polhode.harness.picking.choice import simplest
+from polhode.harness.answers.rules import simplest
 from polhode.models.catalogue import FORMS, form
 from polhode.models.form import FormNotValidError
 from polhode.models.observables import observe_slow

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from polhode import solve
+from polhode.harness.answers.doubt import OFF, OFF_SHARE
 from polhode.harness.calibration.scenes import questions
 from polhode.harness.calibration.training import LOW_ORDER_ROWS, fast_solvers, forms_for
 from polhode.harness.common.text import percent
 from polhode.harness.picking.pilot import PilotFailedError, pilot
-from polhode.harness.picking.stated_error import OFF, SHARE
 from polhode.models.catalogue import form as find_form
 from polhode.models.form import Form
 from polhode.models.scene import BodyStart, Scene
@@ -120,7 +120,7 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
     """The page, and how many false successes nothing says, or good runs are doubted."""
     claimed = [row for row in rows if row["claimed"]]
     known = [row for row in claimed if row["known"] < KNOWN]
-    off = [row for row in known if row["error"] > max(OFF, SHARE * row["largest"])]
+    off = [row for row in known if row["error"] > max(OFF, OFF_SHARE * row["largest"])]
     left = [row for row in off if row["status"] == Status.REACHED_END]
     unstated = [row for row in left if row["stated"] is None or row["stated"] < OFF]
     good = [row for row in known if row["error"] <= OFF and row["status"] == Status.FALSE_SUCCESS]
@@ -144,7 +144,7 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
         f"by two unrelated sharp runs that agree to {KNOWN:g}. An averaged form's error includes that of averaging.",
         "",
         f"- Runs: {len(rows)}, of which {len(claimed)} claimed success; the truth is known for {len(known)} of these.",
-        f"- Off by more than {OFF:g} of I_max and {percent(SHARE)} of the largest L or E: {len(off)} before doubt "
+        f"- Off by more than {OFF:g} of I_max and {percent(OFF_SHARE)} of the largest L or E: {len(off)} before doubt "
         f"({by}).",
         f"- Caught: {', '.join(f'{count} by {by}' for by, count in caught.most_common()) or 'none'}.",
         f"- Still called a success: {len(left)}, {len(unstated)} of them without a stated error that says so: "

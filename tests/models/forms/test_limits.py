@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from observed import observed, orientation_difference, slow_difference
 
-from polhode.harness.picking.choice import simplest
+from polhode.harness.answers.rules import simplest
 from polhode.models.catalogue import form
 from polhode.models.forms.jeffery import JefferyOrbit, _spin_integral
 from polhode.models.rotation import matrix_from_quaternion
