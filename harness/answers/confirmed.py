@@ -22,14 +22,20 @@ from polhode.harness.answers.doubt import doubt
 from polhode.harness.answers.request import check_representable, one_digit
 from polhode.harness.answers.rules import TIGHTEST, Method, first_tolerance, full_solver, stiff
 from polhode.harness.answers.runs import Run, Runner, Watch, turns
-from polhode.harness.answers.statement import UNKNOWN, Difference, RunError, difference, stated
+from polhode.harness.answers.statement import (
+    UNKNOWN,
+    Difference,
+    RunError,
+    difference,
+    of_rounding,
+    stated,
+)
 from polhode.harness.common.text import scientific, short
 from polhode.harness.references.errors import attainable, magnitude
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
-from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import Interrupted, Solution
 
@@ -39,10 +45,15 @@ TIGHTER = 0.1
 LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing.
 LOOSE = 1e-5
-# A second run whose steps differ by less than this share is the same run.
-SAME_STEPS = 0.03
+# Two runs of a method whose steps differ by a smaller factor are too alike: at order 6 the better
+# one errs by as much as they differ, and by more where they are closer.
+LEAST_STEP_RATIO = 1.15
+# The tolerance of a last second run where others took too similar steps.
+FAR_TIGHTER = 1e-3
 # Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
 SATURATED = 0.03
+# No run is credited with an error below this share of its tolerance: that would be luck.
+LEAST_ERROR_PER_TOLERANCE = 1e-3
 # Runs of a method that look for an error, at most.
 MAX_RUNS = 6
 # Where two runs have not met an error, the next one is planned to have this share of it.
@@ -134,37 +145,32 @@ def _meet(
     previous = run = None
     best: tuple[Run, RunError] | None = None
     for _ in range(MAX_RUNS):
-        limit = _limit(previous) if previous and previous.success else UNLIMITED
-        try:
-            run = runner.run(method, tolerance, limit, watch)
-        except Interrupted:
-            if previous and previous.success:
-                # A run that has ended is worth more than the beginning of a tighter one.
-                raise Interrupted(runner.rows(previous.solution)) from None
-            raise
+        run = _next_run(runner, method, tolerance, previous, watch)
         stated_error = None
-        if run.success:
-            if previous is None and want == "slow":
-                check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
-            if not in_pairs:
-                stated_error = confirmation(runner, run)
-            elif previous and previous.success and _differ(previous, run):
-                stated_error = _paired(runner, run, previous)
-        elif previous and previous.success:
-            break
+        if not run.success:
+            if previous and previous.success:
+                break
+        elif not in_pairs:
+            stated_error = confirmation(runner, run)
+        elif previous and previous.success and _differ(previous, run):
+            stated_error = _paired(runner, run, previous)
+        if run.success and previous is None and want == "slow":
+            check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
         interval = stated_error.wanted(want) if stated_error else None
         stride = TIGHTER
         if interval and stated_error:
             before = best[1].wanted(want) if best else None
-            stalled = before is not None and interval.high > FALLING * before.high
             if before is None or interval.high < before.high:
                 best = run, stated_error
+            stalled = before is not None and interval.high > FALLING * before.high
             if interval.high <= error or stalled:
                 break
             stride = min(TIGHTER, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
         if tolerance <= TIGHTEST:
             break
-        previous, tolerance = run, one_digit(max(TIGHTEST, stride * tolerance))
+        if stated_error or not (previous and previous.success):
+            previous = run
+        tolerance = one_digit(max(TIGHTEST, stride * tolerance))
     assert run is not None
     if best is None:
         run = previous if previous and previous.success and not run.success else run
@@ -180,6 +186,18 @@ def _paired(runner: Runner, run: Run, looser: Run) -> RunError:
     return _stated(
         runner, "estimate", "hybrid", run, apart, f"estimate of its pieces, and {looser.words}"
     )
+
+
+def _next_run(
+    runner: Runner, method: Method, tolerance: float, previous: Run | None, watch: Watch
+) -> Run:
+    """A run of a search; on Ctrl-C the one before is worth more than its beginning, if that has ended."""
+    if not (previous and previous.success):
+        return runner.run(method, tolerance, watch=watch)
+    try:
+        return runner.run(method, tolerance, _limit(previous), watch)
+    except Interrupted:
+        raise Interrupted(runner.rows(previous.solution)) from None
 
 
 def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
@@ -220,8 +238,9 @@ def confirmation(runner: Runner, run: Run) -> RunError:
 
 def _confirmation(runner: Runner, run: Run) -> RunError:
     if run.method.solver.closed_form:
-        nothing = difference(runner.scene.ellipsoid, run.observables, run.observables)
-        return _stated(runner, "closed form", "exact", run, nothing, "closed form: rounding")
+        ellipsoid = runner.scene.ellipsoid
+        apart = of_rounding(ellipsoid, run.observables, turns(runner.scene, run.observables))
+        return _stated(runner, "closed form", "exact", run, apart, "closed form: rounding")
     if run.averaged:
         kind, family, apart, note = averaging.compared(runner, run)
         return _stated(runner, kind, family, run, apart, note)
@@ -233,7 +252,7 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
         if not other.success:
             continue
         if second.method == run.method and not _differ(run, other):
-            why = "second runs took the very same steps"
+            why = "second runs took too similar steps"
             continue
         if second.kind == "looser" and _saturated(runner, run, other):
             continue
@@ -254,14 +273,14 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
         yield Second("sharper", method, tighter)
     if looser >= LOOSE:
         yield Second("looser", method, looser)
+    far = max(TIGHTEST, FAR_TIGHTER * tolerance)
+    if far < tighter:
+        yield Second("sharper", method, far)
 
 
 def _partner(runner: Runner, method: Method) -> Method | None:
     """An unlike method, by which a second run tells more or costs less; None where there is none."""
     solver, form, scene = method.solver, method.form, runner.scene
-    if solver.name == "splitting-extended":
-        # In double precision, by another scheme, in a third of the time.
-        return Method(form, find_solver("splitting"))
     if solver.many_periods:
         return None
     of_order = solver.implicit if stiff(scene) else _is_efficient(solver)
@@ -287,9 +306,7 @@ def _is_ours(thing: Form | Solver) -> bool:
 
 def _equal_error_tolerance(runner: Runner, run: Run, partner: Method) -> float:
     """The tolerance at which a partner errs by a share of what the run does."""
-    if partner.solver.many_periods:
-        ratio = 1.0
-    elif stiff(runner.scene):
+    if stiff(runner.scene):
         ratio = TIGHTER
     else:
         constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
@@ -306,10 +323,10 @@ def _in_one(runner: Runner, run: Run) -> Run:
 
 
 def _differ(a: Run, b: Run) -> bool:
-    """Whether two runs took different steps, as far as these are reported."""
+    """Whether two runs took different numbers of steps, or if these are not reported, differ at all."""
     if not (a.steps and b.steps):
         return bool(np.any(a.observables.energy != b.observables.energy))
-    return abs(a.steps - b.steps) > SAME_STEPS * min(a.steps, b.steps)
+    return max(a.steps, b.steps) >= LEAST_STEP_RATIO * min(a.steps, b.steps)
 
 
 def _saturated(runner: Runner, run: Run, other: Run) -> bool:
@@ -336,7 +353,8 @@ def _stated(
 ) -> RunError:
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
-    return stated(ellipsoid, kind, family_name, apart, run.observables, rotations, note)
+    lucky = 0.0 if run.method.solver.closed_form else LEAST_ERROR_PER_TOLERANCE * run.tolerance
+    return stated(ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note)
 
 
 def family(run: Run) -> str:

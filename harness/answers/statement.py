@@ -176,20 +176,24 @@ def stated(
     apart: Difference,
     observables: Observables,
     turns: float,
+    least: float,
     note: str,
 ) -> RunError:
-    """State the error of a run whose observables at the compared times differ so from a second one's."""
+    """State the error of a run whose observables at the compared times differ so from a second one's.
+
+    `least` is a difference below which two runs agree by luck.
+    """
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
     for want, largest in apart.largest.items():
         factor = factors()[kind][family][want]
-        growth = (1 + turns) ** _ROUNDING_GROWTH[want]
-        if want == "slow":
-            high = factor.high * largest + _ROUNDING * EPS * size * growth
-        else:
+        unit = size if want == "slow" else pi
+        rounding = _ROUNDING * EPS * unit * (1 + turns) ** _ROUNDING_GROWTH[want]
+        high = factor.high * max(largest, least) + rounding
+        if want == "orientation":
             # No two orientations are further apart.
-            high = min(pi, factor.high * largest + _ROUNDING * EPS * pi * growth)
+            high = min(pi, high)
         ends[want] = Interval(factor.middle * largest, factor.low * largest, high)
     return RunError(
         ends["slow"],
@@ -201,6 +205,16 @@ def stated(
         family=family,
         difference=apart,
     )
+
+
+def of_rounding(ellipsoid: Ellipsoid, observables: Observables, turns: float) -> Difference:
+    """What rounding makes of a closed form, in units that factors multiply: it grows with the phase."""
+    momentum = np.abs(observables.angular_momentum).max()
+    size = float(max(momentum, np.abs(observables.energy).max())) / max(ellipsoid.inertia)
+    grown = EPS * (1 + turns) * np.ones(len(observables.energy))
+    if ellipsoid.kind == "sphere":
+        return Difference(size * grown, None)
+    return Difference(size * grown, pi * grown)
 
 
 def _shape(values: Array) -> Array:

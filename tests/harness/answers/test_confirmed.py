@@ -36,7 +36,7 @@ def largest(found: SceneSolution, true: SceneSolution) -> tuple[float, float]:
         ("paper", "averaged", "cyrk-dop853", 1e-6, "unlike"),
         ("spheroid", "spheroid-axis", "cyrk-lsoda", 1e-8, "unlike"),
         ("spheroid", "spheroid-axis", "splitting", 1e-8, "looser"),
-        ("spheroid", "spheroid-axis", "splitting-extended", 1e-8, "unlike"),
+        ("spheroid", "spheroid-axis", "splitting-extended", 1e-8, "looser"),
         ("stiff", "quaternion", "cyrk-radau", 1e-8, "looser"),
         ("near-spheroid", "quaternion", "cyrk-vern7", 1e-9, "looser"),
     ],
@@ -163,7 +163,7 @@ def test_runs_of_the_same_steps_confirm_nothing(monkeypatch: pytest.MonkeyPatch)
     found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-6)
     assert (found.error.kind, found.error.note) == (
         None,
-        "not confirmed: second runs took the very same steps",
+        "not confirmed: second runs took too similar steps",
     )
 
 
@@ -208,7 +208,7 @@ def test_a_start_by_l_and_e_is_averaged_and_states_its_error():
 def test_a_closed_form_has_rounding_alone():
     found = solve("top", form="euler-top", solver="exact", tolerance=1.0)
     assert found.error.kind == "closed form"
-    assert found.error.slow.predicted == 0 < found.error.slow.high < 1e-11
+    assert 0 < found.error.slow.high < 1e-11
 
 
 def test_no_two_orientations_are_further_apart_than_half_a_turn():
