@@ -21,7 +21,7 @@ from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
-from polhode.harness.pages.pick import stated_summary, summary
+from polhode.harness.pages.pick import summary
 from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
 from polhode.harness.paper import claims, store
 from polhode.harness.paper.pages import write_pages
@@ -67,10 +67,6 @@ def pick() -> Iterable[str]:
     return summary(Evaluation(**tables))
 
 
-def stated() -> Iterable[str]:
-    return stated_summary(pd.read_csv(REPORTS / "pick" / "stated.csv"))
-
-
 def sweep() -> Iterable[str]:
     """How each ensemble ends, and when half of it has arrived, from the fractions arrived by each time."""
     yield "0 of 12000 particles failed."
@@ -93,7 +89,6 @@ PAGES: dict[str, Callable[[], Iterable[str]]] = {
     "hard-cases/README.md": hard_cases,
     "regimes/README.md": regimes,
     "pick/README.md": pick,
-    "pick/stated.md": stated,
     "sweep/README.md": sweep,
 }
 

@@ -238,8 +238,9 @@ def confirmation(runner: Runner, run: Run) -> RunError:
 
 def _confirmation(runner: Runner, run: Run) -> RunError:
     if run.method.solver.closed_form:
-        ellipsoid = runner.scene.ellipsoid
-        apart = of_rounding(ellipsoid, run.observables, turns(runner.scene, run.observables))
+        scene, seen = runner.scene, run.observables
+        # Without inertia the flow alone turns the body, and L and E follow its orientation.
+        apart = of_rounding(scene.ellipsoid, seen, turns(scene, seen), scene.stokes == 0)
         return _stated(runner, "closed form", "exact", run, apart, "closed form: rounding")
     if run.averaged:
         kind, family, apart, note = averaging.compared(runner, run)

@@ -207,14 +207,20 @@ def stated(
     )
 
 
-def of_rounding(ellipsoid: Ellipsoid, observables: Observables, turns: float) -> Difference:
-    """What rounding makes of a closed form, in units that factors multiply: it grows with the phase."""
+def of_rounding(
+    ellipsoid: Ellipsoid, observables: Observables, turns: float, slow_grows: bool
+) -> Difference:
+    """What rounding makes of a closed form, in units that factors multiply.
+
+    The phase's grows with the rotations, and that of L and E with it where they follow the phase.
+    """
     momentum = np.abs(observables.angular_momentum).max()
     size = float(max(momentum, np.abs(observables.energy).max())) / max(ellipsoid.inertia)
-    grown = EPS * (1 + turns) * np.ones(len(observables.energy))
+    unit = np.full(len(observables.energy), EPS)
+    slow = size * unit * (1 + turns if slow_grows else 1)
     if ellipsoid.kind == "sphere":
-        return Difference(size * grown, None)
-    return Difference(size * grown, pi * grown)
+        return Difference(slow, None)
+    return Difference(slow, pi * unit * (1 + turns))
 
 
 def _shape(values: Array) -> Array:
