@@ -2,22 +2,28 @@
 
 Each group draws scenes that its solvers are for, runs one of them at a random tolerance or until a
 random error is met, and compares the whole solution with a reference at `SAMPLES` times. One set of
-runs fits the factors (`fit`), another counts how many statements hold (`summary`).
+runs fits the factors (`fitted`), another counts how many statements hold (`counted`).
 """
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import acos, inf, pi
+from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from polhode.harness.answers.confirmed import Answer, confirm, meet
+from polhode.harness.answers.request import WANTS
 from polhode.harness.answers.rules import Method, full_method, rotations, stiff
 from polhode.harness.answers.runs import Runner
-from polhode.harness.answers.statement import difference
-from polhode.harness.common.store import Record
+from polhode.harness.answers.statement import difference, factors
+from polhode.harness.common.files import digest, write_file
+from polhode.harness.common.fits import wilson
+from polhode.harness.common.store import Record, Store
 from polhode.harness.references.extended import ReferenceFailedError, extended_run
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form, full_form, reference_form
@@ -26,6 +32,8 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
+FACTORS = Path(__file__).with_name("factors.json")
+SCHEMA = 1
 # Times at which a solution is compared with its reference.
 SAMPLES = 2001
 # Seconds that a reference may take.
@@ -40,6 +48,10 @@ MAX_TURNS = 3_000.0
 LEAST_AVERAGED_TURNS = 1_200.0
 # Share of the runs of a fit above the upper end, and below the lower one.
 FITTED_BEYOND = 0.01
+# The upper end over what the runs of a fit show: another set of runs shows a little more.
+FIT_MARGIN = 1.1
+# Errors below so many uncertainties of a reference say nothing of a ratio.
+CLEAR = 10.0
 
 
 class Group(NamedTuple):
@@ -306,3 +318,94 @@ _SCENES: dict[str, Callable[[np.random.Generator], Scene]] = {
     "fast": _fast,
     "exact": _exact,
 }
+
+
+def study(
+    store: Store, seed: int, scenes: int, quiet: bool = False, certified: bool = True
+) -> list[Record]:
+    """Runs of so many scenes of each sort, from the store or measured."""
+    rows = []
+    tasks = [(sort, index) for index in range(scenes) for sort in _SCENES]
+    for sort, index in tqdm(tasks, "errors stated", leave=False, disable=quiet or None):
+        content = {"sort": sort, "seed": seed, "index": index, "certified": certified}
+        content |= {"schema": SCHEMA, "factors": digest(factors())}
+        key = digest({"coverage": content})
+        known = store.result(key)
+        if known is None:
+            known = {"rows": measured(sort, seed, index, certified)}
+            store.put(key, content, known)
+        rows += known["rows"]
+    return rows
+
+
+class Count(NamedTuple):
+    """How the errors stated by runs of one kind and family hold."""
+
+    kind: str
+    family: str
+    want: str
+    runs: int
+    missed: int  # true errors above the upper end
+    bound: float  # of the share missed, at 95 %
+    factor: float  # the upper end over the true error, in the median
+
+
+def counted(rows: Sequence[Record]) -> list[Count]:
+    """Runs by kind, family and want; the last ones are those that state no error, by group."""
+    groups: dict[tuple[str, str, str], list[Record]] = {}
+    for row in rows:
+        for want in WANTS:
+            if row.get("kind") and row.get(f"{want}_stated"):
+                groups.setdefault((row["kind"], row["family"], want), []).append(row)
+    counts = []
+    for (kind, family, want), found in sorted(groups.items()):
+        true = np.array([row[want] for row in found])
+        doubt = np.array([row[f"{want}_uncertainty"] for row in found])
+        high = np.array([row[f"{want}_stated"][2] for row in found])
+        missed = int(np.sum(true > high + doubt))
+        clear = true > CLEAR * doubt
+        factor = float(np.median(high[clear] / true[clear])) if clear.any() else np.nan
+        bound = wilson(missed, len(found))[1]
+        counts.append(Count(kind, family, want, len(found), missed, bound, factor))
+    return counts
+
+
+def unstated(rows: Sequence[Record]) -> tuple[int, int]:
+    """Runs that state no error, and runs that were judged."""
+    judged = [row for row in rows if "left_out" not in row]
+    return sum(row["kind"] is None for row in judged), len(judged)
+
+
+def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]]]:
+    """Factors by kind, family and want: true errors over the differences of two runs."""
+    ratios: dict[tuple[str, str, str], list[float]] = {}
+    for row in rows:
+        for want in WANTS:
+            if not (row.get("kind") and row.get(f"{want}_stated")):
+                continue
+            high, apart = row[f"{want}_stated"][2], row[f"{want}_apart"]
+            # What was added to the difference, for rounding and luck, is not the factor's.
+            added = high - factors()[row["kind"]][row["family"]][want].high * apart
+            if apart > 0:
+                ratio = max(0.0, row[want] - added) / apart
+                ratios.setdefault((row["kind"], row["family"], want), []).append(ratio)
+    found: dict[str, dict[str, dict[str, list[float]]]] = {}
+    for (kind, family, want), values in sorted(ratios.items()):
+        ends = np.sort(values)
+        beyond = int(FITTED_BEYOND * len(ends))
+        high = FIT_MARGIN * max(float(ends[-1 - beyond]), float(np.median(ends)))
+        three = [float(ends[beyond]), float(np.median(ends)), high]
+        rounded = [float(f"{each:.2g}") for each in three]
+        found.setdefault(kind, {}).setdefault(family, {})[want] = rounded
+    return found
+
+
+def save(found: Mapping[str, Any], command: str) -> None:
+    """Write fitted factors beside this module; kinds and families without a run keep theirs."""
+    known = json.loads(FACTORS.read_text(encoding="utf-8"))["factors"]
+    for kind, families in found.items():
+        for family, wants in families.items():
+            known.setdefault(kind, {}).setdefault(family, {}).update(wants)
+    text = json.dumps({"command": command, "factors": known}, indent=1)
+    write_file(FACTORS, text + "\n")
+    factors.cache_clear()

@@ -19,7 +19,7 @@ from polhode.harness.commands._study_options import (
     stored,
     to_json,
 )
-from polhode.harness.common.text import cells, fitting, on_terminal, short
+from polhode.harness.common.text import cells, fitting, markdown, on_terminal, short
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
@@ -217,10 +217,29 @@ def calibrate(
     "--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from."
 )
 @click.option("--seeds", type=click.IntRange(min=1), default=3, help="So many seeds from it on.")
+@click.option(
+    "--errors",
+    type=click.IntRange(min=0),
+    default=0,
+    help="Scenes of each sort whose stated errors are held against references instead.",
+)
+@click.option("--fit", is_flag=True, help="With --errors: fit the factors of the statements anew.")
 @resume
 @quiet
-def validate(out: Path, scenes: int, seed: int, seeds: int, resume: bool, quiet: bool) -> None:
+def validate(
+    out: Path,
+    scenes: int,
+    seed: int,
+    seeds: int,
+    errors: int,
+    fit: bool,
+    resume: bool,
+    quiet: bool,
+) -> None:
     """Ask `pick` about scenes that no law was fitted on, measure them, print how good it was, and write the page."""
+    if errors:
+        _validate_errors(out, errors, seed, fit, resume, quiet)
+        return
     from polhode.harness.calibration.heldout import evaluate
     from polhode.harness.pages.pick import summary, write_pages
     from polhode.harness.picking.laws import load_laws
@@ -235,3 +254,34 @@ def validate(out: Path, scenes: int, seed: int, seeds: int, resume: bool, quiet:
     click.echo("\n".join([*summary(evaluation), str(page)]))
     if not evaluation.reached:
         raise RunFailed("pick did not reach what it promises")
+
+
+def _validate_errors(
+    out: Path, scenes: int, seed: int, fit: bool, resume: bool, quiet: bool
+) -> None:
+    """Count how many stated errors hold, by kind of confirmation, or fit their factors."""
+    from polhode.harness.answers.coverage import counted, fitted, save, study, unstated
+    from polhode.harness.common.files import write_file
+
+    with stored(out, resume, "errors", "runs") as store:
+        rows = study(store, seed, scenes, quiet, certified=not fit)
+    command = f"polhode validate --errors {scenes} --seed {seed}"
+    if fit:
+        save(fitted(rows), f"{command} --fit")
+    cells_of = [
+        [
+            count.kind,
+            count.family,
+            count.want,
+            count.runs,
+            count.missed,
+            f"{count.bound:.1%}",
+            f"{count.factor:.2g}",
+        ]
+        for count in counted(rows)
+    ]
+    header = ["kind", "family", "of", "runs", "missed", "share missed below", "over true, median"]
+    silent, judged = unstated(rows)
+    head = f"# Errors stated\n\nMade by `{command}`. {silent} of {judged} runs state no error.\n\n"
+    page = write_file(out / "errors.md", head + markdown(header, cells_of, (3, 4, 5, 6)))
+    click.echo(f"{markdown(header, cells_of, (3, 4, 5, 6))}{page}")
