@@ -39,9 +39,9 @@ _ROUNDING = 2.0
 _ROUNDING_GROWTH = {"slow": 0.7, "orientation": 1.7}
 # Compared times on either side of one whose largest difference stands for that time: differences
 # pass through zero.
-_NEIGHBOURS = 4
+_NEIGHBOURS = 6
 # No time has less than this share of the largest statement of the run: fits do not reach further.
-_LEAST_SHARE = 0.03
+_LEAST_SHARE = 0.1
 
 
 class Difference(NamedTuple):
