@@ -264,8 +264,14 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
             library.c_free(result)
 
     steps, _ = run(problem.end, np.empty(0))
+    if len(steps) < 2:
+        return np.zeros(1), start[None]
     count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-    return run(steps[-1], np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1]))
+    times, states = run(
+        steps[-1], np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
+    )
+    # A run of few steps may end otherwise when its rows are elsewhere.
+    return (times, states) if len(times) else (np.zeros(1), start[None])
 
 
 def _array(pointer: Any, size: int) -> np.ndarray:

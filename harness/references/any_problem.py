@@ -18,6 +18,7 @@ from polhode.harness.references.extended import ReferenceFailedError, extended_r
 from polhode.harness.references.reference import LONG_DOUBLE, SAFETY
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound
 
@@ -44,6 +45,9 @@ _SMALL = 1e-6
 _ROUNDING = 1e-14
 # Deviation of two unlike runs, over a component's size, up to which they confirm each other.
 _CONFIRMED = 1e-5
+
+# Two unlike runs may err alike: the uncertainty is at least so many times their deviation.
+_ALIKE = 3.0
 
 Measure = Callable[[np.ndarray, np.ndarray], float]
 
@@ -185,7 +189,7 @@ def _by_pair(
     if name is None or other is None:
         return f"{names[0]}, {others[0]}: none takes the problem"
     step = float(times[-1]) / _LEAST_STEPS
-    runs = []
+    runs, steps = [], 0
     for solver, tolerance in (
         (name, tolerances[0]),
         (name, tolerances[1]),
@@ -199,10 +203,28 @@ def _by_pair(
         if not run.success:
             return f"{solver}: {run.status}"
         runs.append(run.states)
+        steps = max(steps, run.work.steps or _LEAST_STEPS)
     tight, loose, unlike = runs
     apart = measure(unlike, tight)
-    uncertainty = max(SAFETY * measure(loose, tight), _ROUNDING)
+    uncertainty = max(
+        SAFETY * measure(loose, tight),
+        _ALIKE * apart,
+        measure(_clock_off(problem, tight, steps), tight),
+        _ROUNDING,
+    )
     if not apart <= _CONFIRMED:
         uncertainty = max(uncertainty, SAFETY * apart)
     source = f"{name} at {tolerances[0]:g}, compared with {other} at {other_tolerance:g}"
     return OwnReference(tight, uncertainty, source)
+
+
+def _clock_off(problem: Problem, states: np.ndarray, steps: int) -> np.ndarray:
+    """States, shape (n, d), at times that are off by what rounding makes of a sum of so many steps.
+
+    All runs whose steps have one limit share that error, whatever their method and tolerance.
+    """
+    off = steps * float(np.finfo(float).eps) * problem.end
+    field, parameters = plain_field(problem.field), problem.parameters or ()
+    with np.errstate(all="ignore"):
+        rates = np.array([field(row, parameters) for row in states.tolist()], dtype=float)
+    return states + off * np.where(np.isfinite(rates), rates, 0.0)
