@@ -42,6 +42,7 @@ class Once(Generic[P, R]):
         self.__wrapped__ = function
         self._entries: dict[tuple[Any, ...], _Entry] = {}
         self._lock = RLock()
+        self.__qualname__ = function.__qualname__
         update_wrapper(self, function)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
@@ -52,6 +53,9 @@ class Once(Generic[P, R]):
             entry = self._computed(key, *arguments, **named)
         entry.last_use = next(_clock)
         return entry.value
+
+    def __reduce__(self) -> str:
+        return self.__qualname__
 
     def __len__(self) -> int:
         """Results that are cached now."""

@@ -15,8 +15,8 @@ def dask_scheduler(folder: Path) -> subprocess.Popen:
 
 
 def dask_worker(folder: Path) -> subprocess.Popen:
-    """Start a worker of the folder's scheduler, with two threads."""
-    return _start(folder, "worker", "--nthreads", "2", "--no-nanny")
+    """Start a worker of the folder's scheduler, with several threads, as is Dask's default."""
+    return _start(folder, "worker", "--nthreads", "4", "--no-nanny")
 
 
 def _start(folder: Path, role: str, *words: str) -> subprocess.Popen:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from math import inf, isfinite
 from numbers import Integral
 from typing import Literal
@@ -24,6 +24,7 @@ from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squa
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.libraries import version_of
 from polhode.models.observables import angular_velocity
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -289,7 +290,7 @@ class Ensemble:
             statistics.add_arrivals(k, close[k].T)
 
 
-@cache
+@once()
 def plan_of(ensemble: Ensemble) -> Plan | None:
     """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error.
 
@@ -306,7 +307,7 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
     )
 
 
-@cache
+@once()
 def least_of(ensemble: Ensemble) -> float:
     """|L| down to which hybrid particles are averaged; inf if form `hybrid` runs all, as where they are few."""
     if ensemble.particles <= BOTH_WAYS:

@@ -4,12 +4,12 @@ It is linear in the coefficients c of `polhode.models.second_order.swing`: the m
 a quadratic form in them, whose matrix depends on a alone.
 """
 
-from functools import lru_cache
 from math import pi
 
 import numpy as np
 
 from polhode.models.files import kept
+from polhode.models.once import once
 from polhode.models.second_order import swing
 from polhode.models.second_order.swing import DEPTHS as EVERY, Place, series_for
 from polhode.models.shape import Ellipsoid
@@ -57,7 +57,7 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
     return np.sqrt(2 * np.sum(squares * np.array(products), axis=0)) / size**2
 
 
-@lru_cache(maxsize=64)
+@once()
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
     """Factors of products of `PAIRS` at the nodes of the series, at |L| = 1: the mean over turns; kept on disk."""
     key = f"extent of the swing {VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"

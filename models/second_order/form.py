@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from math import hypot
 
 import numpy as np
@@ -11,6 +11,7 @@ from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, FormNotValidError, Orientation
 from polhode.models.forms.spheroid import Spheroid, axis_drift
 from polhode.models.observables import Observables
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.second_order import (
@@ -131,7 +132,7 @@ class SecondOrder(Form):
             raise self.refuse(str(error), full_form(scene)) from None
 
 
-@lru_cache(maxsize=64)
+@once()
 def _started(scene: Scene) -> tuple[float, ...] | None:
     exact = find_form(full_form(scene)).problem(scene).start
     return slow_start(Spheroid.of(scene.ellipsoid), scene.torque_factor, exact)

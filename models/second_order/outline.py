@@ -7,12 +7,12 @@ kicks amplify an error: it shifts the phases of the resonances behind it, and so
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from math import hypot, inf, pi, sqrt
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.scene import Scene
 from polhode.models.second_order.path import TINY, Path, path_of
 from polhode.models.second_order.tables import Kick
@@ -84,7 +84,7 @@ class Outline:
 
 
 # At extreme St and times estimates overflow; what is not finite is not averaged.
-@lru_cache(maxsize=64)
+@once()
 @np.errstate(over="ignore", invalid="ignore")
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""

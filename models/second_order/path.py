@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import exp, inf, pi, sqrt
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.forms.spheroid import Spheroid
+from polhode.models.once import once
 from polhode.models.registry import imported
 from polhode.models.scene import Scene
 from polhode.models.second_order import spheroid as spheroidal, tables
@@ -314,7 +315,7 @@ class Path:
         return np.minimum(speed * self.summed(error / self.spin), pi)
 
 
-@lru_cache(maxsize=16)
+@once(size=16)
 def path_of(scene: Scene) -> Path:
     """The path of a scene, kept for outlines with other budgets."""
     try:

@@ -1,12 +1,12 @@
 """Stretches of triaxial runs on one side of L² = 2EI₂ that averaging to second order follows, from pose to pose."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from math import atan2, copysign, log1p, pi, sqrt
 
 import numpy as np
 
 from polhode.models.observables import Observables
+from polhode.models.once import once
 from polhode.models.scene import Scene
 from polhode.models.second_order import tables
 from polhode.models.second_order.polhodes import SidedBody
@@ -86,7 +86,7 @@ def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentu
     return Entry(ellipsoid, torque_factor, side, p, state, phases, series)
 
 
-@lru_cache(maxsize=64)
+@once()
 def started(scene: Scene) -> Entry:
     """Entry from a scene's start on."""
     return entered(

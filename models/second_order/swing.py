@@ -10,13 +10,14 @@ The frame of L is the one in which S is the least rotation: β = -χ there.
 
 from bisect import bisect_left
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from polhode.models.files import kept
+from polhode.models.once import once
 from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.spheroid import cross
@@ -182,7 +183,7 @@ class Series:
     frequencies: Array  # ν₁, ν₂ and their derivatives with respect to y
 
 
-@lru_cache(maxsize=64)
+@once()
 def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
     """The same at each node's a: those up to the last one above a share of the largest."""
     sizes = np.abs(_levels(DEPTHS**2) @ getattr(series, name)).reshape(NODES, terms, -1).max(axis=2)
@@ -282,7 +283,7 @@ def modes_at(
     return np.sqrt((np.abs(flat) ** 2 + np.abs(other) ** 2) / 2 + np.abs(along) ** 2), along, rise
 
 
-@lru_cache(maxsize=64)
+@once()
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
     """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
     side, key = side_of(ellipsoid, longest), f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"

@@ -1,13 +1,14 @@
 """Second-order averaged triaxial ellipsoid on one side of L² = 2EI₂: tables of its field."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import pi, sqrt
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder
 
 from polhode.models.files import kept
+from polhode.models.once import once
 from polhode.models.operations import ARRAYS
 from polhode.models.second_order.averages import MODES, averages
 from polhode.models.second_order.field import (
@@ -96,7 +97,7 @@ def level(a2: Array) -> Array:
     return np.log(np.expm1(a2))
 
 
-@lru_cache(maxsize=64)
+@once()
 def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     """Table of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
     key = f"second order {VERSION} {ellipsoid.scaled_axes} {longest}"
@@ -205,7 +206,7 @@ def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
     return SidedBody.of(ellipsoid, np.eye(3)[axis])
 
 
-@lru_cache(maxsize=64)
+@once()
 def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tuple[float, ...]:
     """Parameters p of `field` on one side."""
     averaged, unit = table(ellipsoid, longest), max(ellipsoid.inertia)

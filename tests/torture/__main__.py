@@ -31,6 +31,8 @@ PARTS = (
 )
 # Rounds of threads, each in a process of its own.
 ROUNDS = 5
+# Solves, and functions of one's own, in one process.
+RUNS = (20_000, 5_000)
 SUCCESSES = ("-m", "torture.successes", "--runs", "5000")
 
 
@@ -62,6 +64,7 @@ def main() -> None:
         from torture.flips import flipped
         from torture.fuzz import fuzzed, warm
         from torture.kills import filled, killed, raced
+        from torture.memory import grown
         from torture.surroundings import closed, foreign, without
         from torture.threads import threaded
 
@@ -88,6 +91,7 @@ def main() -> None:
                 f"{ROUNDS} rounds of 12 cold threads",
                 lambda: threaded(given.seed, ROUNDS),
             ),
+            "memory": (f"{RUNS[0]} solves, {RUNS[1]} functions", lambda: grown(*RUNS)),
             "runs": ("5000 runs", successes),
         }
         chosen = given.parts or (PARTS if given.full else PARTS[:-1])

@@ -4,4 +4,4 @@ from torture.threads import threaded
 
 
 def test_cold_threads_give_the_bits_of_one_thread():
-    assert threaded(seed=1, rounds=1, every=61) == []
+    assert threaded(seed=1, rounds=1, every=67) == []

@@ -16,7 +16,7 @@ from random import Random
 import numpy as np
 from commandline import importing
 
-from polhode.harness.api import solve
+from polhode.harness.api import pick, solve
 from polhode.harness.ivp import solve_ivp
 from polhode.models.catalogue import FORMS
 from polhode.models.scene import BodyStart, Ellipsoid, EulerStart, Scene
@@ -42,13 +42,15 @@ SCENES = {
 }
 Cell = tuple[str, str, str]
 OWN = "own function"
+DEFAULT = "by default"
 
 
 def cells() -> list[Cell]:
     """All of them, those that are refused too, and functions of a user's own by every solver."""
     scenes = [(scene, form, solver) for scene in SCENES for form in FORMS for solver in SOLVERS]
     own = [(OWN, kind, solver) for kind in ("shared", "closure") for solver in SOLVERS]
-    return [*scenes, *own]
+    default = [(DEFAULT, call, scene) for call in ("solve", "pick") for scene in SCENES]
+    return [*scenes, *own, *default]
 
 
 def digest(cell: Cell) -> str:
@@ -57,6 +59,8 @@ def digest(cell: Cell) -> str:
     try:
         if scene == OWN:
             return _own(form, solver)
+        if scene == DEFAULT:
+            return _by_default(form, solver)
         found = solve(
             SCENES[scene],
             form=form,
@@ -96,6 +100,15 @@ def _own(kind: str, solver: str) -> str:
     else:
         found = solve_ivp(closure, span, start, solver, times, rtol=TOLERANCE)
     return _digest(found.status, found.y)
+
+
+def _by_default(call: str, scene: str) -> str:
+    if call == "pick":
+        # Its ranking follows times that are measured.
+        return f"{len(pick(SCENES[scene], TOLERANCE).ranking) > 0}"
+    found = solve(SCENES[scene], error=TOLERANCE, samples=SAMPLES)
+    between = found(found.times[1:] - 0.1)
+    return _digest(found.status, found.angular_momentum, found.energy, between.energy)
 
 
 def digests(chosen: Sequence[Cell], threads: int, seed: int) -> dict[str, str]:

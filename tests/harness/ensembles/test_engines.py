@@ -172,21 +172,27 @@ def test_a_killed_scheduler_ends_the_run(monkeypatch: pytest.MonkeyPatch, tmp_pa
             list(dask(address, square, jobs()))
 
 
-def test_a_sweep_by_dask_gives_the_same_numbers(cluster, tmp_path: Path):
+@pytest.mark.parametrize("equations", ["full", "hybrid", "averaged"])
+def test_a_sweep_by_workers_of_four_threads_gives_the_same_bits(
+    cluster, tmp_path: Path, equations: str
+):
+    """The workers are cold: their threads compile the same code at once."""
     contents = {
         "name": "small",
         "title": "Small",
-        "shapes": [[1.0, 1.0, 2.0]],
-        "stokes": 200.0,
-        "time": 60.0,
+        "shapes": [[1.0, 1.0, 2.0], [1.0, 0.8, 0.5]],
+        "stokes": 2000.0,
+        "time": 30.0,
+        "equations": equations,
+        "start": {"motion": "momentum-isotropic", "angular_momentum": [0.0, 0.0, 0.7]},
     }
     sweep = parse_sweep(
-        {**contents, "particles": 200, "block": 100, "samples": 11, "snapshots": 3, "bins": 8}
+        {**contents, "particles": 16, "block": 4, "samples": 11, "snapshots": 3, "bins": 8}
     )
     found = []
     for name, run in (("here", serial), ("there", partial(dask, cluster[0]))):
         with Store(tmp_path / f"{name}.sqlite") as store:
-            assert run_sweep(sweep, store, run, quiet=True).finished == 2
+            assert run_sweep(sweep, store, run, quiet=True).finished == 8
             found.append({record["key"]: record["statistics"] for record in store})
     assert found[0] == found[1]
 
