@@ -67,7 +67,7 @@ def test_tasks_are_taken_as_there_is_room(engine: Engine):
 
     run = engine(square, jobs())
     assert next(run).value is not None
-    threads = 1 if engine is serial else 2 if engine is two else 4
+    threads = 1 if engine is serial else 2 if engine is two else 8
     assert len(taken) <= (1 + AHEAD) * threads + 1
     run.close()
 
