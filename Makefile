@@ -69,7 +69,7 @@ report: $(READY) ## one offline site of everything measured, into reports/site/
 	$(BIN)/polhode report
 
 # Finished lines of reports/commands.txt leave their mark in build/everything; the interrupted one is taken up.
-everything: $(READY) ## all that reports/ holds and the laws of `pick` anew: hours of an idle machine; an interrupted run goes on
+everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; an interrupted run goes on
 	@test -d build/everything || rm -f reports/sweep/store.sqlite; mkdir -p build/everything; while read -r line; do \
 	  mark=build/everything/$$(echo "$$line" | tr ' /' '__'); test -e "$$mark.done" && continue; \
 	  again=; if test -e "$$mark.begun" && $(BIN)/polhode $${line%% *} --help | grep -q -e --resume; then again=--resume; fi; \

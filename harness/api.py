@@ -10,21 +10,21 @@ import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.answers.confirmed import advised, confirm, meet
+from polhode.harness.answers.pick import pick as recommend
+from polhode.harness.answers.recommendation import Recommendation
 from polhode.harness.answers.request import check_answerable, check_request, check_tolerance
 from polhode.harness.answers.rules import Method, first_tolerance, method_for, methods_for, steps_of
 from polhode.harness.answers.runs import Runner
 from polhode.harness.common.text import duration
 from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.ivp import check_samples, increasing
-from polhode.harness.picking.ranking import pick as recommend
-from polhode.harness.picking.recommendation import Recommendation
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.models.scenes import find_scene
-from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status, Work
 from polhode.solvers.solve import Solution
@@ -256,7 +256,14 @@ def solve(
 
 
 def pick(
-    scene: SceneLike, error: float = 1e-6, want: str = "slow", samples: int = DEFAULT_SAMPLES
+    scene: SceneLike,
+    error: float = 1e-6,
+    want: str = "slow",
+    samples: int = DEFAULT_SAMPLES,
+    *,
+    form: FormLike = None,
+    solver: SolverLike = None,
+    everything: bool = False,
 ) -> Recommendation:
     """What to run for a scene, and what it will cost.
 
@@ -269,17 +276,22 @@ def pick(
     want : {"slow", "orientation"}
     samples : int
         Equispaced times of the output.
+    form, solver : str, Form or Solver, optional
+        What is raced besides the usual methods, as `solve` takes it: this form by every solver, this
+        solver on every form, or the one method of both.
+    everything : bool
+        Whether every form is raced by every solver.
 
     Returns
     -------
     Recommendation
-        Its `ranking` goes from the cheapest way to the dearest, and is not empty.
+        Its `ranking` goes from the cheapest run to the dearest, and is not empty.
 
     Raises
     ------
     ValueError
         In one line, the value and what was expected;
-        `polhode.harness.picking.ranking.NotAttainableError` if the error is below what double
+        `polhode.harness.answers.request.NotAttainableError` if the error is below what double
         precision, or every method, can hold.
 
     Examples
@@ -288,7 +300,10 @@ def pick(
     >>> best = pick("paper", error=1e-6).ranking[0]
     """
     check_samples(samples)
-    return recommend(as_scene(scene), error, want, samples)
+    forms = [FORMS.name_of(find_form(form)) or ""] if form else list(FORMS)
+    solvers = [SOLVERS.name_of(find_solver(solver)) or ""] if solver else list(SOLVERS)
+    names = [(one, other) for one in forms for other in solvers] if form or solver else []
+    return recommend(as_scene(scene), error, want, samples, everything, names)
 
 
 def as_scene(scene: SceneLike) -> Scene:

@@ -46,7 +46,7 @@ GROUPS = {
 }
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 # Names of version 0.1, understood in 0.2 too.
-FORMER = {"laws": "calibrate", "heldout": "validate", "footing": "equal-error"}
+FORMER = {"heldout": "validate", "footing": "equal-error"}
 
 
 class BadInput(click.ClickException):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -92,14 +92,6 @@ class Piece:
     tolerance: float | None = None  # of the solver here, where it is not that of the whole run
     then: "Course | None" = None  # the course from its end on, where that is another one
     averaged: bool = False  # whether its equations are averaged ones
-
-
-class PlannedPiece(NamedTuple):
-    """A piece that a run is expected to take: by the full equations at a tolerance, or, without one, averaged."""
-
-    begin: float
-    end: float
-    tolerance: float | None
 
 
 Course = Callable[[float, np.ndarray, float], Piece]

@@ -1,6 +1,5 @@
 """A scene: all physics of one question, no numerics."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import frexp, hypot, inf, isfinite, isinf, ldexp
@@ -103,8 +102,6 @@ def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
 # L² / 2E may lie outside by roundoff.
 SLACK = 1e-12
 Start = EulerStart | BodyStart | SlowStart
-# Where a run stands at a time, if that is known.
-StartAt = Callable[[float], Start | None]
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def test_the_wheel_holds_every_file_of_the_packages(built: tuple[Path, Path]):
     assert {
         "polhode/py.typed",
         "polhode/harness/studies/bench.toml",
-        "polhode/harness/picking/laws.json",
+        "polhode/harness/answers/methods.toml",
     } <= held
 
 

@@ -14,7 +14,6 @@ from polhode.harness.analysis.frames import frame
 from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
 from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.orders import slopes
-from polhode.harness.calibration.evaluation import Evaluation
 from polhode.harness.common.store import read_export
 from polhode.harness.pages import ensembles, footing, problems
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
@@ -60,11 +59,7 @@ def regimes() -> Iterable[str]:
 
 
 def pick() -> Iterable[str]:
-    tables: Any = {
-        name: pd.read_csv(REPORTS / "pick" / f"{name}.csv") for name in ("scenes", "runs", "ways")
-    }
-    tables["scenes"]["refusal"] = tables["scenes"]["refusal"].astype(object).fillna("")
-    return summary(Evaluation(**tables))
+    return summary(pd.read_csv(REPORTS / "pick" / "scenes.csv"))
 
 
 def sweep() -> Iterable[str]:

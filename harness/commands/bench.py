@@ -47,9 +47,7 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
         _own_problem(wanted, page_only)
         return
     from polhode.harness.analysis.frames import NEEDED, frame, of_runs
-    from polhode.harness.calibration.fit import refit
     from polhode.harness.common.store import read_export
-    from polhode.harness.picking.laws import load_laws, own_laws_path
     from polhode.harness.studies.runner import Runner
 
     with bad_input():
@@ -68,15 +66,6 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
         records = Runner(store, wanted.quiet).run(study)
     steady(records, folder / "README.md", wanted.disturbed)
     page = write_page(study, records, folder, command_line())
-    calm = [each for each in records if not each.get("disturbed")]
-    if 2 * len(calm) > len(records) and not (
-        wanted.study_file or wanted.quick or any(wanted.filters.values())
-    ):
-        with bad_input():
-            refit(load_laws(), calm).save(own_laws_path())
-        click.echo(
-            f"{own_laws_path()}: the times of `polhode pick`, fitted to this machine", err=True
-        )
     click.echo(f"{page}")
 
 

@@ -94,7 +94,6 @@ def examine() -> dict[str, Any]:
         "versions": versions(),
         "adapters": adapters,
         "caches": [look(name, folder) for name, folder in caches.items()],
-        "laws": _laws(),
         "cold_start": cold_start(),
         "steadiness": watch_sentinel(WATCH),
     }
@@ -102,27 +101,6 @@ def examine() -> dict[str, Any]:
         templates(HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
     )
     return found | {"advice": advice.splitlines()}
-
-
-def _laws() -> str:
-    """Whose cost laws `pick` uses: laws of another version are passed over, unreadable ones are named."""
-    from polhode.harness.common.files import read_file
-    from polhode.harness.picking.laws import OtherSchemaError, load_laws, own_laws_path, parse_laws
-
-    own = own_laws_path()
-    if not own.is_file():
-        return "those of the package"
-    try:
-        source = parse_laws(read_file(own).decode()).source
-    except OtherSchemaError:
-        return f"those of the package; passed over, since of another version: {own}"
-    except (OSError, ValueError) as error:
-        return f"cannot be read ({error}), remove them to use those of the package: {own}"
-    if load_laws.__wrapped__().source != source:
-        return f"those of the package; passed over, since rescaled from other ones: {own}"
-    if "refitted" in source:
-        return f"times rescaled by {source['refitted']} runs of this machine: {own}"
-    return f"fitted on this machine: {own}"
 
 
 def look(name: str, folder: Path) -> dict[str, Any]:

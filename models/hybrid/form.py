@@ -6,19 +6,11 @@ import numpy as np
 
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, Orientation
-from polhode.models.hybrid.course import (
-    ERROR_PER_TOLERANCE,
-    FULL,
-    HybridCourse,
-    foreseen,
-    full_tolerance,
-)
+from polhode.models.hybrid.course import HybridCourse
 from polhode.models.observables import Observables
-from polhode.models.problem import PlannedPiece, Problem
-from polhode.models.scene import Scene, SlowStart, Start, StartAt
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
 
-# Pieces of a run that are planned ahead.
-MOST_PIECES = 100
 # Times beyond which double precision tells no inverse shear rates apart, and so no windows of some
 # turns.
 LONGEST = 2.0**52
@@ -69,30 +61,3 @@ class Hybrid(Form):
     def state_of(self, scene: Scene) -> tuple[str, ...]:
         """Those of the form of the full equations."""
         return find_form(full_form(scene)).state
-
-    def plan(self, scene: Scene, tolerance: float, start_at: StartAt) -> tuple[PlannedPiece, ...]:
-        """Pieces that a run is expected to take, from where it stands at a time, as far as that is known."""
-        self.check(scene)
-        error, begin, worn, pieces = ERROR_PER_TOLERANCE * tolerance, 0.0, 0.0, list[PlannedPiece]()
-        start: Start | None = scene.start
-        while (
-            not isinstance(start, SlowStart | None)
-            and begin < scene.time
-            and len(pieces) < MOST_PIECES
-        ):
-            stretches = foreseen(replace(scene, start=start, time=scene.time - begin), error)
-            since = begin
-            for i, each in enumerate(stretches):
-                own = None
-                if not each.second_order:
-                    own, cost = full_tolerance(stretches[i:], scene.stokes, tolerance, worn)
-                    worn += cost
-                end = since + each.end * scene.stokes
-                pieces.append(PlannedPiece(begin, end, own))
-                begin = end
-                if each.decisive:
-                    break
-            start = start_at(begin)
-        if begin < scene.time * (1 - 1e-9):
-            pieces.append(PlannedPiece(begin, scene.time, min(tolerance, FULL[0])))
-        return tuple(pieces)

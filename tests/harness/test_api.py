@@ -48,7 +48,7 @@ def test_names_are_imported_on_first_use():
         "import sys, polhode as h\n"
         "assert not {'numpy', 'pandas', 'scipy', 'heyoka'} & set(sys.modules)\n"
         "assert {'solve', 'pick', 'WorkPrecision', 'SceneSolution'} <= set(dir(h))\n"
-        "import polhode.harness.picking.ranking\n"
+        "import polhode.harness.answers.pick\n"
         "from polhode import pick, solve, WorkPrecision\n"
         "assert pick.__name__ == 'pick' and callable(pick)\n"
     )

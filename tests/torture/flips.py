@@ -15,7 +15,6 @@ import numpy as np
 from polhode.harness.common import cache
 from polhode.harness.common.files import SUMS, read_file, write_file
 from polhode.harness.common.store import Store, export, read_export, read_table, write_table
-from polhode.harness.picking.laws import load_laws, own_laws_path, read_laws
 from polhode.models.files import kept
 from polhode.solvers.machine_code import kept_code
 
@@ -77,7 +76,6 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     _write_store(folder / "store.sqlite")
     arrays = {"x": np.arange(200) / 7}
     cache.keep("key", arrays)
-    load_laws().save(own_laws_path())
     kept.save("shape", np.arange(300) / 7)
     numbers = max(
         (kept.cache_folder() / "numbers").iterdir(), key=lambda file: file.stat().st_mtime_ns
@@ -102,7 +100,6 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
         "reference": (cache.path_of("key"), reference),
         "shape": (numbers, shape),
         "machine code": (code, lambda: _entries(code)),
-        "laws": (own_laws_path(), lambda: read_laws(own_laws_path())),
     }
 
 

@@ -265,6 +265,6 @@ def warm() -> None:
     """Import and compile, in this process, what the forked ones need."""
     for each in iter_modules(commands.__path__):
         import_module(f"{commands.__name__}.{each.name}")
-    for module in ("api", "ensembles.sweep", "studies.study", "studies.runner", "picking.ranking"):
+    for module in ("api", "ensembles.sweep", "studies.study", "studies.runner", "answers.pick"):
         import_module(f"polhode.harness.{module}")
     import_module("polhode").solve("paper", samples=3)

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -18,7 +18,6 @@ from typing import Any
 from commandline import STUDY
 
 from polhode.harness.common.store import Store
-from polhode.harness.picking.laws import load_laws
 from torture.fuzz import SWEEP
 
 # What differs from run to run.
@@ -56,15 +55,6 @@ def _pages(folder: Path) -> Any:
     }
 
 
-# Without long scenes, 200 runs instead of 10.
-SHORT = """
-from polhode.harness.calibration import training
-from polhode.harness.cli import main
-training.LONG_SHARE = 1000
-main()
-"""
-
-
 @dataclass(frozen=True)
 class Job:
     """A command that writes into `o`, what of it is compared, and how Python runs it."""
@@ -77,11 +67,6 @@ class Job:
 JOBS = {
     "bench": Job(("bench", "study.toml", "--quiet", "--resume"), _stored),
     "regimes": Job(("regimes", "study.toml", "--quiet", "--resume"), _stored),
-    "laws": Job(
-        ("calibrate", "--to", "laws.json", "--add", "--scenes", "3", "--quiet", "--resume"),
-        _stored,
-        ("-c", SHORT),
-    ),
     "sweep": Job(("sweep", "sweep.toml", "--quiet", "--resume", "--workers", "2"), _stored),
     "paper": Job(("paper", "euler-top", "symmetric-top", "--quick", "--quiet"), _tables),
     "report": Job(("report", "--reports", "reports", "--quiet"), _pages),
@@ -191,13 +176,6 @@ def _afresh(folder: Path) -> None:
     (folder / "sweep.toml").write_text(MANY, encoding="utf-8")
     (folder / "reports" / "small").mkdir(parents=True, exist_ok=True)
     (folder / "reports" / "small" / "README.md").write_text("# Small\n\nText.\n", encoding="utf-8")
-    known = load_laws()
-    lacking = {
-        method: law
-        for method, law in known.methods.items()
-        if method != ("quaternion", "cyrk-dop853")
-    }
-    replace(known, methods=lacking).save(folder / "laws.json")
 
 
 def _said(folder: Path) -> str:

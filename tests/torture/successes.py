@@ -17,11 +17,10 @@ import numpy as np
 
 from polhode import solve
 from polhode.harness.answers.doubt import OFF, OFF_SHARE
-from polhode.harness.calibration.scenes import questions
-from polhode.harness.calibration.training import LOW_ORDER_ROWS, fast_solvers, forms_for
+from polhode.harness.answers.questions import questions
 from polhode.harness.common.text import percent
-from polhode.harness.picking.pilot import PilotFailedError, pilot
-from polhode.models.catalogue import form as find_form
+from polhode.harness.references.rotations import rotations as count_rotations
+from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import Form
 from polhode.models.scene import BodyStart, Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
@@ -54,8 +53,8 @@ def scenes() -> Iterator[tuple[Scene, int, float]]:
             start = replace(scene.start, angular_velocity=(FAST * x, FAST * y, FAST * z))
             scene = replace(scene, start=start, time=scene.time / FAST)
         try:
-            rotations = pilot(scene).rotations
-        except PilotFailedError:
+            rotations = count_rotations(scene)
+        except ValueError:
             continue
         if rotations <= MOST_ROTATIONS:
             yield scene, question.samples, rotations
@@ -79,16 +78,20 @@ def runs(scene: Scene, samples: int, rotations: float, index: int) -> Iterator[d
     full = truth(scene, find_form("jeffery" if scene.stokes == 0 else "quaternion"), samples)
     if full is None:
         return
-    for name in forms_for(scene, rotations):
+    for name in FORMS:
+        if not find_form(name).takes(scene):
+            continue
         problem = find_form(name).problem(scene)
         for method in SOLVERS:
             solver = find_solver(method)
-            if solver.closed_form or (method not in fast_solvers() and rotations > MOST_IN_PYTHON):
+            if solver.closed_form or (
+                "compiled" not in solver.backends and rotations > MOST_IN_PYTHON
+            ):
                 continue
             for row, tolerance in enumerate(
                 (1e-4, 10.0 ** -random.integers(5, 8), 10.0 ** -random.integers(8, 11))
             ):
-                if solver.low_order and row == LOW_ORDER_ROWS - 1:
+                if solver.low_order and row == 2:
                     continue
                 try:
                     solver.check(problem)

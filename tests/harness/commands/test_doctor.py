@@ -1,8 +1,6 @@
 """`polhode doctor`: true about what is there, clear about what is not."""
 
 import json
-from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -10,8 +8,6 @@ from commandline import Run
 
 from polhode.harness.commands import setup
 from polhode.harness.commands.setup import examine, look, steady
-from polhode.harness.common.files import SUMS
-from polhode.harness.picking.laws import parse_laws
 from polhode.solvers.catalogue import SOLVERS
 
 
@@ -59,32 +55,6 @@ def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatc
     missing = [row["name"] for row in found["adapters"] if not row["available"]]
     assert missing == [name for name in SOLVERS if name.startswith("cyrk-")]
     assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found["advice"]
-
-
-@pytest.mark.usefixtures("no_cold_start")
-def test_laws_are_named_for_what_they_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    """As `bench` and `calibrate` leave them: those that were merely rescaled count the runs, not the fit."""
-    own = tmp_path / "laws.json"
-    monkeypatch.setattr("polhode.harness.picking.laws.own_laws_path", lambda: own)
-    assert examine()["laws"] == "those of the package"
-    laws = parse_laws((files("polhode.harness.picking") / "laws.json").read_text(encoding="utf-8"))
-    fitted = {name: value for name, value in laws.source.items() if name != "refitted"}
-    replace(laws, source=fitted).save(own)
-    assert examine()["laws"] == f"fitted on this machine: {own}"
-    replace(laws, source={**fitted, "refitted": 412}).save(own)
-    assert examine()["laws"] == f"times rescaled by 412 runs of this machine: {own}"
-    replace(laws, source={**fitted, "refitted": 412, "scenes": 1}).save(own)
-    assert (
-        examine()["laws"]
-        == f"those of the package; passed over, since rescaled from other ones: {own}"
-    )
-    (tmp_path / SUMS).unlink()
-    own.write_text('{"schema": "of another version"}', encoding="utf-8")
-    assert (
-        examine()["laws"] == f"those of the package; passed over, since of another version: {own}"
-    )
-    own.write_text("{", encoding="utf-8")
-    assert examine()["laws"].startswith("cannot be read")
 
 
 def test_a_cache_is_counted(tmp_path: Path):

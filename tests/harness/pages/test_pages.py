@@ -10,10 +10,10 @@ from os import terminal_size
 import pytest
 
 from polhode.harness.answers.interval import Interval
+from polhode.harness.answers.recommendation import Excluded, RankedRun, Recommendation
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common import text
 from polhode.harness.common.text import aligned, on_terminal
-from polhode.harness.picking.recommendation import Excluded, Recommendation, Way
 from polhode.solvers.catalogue import SOLVERS
 
 ROWS = [
@@ -73,9 +73,9 @@ def test_commands_keep_within_a_terminal_of_80_columns():
     assert "\x1b" not in printed
 
 
-def row(form: str, seconds: float) -> Way:
+def row(form: str, seconds: float) -> RankedRun:
     predicted = Interval(seconds, seconds / 2, seconds * 2)
-    return Way(
+    return RankedRun(
         form,
         "taylor",
         1e-8,
@@ -97,7 +97,7 @@ def test_pick_shows_the_cheapest_and_the_forms_that_will_not_do():
         "Run quaternion by taylor at tolerance 1e-8: about 1.0 ms (500 µs to 2.0 ms), L and E within"
     )
     assert page.count("taylor  ") == FEW
-    assert "3 more ways, not cheaper: --all" in page
+    assert "3 more rows, not cheaper: --all" in page
     assert "too far off" not in page
     page = pick_page(found, everything=False, why=True)
     assert "why quaternion takes so long" in page

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from polhode.harness.averaging.hybrid import random_scenes
-from polhode.harness.picking.pilot import pilot
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
@@ -23,7 +22,7 @@ from polhode.models.hybrid.course import (
     second_order,
 )
 from polhode.models.hybrid.form import Hybrid
-from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
+from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.second_order.outline import Ahead, Stretch
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.run import NotAveragedError
@@ -197,39 +196,6 @@ def test_the_error_of_the_full_equations_is_bounded_however_fast_a_body_spins(ra
     (stage,) = solution.stages
     assert not stage.averaged
     assert errors(scene.ellipsoid, found, true).slow < stage.error < 1e-5
-
-
-def test_the_plan_is_what_the_run_does():
-    scene = replace(CROSSING, stokes=1e6, time=2e5)
-    pieces = Hybrid().plan(scene, 1e-8, pilot(scene).start_at)
-    taken = run(scene, 1e-6).stages
-    assert len(pieces) > 2
-    assert pieces[0].begin == 0
-    assert [one.end for one in pieces[:-1]] == [other.begin for other in pieces[1:]]
-    assert pieces[-1].end == pytest.approx(scene.time)
-    expected = sum(one.end - one.begin for one in pieces if one.tolerance)
-    done = sum(one.end - one.begin for one in taken if not one.averaged)
-    assert expected == pytest.approx(done, rel=0.3)
-    assert all(one.tolerance <= 1e-8 for one in pieces if one.tolerance)
-
-
-def test_a_run_without_windows_and_one_without_anything_else_are_planned():
-    gentle = Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5)
-    assert Hybrid().plan(gentle, 1e-8, nowhere) == ((0.0, 1e5, None),)
-    [(begin, end, tolerance)] = Hybrid().plan(
-        replace(CROSSING, stokes=10.0, time=5.0), 1e-8, nowhere
-    )
-    assert (begin, end, tolerance) == (0.0, 5.0, 1e-8)
-
-
-def test_a_plan_ends_where_no_orientation_is_known():
-    scene = replace(CROSSING, stokes=1e6, time=2e5)
-    slow = SlowStart((0.0, 0.0, 0.1), 0.1)
-    assert Hybrid().plan(scene, 1e-8, lambda time: slow) == Hybrid().plan(scene, 1e-8, nowhere)
-
-
-def nowhere(time):
-    return None
 
 
 def test_the_triaxial_limit_meets_the_spheroid():

@@ -1,0 +1,90 @@
+"""What a long run is forecast from: a shorter course like it, and how steps and errors grow with rotations."""
+
+from dataclasses import dataclass, replace
+from math import inf
+
+from polhode.harness.answers.averaging import oriented
+from polhode.harness.answers.rules import Method, rotations, stiff
+from polhode.harness.references.rotations import damping_times
+from polhode.models.scene import Scene
+
+# Rotations of a course: what a race of a run of as many costs is a few milliseconds.
+_LEAST_TURNS = 60.0
+# Rotations of a course over those of the run: fifteen runs of it cost less than the run.
+_SHARE = 0.04
+# Rotations of a course, at most.
+_MOST_TURNS = 1_000.0
+# Rotations in a damping time from which on the slow motion is the same at every St.
+_FAST = 50.0
+# Rotations of the shear in the beginning of a stiff run: it holds the turns where steps are short.
+_STIFF_TURNS = 20.0
+# How errors grow with the rotations that a course leaves out, as a power, by what is raced on and
+# what the errors are of: damping forgets what went before, and the phase follows the errors of L.
+_GROWTH = {
+    ("surrogate", "slow"): 0.5,
+    ("surrogate", "orientation"): 1.3,
+    ("beginning", "slow"): 1.0,
+    ("beginning", "orientation"): 2.0,
+    ("stiff", "slow"): 0.0,
+    ("stiff", "orientation"): 0.5,
+}
+# The same of splitting, whose steps keep L and E.
+_SPLITTING_GROWTH = {"slow": 0.1, "orientation": 1.0}
+# Errors and seconds of a run that was raced itself, over and under what the race saw.
+_RACED = 1.25
+# The same of a forecast, and how it grows with the rotations that were left out, as a power.
+_FORECAST = 1.6
+_FORECAST_GROWTH = 0.1
+
+
+@dataclass(frozen=True)
+class Course:
+    """What is raced on: the scene itself, its surrogate at a smaller St, or its beginning."""
+
+    scene: Scene
+    kind: str  # "scene", "surrogate" or "beginning"
+    stretch: float  # rotations of the run over those of the course, 1 for the scene itself
+    turns: float  # rotations of the run, about
+
+    @property
+    def whole(self) -> bool:
+        """Whether the scene itself is raced on."""
+        return self.kind == "scene"
+
+    def growth(self, method: Method, want: str) -> float:
+        """The error of the run over that of the course, for a method at one tolerance."""
+        if self.whole:
+            return 1.0
+        if method.solver.many_periods:
+            return self.stretch ** _SPLITTING_GROWTH[want]
+        kind = "stiff" if stiff(self.scene) else self.kind
+        return self.stretch ** _GROWTH[kind, want]
+
+    @property
+    def spread(self) -> float:
+        """Factor on either side of what is forecast, of errors and seconds."""
+        return _RACED if self.whole else _FORECAST * self.stretch**_FORECAST_GROWTH
+
+
+def course_of(scene: Scene) -> Course:
+    """What to race on instead of a scene."""
+    scene = oriented(scene)
+    turns = rotations(scene)
+    damped = damping_times(scene)
+    if stiff(scene):
+        return _beginning(scene, turns, _STIFF_TURNS)
+    least = max(_LEAST_TURNS, min(_MOST_TURNS, _SHARE * turns))
+    if 0 < scene.stokes < inf and turns > _FAST * damped:
+        least = max(least, _FAST * damped)
+        if least < turns:
+            ratio = least / turns
+            shorter = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
+            return Course(shorter, "surrogate", 1 / ratio, turns)
+    return _beginning(scene, turns, least)
+
+
+def _beginning(scene: Scene, turns: float, least: float) -> Course:
+    if turns <= least:
+        return Course(scene, "scene", 1.0, turns)
+    ratio = least / turns
+    return Course(replace(scene, time=scene.time * ratio), "beginning", 1 / ratio, turns)

@@ -1,0 +1,318 @@
+"""The held-out test of `pick`: random scenes, the first choice, and every method of the list, all measured.
+
+The best of a scene is the quickest run that met the error: of the listed methods at tolerances by
+tens, and of the first choice itself. The quickest ones and the first choice are timed once more, in
+turns, so that what disturbs one disturbs the others.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import floor, inf, isnan, log10, nan
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from polhode.harness.answers.pick import forget, pick
+from polhode.harness.answers.questions import Question, questions
+from polhode.harness.answers.race import contenders
+from polhode.harness.answers.recommendation import Recommendation
+from polhode.harness.answers.request import NotAttainableError
+from polhode.harness.answers.rules import first_tolerance, methods_for, rotations, stiff
+from polhode.harness.answers.statement import difference
+from polhode.harness.common.files import digest
+from polhode.harness.common.store import Record, Store
+from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.reference import reference
+from polhode.models.catalogue import form as find_form, full_form, reference_form
+from polhode.models.observables import Observables
+from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.solve import solve
+
+# Strata by the seconds of the best run.
+STRATA = {"below 10 ms": 0.01, "10 ms to 1 s": 1.0, "above 1 s": inf}
+# What a first choice may cost over the best run, the share of a stratum that is to do so, and what
+# none is to cost.
+NEAR = 1.5
+SHARE_NEAR = 0.92
+FAR = 5.0
+# Asking may take so many runs of the choice, or so many seconds; of runs longer than a second, this
+# share of them.
+ASKING_RUNS = 3.0
+ASKING_SECONDS = 0.005
+ASKING_SHARE = 0.1
+# Seconds that a reference may take.
+_REFERENCE_SECONDS = 120.0
+# Uncertainty of a reference over the error requested, at most.
+_KNOWN = 0.3
+# Decades from the error requested at which methods are measured.
+_DECADES = (1, 0, -1, -2, -3, -4, -5)
+# A run is stopped that takes so many times as long as the best so far, or so many seconds.
+_STOP = 3.0
+_STOP_SECONDS = 0.05
+# The longest that the first method may take.
+_FIRST_SECONDS = 60.0
+# The quickest runs that are timed again, and how often.
+_FINALISTS = 4
+_TIMED = 5
+# Seconds of a run from which on it is timed once.
+_LONG = 0.5
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What came of the held-out test."""
+
+    scenes: pd.DataFrame  # a row for each scene
+    runs: pd.DataFrame  # a row for each run of the listed methods
+    left_out: dict[str, str] = field(default_factory=dict)  # scenes without a reference, and why
+
+
+def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evaluation:
+    """Ask about random scenes, measure them into a store, and compare."""
+    scenes, runs, left_out = [], [], dict[str, str]()
+    asked = tqdm(questions(seed, count), disable=quiet or None, desc="held-out", leave=False)
+    for question in asked:
+        content = {"held-out": question.name, "schema": SCHEMA}
+        key = digest(content)
+        row = store.result(key)
+        if row is None:
+            row = measured(question)
+            store.put(key, content, row)
+        if "left_out" in row:
+            left_out[question.name] = row["left_out"]
+            continue
+        runs += row.pop("runs")
+        scenes.append(row)
+    return Evaluation(pd.DataFrame(scenes), pd.DataFrame(runs), left_out)
+
+
+def measured(question: Question) -> Record:
+    """What `pick` says of a question, and what is true; a reason alone where nothing tells."""
+    try:
+        true = _reference(question)
+    except (ReferenceFailedError, ValueError) as reason:
+        return {"left_out": str(reason)}
+    track = _Track(question, true)
+    answer, refusal, asking = ask(question)
+    runs = list(_measure(track))
+    good = sorted((row for row in runs if row["met"]), key=lambda row: row["seconds"])
+    names = [(row["form"], row["solver"], row["tolerance"]) for row in good[:_FINALISTS]]
+    rules = _by_rules(question)
+    first = None
+    if answer:
+        row = answer.ranking[0]
+        first = row.form, row.solver, row.tolerance
+        names.append(first)
+    timed = track.in_turns([*dict.fromkeys([*names, rules])])
+    able = [name for name in names if timed[name]["met"]]
+    best = min(able, key=lambda name: timed[name]["seconds"]) if able else None
+    row = timed[first] if first else {"seconds": nan, "error": nan, "met": best is None}
+    shortest = timed[best]["seconds"] if best else nan
+    plain = plain_practice(track)
+    scene = question.scene
+    return {
+        "scene": question.name,
+        "stokes": scene.stokes,
+        "time": scene.time,
+        "semi_axes": " ".join(f"{axis:.6g}" for axis in scene.ellipsoid.semi_axes),
+        "rotations": rotations(scene),
+        "samples": question.samples,
+        "want": question.want,
+        "error_requested": question.error,
+        "choice": " ".join(map(str, first)) if first else "",
+        "seconds_predicted": answer.ranking[0].seconds.predicted if answer else nan,
+        "seconds_low": answer.ranking[0].seconds.low if answer else nan,
+        "seconds_high": answer.ranking[0].seconds.high if answer else nan,
+        "error_predicted": answer.ranking[0].error.predicted if answer else nan,
+        "seconds": row["seconds"],
+        "error": row["error"],
+        "met": row["met"],
+        "best": " ".join(map(str, best)) if best else "",
+        "best_seconds": shortest,
+        "factor": row["seconds"] / shortest,
+        "asking": asking,
+        "plain": plain,
+        "rules": " ".join(map(str, rules)),
+        "rules_met": timed[rules]["met"],
+        "rules_factor": timed[rules]["seconds"] / shortest,
+        "refusal": refusal,
+        "runs": runs,
+    }
+
+
+def ask(question: Question) -> tuple[Recommendation | None, str, float]:
+    """What `pick` says, or why it refuses, and what asking takes with everything compiled and paced."""
+    _asked(question)
+    forget()
+    began, compiling = perf_counter(), SPENT.seconds["compilation"]
+    answer, refusal = _asked(question)
+    return answer, refusal, perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
+
+
+def _asked(question: Question) -> tuple[Recommendation | None, str]:
+    try:
+        return pick(question.scene, question.error, question.want, question.samples), ""
+    except NotAttainableError as reason:
+        return None, str(reason)
+
+
+class _Track:
+    """Runs of a question, and their true errors."""
+
+    def __init__(self, question: Question, true: Observables) -> None:
+        self.question, self.true = question, true
+
+    def run(self, form: str, solver: str, tolerance: float, limit: float = inf) -> Record:
+        """One run: its seconds, its error, whether it met the one requested, its observables."""
+        question = self.question
+        equations = find_form(form)
+        problem = equations.problem(question.scene)
+        times = np.linspace(0.0, problem.end, question.samples)
+        try:
+            run = solve(problem, find_solver(solver), tolerance, times, max_seconds=limit)
+        except ValueError:
+            return {"seconds": inf, "error": inf, "met": False, "seen": None}
+        if not run.success:
+            return {"seconds": inf, "error": inf, "met": False, "seen": None}
+        seen = equations.observe(question.scene, run.states)
+        error = self.off(seen, self.true)
+        return {
+            "seconds": run.seconds,
+            "error": error,
+            "met": error <= question.error,
+            "seen": seen,
+        }
+
+    def off(self, a: Observables, b: Observables) -> float:
+        """The largest difference of two runs, of what is wanted."""
+        ellipsoid = self.question.scene.ellipsoid
+        return difference(ellipsoid, a, b).largest.get(self.question.want, inf)
+
+    def in_turns(self, names: list[tuple[str, str, float]]) -> dict[tuple[str, str, float], Record]:
+        """The runs of these names, the quickest of several in turns."""
+        found = {name: self.run(*name) for name in names}
+        for _ in range(_TIMED - 1):
+            for name in names:
+                if found[name]["seconds"] < _LONG:
+                    again = self.run(*name)["seconds"]
+                    found[name]["seconds"] = min(found[name]["seconds"], again)
+        return found
+
+
+def _measure(track: _Track) -> Iterator[Record]:
+    """Runs of the listed methods, ever tighter until they meet the error."""
+    question = track.question
+    decade = floor(log10(question.error) + 0.5)
+    best = _FIRST_SECONDS / _STOP
+    methods, _ = contenders(question.scene, question.want)
+    for form, solver in methods:
+        for shift in _DECADES:
+            tolerance = min(1e-2, float(f"1e{max(-15, decade + shift)}"))
+            limit = max(_STOP_SECONDS, _STOP * best)
+            # The second run has compiled already.
+            track.run(form.name, solver.name, tolerance, limit)
+            row = track.run(form.name, solver.name, tolerance, limit)
+            yield {
+                "scene": question.name,
+                "form": form.name,
+                "solver": solver.name,
+                "shift": shift,
+                "tolerance": tolerance,
+                **{name: row[name] for name in ("seconds", "error", "met")},
+            }
+            if row["met"]:
+                best = min(best, row["seconds"])
+            if row["met"] or row["seconds"] == inf or tolerance <= 1e-15:
+                break
+
+
+def _by_rules(question: Question) -> tuple[str, str, float]:
+    """What rules alone would run, without a race."""
+    method = methods_for(question.scene, question.error, question.want)[0]
+    tolerance = first_tolerance(question.scene, method, question.error, question.want)
+    return method.form.name, method.solver.name, tolerance
+
+
+def plain_practice(track: _Track) -> float:
+    """Seconds of a careful user: the full form, tightened tenfold until two runs agree to half the error."""
+    question = track.question
+    solver = "cyrk-radau" if stiff(question.scene) else "cyrk-vern8"
+    form = full_form(question.scene)
+    if not find_solver(solver).takes(find_form(form).problem(question.scene)):
+        return nan
+    before, total = None, 0.0
+    for k in range(1, 9):
+        began, compiling = perf_counter(), SPENT.seconds["compilation"]
+        row = track.run(form, solver, max(1e-14, question.error * 10.0**-k), _FIRST_SECONDS)
+        total += perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
+        seen: Observables | None = row["seen"]
+        if seen and before and track.off(seen, before) <= question.error / 2:
+            return total
+        before = seen
+    return nan
+
+
+def _reference(question: Question) -> Observables:
+    """The true solution; raises where it is not known well enough."""
+    scene = question.scene
+    known = reference(scene, reference_form(scene), question.samples, _REFERENCE_SECONDS)
+    unknown = known.slow_uncertainty
+    if question.want == "orientation":
+        unknown = known.orientation_uncertainty or 0.0
+    if known.meaningful < question.samples or unknown > _KNOWN * question.error:
+        raise ReferenceFailedError("its reference is not known well enough")
+    return known.observables
+
+
+def stratum(seconds: float) -> str:
+    """The stratum of a scene, by the seconds of its best run."""
+    if isnan(seconds):
+        return "not attainable"
+    return next(name for name, most in STRATA.items() if seconds < most)
+
+
+def judged(scenes: Any) -> list[Record]:
+    """Each stratum: how good first choices were, what asking took, and what rules alone would have done."""
+    rows = []
+    groups = scenes.groupby(scenes["best_seconds"].map(stratum), sort=False)
+    for name, mine in groups:
+        good = mine["met"] & (mine["factor"] <= NEAR)
+        ruled = mine["rules_met"].astype(bool) & (mine["rules_factor"] <= NEAR)
+        known = mine.dropna(subset=["plain"])
+        total = (known["asking"] + known["seconds"]).sum() / known["plain"].sum()
+        rows.append(
+            {
+                "stratum": name,
+                "scenes": len(mine),
+                "met": float(mine["met"].mean()),
+                "near": float(good.mean()),
+                "farthest": float(mine["factor"].max()),
+                "asking": float(mine["asking"].median()),
+                "asking_runs": float((mine["asking"] / mine["seconds"]).median()),
+                "total": float(total),
+                "rules_met": float(mine["rules_met"].mean()),
+                "rules_near": float(ruled.mean()),
+                "within": float(
+                    (
+                        (mine["seconds"] >= mine["seconds_low"])
+                        & (mine["seconds"] <= mine["seconds_high"])
+                    ).mean()
+                ),
+            }
+        )
+    return rows
+
+
+def break_even(scenes: Any) -> float:
+    """Seconds of the best run from which on asking and running cost less than plain practice; inf if never."""
+    known = scenes.dropna(subset=["plain", "best_seconds", "seconds"]).sort_values("best_seconds")
+    saves = (known["asking"] + known["seconds"] < known["plain"]).to_numpy()
+    for i in range(len(saves)):
+        if saves[i:].mean() > 0.5 and saves[i]:
+            return float(known["best_seconds"].iloc[i])
+    return inf

@@ -1,0 +1,93 @@
+"""What a step of a method costs on this machine, measured once in a process."""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from polhode.harness.answers.rules import Method
+from polhode.models.scene import Scene
+from polhode.models.scenes import named_scene
+from polhode.models.spent import SPENT
+from polhode.solvers.contract import SolverNotValidError
+from polhode.solvers.solve import Solution, solve
+
+# Scenes on which steps are timed: the first one that a method takes.
+_TIMED = ("paper", "spheroid", "jeffery", "top", "tumbler", "sphere")
+# The scene on which steps of implicit solvers are timed: each solves equations there.
+_TIMED_IMPLICIT = ("stiff", *_TIMED)
+# Tolerance of these runs; solvers whose order follows the tolerance are timed at their own.
+_TOLERANCE = 1e-7
+# Times that a run is repeated: the quickest one is the least disturbed.
+_REPEATS = 5
+# Share of the scene's time that the short run covers: its steps cost what those of the long one do.
+_SHORT = 0.1
+# Rows of the run that times rows.
+_ROWS = 201
+
+
+class Pace(NamedTuple):
+    """Seconds of a run: to start, for a step, for a row; and what the method took to compile here."""
+
+    start: float
+    step: float
+    row: float
+    compilation: float
+
+    def seconds(self, steps: float, rows: int) -> float:
+        """Seconds of a run of so many steps and rows."""
+        return self.start + self.step * steps + self.row * rows
+
+
+def pace(method: Method, tolerance: float) -> Pace:
+    """The pace of a method, measured in some milliseconds where this process does not know it."""
+    return _measured(method, tolerance if method.solver.order_by_tolerance else _TOLERANCE)
+
+
+def forget() -> None:
+    """Forget what was measured."""
+    _measured.cache_clear()
+
+
+@lru_cache(maxsize=500)
+def _measured(method: Method, tolerance: float) -> Pace:
+    scene = _scene_for(method)
+    compiled = SPENT.seconds["compilation"]
+    long, steps = _quickest(method, tolerance, scene, 2)
+    compilation = SPENT.seconds["compilation"] - compiled
+    short, fewer = _quickest(method, tolerance, replace(scene, time=_SHORT * scene.time), 2)
+    with_rows, _ = _quickest(method, tolerance, scene, _ROWS)
+    step = max(0.0, long - short) / max(1, steps - fewer)
+    row = max(0.0, with_rows - long) / (_ROWS - 2)
+    return Pace(max(0.0, short - step * fewer), step, row, compilation)
+
+
+def _scene_for(method: Method) -> Scene:
+    for name in _TIMED_IMPLICIT if method.solver.implicit else _TIMED:
+        scene = named_scene(name)
+        if method.form.takes(scene) and method.solver.takes(method.form.problem(scene)):
+            return scene
+    raise SolverNotValidError(
+        "takes none of the scenes on which steps are timed", method.solver.name
+    )
+
+
+def _quickest(method: Method, tolerance: float, scene: Scene, rows: int) -> tuple[float, int]:
+    """Seconds and steps of the quickest of some runs."""
+    problem = method.form.problem(scene)
+    times = np.linspace(0.0, problem.end, rows)
+    runs = [solve(problem, method.solver, tolerance, times) for _ in range(_REPEATS)]
+    best = min(runs, key=lambda run: run.seconds)
+    return best.seconds, steps_in(best)
+
+
+def seconds_of(solution: Solution) -> float:
+    """Seconds that a run took."""
+    return solution.seconds
+
+
+def steps_in(solution: Solution) -> int:
+    """Steps of a run, rejected ones and those of a method's own check runs included; 0 where unknown."""
+    work = solution.work
+    return (work.steps or 0) + (work.rejected or 0) + (work.inner or 0)

@@ -1,0 +1,127 @@
+"""`pick`: which form, which solver, at what tolerance, and what it will cost."""
+
+from collections import Counter
+from collections.abc import Sequence
+from functools import lru_cache
+from math import inf, pi
+from time import perf_counter
+
+from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness.answers.averaging import NotKnownError
+from polhode.harness.answers.race import Entry, Refusal, contenders, race
+from polhode.harness.answers.recommendation import TIED, Excluded, RankedRun, Recommendation
+from polhode.harness.answers.request import (
+    NotAttainableError,
+    check_answerable,
+    check_request,
+    rounded_up,
+)
+from polhode.harness.references.errors import magnitude
+from polhode.harness.references.rotations import damping_times
+from polhode.models.catalogue import FORMS
+from polhode.models.scene import Scene
+from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import SOLVERS
+
+
+def pick(
+    scene: Scene,
+    error: float,
+    want: str = "slow",
+    samples: int = DEFAULT_SAMPLES,
+    everything: bool = False,
+    names: Sequence[tuple[str, str]] = (),
+) -> Recommendation:
+    """What `polhode.harness.api.pick` answers; NotAttainableError if no method meets the error."""
+    check_request(error, want)
+    check_answerable(scene, float(error), want)
+    return _remembered(scene, float(error), want, samples, everything, tuple(names))
+
+
+@lru_cache(maxsize=1000)
+def _remembered(
+    scene: Scene,
+    error: float,
+    want: str,
+    samples: int,
+    everything: bool,
+    names: tuple[tuple[str, str], ...],
+) -> Recommendation:
+    began = perf_counter() - SPENT.seconds["compilation"]
+    methods, unfit = contenders(scene, want, everything, names)
+    if not methods and not everything:
+        # Libraries are missing: whatever there is takes part.
+        methods, unfit = contenders(scene, want, everything=True, names=names)
+    try:
+        result = race(scene, error, want, samples, methods, _uncut(everything, names))
+    except (NotKnownError, OverflowError) as failure:
+        raise NotAttainableError(error, f"not attainable: {failure}") from None
+    refusals = [*unfit, *result.refusals]
+    if not result.entries:
+        size = magnitude(scene.ellipsoid, scene.initial) if want == "slow" else pi
+        raise NotAttainableError(error, f"not attainable: {_why_nothing(refusals, size)}")
+    ranking = _ranked(result.entries)
+    refused = [
+        Excluded(FORMS.name_of(form) or "", SOLVERS.name_of(solver) or "", refusal.reason)
+        for refusal in refusals
+        for form, solver in [refusal.method]
+    ]
+    return Recommendation(
+        want,
+        error,
+        result.course.turns,
+        damping_times(scene),
+        ranking,
+        tuple(refused),
+        scene,
+        perf_counter() - SPENT.seconds["compilation"] - began,
+    )
+
+
+def _uncut(everything: bool, names: tuple[tuple[str, str], ...]) -> Sequence[tuple[str, str]]:
+    """Methods that the user asks about, whatever they cost."""
+    return [(form, solver) for form in FORMS for solver in SOLVERS] if everything else names
+
+
+def forget() -> None:
+    """Forget what was answered: the next question is asked anew."""
+    _remembered.cache_clear()
+
+
+def _ranked(entries: Sequence[Entry]) -> tuple[RankedRun, ...]:
+    least = entries[0].seconds.predicted
+    near = [entry.seconds.predicted <= TIED * least for entry in entries]
+    tied = sum(near) > 1
+    rows = []
+    for entry, close in zip(entries, near, strict=True):
+        form, solver = FORMS.name_of(entry.method.form), SOLVERS.name_of(entry.method.solver)
+        rows.append(
+            RankedRun(
+                form or "",
+                solver or "",
+                entry.tolerance,
+                entry.error,
+                entry.seconds,
+                entry.first_run_seconds,
+                tied and close,
+                entry.reason,
+            )
+        )
+    return tuple(rows)
+
+
+def _why_nothing(refusals: Sequence[Refusal], size: float) -> str:
+    """Why no method will do: the least error that one would do for, or the reason that most have."""
+    best = min(refusals, key=lambda refusal: refusal.least)
+    absent = [
+        refusal.reason for refusal in refusals if refusal.reason == refusal.method.solver.why_not
+    ]
+    if best.least == inf:
+        others = [refusal.reason for refusal in refusals if refusal.reason not in absent]
+        why = Counter(others or absent).most_common(1)[0][0]
+    elif best.least >= size:
+        why = f"errors grow as large as the motion itself: {best.reason}"
+    else:
+        method = f"{best.method.form.name} by {best.method.solver.name}"
+        why = f"expected at least {rounded_up(best.least)} ({method}): {best.reason}"
+    return "; ".join(dict.fromkeys((why, *absent)))

@@ -1,0 +1,121 @@
+"""What `pick` answers: runs of a scene, from the cheapest to the dearest, and methods that will not do."""
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from html import escape
+from typing import TYPE_CHECKING
+
+from polhode.harness.answers.interval import Interval
+from polhode.harness.answers.race import why_not
+from polhode.harness.answers.rules import Method
+from polhode.harness.common.text import aligned, duration, scientific, short
+from polhode.models.catalogue import FORMS, form as find_form
+from polhode.models.scene import Scene
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Rows whose times differ by less than this factor are tied: other work on the machine may change
+# their order.
+TIED = 1.2
+
+
+@dataclass(frozen=True)
+class RankedRun:
+    """One run of a scene, as `polhode solve` takes it."""
+
+    form: str
+    solver: str
+    tolerance: float
+    error: Interval  # of what is wanted, model error included
+    seconds: Interval  # of a run of what is compiled
+    first_run_seconds: float  # the same with what this process took to compile
+    tied: bool  # whether there are several whose times are within `TIED` of the first one's
+    reason: str
+
+
+@dataclass(frozen=True)
+class Excluded:
+    """A method that will not do, and why."""
+
+    form: str
+    solver: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """What `pick` answers."""
+
+    want: str
+    error: float
+    rotations: float  # of the scene, about
+    damping_times: float  # T max(8πX/I)/St of the scene
+    ranking: tuple[RankedRun, ...]  # from the cheapest to the dearest
+    refused: tuple[Excluded, ...]  # methods that took part, and will not do
+    scene: Scene | None = field(default=None, repr=False)
+    seconds: float = 0.0  # what asking took, compilation left out
+
+    @cached_property
+    def excluded(self) -> tuple[Excluded, ...]:
+        """All methods of the catalogues that are not ranked, and why."""
+        named = {(row.form, row.solver) for row in (*self.ranking, *self.refused)}
+        pairs = [(form, solver) for form in FORMS for solver in SOLVERS] if self.scene else []
+        others = [pair for pair in pairs if pair not in named]
+        return (*self.refused, *(Excluded(*pair, self._reason(*pair)) for pair in others))
+
+    def _reason(self, form: str, solver: str) -> str:
+        assert self.scene
+        reason = why_not(self.scene, self.want, Method(find_form(form), find_solver(solver)))
+        return reason or "not raced: never the best by far on scenes held out; --all races it"
+
+    @property
+    def advice(self) -> str:
+        """That the run is too short to choose for, where it is; else nothing."""
+        run = self.ranking[0].seconds.predicted
+        if run >= self.seconds:
+            return ""
+        return (
+            f"This run takes {duration(run)}; choosing took {duration(self.seconds)}: just solve."
+        )
+
+    @property
+    def summary(self) -> str:
+        """What to run, in a line, and how far to trust it."""
+        first = self.ranking[0]
+        others = sum(row.tied for row in self.ranking) - 1
+        low, high = duration(first.seconds.low), duration(first.seconds.high)
+        of = "L and E within {} of I_max" if self.want == "slow" else "orientation within {} rad"
+        ties = ""
+        if others > 0:
+            ties = f"; {others} other{'s' * (others > 1)} tie{'s' * (others == 1)}"
+        run = f"{first.form} by {first.solver} at tolerance {short(first.tolerance)}"
+        time = f"about {duration(first.seconds.predicted)} ({low} to {high})"
+        error = of.format(scientific(first.error.high))
+        return f"Run {run}: {time}, {error}{ties}. {self.advice}".strip()
+
+    def __repr__(self) -> str:
+        """What to run, and the first rows, one a line."""
+        rows = [
+            (
+                row.form,
+                row.solver,
+                short(row.tolerance),
+                scientific(row.error.high),
+                duration(row.seconds.predicted),
+            )
+            for row in self.ranking[:5]
+        ]
+        header = ["form", "solver", "tolerance", "error below", "time"]
+        return f"{self.summary}\n{aligned(header, rows)}"
+
+    def frame(self) -> "pd.DataFrame":
+        """The ranking as a table: a line for each row, intervals in columns of their own, times in seconds."""
+        import pandas as pd
+
+        return pd.json_normalize([asdict(row) for row in self.ranking], sep="_")
+
+    def _repr_html_(self) -> str:
+        """What notebooks show."""
+        return f"<p>{escape(self.summary)}</p>{self.frame().to_html(max_rows=10)}"

@@ -1,1 +1,0 @@
-"""Cost laws, trial runs and ranking: what `pick` does; imports `references`."""
