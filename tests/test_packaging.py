@@ -270,13 +270,15 @@ def test_help_and_refusals_are_light():
 def test_shape_and_lists_and_the_default_run_import_what_they_need():
     found = imported(running(["shape", "1", "0.8", "0.5"], ["forms"], ["scenes"], ["solvers"]))
     assert not found & {"llvmlite", "CyRK", *HEAVY}
-    default = running(["solve", "paper", "--out", os.devnull], ["pick", "paper"])
+    default = running(["solve", "paper", "--out", os.devnull])
     # The first run of a shape makes its tables of second order, with SciPy's elliptic functions,
     # and keeps them.
     imported(default)
     found = imported(default)
     assert "CyRK" in found
     assert not found & HEAVY
+    # Taylor's method takes part in a race.
+    assert not imported(running(["pick", "paper"])) & HEAVY - {"heyoka"}
 
 
 def test_models_need_no_solver_library():

@@ -63,7 +63,7 @@ def test_commands_keep_within_a_terminal_of_80_columns():
     assert [line for line in printed.splitlines() if len(line) > 80] == []
     assert printed.startswith("Run quaternion by ")
     for last in (
-        "95 % interval",
+        "first run",
         "orientation within",
         "symmetry axis of a spheroid",
         "stroboscopic",
