@@ -84,8 +84,9 @@ def matrix_from_quaternion(q: Array) -> Array:
     # The squares are divided by the norm's, so that the rows stay unit vectors where a solver let
     # the norm drift.
     q0, q1, q2, q3 = (q[..., i] for i in range(4))
-    a, b, c, d = q0 * q0, q1 * q1, q2 * q2, q3 * q3
-    square = a + b + c + d
+    with np.errstate(over="ignore"):
+        a, b, c, d = q0 * q0, q1 * q1, q2 * q2, q3 * q3
+        square = a + b + c + d
     if not ((square > _SMALLEST_SIZE**2) & (square < 1 / _SMALLEST_SIZE**2)).all():
         # Squares vanish or overflow; a quaternion of zeros has no matrix.
         with np.errstate(invalid="ignore"):

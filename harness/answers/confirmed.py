@@ -213,7 +213,7 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     form, full = answer.method.form, full_form(scene)
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
     remedy = "no second run could confirm a tighter one"
-    if found.kind == "estimate":
+    if found.kind == "estimate" or form.averaged:
         remedy = "no full form takes such a start"
         if find_form(full).takes(scene) and form.name != full:
             remedy = f"do: --form {full}, whose error its tolerance alone sets"
