@@ -1,0 +1,167 @@
+"""pytest plug-in: options and table of the benchmark suite, and the fixture `work_precision`.
+
+pytest loads it whenever it starts: at the top it imports nothing but pytest.
+"""
+
+from argparse import ArgumentTypeError
+from collections import Counter
+from collections.abc import Callable, Generator
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from polhode.harness.benchmarks.measured import Measure
+
+# Columns of the suite's table unless `--benchmark-columns` names others.
+_COLUMNS = ["min", "median", "rounds"]
+_LEGEND = (
+    "  tol: tolerance; error: {error}, < where the reference resolves no smaller one.",
+    "  *: no other run in the table is both as fast and as accurate; min is what counts.",
+)
+_ERRORS = {"slow": "of L and E over I_max", "orientation": "of the orientation, in rad"}
+
+
+@dataclass(frozen=True)
+class Failed:
+    """A row without a time, as it stands in the JSON, beside the benchmarks."""
+
+    name: str
+    fullname: str
+    group: str
+    param: str | None
+    params: dict[str, Any] | None
+    reason: str
+    extra_info: dict[str, Any]
+
+    @classmethod
+    def of(cls, benchmark: Any, reason: str) -> "Failed":
+        """The row of a pytest-benchmark fixture that timed nothing, and why."""
+        names = ("name", "fullname", "group", "param", "params", "extra_info")
+        return cls(**{name: getattr(benchmark, name) for name in names}, reason=reason)
+
+
+_FAILED = pytest.StashKey[list[Failed]]()
+
+
+def failed_runs(config: pytest.Config) -> list[Failed]:
+    """Rows without a time, to which the suite adds."""
+    return config.stash.setdefault(_FAILED, [])
+
+
+def _words(text: str) -> list[str]:
+    words = [word.strip() for word in text.split(",")]
+    if not all(words):
+        raise ArgumentTypeError(f"got {text!r}, expected names separated by commas")
+    return words
+
+
+def _stokes(text: str) -> list[float]:
+    return _numbers(text, "numbers from 0 on", lambda number: number >= 0)
+
+
+def _errors(text: str) -> list[float]:
+    return _numbers(text, "positive numbers", lambda number: isfinite(number) and number > 0)
+
+
+def _numbers(text: str, expected: str, valid: Callable[[float], bool]) -> list[float]:
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if not numbers or not all(valid(number) for number in numbers):
+        raise ArgumentTypeError(f"got {text!r}, expected {expected} separated by commas")
+    return numbers
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Options of the suite and of `work_precision`."""
+    group = parser.getgroup("polhode", "polhode: forms and solvers under pytest-benchmark")
+    add = group.addoption
+    add("--polhode-quick", action="store_true", help="A look: few St and tolerances, short runs.")
+    add("--polhode-stokes", type=_stokes, metavar="1e2,1e4", help="St instead of the suite's.")
+    add("--polhode-forms", type=_words, metavar="NAMES", help="Forms instead of the suite's.")
+    add("--polhode-solvers", type=_words, metavar="NAMES", help="These solvers alone.")
+    add(
+        "--polhode-errors",
+        type=_errors,
+        metavar="1e-3,1e-6",
+        help="One table per error: every method at the loosest tolerance that meets it.",
+    )
+    add(
+        "--polhode-want",
+        choices=tuple(_ERRORS),
+        default="slow",
+        help="Which error the table shows: of L and E (slow), or of the orientation.",
+    )
+    add(
+        "--polhode-update-counts",
+        action="store_true",
+        help="Store the counts of work of the tests that ask `work_precision` for them.",
+    )
+    for option in ("--with-form", "--with-solver"):
+        help_text = "Add one from outside to the suite; repeatable."
+        add(option, action="append", default=[], metavar="MODULE:CLASS", help=help_text)
+
+
+def options_of(config: pytest.Config) -> dict[str, Any]:
+    """What the options say of the suite, by the names of `cases.Options`."""
+    lists = ("stokes", "forms", "solvers", "errors")
+    chosen = {name: tuple(config.getoption(f"polhode_{name}") or ()) for name in lists}
+    outside = {f"with_{kind}s": tuple(config.getoption(f"with_{kind}")) for kind in ("form", "solver")}
+    return chosen | outside | {name: config.getoption(f"polhode_{name}") for name in ("want", "quick")}
+
+
+def plain_columns(config: pytest.Config) -> None:
+    """Show few columns of pytest-benchmark's unless its own option names some."""
+    session = getattr(config, "_benchmarksession", None)
+    if session is not None and not config.getoption("benchmark_columns", None):
+        session.columns = _COLUMNS
+
+
+@pytest.hookimpl(optionalhook=True, wrapper=True)
+def pytest_benchmark_group_stats() -> Generator[None, Any, Any]:
+    """Name the rows of each table by form, solver, tolerance and error."""
+    groups = yield
+    from polhode.harness.benchmarks.table import name_rows
+
+    for _, rows in groups:
+        name_rows(rows)
+    return groups
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_benchmark_update_json(config: pytest.Config, output_json: dict[str, Any]) -> None:
+    """Add the rows without a time, machine and versions, where polhode ran."""
+    if _FAILED not in config.stash:
+        return
+    from polhode.harness.common.machine import machine, versions
+
+    failed = [asdict(run) for run in failed_runs(config)]
+    output_json["polhode"] = {"machine": machine(), "versions": versions(), "failed": failed}
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
+    """Say what the rows' names mean, and count the runs without a time."""
+    if _FAILED not in config.stash:
+        return
+    for line in _LEGEND:
+        terminalreporter.write_line(line.format(error=_ERRORS[config.getoption("polhode_want")]))
+    failed = failed_runs(config)
+    if failed:
+        counts = Counter(run.reason.partition(":")[0] for run in failed).most_common()
+        words = ", ".join(f"{count} {status}" for status, count in counts)
+        terminalreporter.write_line(f"  Without a time: {words}; -rs says why.")
+
+
+@pytest.fixture
+def work_precision(request: pytest.FixtureRequest, benchmark: Any) -> "Measure":
+    """Run, time and judge a problem: ``work_precision(problem, "cyrk-vern8", 1e-8).error < 1e-6``."""
+    from polhode.harness.benchmarks.measured import Measure
+
+    return Measure(request, benchmark)
