@@ -1,7 +1,7 @@
 """Two saved runs side by side, whichever way they were made: which cases became slower, less accurate, or failed."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -32,6 +32,8 @@ LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
 LEAST_SECONDS = 2e-5
 ERRORS = ("slow_error", "orientation_error")
+# Timed cases of which the median ratio tells how much slower another machine is.
+MIN_MACHINE_CASES = 5
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,9 @@ class Comparison:
 
     `drift` is how many times as long the fixed piece of arithmetic took in the second run. Times
     are compared after division by it, or by what it took beside the case itself if that is more: a
-    slow moment is no regression. On another machine or Python the sentinel does not compare, and
-    times are as they are.
+    slow moment is no regression. On another machine or Python the sentinel does not compare:
+    `drift` is then the median ratio of the cases' times, and 1 where fewer than
+    `MIN_MACHINE_CASES` are shared.
     """
 
     shared: int
@@ -58,8 +61,11 @@ def compare(
     """Compare two frames of records by factors above 1, beyond the scatter of times and what references know."""
     first, second = _by_identity(before), _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
-    drift = _sentinel(second) / _sentinel(first) if same_machine else 1.0
     shared = first.keys() & second.keys()
+    if same_machine:
+        drift = _sentinel(second) / _sentinel(first)
+    else:
+        drift = _ratio([(first[case], second[case]) for case in shared])
     worse = [
         {**dict(zip(IDENTITY, case, strict=False)), **change}
         for case in first
@@ -92,6 +98,16 @@ def _sentinel(rows: Mapping[Any, Record]) -> float:
     """Median time of the fixed piece of arithmetic; 1 where nothing was measured."""
     times = [row["sentinel_seconds"] for row in rows.values() if row.get("sentinel_seconds")]
     return median(times) if times else 1.0
+
+
+def _ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
+    """Median ratio of the times on two machines; 1 where too few cases have both."""
+    ratios = [
+        after["seconds"] / before["seconds"]
+        for before, after in pairs
+        if before.get("seconds") and after.get("seconds")
+    ]
+    return median(ratios) if len(ratios) >= MIN_MACHINE_CASES else 1.0
 
 
 def _changes(
@@ -161,11 +177,17 @@ def _records(path: Path) -> list[Record]:
 
 
 def benchmark_records(contents: dict[str, Any]) -> list[Record]:
-    """Records of the benchmark suite as the store has them; failed runs have no time."""
-    surroundings = contents["machine_info"]["polhode"]
+    """Records of the benchmark suite as the store has them; failed runs have no time.
+
+    Rows of other tests are left out. Before 0.2.0 failed runs stood among the others.
+    """
+    polhode = contents.get("polhode") or contents["machine_info"]["polhode"]
+    surroundings = {name: polhode[name] for name in ("machine", "versions")}
     records = []
-    for benchmark in contents["benchmarks"]:
+    for benchmark in [*contents["benchmarks"], *polhode.get("failed", [])]:
         info = benchmark["extra_info"]
+        if "case" not in info:
+            continue
         record = {"key": info["key"], **info["case"], **info["result"], **surroundings}
         record |= {"sentinel_seconds": info["sentinel_seconds"], "date": contents.get("datetime")}
         if "seconds_runs" in info:

@@ -1,10 +1,15 @@
 """The suite's cases: a study like that of `polhode bench`, limited to or extended by what pytest's options name."""
 
+import os
 import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from math import inf
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +17,13 @@ import numpy as np
 
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific, short
+from polhode.harness.references.extended import ReferenceFailedError
+from polhode.harness.references.reference import reference
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.harness.studies.case import Case, attempt, judge, missing
 from polhode.harness.studies.runner import SANE_ERROR
 from polhode.harness.studies.study import Study, parse_study
-from polhode.models.catalogue import FORMS
+from polhode.models.catalogue import FORMS, form as find_form, reference_form
 from polhode.models.registry import plug_ins
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
@@ -27,6 +34,9 @@ _SLOW_FROM = 1.0
 _SLOW_TIME = 0.5
 _SHEAR_TIMES = 20.0
 _RELAXATION_TIMES = 2000.0
+# Beyond these seconds a reference is not waited for; where extended precision would take longer, as
+# in long runs, two unlike methods in double precision confirm each other.
+_REFERENCE_SECONDS = 60.0
 # Where errors are requested, the tolerances among which the loosest one that meets an error is sought.
 _TOLERANCES = tuple(float(f"1e-{exponent}") for exponent in range(2, 14))
 _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
@@ -76,7 +86,9 @@ class Row:
     def group(self) -> str:
         """Name of its table."""
         scene, stokes, _, _ = self.method
-        return f"{scene}, St = {stokes:g}" + ("" if self.error is None else f", error {self.error:g}")
+        return f"{scene}, St = {stokes:g}" + (
+            "" if self.error is None else f", error {self.error:g}"
+        )
 
 
 @dataclass(frozen=True)
@@ -94,6 +106,17 @@ class Suite:
                 method = case.scene_name, case.scene.stokes, case.form, case.solver
                 cases.setdefault(method, []).append(case)
         return cases
+
+    def make_references(self, methods: Iterable[Method]) -> None:
+        """Compute the references that some methods need, on all cores: they are cached, and not waited for again."""
+        cases = {}
+        for method in methods:
+            case = self.cases[method][0]
+            averaged = find_form(case.form).averaged
+            cases.setdefault((case.scene, case.form if averaged else ""), case)
+        context = get_context("spawn")
+        with ProcessPoolExecutor(os.cpu_count(), context) as pool, suppress(BrokenProcessPool):
+            list(pool.map(_make_reference, cases.values()))
 
     def rows(self) -> list[Row]:
         """All rows, method by method: the tolerances, or the requested errors from the largest on."""
@@ -121,10 +144,20 @@ class Suite:
             record = examine(case, cases)
             if meets(record, self.options.error, error):
                 return case, record, ""
-            if _error(record, self.options.error) <= _error(examine(best, cases), self.options.error):
+            if _error(record, self.options.error) <= _error(
+                examine(best, cases), self.options.error
+            ):
                 best = case
         record = examine(best, cases)
         return best, record, failure(record) or _missed(record, self.options.error, error)
+
+
+def _make_reference(case: Case) -> None:
+    """Compute the references of a case; what fails says so when the case is judged."""
+    averaged = find_form(case.form).averaged
+    form = case.form if averaged else reference_form(case.scene)
+    with suppress(ReferenceFailedError):
+        reference(case.scene, form, case.samples, case.reference_seconds)
 
 
 def study(options: Options) -> Study:
@@ -141,7 +174,7 @@ def study(options: Options) -> Study:
         contents["scenes"] = [_scene(name, stokes) for name in scenes for stokes in options.stokes]
     _choose(contents, "forms", options.forms, (*_of_plug_ins(FORMS, "forms"), *options.with_forms))
     _choose(contents, "solvers", options.solvers, options.with_solvers)
-    return parse_study(contents)
+    return replace(parse_study(contents), reference_seconds=_REFERENCE_SECONDS)
 
 
 def _quick(scenes: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -163,9 +196,7 @@ def _scene(name: str, stokes: float) -> dict[str, Any]:
     return {"name": name, "stokes": stokes, "builtin": True, **duration}
 
 
-def _choose(
-    contents: dict[str, Any], kind: str, named: Sequence[str], more: Sequence[str]
-) -> None:
+def _choose(contents: dict[str, Any], kind: str, named: Sequence[str], more: Sequence[str]) -> None:
     """Limit the study to the named forms or solvers, and add those from outside."""
     usual = contents.get(kind, list(SOLVERS))
     contents[kind] = list(dict.fromkeys([*(named or usual), *more]))
@@ -181,7 +212,7 @@ def _of_plug_ins(catalogue: dict[str, str], kind: str) -> list[str]:
     return [name for name, target in plug_ins(kind).items() if catalogue.get(name) == target]
 
 
-@lru_cache(maxsize=None)
+@cache
 def _examined(case: Case) -> Record:
     """Status, errors and work of a case."""
     if not find_solver(case.solver).available:

@@ -110,8 +110,12 @@ def options_of(config: pytest.Config) -> dict[str, Any]:
     """What the options say of the suite, by the names of `cases.Options`."""
     lists = ("stokes", "forms", "solvers", "errors")
     chosen = {name: tuple(config.getoption(f"polhode_{name}") or ()) for name in lists}
-    outside = {f"with_{kind}s": tuple(config.getoption(f"with_{kind}")) for kind in ("form", "solver")}
-    return chosen | outside | {name: config.getoption(f"polhode_{name}") for name in ("want", "quick")}
+    outside = {
+        f"with_{kind}s": tuple(config.getoption(f"with_{kind}")) for kind in ("form", "solver")
+    }
+    return (
+        chosen | outside | {name: config.getoption(f"polhode_{name}") for name in ("want", "quick")}
+    )
 
 
 def plain_columns(config: pytest.Config) -> None:

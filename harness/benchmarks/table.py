@@ -21,8 +21,9 @@ def name_rows(rows: Sequence[Any]) -> None:
     for row in rows:
         measured = row["extra_info"].get("polhode")
         if measured:
-            words = f"error {scientific(measured['error'])}, {measured['rhs_calls']} rhs"
-            row["name"] = f"{row['name']}  {words}"
+            row["name"] += f"  error {scientific(measured['error'])}"
+            if measured["rhs_calls"] is not None:
+                row["name"] += f", {measured['rhs_calls']} rhs"
 
 
 def _cells(info: Mapping[str, Any]) -> list[str]:

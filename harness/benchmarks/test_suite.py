@@ -46,6 +46,18 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize(names, values, ids=[row.name for row in rows])
 
 
+@pytest.fixture(scope="session")
+def references(request: pytest.FixtureRequest) -> None:
+    """Compute the references of all selected rows before the first one is timed."""
+    rows = [
+        item.callspec.params for item in request.session.items if "references" in item.fixturenames
+    ]
+    names = ("scene", "stokes", "form", "solver")
+    methods = {tuple(row[name] for name in names): None for row in rows}
+    suite_of(request.config).make_references(methods)
+
+
+@pytest.mark.usefixtures("references")
 def test_solve(
     request: pytest.FixtureRequest,
     benchmark: Any,

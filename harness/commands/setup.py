@@ -188,10 +188,17 @@ def _page(found: dict[str, Any]) -> str:
 @command()
 @click.argument("store", type=click.Path(path_type=Path))
 @click.argument("out", type=click.Path(path_type=Path))
-def export(store: Path, out: Path) -> None:
+@click.option("--asv", is_flag=True, help="JSON of the benchmark suite into a folder of asv's.")
+def export(store: Path, out: Path, asv: bool) -> None:
     """Write the records of STORE to OUT, as CSV or JSON Lines by its ending."""
     from polhode.harness.common.store import Store, export as write
 
+    if asv:
+        from polhode.harness.analysis.asv import write_asv
+
+        with bad_input():
+            click.echo(f"{write_asv(store, out)}")
+        return
     if not store.is_file() or store.stat().st_size == 0:
         raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")
     with bad_input(), Store(store) as opened:
@@ -219,8 +226,8 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         shown = ("shared", "only_before", "only_after", "drift", "same_machine")
         click.echo(to_json({name: getattr(found, name) for name in shown} | {"regressions": worse}))
     else:
-        pace = f"the machine takes {found.drift:.2f} times as long"
-        pace = pace if found.same_machine else "another machine or Python: times as they are"
+        which = "the" if found.same_machine else "the other"
+        pace = f"{which} machine takes {found.drift:.2f} times as long"
         click.echo(
             f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
         )
