@@ -137,20 +137,18 @@ class Measure:
         """
         given = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
         (row,) = rows_of(given.frame)
-        seconds = row["seconds"]
         if row["status"] == Status.REACHED_END:
-            run = partial(solve, given.problem, solver, tolerance, given.times)
-            self.benchmark(run)
+            self.benchmark(partial(solve, problem, solver, tolerance, given.times))
             if self.benchmark.stats is not None:
-                seconds = float(self.benchmark.stats.stats.min)
+                row["seconds"] = float(self.benchmark.stats.stats.min)
         else:
             # Nothing is timed; the fixture would warn that it was not used.
             self.benchmark._mode = "work_precision"
-        config, node = self.request.config, self.request.node
-        update = config.getoption("polhode_update_counts")
-        test = node.nodeid.partition("::")[2]
-        names = ("solver", "tolerance", "status", "message", "error", "uncertainty", *_COUNTS)
-        values = {name: row.get(name) for name in names} | {"seconds": seconds}
-        self.benchmark.extra_info["polhode"] = {"problem": given.problem.name, **values}
-        counts = Counts(self.request.path.with_name(COUNTS_FILE), test, update)
-        return Measured(**values, counts=counts)
+        names = ("solver", "tolerance", "status", "message", "error", "uncertainty", "seconds")
+        values = {name: row.get(name) for name in (*names, *_COUNTS)}
+        self.benchmark.extra_info["polhode"] = {"problem": problem.name, **values}
+        path = self.request.path.with_name(COUNTS_FILE)
+        test = self.request.node.nodeid.partition("::")[2]
+        update = bool(self.request.config.getoption("polhode_update_counts"))
+        fields: dict[str, Any] = {**values, "counts": Counts(path, test, update)}
+        return Measured(**fields)

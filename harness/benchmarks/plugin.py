@@ -109,7 +109,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def options_of(config: pytest.Config) -> dict[str, Any]:
     """What the options say of the suite, by the names of `cases.Options`."""
     lists = ("stokes", "forms", "solvers", "errors")
-    chosen = {name: tuple(config.getoption(f"polhode_{name}") or ()) for name in lists}
+    chosen: dict[str, Any] = {}
+    for name in lists:
+        chosen[name] = tuple(config.getoption(f"polhode_{name}", None) or ())
     outside = {
         f"with_{kind}s": tuple(config.getoption(f"with_{kind}")) for kind in ("form", "solver")
     }
@@ -155,7 +157,9 @@ def pytest_terminal_summary(
     if _FAILED not in config.stash:
         return
     for line in _LEGEND:
-        terminalreporter.write_line(line.format(error=_ERRORS[config.getoption("polhode_want")]))
+        terminalreporter.write_line(
+            line.format(error=_ERRORS[str(config.getoption("polhode_want"))])
+        )
     failed = failed_runs(config)
     if failed:
         counts = Counter(run.reason.partition(":")[0] for run in failed).most_common()

@@ -21,8 +21,8 @@ _ROUNDS_SECONDS = 0.1
 # A shorter run, in seconds, is slow when the processor's caches hold something else: another run
 # goes before it.
 _SHORT_SECONDS = 0.01
-# Slow moments of the machine are waited out before every round, for this share of the suite's time
-# at most.
+# Slow moments of the machine are waited out before every row, for this share of the suite's time at
+# most.
 _PATIENCE = Patience(sentinel, share=0.1)
 _SUITE = pytest.StashKey[Suite]()
 
@@ -78,15 +78,13 @@ def test_solve(
     info = {"key": case.key, "case": case.content, "result": record}
     benchmark.extra_info |= json.loads(json.dumps(info, default=float))
     benchmark.extra_info["want"] = suite_of(request.config).options.want
-    steadiness = [_PATIENCE.steady()]
-    benchmark.extra_info["sentinel_seconds"] = steadiness[0]
+    benchmark.extra_info["sentinel_seconds"] = _PATIENCE.steady()
     if reason:
         failed_runs(request.config).append(Failed.of(benchmark, reason))
         pytest.skip(reason)
     seconds = record["counted_seconds"]
 
     def ready() -> None:
-        steadiness.append(_PATIENCE.steady())
         if seconds < _SHORT_SECONDS:
             case.solve()
 
@@ -99,6 +97,5 @@ def test_solve(
     rounds = max(1, min(_MAX_ROUNDS, int(_ROUNDS_SECONDS / seconds)))
     benchmark.pedantic(run, setup=ready, rounds=rounds, iterations=1, warmup_rounds=1)
     assert set(statuses) == {Status.REACHED_END}
-    benchmark.extra_info["sentinel_seconds"] = min(steadiness)
     if benchmark.stats is not None:
         benchmark.extra_info["seconds_runs"] = [float(each) for each in benchmark.stats.stats.data]
