@@ -41,7 +41,7 @@ build/types: $(READY) $(shell find polhode models solvers harness typings -name 
 test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest
 
-benchmark: $(READY) ## every solver under pytest-benchmark, into .benchmarks/ (2 minutes)
+benchmark: $(READY) ## forms and solvers under pytest-benchmark, into .benchmarks/ (3 minutes)
 	$(BIN)/pytest tests/benchmarks -o python_files='bench_*.py' --benchmark-autosave
 
 torture: $(READY) ## hostile input, kills, bit flips, full disks, races, missing libraries, foreign caches, closed streams: 20 minutes; SEED=2 MINUTES=5, TORTURE_COUNTS=full
@@ -50,14 +50,15 @@ torture: $(READY) ## hostile input, kills, bit flips, full disks, races, missing
 cold-start: $(READY) ## commands in processes of their own: wall and processor time
 	$(BIN)/python tests/benchmarks/cold_start.py
 
-benchmark-compare: $(READY) ## time two commits in turns (6 minutes): make benchmark-compare BEFORE=HEAD~5 AFTER=HEAD
+# The plug-in declared by the installation is today's: each commit's tests load their own.
+benchmark-compare: $(READY) ## time two commits in turns (10 minutes): make benchmark-compare BEFORE=HEAD~5 AFTER=HEAD
 	@set -e; for commit in $(BEFORE) $(AFTER); do \
 	  folder=.benchmarks/$$(git rev-parse --short $$commit); rm -rf $$folder; mkdir -p $$folder/tree; \
 	  git archive $$commit | tar -x -C $$folder/tree; \
 	done; \
 	for round in 1 2; do for commit in $(BEFORE) $(AFTER); do \
 	  (cd .benchmarks/$$(git rev-parse --short $$commit)/tree && PYTHONPATH=$$PWD/typings $(CURDIR)/$(BIN)/python \
-	    -m pytest -q tests/benchmarks -o python_files='bench_*.py' -p no:cacheprovider --benchmark-json=../$$round.json); \
+	    -m pytest -q -p no:polhode tests/benchmarks -o python_files='bench_*.py' -p no:cacheprovider --benchmark-json=../$$round.json); \
 	done; done
 	$(BIN)/polhode compare .benchmarks/$$(git rev-parse --short $(BEFORE)) .benchmarks/$$(git rev-parse --short $(AFTER))
 

@@ -40,6 +40,7 @@ _REFERENCE_SECONDS = 60.0
 # Where errors are requested, the tolerances among which the loosest one that meets an error is sought.
 _TOLERANCES = tuple(float(f"1e-{exponent}") for exponent in range(2, 14))
 _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
+# Of each of the quick suite's runs.
 _QUICK_SECONDS = 0.02
 # What a row is called whose runs reach their end, none of them with the requested error.
 NOT_MET = "error not met"
@@ -114,6 +115,11 @@ class Suite:
             case = self.cases[method][0]
             averaged = find_form(case.form).averaged
             cases.setdefault((case.scene, case.form if averaged else ""), case)
+        if len(cases) < 2:
+            # Not worth a process, which takes a second to begin.
+            for case in cases.values():
+                _make_reference(case)
+            return
         context = get_context("spawn")
         with ProcessPoolExecutor(os.cpu_count(), context) as pool, suppress(BrokenProcessPool):
             list(pool.map(_make_reference, cases.values()))

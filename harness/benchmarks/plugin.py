@@ -108,16 +108,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def options_of(config: pytest.Config) -> dict[str, Any]:
     """What the options say of the suite, by the names of `cases.Options`."""
-    lists = ("stokes", "forms", "solvers", "errors")
-    chosen: dict[str, Any] = {}
-    for name in lists:
-        chosen[name] = tuple(config.getoption(f"polhode_{name}", None) or ())
-    outside = {
-        f"with_{kind}s": tuple(config.getoption(f"with_{kind}")) for kind in ("form", "solver")
-    }
-    return (
-        chosen | outside | {name: config.getoption(f"polhode_{name}") for name in ("want", "quick")}
-    )
+    option: Any = config.getoption
+    options: dict[str, Any] = {}
+    for name in ("stokes", "forms", "solvers", "errors"):
+        options[name] = tuple(option(f"polhode_{name}") or ())
+    options["with_forms"] = tuple(option("with_form"))
+    options["with_solvers"] = tuple(option("with_solver"))
+    options["want"] = option("polhode_want")
+    options["quick"] = option("polhode_quick")
+    return options
 
 
 def plain_columns(config: pytest.Config) -> None:

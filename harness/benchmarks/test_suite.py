@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from polhode.harness.benchmarks.cases import Options, Row, Suite
+from polhode.harness.benchmarks.cases import Method, Options, Row, Suite
 from polhode.harness.benchmarks.plugin import Failed, failed_runs, options_of, plain_columns
 from polhode.harness.common.timing import Patience, sentinel
 from polhode.solvers.contract import Status
@@ -49,11 +49,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.fixture(scope="session")
 def references(request: pytest.FixtureRequest) -> None:
     """Compute the references of all selected rows before the first one is timed."""
-    rows = [
-        item.callspec.params for item in request.session.items if "references" in item.fixturenames
-    ]
     names = ("scene", "stokes", "form", "solver")
-    methods = {tuple(row[name] for name in names): None for row in rows}
+    methods: dict[Method, None] = {}
+    for item in request.session.items:
+        if isinstance(item, pytest.Function) and "references" in item.fixturenames:
+            values: Any = tuple(item.callspec.params[name] for name in names)
+            methods[values] = None
     suite_of(request.config).make_references(methods)
 
 

@@ -106,6 +106,18 @@ def test_the_sentinel_of_another_python_says_nothing():
     assert list(found.regressions["what"]) == ["seconds"]
 
 
+def test_another_machine_is_held_to_its_median_pace():
+    """Three times as slow, and two cases of seven by more or less than that."""
+    names = ("taylor", "dop853", "radau", "lsoda", "bdf", "rk45", "ida")
+    before = frame([record(name, machine={"cores": 2, "python": "3.13.1"}) for name in names])
+    other = {"machine": {"cores": 64, "python": "3.13.1"}, "sentinel_seconds": 5e-4}
+    paces = {"radau": 0.06, "bdf": 0.02}
+    after = frame([record(name, **other, **timed(paces.get(name, 0.03))) for name in names])
+    found = compare(before, after, slower=1.5, less_accurate=3.0)
+    assert (found.drift, found.same_machine) == (pytest.approx(3.0), False)
+    assert list(found.regressions["solver"]) == ["radau"]
+
+
 def test_a_run_that_was_near_its_limit_may_pass_it():
     before = frame([record(counted_seconds=0.25)])
     after = frame([record(status="time_limit", seconds=None, seconds_runs=None)])
@@ -202,6 +214,16 @@ def test_the_suites_json_gives_the_stores_table(tmp_path: Path):
             "scene.time",
         ]
         pd.testing.assert_frame_equal(table[same], tables[0][same])
+
+
+def test_failed_runs_of_today_stand_beside_the_others(tmp_path: Path):
+    old = suite(record(), FAILED)
+    timed_run, failed = old.pop("benchmarks")
+    del failed["stats"]
+    other = {"stats": {}, "extra_info": {"polhode": {"error": 1e-9}}}
+    polhode = {**old["machine_info"]["polhode"], "failed": [failed]}
+    new = {"machine_info": {}, "polhode": polhode, "benchmarks": [timed_run, other]}
+    assert benchmark_records(new) == benchmark_records(suite(record(), FAILED))
 
 
 def test_of_repeated_runs_the_shortest_counts(tmp_path: Path):
@@ -320,49 +342,6 @@ def test_the_command(polhode: Run, tmp_path: Path):
         assert refused.returncode == 2
         assert refused.stderr.splitlines()[0].endswith(reason)
         assert refused.stderr.count("\n") == 1
-
-
-def test_the_suite_itself(tmp_path: Path, environment):
-    """Two of its cases through pytest and back."""
-    words = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "tests/benchmarks",
-        "-o",
-        "python_files=bench_*.py",
-        "-q",
-    ]
-    words += [
-        "-p",
-        "no:cacheprovider",
-        "-k",
-        "100-averaged-cyrk-dop853-0.0001 or 100-averaged-cyrk-vern8-0.0001",
-    ]
-    words += [f"--benchmark-json={tmp_path / 'runs.json'}"]
-    done = subprocess.run(
-        words,
-        cwd=ROOT,
-        env={**environment, "PYTHONPATH": ""},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stdout
-    contents = json.loads((tmp_path / "runs.json").read_text(encoding="utf-8"))
-    assert {each["group"] for each in contents["benchmarks"]} == {"St = 100"}
-    for each in benchmark_records(contents):
-        assert each["status"] == "reached_end"
-        assert each["seconds"] == min(each["seconds_runs"]) > 0
-        assert all(
-            isinstance(each[name], float)
-            for name in ("slow_error", "solver_slow_error", "model_slow_error")
-        )
-        assert isinstance(each["work"]["steps"], int)
-    assert compare(
-        *2 * [read_runs(tmp_path / "runs.json")], slower=1.5, less_accurate=3.0
-    ).regressions.empty
 
 
 def test_plain_runs_leave_the_suite_out():
