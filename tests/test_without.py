@@ -58,15 +58,7 @@ def test_solve_chooses_among_what_is_left(library: str, tmp_path: Path):
     assert "Lx" in answer.out
 
 
-PILOTS = pytest.mark.xfail(
-    strict=True, reason="pick's trial runs are by cyrk-vern8 alone: it is being replaced"
-)
-
-
-@pytest.mark.parametrize(
-    "library",
-    [pytest.param("CyRK", marks=PILOTS), "heyoka", pytest.param("llvmlite", marks=PILOTS)],
-)
+@pytest.mark.parametrize("library", ["CyRK", "heyoka", "llvmlite"])
 def test_pick_ranks_what_is_left(library: str, tmp_path: Path):
     (answer,) = answers(library, tmp_path, [("pick", "paper", "--json")])
     assert complaint(answer, library, refused=False) == ""

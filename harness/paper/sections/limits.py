@@ -153,6 +153,8 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
     return acosh((pi / 2 - abs(psi[0])) / TINY)
 
 
+# Points of a section that are drawn at most: more make its files large and show no more.
+MOST_DRAWN = 5000
 # Share of chaotic orbits up to which chaos counts as confined to thin layers.
 THIN_SHARE = 0.05
 
@@ -242,7 +244,8 @@ class _Sections(Experiment):
         orbits = data["orbits"]
         wild = orbits.orbit[orbits.chaotic > 0]
         figure, (whole, saddle) = panels(1, 2, 4.2, 3.6)
-        for axes, table, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
+        for axes, points, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
+            table = points[:: -(-len(points) // MOST_DRAWN)]
             chaotic = np.isin(table.orbit, wild)
             style: dict[str, Any] = {
                 "linestyle": "none",

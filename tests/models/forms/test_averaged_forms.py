@@ -253,7 +253,7 @@ def test_a_start_on_the_separatrix_is_followed_the_same_from_either_side_of_it()
             ellipsoid, stokes, BodyStart((0.8, 0.3, -0.4, 0.2), tuple(rates.tolist())), 0.2 * stokes
         )
         full = observed("quaternion", scene, solver="cyrk-vern8", tolerance=1e-12)
-        ours = observed("averaged", scene, solver="cyrk-dop853", tolerance=1e-10)
+        ours = observed("averaged", scene, solver="cyrk-dop853", tolerance=1e-12)
         errors.append(slow_difference(scene, ours, full))
         for sign in (1, -1):
             moved = SlowStart(
@@ -261,7 +261,7 @@ def test_a_start_on_the_separatrix_is_followed_the_same_from_either_side_of_it()
                 scene.initial.energy[0] * (1 + sign * 1e-11),
             )
             other = observed(
-                "averaged", replace(scene, start=moved), solver="cyrk-dop853", tolerance=1e-10
+                "averaged", replace(scene, start=moved), solver="cyrk-dop853", tolerance=1e-12
             )
             assert slow_difference(scene, ours, other) < 1e-7
     assert errors[1] < 0.3 * errors[0] < 0.3 * 0.13
