@@ -20,7 +20,14 @@ import numpy as np
 from polhode.harness.answers import averaging
 from polhode.harness.answers.doubt import doubt
 from polhode.harness.answers.request import check_representable, one_digit
-from polhode.harness.answers.rules import TIGHTEST, Method, first_tolerance, full_solver, stiff
+from polhode.harness.answers.rules import (
+    SPLITTING,
+    TIGHTEST,
+    Method,
+    first_tolerance,
+    full_solver,
+    stiff,
+)
 from polhode.harness.answers.runs import Run, Runner, Watch, turns
 from polhode.harness.answers.statement import (
     UNKNOWN,
@@ -36,18 +43,23 @@ from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import Interrupted, Solution
 
 # The tolerance of a tighter run over that of the run before: a third more steps at order 8.
 TIGHTER = 0.1
+# The same of splitting, whose steps come in few sizes: 1.5 to 1.8 times the steps.
+TIGHTER_SPLITTING = 1 / 30
 # The tolerance of a looser second run over that of the run: 0.65 of its steps at order 8.
 LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing.
 LOOSE = 1e-5
-# Two runs of a method whose steps differ by a smaller factor are too alike: at order 6 the better
-# one errs by as much as they differ, and by more where they are closer.
+# The better one of two runs of a method takes at least so many times the steps of the other: at
+# order 6 it errs by as much as they differ, and by more where they are closer.
 LEAST_STEP_RATIO = 1.15
+# The same of splitting, where smaller factors hide errors up to 60 times the difference.
+LEAST_STEP_RATIO_SPLITTING = 1.35
 # The tolerance of a last second run where others took too similar steps.
 FAR_TIGHTER = 1e-3
 # Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
@@ -152,12 +164,15 @@ def _meet(
                 break
         elif not in_pairs:
             stated_error = confirmation(runner, run)
-        elif previous and previous.success and _differ(previous, run):
+        elif previous and previous.success and _sharpens(run, previous):
             stated_error = _paired(runner, run, previous)
         if run.success and previous is None and want == "slow":
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
         interval = stated_error.wanted(want) if stated_error else None
-        stride = TIGHTER
+        stride = _tighter(method)
+        if previous and previous.success and not stated_error:
+            # The steps hardly changed: the tolerance does not set them yet.
+            stride = FAR_TIGHTER
         if interval and stated_error:
             before = best[1].wanted(want) if best else None
             if before is None or interval.high < before.high:
@@ -165,7 +180,7 @@ def _meet(
             stalled = before is not None and interval.high > FALLING * before.high
             if interval.high <= error or stalled:
                 break
-            stride = min(TIGHTER, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
+            stride = min(stride, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
         if tolerance <= TIGHTEST:
             break
         if stated_error or not (previous and previous.success):
@@ -252,7 +267,8 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
         other = runner.run(second.method, second.tolerance, _limit(run))
         if not other.success:
             continue
-        if second.method == run.method and not _differ(run, other):
+        better, worse = (run, other) if second.kind == "looser" else (other, run)
+        if second.method == run.method and not _sharpens(better, worse):
             why = "second runs took too similar steps"
             continue
         if second.kind == "looser" and _saturated(runner, run, other):
@@ -264,10 +280,10 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
 def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     """Second runs of a full run, the most telling one first."""
     method, tolerance = run.method, run.tolerance
-    tighter = max(TIGHTEST, TIGHTER * tolerance)
+    tighter = max(TIGHTEST, _tighter(method) * tolerance)
     looser = min(1.0, LOOSER * tolerance)
     if partner := _partner(runner, method):
-        yield Second("unlike", partner, _equal_error_tolerance(runner, run, partner))
+        yield Second("unlike", partner, _equal_error_tolerance(run, partner))
     if looser < LOOSE:
         yield Second("looser", method, looser)
     if tighter < tolerance:
@@ -279,24 +295,31 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
         yield Second("sharper", method, far)
 
 
+def _tighter(method: Method) -> float:
+    """The tolerance of a tighter run over that of a run by a method."""
+    return TIGHTER_SPLITTING if method.solver.many_periods else TIGHTER
+
+
 def _partner(runner: Runner, method: Method) -> Method | None:
     """An unlike method, by which a second run tells more or costs less; None where there is none."""
     solver, form, scene = method.solver, method.form, runner.scene
-    if solver.many_periods:
-        return None
-    of_order = solver.implicit if stiff(scene) else _is_efficient(solver)
-    if of_order and _is_ours(solver) and _is_ours(form) and not form.angles:
+    if solver.name in SPLITTING:
         return None
     if form.angles or not _is_ours(form):
         form = find_form(full_form(scene))
     other = full_solver(scene, form)
-    same = other.name == solver.name and form.name == method.form.name
+    if solver.many_periods:
+        # What it takes for granted of the motion does not follow its tolerance.
+        other = find_solver(SPLITTING[0])
+    elif form is method.form and not stiff(scene) and _is_efficient(solver):
+        other = solver
+    same = other is solver and form is method.form
     return Method(form, other) if other.available and not same else None
 
 
 def _is_efficient(solver: Solver) -> bool:
     """Whether a solver is machine code of high order whose errors follow its tolerance."""
-    compiled = solver.backends == ("compiled",)
+    compiled = _is_ours(solver) and solver.backends == ("compiled",)
     return compiled and not (solver.implicit or solver.low_order or solver.order_by_tolerance)
 
 
@@ -305,14 +328,13 @@ def _is_ours(thing: Form | Solver) -> bool:
     return type(thing).__module__.startswith("polhode.")
 
 
-def _equal_error_tolerance(runner: Runner, run: Run, partner: Method) -> float:
+def _equal_error_tolerance(run: Run, partner: Method) -> float:
     """The tolerance at which a partner errs by a share of what the run does."""
-    if stiff(runner.scene):
-        ratio = TIGHTER
-    else:
-        constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
-        other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
-        ratio = min(1.0, UNLIKE_SHARE * constant / other)
+    if partner.solver.closed_form:
+        return run.tolerance
+    constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
+    other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
+    ratio = min(1.0, UNLIKE_SHARE * constant / other)
     return max(TIGHTEST, ratio * run.tolerance)
 
 
@@ -323,11 +345,13 @@ def _in_one(runner: Runner, run: Run) -> Run:
     return run._replace(method=Method(form, run.method.solver), tolerance=tolerance)
 
 
-def _differ(a: Run, b: Run) -> bool:
-    """Whether two runs took different numbers of steps, or if these are not reported, differ at all."""
-    if not (a.steps and b.steps):
-        return bool(np.any(a.observables.energy != b.observables.energy))
-    return max(a.steps, b.steps) >= LEAST_STEP_RATIO * min(a.steps, b.steps)
+def _sharpens(better: Run, worse: Run) -> bool:
+    """Whether a run took clearly more steps than another, or if these are not reported, differs at all."""
+    if not (better.steps and worse.steps):
+        return bool(np.any(better.observables.energy != worse.observables.energy))
+    splits = better.method.solver.many_periods
+    least = LEAST_STEP_RATIO_SPLITTING if splits else LEAST_STEP_RATIO
+    return better.steps >= least * worse.steps
 
 
 def _saturated(runner: Runner, run: Run, other: Run) -> bool:

@@ -19,7 +19,7 @@ from polhode.harness.commands._study_options import (
     stored,
     to_json,
 )
-from polhode.harness.common.text import cells, fitting, markdown, on_terminal
+from polhode.harness.common.text import cells, fitting, on_terminal
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
@@ -197,28 +197,14 @@ def _validate_errors(
     out: Path, scenes: int, seed: int, fit: bool, resume: bool, quiet: bool
 ) -> None:
     """Count how many stated errors hold, by kind of confirmation, or fit their factors."""
-    from polhode.harness.answers.coverage import counted, fitted, save, study, unstated
-    from polhode.harness.common.files import write_file
+    from polhode.harness.answers.coverage import fitted, save, study
+    from polhode.harness.pages.stated import write_page
 
     with stored(out, resume, "errors", "runs") as store:
-        rows = study(store, seed, scenes, quiet, certified=not fit)
-    command = f"polhode validate --errors {scenes} --seed {seed}"
+        rows = study(store, seed, scenes, quiet)
     if fit:
-        save(fitted(rows), f"{command} --fit")
-    cells_of = [
-        [
-            count.kind,
-            count.family,
-            count.want,
-            count.runs,
-            count.missed,
-            f"{count.bound:.1%}",
-            f"{count.factor:.2g}",
-        ]
-        for count in counted(rows)
-    ]
-    header = ["kind", "family", "of", "runs", "missed", "share missed below", "over true, median"]
-    silent, judged = unstated(rows)
-    head = f"# Errors stated\n\nMade by `{command}`. {silent} of {judged} runs state no error.\n\n"
-    page = write_file(out / "errors.md", head + markdown(header, cells_of, (3, 4, 5, 6)))
-    click.echo(f"{markdown(header, cells_of, (3, 4, 5, 6))}{page}")
+        save(fitted(rows), command_line())
+        click.echo("The factors are fitted: count how they hold on runs of another seed.")
+        return
+    page = write_page(out, rows, command_line())
+    click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")
