@@ -21,11 +21,14 @@ from polhode.harness.answers import averaging
 from polhode.harness.answers.doubt import doubt
 from polhode.harness.answers.request import check_representable, one_digit
 from polhode.harness.answers.rules import (
+    EXPLICIT,
     SPLITTING,
     TIGHTEST,
     Method,
+    first_available,
     first_tolerance,
     full_solver,
+    steps_of,
     stiff,
 )
 from polhode.harness.answers.runs import Run, Runner, Watch, turns
@@ -283,12 +286,15 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     tighter = max(TIGHTEST, _tighter(method) * tolerance)
     looser = min(1.0, LOOSER * tolerance)
     if partner := _partner(runner, method):
-        yield Second("unlike", partner, _equal_error_tolerance(run, partner))
-    if looser < LOOSE:
+        unlike = Second("unlike", partner, _equal_error_tolerance(run, partner))
+        if steps_of(runner.scene, partner, unlike.tolerance) < _limit(run):
+            yield unlike
+    stroboscopic = method.solver.many_periods and method.solver.name not in SPLITTING
+    if looser < LOOSE and not stroboscopic:
         yield Second("looser", method, looser)
     if tighter < tolerance:
         yield Second("sharper", method, tighter)
-    if looser >= LOOSE:
+    if looser >= LOOSE or stroboscopic:
         yield Second("looser", method, looser)
     far = max(TIGHTEST, FAR_TIGHTER * tolerance)
     if far < tighter:
@@ -313,6 +319,10 @@ def _partner(runner: Runner, method: Method) -> Method | None:
         other = find_solver(SPLITTING[0])
     elif form is method.form and not stiff(scene) and _is_efficient(solver):
         other = solver
+    elif other is solver and solver.order_by_tolerance:
+        # Tighter runs of it do not take more steps.
+        others = [name for name in EXPLICIT if name != solver.name]
+        other = first_available(tuple(others))
     same = other is solver and form is method.form
     return Method(form, other) if other.available and not same else None
 
