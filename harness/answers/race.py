@@ -20,7 +20,7 @@ from polhode.harness.answers.averaging import NotKnownError
 from polhode.harness.answers.confirmed import confirmation, meet
 from polhode.harness.answers.forecast import Course, beginning_of, course_of
 from polhode.harness.answers.interval import Interval
-from polhode.harness.answers.pace import Pace, pace, seconds_of, steps_in
+from polhode.harness.answers.pace import Pace, around, pace, seconds_of, steps_in
 from polhode.harness.answers.request import NotAttainableError, one_digit
 from polhode.harness.answers.rules import (
     HYBRID_LEAST_ERROR,
@@ -67,10 +67,10 @@ _ATTAINABLE = 2.0
 # Error of averaging to first and to second order, at St = 1, that few scenes stay below.
 _LEAST_MODEL_ERROR = {"averaged": 3e-3, "averaged-spheroid": 3e-3, "averaged-second-order": 1e-3}
 # Steps of the best full run from which on runs that average are tried: below them, to look ahead
-# takes longer. Tables of a triaxial shape not seen before are not counted.
-_AVERAGED_FROM = {"triaxial": 20_000, "prolate": 2_000, "oblate": 2_000, "sphere": 2_000}
-# The same of `hybrid` for triaxial shapes, whose windows take steps besides.
-_HYBRID_FROM = 200_000
+# and to put the rotation back takes longer. Tables of a shape not seen before are not counted.
+_AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
+# The same of spheroids.
+_AVERAGED_SPHEROIDS_FROM = 2_000
 # Damping times from which on implicit methods take part.
 _IMPLICIT_FROM = 100.0
 # A difference that grows by a larger power of time tells of chaos.
@@ -319,10 +319,11 @@ class _Race:
             why = f"St is too small: averaging errs by more than {scientific(least)}"
             self._refuse(method, why, least)
             return True
-        kind = self.scene.ellipsoid.kind
+        enough = _AVERAGED_SPHEROIDS_FROM
+        if self.scene.ellipsoid.kind == "triaxial":
+            enough = _AVERAGED_FROM[method.form.name]
         tabled = _in_tables(method.form) or not self.segment.course.whole
-        hybrid = kind == "triaxial" and method.form.name == "hybrid"
-        if tabled and self.fewest < (_HYBRID_FROM if hybrid else _AVERAGED_FROM[kind]):
+        if tabled and self.fewest < enough:
             why = f"a full run takes {self.fewest:.2g} steps: too few to average"
             self._refuse(method, why)
             return True
@@ -410,7 +411,7 @@ class _Race:
         self._enter(method, tolerance, interval, seconds, reason, spread)
 
     def judge(self, method: Method) -> None:
-        """Run a method on the scene itself, and confirm the run; once more at another tolerance if it errs."""
+        """Run a method on the scene itself, and confirm the run; once more if it errs and follows its tolerance."""
         runner = Runner(self.scene, np.array([0.0, self.scene.time]))
         tolerance = _rounded(method, first_tolerance(self.scene, method, self.error, self.want))
         cost = pace(method, tolerance)
@@ -418,6 +419,8 @@ class _Race:
             try:
                 run = runner.run(method, tolerance, self.limit(method, cost, 1.0))
                 seconds = seconds_of(run.solution) + cost.row * self.samples
+                if _in_tables(method.form):
+                    seconds += around(method.form, self.scene, run.solution)
                 cut = seconds > _CUT * self.best and method not in self.uncut
                 if not run.success or (cut and not self.bare):
                     self._refuse(method, f"costs more than {_CUT:g} times the best, or fails")
@@ -434,7 +437,7 @@ class _Race:
                 self._enter(method, tolerance, error, seconds, stated.note, self.course.spread)
                 return
             planned = _planned(method, tolerance, error.high, self.error)
-            if last or planned == tolerance:
+            if last or method.form.averaged or planned == tolerance:
                 why = f"errs by up to {scientific(error.high)}: {stated.note}"
                 self._refuse(method, why, _ATTAINABLE * error.high)
                 return

@@ -30,8 +30,10 @@ STEPS_OF_TABLES = 600_000
 STEPS_OF_SPHEROID = 60_000
 # Tolerance of `hybrid` over the error that it meets with a margin.
 HYBRID_TOLERANCE = 1 / 200
-# Tolerance of an averaged run over its error: its steps cost nothing, and L² = 2EI₂ amplifies errors.
-AVERAGED_TOLERANCE = 1e-4
+# Tolerance of an averaged run over its error: its steps cost nothing.
+AVERAGED_TOLERANCE = 1e-2
+# The same of triaxial shapes, where L² = 2EI₂ amplifies errors.
+AVERAGED_TOLERANCE_TRIAXIAL = 1e-3
 # The shear turns a body at half its rate, in rad per unit of time.
 _SHEAR = 0.5
 # The tightest and the loosest first tolerance.
@@ -204,7 +206,9 @@ def first_tolerance(scene: Scene, method: Method, error: float, want: str) -> fl
     if method.form.name == "hybrid":
         return one_digit(_within(HYBRID_TOLERANCE * error))
     if method.form.averaged:
-        return one_digit(_within(AVERAGED_TOLERANCE * error))
+        crosses = scene.ellipsoid.kind == "triaxial"
+        share = AVERAGED_TOLERANCE_TRIAXIAL if crosses else AVERAGED_TOLERANCE
+        return one_digit(_within(share * error))
     if method.solver.many_periods:
         kind = "splitting"
     elif method.solver.implicit:
