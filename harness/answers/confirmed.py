@@ -226,7 +226,7 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     head = f"the error asked for, {short(error)},"
     if interval is None:
         return replace(found, advice=f"{head} is not confirmed: {found.note}")
-    sure = "was missed" if interval.low > error else "may have been missed"
+    sure = "was probably missed" if interval.predicted > error else "may have been missed"
     size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
     form, full = answer.method.form, full_form(scene)
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
@@ -389,7 +389,10 @@ def _stated(
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
     lucky = 0.0 if run.method.solver.closed_form else LEAST_ERROR_PER_TOLERANCE * run.tolerance
-    return stated(ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note)
+    steps = run.steps if family_name in ("explicit", "implicit") else 0
+    return stated(
+        ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note, steps
+    )
 
 
 def family(run: Run) -> str:

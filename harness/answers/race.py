@@ -213,8 +213,8 @@ class _Segment:
 
     def __init__(self, course: Course, usual: Method, error: float, want: str) -> None:
         self.course, self.usual, self.want = course, usual, want
-        # The error on the course that a method may have.
-        self.budget = error / course.growth(want)
+        # The error on the course that a method may have, so that the run's is below the one requested.
+        self.budget = error / course.growth(want) / course.spread
         self.runner = _Remembering(course.scene)
         self.reference: Observables | None = None
         self.apart = inf  # What the reference is off by, about.
@@ -231,7 +231,7 @@ class _Segment:
             return
         whole = self.course.of_the_whole()
         if self.reference or whole.turns <= _MAX_STEPS / 10:
-            self.budget *= self.course.growth(self.want)
+            self.budget *= self.course.growth(self.want) * self.course.spread / whole.spread
             self.course, self.runner = whole, _Remembering(whole.scene)
             self._confirm()
 
@@ -396,7 +396,7 @@ class _Race:
         course = segment.course
         growth, spread = course.growth(self.want), course.spread
         predicted = growth * error
-        high = min(self.error, growth * (error + segment.apart) * spread)
+        high = min(self.error, spread * growth * (error + segment.apart))
         if not _averages(method):
             self.fewest = min(self.fewest, steps * course.stretch)
         seconds = pace(method, tolerance).seconds(steps * course.stretch, self.samples)
