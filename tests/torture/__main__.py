@@ -28,6 +28,7 @@ PARTS = (
     "streams",
     "edges",
     "threads",
+    "memory",
     "runs",
 )
 # Rounds of threads, each in a process of its own.
