@@ -51,7 +51,7 @@ MAX_TURNS = 3_000.0
 # Rotations from which on solvers and forms that average do so.
 LEAST_AVERAGED_TURNS = 1_200.0
 # Share of the runs of a fit above the upper end, and below the lower one.
-FITTED_ABOVE = 0.01
+FITTED_ABOVE = 0.015
 FITTED_BELOW = 0.025
 # Fewer runs fit nothing.
 LEAST_FITTED = 40

@@ -152,7 +152,7 @@ UNKNOWN = RunError(None, None, "not estimated")
 
 
 class Factors(NamedTuple):
-    """The true error over the difference of two runs: below it in 2.5 %, 50 % and 99 % of the runs fitted."""
+    """The true error over the difference of two runs: below it in 2.5 %, 50 % and 98.5 % of the runs fitted."""
 
     low: float
     middle: float
