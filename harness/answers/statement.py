@@ -35,11 +35,9 @@ INNER = np.unique(
 )
 # Rounding of a run in eps of its largest L and E or of π. In splitting and averaging errors of L and
 # E add up at random, as this power of the rotations, and those of the phase follow them for ever
-# longer. Runge-Kutta steps round in the same direction: a run of 9e4 steps by Verner's method errs
-# by half an eps a step.
+# longer.
 _ROUNDING = 2.0
 _ROUNDING_GROWTH = 0.7
-_ROUNDING_PER_STEP = 1.0
 # Compared times on either side of one whose largest difference stands for that time: differences
 # pass through zero.
 _NEIGHBOURS = 6
@@ -181,17 +179,17 @@ def stated(
     turns: float,
     least: float,
     note: str,
-    steps: int = 0,
+    rounded_steps: float = 0.0,
 ) -> RunError:
     """State the error of a run whose observables at the compared times differ so from a second one's.
 
-    `least` is a difference below which two runs agree by luck, `steps` are those whose rounding
-    adds up.
+    `least` is a difference below which two runs agree by luck, `rounded_steps` is the rounding that
+    steps add up, in eps.
     """
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
-    rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + _ROUNDING_PER_STEP * steps)
+    rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
     units = {"slow": size, "orientation": pi * (1 + turns)}
     for want, largest in apart.largest.items():
         factor = factors()[kind][family][want]
