@@ -164,46 +164,76 @@ def _meet(
     tolerance = first_tolerance(runner.scene, method, error, want)
     if not estimate or method.solver.closed_form or method.form.averaged:
         return confirm(runner, method, tolerance, estimate, watch)
-    in_pairs = _partner(runner, method) is None
-    previous = run = None
-    best: tuple[Run, RunError] | None = None
-    stalls = 0
+    search = _Search(runner, method, error, want)
     for _ in range(MAX_RUNS):
-        run = _next_run(runner, method, tolerance, previous, watch)
-        stated_error = None
-        if not run.success:
-            if previous and previous.success:
-                break
-        elif not in_pairs:
-            stated_error = confirmation(runner, run)
-        elif previous and previous.success and _sharpens(run, previous):
-            stated_error = _paired(runner, run, previous)
-        if run.success and previous is None and want == "slow":
+        run = _next_run(runner, method, tolerance, search.previous, watch)
+        if run.success and search.previous is None and want == "slow":
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
-        interval = stated_error.wanted(want) if stated_error else None
-        stride = _tighter(method)
-        if previous and previous.success and not stated_error:
-            # The steps hardly changed: the tolerance does not set them yet.
-            stride = FAR_TIGHTER
-        if interval and stated_error:
-            before = best[1].wanted(want) if best else None
-            if before is None or interval.high < before.high:
-                best = run, stated_error
-            if before and interval.high > FALLING * before.high:
-                stalls += 1
-            if interval.high <= error or stalls >= MAX_STALLS:
-                break
-            stride = min(stride, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
-        if tolerance <= TIGHTEST:
+        stride = search.look(run)
+        if stride == 1.0 or tolerance <= TIGHTEST:
             break
-        if stated_error or not (previous and previous.success):
-            previous = run
         tolerance = one_digit(max(TIGHTEST, stride * tolerance))
-    assert run is not None
-    if best is None:
-        run = previous if previous and previous.success and not run.success else run
-        best = run, confirmation(runner, run)
-    return _believed(runner, *best)
+    return _believed(runner, *search.outcome())
+
+
+class _Search:
+    """Runs of a method, each tighter than the one before, and the best of them."""
+
+    def __init__(self, runner: Runner, method: Method, error: float, want: str) -> None:
+        self.runner, self.method, self.error, self.want = runner, method, error, want
+        self.in_pairs = _partner(runner, method) is None
+        self.previous: Run | None = None  # The last one that others are compared with.
+        self.last: Run | None = None
+        self.best: tuple[Run, RunError] | None = None
+        self.high = inf  # The upper end of the best one's error.
+        self.stalls = 0
+
+    def look(self, run: Run) -> float:
+        """Look at a run: the tolerance of the next one over that of this one, 1 if there is to be none."""
+        before = self.previous if self.previous and self.previous.success else None
+        self.last = run
+        if not run.success:
+            if before:
+                return 1.0
+            self.previous = run
+            return _tighter(self.method)
+        stated_error = self._stated(run, before)
+        if stated_error is None:
+            if before is None:
+                self.previous = run
+                return _tighter(self.method)
+            # The steps hardly changed: the tolerance does not set them yet.
+            return FAR_TIGHTER
+        self.previous = run
+        interval = stated_error.wanted(self.want)
+        if interval is None:
+            return _tighter(self.method)
+        if self.high < inf and interval.high > FALLING * self.high:
+            self.stalls += 1
+        if interval.high < self.high:
+            self.best, self.high = (run, stated_error), interval.high
+        if interval.high <= self.error or self.stalls >= MAX_STALLS:
+            return 1.0
+        planned = PLANNED_SHARE * self.error / interval.high
+        return min(_tighter(self.method), max(1 / MAX_STRIDE, planned))
+
+    def _stated(self, run: Run, before: Run | None) -> RunError | None:
+        """The error of a run, from a second one by another method, or from the one before."""
+        if not self.in_pairs:
+            return confirmation(self.runner, run)
+        if before and _sharpens(run, before):
+            return _paired(self.runner, run, before)
+        return None
+
+    def outcome(self) -> tuple[Run, RunError]:
+        """The best run and its error; where no run was compared, the last one that ended, confirmed by itself."""
+        if self.best:
+            return self.best
+        run = self.last
+        if self.previous and self.previous.success and not (run and run.success):
+            run = self.previous
+        assert run is not None
+        return run, confirmation(self.runner, run)
 
 
 def _paired(runner: Runner, run: Run, looser: Run) -> RunError:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from polhode.harness.answers.request import one_digit
+from polhode.harness.answers.request import EPS, one_digit
 from polhode.harness.references.rotations import damping_times, is_stiff
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.form import Form
@@ -18,10 +18,10 @@ from polhode.solvers.contract import Solver
 EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor", "dop853")
 IMPLICIT = ("cyrk-radau", "cvode-bdf", "radau")
 SPLITTING = ("splitting", "splitting-extended")
-# The explicit solver for tighter tolerances than this: it takes as many steps as Verner's method,
-# whose coefficients round in the same direction at each, and errs by a tenth after 1e5 of them.
+# The explicit solver where an eps a step would be more than this share of the error: it takes about
+# as many steps as Verner's method, whose coefficients round in one direction, and errs by a tenth.
 ROUNDS_LESS = "cyrk-dop853"
-ROUNDS_LESS_FROM = 1e-12
+ROUNDED_SHARE = 0.1
 # St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta.
 SPLITTING_FROM = 300.0
 # St from which on a run is averaged where that is cheaper.
@@ -164,12 +164,18 @@ def methods_for(scene: Scene, error: float, want: str) -> list[Method]:
         solvers = [find_solver(name) for name in SPLITTING]
         methods += [Method(axis, solver) for solver in solvers if solver.available]
     if not splits(scene) or not methods:
-        full = full_method(scene)
-        tight = first_tolerance(scene, full, error, want) < ROUNDS_LESS_FROM
-        if tight and full.solver.name == EXPLICIT[0] and find_solver(ROUNDS_LESS).available:
-            full = full._replace(solver=find_solver(ROUNDS_LESS))
-        methods.append(full)
+        methods.append(_rounding_less(scene, full_method(scene), error, want))
     return methods
+
+
+def _rounding_less(scene: Scene, method: Method, error: float, want: str) -> Method:
+    """The method, or where rounding of its steps would count one that rounds less."""
+    other = find_solver(ROUNDS_LESS)
+    if method.solver.name != EXPLICIT[0] or not other.available:
+        return method
+    steps = steps_of(scene, method, first_tolerance(scene, method, error, want))
+    rounding = EPS * steps * (1 + rotations(scene) if want == "orientation" else 1)
+    return method._replace(solver=other) if rounding > ROUNDED_SHARE * error else method
 
 
 def _form_for(scene: Scene, solver: Solver) -> Form:
