@@ -21,13 +21,14 @@ from polhode.harness.answers.questions import Question, questions
 from polhode.harness.answers.race import contenders, why_not
 from polhode.harness.answers.recommendation import Recommendation
 from polhode.harness.answers.request import NotAttainableError
-from polhode.harness.answers.rules import Method, first_tolerance, methods_for, rotations, stiff
+from polhode.harness.answers.rules import Method, first_tolerance, methods_for, rotations
 from polhode.harness.answers.statement import difference
+from polhode.harness.answers.timed import plain_practice
 from polhode.harness.common.files import digest
 from polhode.harness.common.store import Record, Store
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference
-from polhode.models.catalogue import form as find_form, full_form, reference_form
+from polhode.models.catalogue import form as find_form, reference_form
 from polhode.models.form import Form
 from polhode.models.observables import Observables
 from polhode.models.scene import Scene
@@ -116,8 +117,8 @@ def measured(question: Question) -> Record:
     best = min(able, key=lambda name: timed[name]["seconds"]) if able else None
     row = timed[first] if first else {"seconds": nan, "error": nan, "met": best is None}
     shortest = timed[best]["seconds"] if best else nan
-    plain = plain_practice(track)
     scene = question.scene
+    plain, _ = plain_practice(scene, question.error, question.want, question.samples)
     return {
         "scene": question.name,
         "stokes": scene.stokes,
@@ -139,7 +140,7 @@ def measured(question: Question) -> Record:
         "best_seconds": shortest,
         "factor": row["seconds"] / shortest,
         "asking": asking,
-        "plain": plain,
+        "plain": plain if plain < inf else nan,
         "rules": " ".join(map(str, rules)),
         "rules_met": timed[rules]["met"],
         "rules_factor": timed[rules]["seconds"] / shortest,
@@ -258,25 +259,6 @@ def _by_rules(question: Question) -> tuple[str, str, float]:
     method = methods_for(question.scene, question.error, question.want)[0]
     tolerance = first_tolerance(question.scene, method, question.error, question.want)
     return method.form.name, method.solver.name, tolerance
-
-
-def plain_practice(track: _Track) -> float:
-    """Seconds of a careful user: the full form, tightened tenfold until two runs agree to half the error."""
-    question = track.question
-    solver = "cyrk-radau" if stiff(question.scene) else "cyrk-vern8"
-    form = full_form(question.scene)
-    if not find_solver(solver).takes(find_form(form).problem(question.scene)):
-        return nan
-    before, total = None, 0.0
-    for k in range(1, 9):
-        began, compiling = perf_counter(), SPENT.seconds["compilation"]
-        row = track.run(form, solver, max(1e-14, question.error * 10.0**-k), _FIRST_SECONDS)
-        total += perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
-        seen: Observables | None = row["seen"]
-        if seen and before and track.off(seen, before) <= question.error / 2:
-            return total
-        before = seen
-    return nan
 
 
 def _reference(question: Question) -> Observables:
