@@ -13,26 +13,28 @@ _LEAST_TURNS = 60.0
 # Rotations of a course over those of the run: fifteen runs of it cost less than the run.
 _SHARE = 0.04
 # Share of a run from which on the beginning serves, not the surrogate.
-_MOST_SHARE = 0.1
+_MOST_SHARE = 0.25
 # Share of a run from which on all of it is raced on.
 _WHOLE = 0.5
 # Rotations of a course, at most.
 _MOST_TURNS = 1_000.0
-# Rotations in a damping time from which on the slow motion is the same at every St.
-_FAST = 50.0
+# Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
+# at every St.
+_FAST = 25.0
 # Rotations of the shear in the beginning of a stiff run: it holds the turns where steps are short.
 _STIFF_TURNS = 20.0
 # How errors grow with the rotations that a course leaves out, as a power, by what is raced on and
-# what the errors are of: damping forgets what went before, and the phase follows the errors of L.
+# what the errors are of: as many as nine of ten runs have. Those of L and E add up, and the phase
+# follows them; on a beginning damping has not yet forgotten any.
 _GROWTH = {
-    ("surrogate", "slow"): 0.5,
-    ("surrogate", "orientation"): 1.3,
-    ("beginning", "slow"): 1.0,
-    ("beginning", "orientation"): 2.0,
+    ("surrogate", "slow"): 1.0,
+    ("surrogate", "orientation"): 2.0,
+    ("beginning", "slow"): 0.8,
+    ("beginning", "orientation"): 1.5,
     ("stiff", "slow"): 0.0,
     ("stiff", "orientation"): 0.5,
-    ("splitting", "slow"): 0.5,
-    ("splitting", "orientation"): 1.2,
+    ("splitting", "slow"): 0.8,
+    ("splitting", "orientation"): 1.5,
 }
 # Errors and seconds of a run that was raced itself, over and under what the race saw.
 _RACED = 1.25

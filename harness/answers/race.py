@@ -9,6 +9,7 @@ took.
 
 import tomllib
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from math import floor, inf, log10
@@ -35,7 +36,7 @@ from polhode.harness.answers.rules import (
     stiff,
 )
 from polhode.harness.answers.runs import Run, Runner, Watch
-from polhode.harness.answers.statement import INNER, difference
+from polhode.harness.answers.statement import INNER, RunError, difference
 from polhode.harness.common.text import scientific, short
 from polhode.harness.references.rotations import damping_times
 from polhode.models.catalogue import FORMS, form as find_form
@@ -47,6 +48,11 @@ from polhode.solvers.contract import UNLIMITED, SolverNotValidError
 
 # A method is cut that costs more than this times the best one so far.
 _CUT = 1.5
+# Rotations up to which splitting runs the scene itself: its beginning takes more steps a rotation.
+_SPLITTING_TURNS = 2e5
+# The upper end of an error over the usual one, of a run that is judged by a looser one: 1 in 20 runs
+# errs by more.
+_JUDGED = 3.0
 # Steps that a run of a race may take before anything else is known of the scene.
 _MAX_STEPS = 300_000
 # Steps that a run may take however cheap the best one is.
@@ -171,6 +177,10 @@ def _averages(method: Method) -> bool:
     return method.form.averaged or _in_tables(method.form) or method.solver.name == "stroboscopic"
 
 
+def _splits(method: Method) -> bool:
+    return method.solver.name in SPLITTING
+
+
 def race(
     scene: Scene,
     error: float,
@@ -279,7 +289,7 @@ class _Race:
         """When a method has its turn: those first whose steps tell when to cut others."""
         if method.solver.closed_form:
             return 0
-        if splits(self.scene) and method.solver.name in SPLITTING:
+        if splits(self.scene) and _splits(method):
             return 1
         if _averages(method):
             return 4
@@ -294,14 +304,16 @@ class _Race:
         elif _in_tables(method.form) and (reason := why_not(self.scene, self.want, method)):
             self._refuse(method, reason)
         else:
-            if self.bare or (_averages(method) and not self.segment.course.whole):
+            itself = _averages(method)
+            itself = itself or (_splits(method) and self.course.turns <= _SPLITTING_TURNS)
+            if self.bare or (itself and not self.segment.course.whole):
                 self.judge(method)
             else:
                 self.follow(method, self.segment_of(method))
 
     def segment_of(self, method: Method) -> _Segment:
         """What a method is raced on: splitting takes few steps because St is large, and is shown by its beginning."""
-        if method.solver.name not in SPLITTING or self.course.whole:
+        if not _splits(method) or self.course.whole:
             return self.segment
         if self._splitting is None:
             beginning = beginning_of(self.scene)
@@ -411,37 +423,54 @@ class _Race:
         self._enter(method, tolerance, interval, seconds, reason, spread)
 
     def judge(self, method: Method) -> None:
-        """Run a method on the scene itself, and confirm the run; once more if it errs and follows its tolerance."""
+        """Run a method on the scene itself, and confirm the run; once more where it follows its tolerance."""
         runner = Runner(self.scene, np.array([0.0, self.scene.time]))
         tolerance = _rounded(method, first_tolerance(self.scene, method, self.error, self.want))
-        cost = pace(method, tolerance)
-        for last in (False, True):
+        follows = method.solver.many_periods
+        good: tuple[float, Interval, float, str] | None = None
+        refusal: tuple[str, float] = ("", inf)
+        for _ in range(_MAX_RUNS - 1):
             try:
-                run = runner.run(method, tolerance, self.limit(method, cost, 1.0))
-                seconds = seconds_of(run.solution) + cost.row * self.samples
-                if _in_tables(method.form):
-                    seconds += around(method.form, self.scene, run.solution)
-                cut = seconds > _CUT * self.best and method not in self.uncut
-                if not run.success or (cut and not self.bare):
-                    self._refuse(method, f"costs more than {_CUT:g} times the best, or fails")
-                    return
-                stated = confirmation(runner, run)
-            except (SolverNotValidError, FormNotValidError, NotKnownError) as refusal:
-                self._refuse(method, getattr(refusal, "reason", "") or str(refusal))
-                return
+                seconds, stated = self._judged(runner, method, tolerance)
+            except (SolverNotValidError, FormNotValidError, NotKnownError) as failure:
+                refusal = refusal[0] or getattr(failure, "reason", "") or str(failure), refusal[1]
+                break
             error = stated.wanted(self.want)
             if error is None:
-                self._refuse(method, stated.note)
-                return
-            if error.high <= self.error:
-                self._enter(method, tolerance, error, seconds, stated.note, self.course.spread)
-                return
-            planned = _planned(method, tolerance, error.high, self.error)
-            if last or method.form.averaged or planned == tolerance:
-                why = f"errs by up to {scientific(error.high)}: {stated.note}"
-                self._refuse(method, why, _ATTAINABLE * error.high)
-                return
+                refusal = stated.note, inf
+                break
+            bound = min(error.high, _JUDGED * error.predicted) if follows else error.high
+            if bound <= self.error:
+                high = min(error.high, self.error)
+                good = tolerance, replace(error, high=high), seconds, stated.note
+            else:
+                why = f"errs by up to {scientific(bound)}: {stated.note}"
+                refusal = why, _ATTAINABLE * error.high
+            planned = _planned(method, tolerance, bound, self.error)
+            if not follows or planned == tolerance or _LEAST * self.error <= bound <= self.error:
+                break
             tolerance = planned
+        if good:
+            self._enter(method, *good, self.course.spread)
+        else:
+            self._refuse(method, *refusal)
+
+    def _judged(self, runner: Runner, method: Method, tolerance: float) -> tuple[float, RunError]:
+        """Seconds of a run of the scene itself, and what it states; raises NotKnownError if it is cut."""
+        cost = pace(method, tolerance)
+        run = runner.run(method, tolerance, self.limit(method, cost, 1.0))
+        steps = steps_in(run.solution)
+        if _splits(method):
+            seconds = cost.seconds(steps, self.samples)
+            self.fewest = min(self.fewest, steps)
+        else:
+            seconds = seconds_of(run.solution) + cost.row * self.samples
+        if _in_tables(method.form):
+            seconds += around(method.form, self.scene, run.solution)
+        cut = seconds > _CUT * self.best and method not in self.uncut
+        if not run.success or (cut and not self.bare):
+            raise NotKnownError(f"costs more than {_CUT:g} times the best, or fails")
+        return seconds, confirmation(runner, run)
 
     def _enter(
         self,
