@@ -24,7 +24,6 @@ from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.pace import Pace, around, pace, seconds_of, steps_in
 from polhode.harness.answers.request import NotAttainableError, one_digit
 from polhode.harness.answers.rules import (
-    HYBRID_LEAST_ERROR,
     IMPLICIT,
     LOOSEST,
     SPLITTING,
@@ -33,6 +32,7 @@ from polhode.harness.answers.rules import (
     first_tolerance,
     full_method,
     splits,
+    steps_of,
     stiff,
 )
 from polhode.harness.answers.runs import Run, Runner, Watch
@@ -72,9 +72,11 @@ _KNOWN = 0.5
 _ATTAINABLE = 2.0
 # Error of averaging to first and to second order, at St = 1, that few scenes stay below.
 _LEAST_MODEL_ERROR = {"averaged": 3e-3, "averaged-spheroid": 3e-3, "averaged-second-order": 1e-3}
-# Steps of the best full run from which on runs that average are tried: below them, to look ahead
-# and to put the rotation back takes longer. Tables of a shape not seen before are not counted.
+# Steps that a full run is expected to take from which on runs that average are tried: below them, to
+# look ahead and to put the rotation back takes longer. Tables of a new shape are not counted.
 _AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
+# The least error that `hybrid` is tried for.
+_HYBRID_LEAST_ERROR = 1e-10
 # The same of spheroids.
 _AVERAGED_SPHEROIDS_FROM = 2_000
 # Damping times from which on implicit methods take part.
@@ -279,21 +281,28 @@ class _Race:
         self.entries: list[Entry] = []
         self.refusals: list[Refusal] = []
         self.uncut: list[Method] = []
-        self.fewest = inf  # Steps of the best full run.
         self.course = course_of(scene)
         self.usual = full_method(self.course.scene)
+        first = self.usual
+        if splits(scene):
+            first = Method(find_form("spheroid-axis"), find_solver(SPLITTING[0]))
+        # Steps that a full run is expected to take.
+        self.steps = steps_of(scene, first, first_tolerance(scene, first, error, want))
         self.segment = _Segment(self.course, self.usual, error, want)
         self._splitting: _Segment | None = None
 
     def turn(self, method: Method) -> int:
-        """When a method has its turn: those first whose steps tell when to cut others."""
+        """When a method has its turn: those first that cost little and tell when to cut others."""
+        spheroid = self.scene.ellipsoid.symmetry_axis is not None
         if method.solver.closed_form:
             return 0
-        if splits(self.scene) and _splits(method):
+        if method.form.averaged and (spheroid or not _in_tables(method.form)):
             return 1
         if _averages(method):
-            return 4
-        return 2 if method.solver is self.usual.solver else 3
+            return 5
+        if splits(self.scene) and _splits(method):
+            return 2
+        return 3 if method.solver is self.usual.solver else 4
 
     def enter(self, method: Method) -> None:
         """Race a method, unless it is out of the question."""
@@ -326,7 +335,7 @@ class _Race:
             return False
         least = _LEAST_MODEL_ERROR.get(method.form.name, 0.0) / max(self.scene.stokes, 1e-99)
         if method.form.name == "hybrid":
-            least = HYBRID_LEAST_ERROR
+            least = _HYBRID_LEAST_ERROR
         if least > self.error:
             why = f"St is too small: averaging errs by more than {scientific(least)}"
             self._refuse(method, why, least)
@@ -335,8 +344,8 @@ class _Race:
         if self.scene.ellipsoid.kind == "triaxial":
             enough = _AVERAGED_FROM[method.form.name]
         tabled = _in_tables(method.form) or not self.segment.course.whole
-        if tabled and self.fewest < enough:
-            why = f"a full run takes {self.fewest:.2g} steps: too few to average"
+        if tabled and self.steps < enough:
+            why = f"a full run takes some {self.steps:.1g} steps: too few to average"
             self._refuse(method, why)
             return True
         return False
@@ -409,8 +418,6 @@ class _Race:
         growth, spread = course.growth(self.want), course.spread
         predicted = growth * error
         high = min(self.error, spread * growth * (error + segment.apart))
-        if not _averages(method):
-            self.fewest = min(self.fewest, steps * course.stretch)
         seconds = pace(method, tolerance).seconds(steps * course.stretch, self.samples)
         if course.whole:
             reason = (
@@ -459,10 +466,8 @@ class _Race:
         """Seconds of a run of the scene itself, and what it states; raises NotKnownError if it is cut."""
         cost = pace(method, tolerance)
         run = runner.run(method, tolerance, self.limit(method, cost, 1.0))
-        steps = steps_in(run.solution)
         if _splits(method):
-            seconds = cost.seconds(steps, self.samples)
-            self.fewest = min(self.fewest, steps)
+            seconds = cost.seconds(steps_in(run.solution), self.samples)
         else:
             seconds = seconds_of(run.solution) + cost.row * self.samples
         if _in_tables(method.form):

@@ -210,8 +210,7 @@ def test_long_runs_at_loose_errors_are_averaged():
     assert course_of(scene).kind == "surrogate"
     found = pick(scene, 1e-3)
     assert found.ranking[0].form in ("averaged", "hybrid", "averaged-second-order")
-    full = next(row for row in found.ranking if row.form == "quaternion")
-    assert full.seconds.predicted > 2 * found.ranking[0].seconds.predicted
+    assert any(row.form == "quaternion" and "costs more" in row.reason for row in found.excluded)
 
 
 def test_the_model_error_of_first_order_falls_no_faster_than_physics_allows():
