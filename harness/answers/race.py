@@ -77,7 +77,9 @@ _LEAST_MODEL_ERROR = {"averaged": 3e-3, "averaged-spheroid": 3e-3, "averaged-sec
 _AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
 # The least error that `hybrid` is tried for.
 _HYBRID_LEAST_ERROR = 1e-10
-# The same of spheroids.
+# Its first tolerance over that of `solve`.
+_HYBRID_LOOSER = 10.0
+# Steps from which on runs of spheroids that average are tried.
 _AVERAGED_SPHEROIDS_FROM = 2_000
 # Damping times from which on implicit methods take part.
 _IMPLICIT_FROM = 100.0
@@ -432,8 +434,13 @@ class _Race:
     def judge(self, method: Method) -> None:
         """Run a method on the scene itself, and confirm the run; once more where it follows its tolerance."""
         runner = Runner(self.scene, np.array([0.0, self.scene.time]))
-        tolerance = _rounded(method, first_tolerance(self.scene, method, self.error, self.want))
-        follows = method.solver.many_periods
+        tolerance = first_tolerance(self.scene, method, self.error, self.want)
+        hybrid = method.form.name == "hybrid"
+        if hybrid:
+            # Few windows cost little: what they confirm is tried before more of them.
+            tolerance *= _HYBRID_LOOSER
+        tolerance = _rounded(method, tolerance)
+        follows = method.solver.many_periods or hybrid
         good: tuple[float, Interval, float, str] | None = None
         refusal: tuple[str, float] = ("", inf)
         for _ in range(_MAX_RUNS - 1):
@@ -446,7 +453,9 @@ class _Race:
             if error is None:
                 refusal = stated.note, inf
                 break
-            bound = min(error.high, _JUDGED * error.predicted) if follows else error.high
+            bound = error.high
+            if method.solver.many_periods:
+                bound = min(bound, _JUDGED * error.predicted)
             if bound <= self.error:
                 high = min(error.high, self.error)
                 good = tolerance, replace(error, high=high), seconds, stated.note
