@@ -210,6 +210,8 @@ def _per_component(
     problem: Problem, rtol: Any, atol: Any, apart: bool
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
+    if atol is None and not problem.timed and not np.ndim(rtol):
+        return rtol, None
     components = problem.dimension - problem.timed
     for name, given in (("rtol", rtol), ("atol", atol)):
         if np.ndim(given) and np.shape(given) != (components,):
