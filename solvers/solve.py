@@ -213,6 +213,7 @@ def _per_component(
     if atol is None and not problem.timed and not np.ndim(rtol):
         return rtol, None
     components = problem.dimension - problem.timed
+    given: Any
     for name, given in (("rtol", rtol), ("atol", atol)):
         if np.ndim(given) and np.shape(given) != (components,):
             expected = f"one number or {components}, one per component"
