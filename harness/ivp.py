@@ -1,7 +1,6 @@
 """`solve_ivp` as SciPy has it, with every solver of the catalogue as a method."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import partial
 from math import inf
 from numbers import Integral
@@ -11,12 +10,13 @@ import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
-from polhode.harness.events import as_events, happened
+from polhode.harness.events import as_events
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import UNLIMITED, Solver
+from polhode.solvers.event_search import SoughtEvent
 from polhode.solvers.solve import Solution, solve
 
 if TYPE_CHECKING:
@@ -115,38 +115,57 @@ def solve_ivp(
         atol, note = atol_of(rtol, y0)
     limits = {"max_steps": max_steps, "max_seconds": max_seconds}
     steps = {"max_step": max_step, "first_step": first_step}
-    found = solve(problem, solver, rtol, times, atol=atol, count=True, **limits, **steps)
-    # Events are counted here, so that their names may be the same.
-    given = events if isinstance(events, Iterable) else [] if events is None else [events]
-    looked_for = [as_events([each])[0] for each in given]
-    values = (
-        replace(event, function=partial(_values, event.function, began, d, args))
-        for event in looked_for
+    sought = _sought(events, began, d, args)
+    run = solve(
+        problem, solver, rtol, times, atol=atol, count=True, events=sought, **limits, **steps
     )
-    happenings = [happened(found, value) for value in values]
-    ends = [
-        time
-        for event, each in zip(looked_for, happenings, strict=True)
-        for time in event.ends(each)
-    ]
-    last = min([*ends, found.t[-1]])
-    kept = ((each, each.t <= last) for each in happenings)
-    happenings = [
-        replace(each, times=each.t[until], states=each.states[until]) for each, until in kept
-    ]
-    shown = wanted[wanted - began <= last]
+    ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
+    # Rows that were asked for: the run has its start and its end besides.
+    shown = np.isin(run.times, wanted - began)
+    if ended and t_eval is None:
+        # The event itself, as in SciPy.
+        shown[-1] = True
     return OptimizeResult(
-        t=shown,
-        y=found.sol(np.clip(shown - began, 0.0, last))[:d],
-        sol=partial(_sol, found, began, d),
-        t_events=[each.t + began for each in happenings],
-        y_events=[each.y[:d].T for each in happenings],
-        nfev=found.nfev,
-        njev=found.njev,
-        status=1 if ends else 0 if found.success else -1,
-        message="a terminal event happened" if ends else _words(found, note),
-        success=found.success or bool(ends),
+        t=_in_users_time(run.times[shown], began, end),
+        y=run.y[:d, shown],
+        sol=partial(_sol, run, began, d),
+        t_events=[began + np.array(event.times) for event in sought],
+        y_events=[_states_of(event, d) for event in sought],
+        nfev=run.nfev,
+        njev=run.njev,
+        status=1 if ended else 0 if run.success else -1,
+        message="a terminal event happened" if ended else _words(run, note),
+        success=run.success,
     )
+
+
+def _in_users_time(times: np.ndarray, began: float, end: float) -> np.ndarray:
+    """Times of a run as the user counts them, none beyond the end by rounding."""
+    return np.minimum(began + times, end)
+
+
+def _sought(events: Any, began: float, d: int, args: Sequence[float]) -> list[SoughtEvent]:
+    """The events of `solve_ivp` as a run seeks them."""
+    given = events if isinstance(events, Iterable) else [] if events is None else [events]
+    sought = []
+    for function in given:
+        # One by one, so that their names may be the same.
+        event = as_events([function])[0]
+        value = partial(_value, event.function, began, d, args)
+        sought.append(SoughtEvent(event.name, value, event.direction, int(event.terminal)))
+    return sought
+
+
+def _value(
+    event: Callable[..., Any], began: float, d: int, args: Sequence[float], t: float, y: np.ndarray
+) -> Any:
+    """An event of the user's time and state."""
+    return event(began + t, y[:d], *args)
+
+
+def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
+    """States at which an event happened, shape (k, d)."""
+    return np.array(event.states)[:, :d] if event.states else np.empty((0, d))
 
 
 def _sol(found: Solution, began: float, d: int, t: Any) -> np.ndarray:
@@ -203,12 +222,3 @@ def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
         raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
     return times
-
-
-def _values(
-    event: Callable[..., Any], began: float, d: int, args: Sequence[float], found: Solution
-) -> np.ndarray:
-    """An event's values along a solution whose time begins at 0."""
-    return np.array(
-        [event(t + began, state[:d], *args) for t, state in zip(found.t, found.states, strict=True)]
-    )

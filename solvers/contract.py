@@ -16,6 +16,7 @@ import numpy as np
 
 from polhode.models.libraries import how_to_install, installed
 from polhode.models.problem import Problem
+from polhode.solvers.event_search import Between, EventFailedError, EventSearch
 
 Backend = Literal["compiled", "numba", "python"]
 Jacobian = Literal["exact", "difference"]
@@ -155,6 +156,7 @@ class Record:
     looked: tuple[int, float] | None = None  # steps and time at the last look of `crawls`
     longest: float = 0.0  # mean step up to one of these looks, the longest of them
     shrunk: bool = False  # whether steps became much shorter than that
+    events: EventSearch | None = None  # what to look for at every step
 
     @property
     def reached(self) -> float:
@@ -198,6 +200,24 @@ class Record:
         if step < _CRAWLING * self.longest and end - time > step * _MAX_STEPS_AHEAD:
             return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {float(time)!r}"
         return None
+
+    def looked_through(self, times: Sequence[float], states: Any, between: Between) -> bool:
+        """Look for events at states accepted since the last look; whether one has ended the run."""
+        if self.events is None:
+            return False
+        try:
+            return self.events.through(times, states, between)
+        except ValueError as error:
+            # The event's own error, whatever solvers make of errors of theirs.
+            raise EventFailedError(str(error)) from error
+
+    @property
+    def last_wanted(self) -> int:
+        """Index behind the last row that is wanted: rows behind an event that ended the run are not."""
+        ended = self.events.ended if self.events else None
+        if ended is None:
+            return len(self.times)
+        return int(np.searchsorted(self.times, ended, side="right"))
 
     def put(self, states: np.ndarray) -> None:
         """Add the states, shape (k, d), of the next k times."""
@@ -283,6 +303,8 @@ class Solver(ABC):
     tolerances: ClassVar[tuple[str, ...]] = ()
     # Of `max_step` and `first_step`, those that the library has.
     limits: ClassVar[tuple[str, ...]] = ()
+    # Whether it looks for the record's events at every step; of others, rows are looked through.
+    seeks_events: ClassVar[bool] = False
 
     @property
     def available(self) -> bool:

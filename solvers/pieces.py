@@ -24,6 +24,7 @@ from polhode.solvers.contract import (
     Status,
     Work,
 )
+from polhode.solvers.event_search import EventFailedError, EventSearch
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
 # it would lose.
@@ -59,6 +60,7 @@ class Run:
         self.work, self.status, self.message = Work(), Status.REACHED_END, ""
         self.prepared: tuple[Problem, float, Integrator] | None = None
         self.shrunk = False  # whether steps became much shorter on the way
+        self.events: EventSearch | None = None
         self.began = perf_counter()
 
     def through(
@@ -86,12 +88,16 @@ class Run:
                 return
             course, end = piece.then or course, self._aligned(piece.end)
             record = self._record(piece, end, self.began + seconds, steps_left)
+            record.events = self.events if self.method.seeks_events else None
             if watch:
                 watch(record)
             try:
                 self.status, message = _outcome(integrate, record, self.method.name)
             finally:
                 self._keep(piece, end, record)
+            if self.events and self.events.ended is not None:
+                self.status, self.message = Status.REACHED_END, ""
+                return
             if not self.status.success:
                 if record.filled == 1 and not _has_rates(piece.problem, record.start):
                     self.status, message = NO_RATES
@@ -194,6 +200,8 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
     """What an integrator returns; an exception, rows that are not there, or another result are a crash."""
     try:
         outcome: Any = integrate(record)
+    except EventFailedError:
+        raise
     except Exception as error:
         outcome = _crash(error, solver)
     if not 1 <= record.filled <= len(record.times):

@@ -74,6 +74,7 @@ class ScipySolver(Solver):
     family = "SciPy"
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
+    seeks_events = True
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
     attempt: ClassVar[int | None] = None
@@ -146,6 +147,18 @@ class ScipySolver(Solver):
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
 
 
+class _Step:
+    """States within a stepper's last step, (d,) at a time and (k, d) at k times, by its own interpolation."""
+
+    def __init__(self, stepper: Any) -> None:
+        self.stepper, self.interpolant = stepper, None
+
+    def __call__(self, times: Any) -> np.ndarray:
+        if self.interpolant is None:
+            self.interpolant = self.stepper.dense_output()
+        return self.interpolant(times).T
+
+
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     """Step to the end; the outcome, and how many steps were interpolated."""
     times, work = record.times, record.work
@@ -172,10 +185,14 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         stalled = stalled + 1 if reached == before else 0
         if stalled > STALLED:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
+        step = _Step(stepper)
+        ended = record.looked_through((reached,), (stepper.y,), step)
         if record.filled < len(times) and times[record.filled] <= reached:
             last = int(np.searchsorted(times, reached, side="right"))
-            record.put(stepper.dense_output()(times[record.filled : last]).T)
-            interpolated += 1
+            record.put(step(times[record.filled : min(last, record.last_wanted)]))
+        interpolated += step.interpolant is not None
+        if ended:
+            return (Status.REACHED_END, ""), interpolated
         looks = stepper.status == "running" and work.steps % LOOK == 0
         if looks and (crawling := record.crawls(work.steps, reached)):
             return crawling, interpolated

@@ -22,6 +22,7 @@ from polhode.solvers.contract import (
     Work,
 )
 from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
+from polhode.solvers.event_search import EventFailedError, EventSearch, SoughtEvent, looks
 from polhode.solvers.pieces import Run, Stage, wrapped, wrapped_start
 from polhode.solvers.singularity import jumped
 
@@ -135,6 +136,7 @@ def solve(
     max_steps: int = UNLIMITED,
     watch: Callable[[Record], None] | None = None,
     doubt: bool = True,
+    events: Sequence[SoughtEvent] = (),
 ) -> Solution:
     """Solve a problem.
 
@@ -166,6 +168,9 @@ def solve(
     doubt : bool
         Look whether a run of one's own function that claims success has stepped over the end of its
         solution (`polhode.solvers.singularity`).
+    events : sequence of SoughtEvent
+        Looked for at every step; they hold the times and states at which they happened. A terminal
+        one ends the run, successfully, and is its last row.
 
     Returns
     -------
@@ -185,6 +190,8 @@ def solve(
     settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
     times = _wanted(problem, times)
     run = Run(problem, method, settings, times)
+    search = EventSearch(events) if events else None
+    run.events = search
     if method.available:
         method.check(problem)
     else:
@@ -192,18 +199,43 @@ def solve(
 
     def finished() -> Solution:
         seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
-        head = problem, method, settings, times[: run.done], run.rows[: run.done]
+        reached, rows = times[: run.done], run.rows[: run.done]
+        if search and search.ended is not None:
+            reached, rows = _until(search.ended, search.end_state, reached, rows)
+        head = problem, method, settings, reached, rows
         return Solution(*head, run.status, run.message, run.work, seconds, stages)
 
     try:
+        if search:
+            search.begin(0.0, np.array(problem.start))
         run.through(problem.course or wrapped(problem, times), max_seconds, max_steps, watch)
+        if search and not method.seeks_events:
+            _look_through(search, finished())
     except KeyboardInterrupt:
         run.status, run.message = Status.INTERRUPTED, ""
         raise Interrupted(_examined(finished(), times)) from None
-    solution = _examined(finished(), times)
+    except EventFailedError as error:
+        raise ValueError(str(error)) from error
+    solution = finished()
+    ended = search is not None and search.ended is not None
+    solution = _examined(solution, solution.times if ended else times)
     if doubt and solution.success and (ended := jumped(solution, solve, shrunk=run.shrunk)):
         return replace(solution, status=Status.FALSE_SUCCESS, message=ended)
     return solution
+
+
+def _until(
+    end: float, end_state: np.ndarray, times: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows up to the event that ended a run, which is the last one."""
+    before = int(np.searchsorted(times, end))
+    return np.append(times[:before], end), np.vstack([rows[:before], end_state])
+
+
+def _look_through(search: EventSearch, solution: Solution) -> None:
+    """Look for events in the rows of a run whose solver does not look for them."""
+    times = looks(solution.times) if len(solution.times) > 1 else np.empty(0)
+    search.through(times.tolist(), solution(times).states, lambda time: solution(time).states[0])
 
 
 def _per_component(

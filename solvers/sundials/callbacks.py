@@ -159,6 +159,11 @@ class Callbacks:
             )
         return result
 
+    def _between(self, time: float) -> np.ndarray:
+        """The state within the last step, shape (d,)."""
+        assert self.record is not None, "a run is under way"
+        return self._to(time, self.record).y
+
     def _rows(self, record: Record, last: int) -> None:
         for time in record.times[record.filled : last].tolist():
             record.put(self._to(time, record).y[None])
@@ -170,10 +175,13 @@ class Callbacks:
             # The first step is guessed from the first time wanted.
             result = self._to(end if steps else times[1], record, "onestep")
             # After an interpolation the library first hands back the step it has.
-            steps, reached = steps + (result.t > reached), result.t
+            advanced = result.t > reached
+            steps, reached = steps + advanced, result.t
             work.steps = steps
-            self._rows(record, int(np.searchsorted(times, result.t, side="right")))
-            if result.t >= end:
+            ended = advanced and record.looked_through((reached,), (result.y,), self._between)
+            last = int(np.searchsorted(times, reached, side="right"))
+            self._rows(record, min(last, record.last_wanted))
+            if ended or result.t >= end:
                 return Status.REACHED_END, ""
             if steps >= record.max_steps:
                 return Status.STEP_LIMIT, f"{steps} steps"
