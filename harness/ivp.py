@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from math import inf
+from math import inf, isfinite
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +11,13 @@ import numpy as np
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events
+from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import available_like, solver as find_solver
-from polhode.solvers.compile import check_field
 from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.event_search import SoughtEvent
-from polhode.solvers.solve import Solution, solve
+from polhode.solvers.solve import Solution, prepared, solve
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -41,24 +41,32 @@ def solve_ivp(
     first_step: float | None = None,
     max_steps: int = UNLIMITED,
     max_seconds: float = inf,
+    jacobian: Any = None,
+    jac: Any = None,
+    jac_sparsity: Any = None,
+    lband: int | None = None,
+    uband: int | None = None,
     dense_output: bool = True,
     **others: Any,
 ) -> "OptimizeResult":
-    """Solve ``y' = fun(t, y, *args)``, forward in time, by a solver of the catalogue or of one's own.
+    """Solve ``y' = fun(t, y, *args)`` by a solver of the catalogue or of one's own.
 
     Parameters
     ----------
     fun : callable
-        As `Problem.from_function` takes it.
+        As `Problem.from_function` takes it: compiled where it can be, else called as it is.
     t_span, y0, args : sequence of float
+        The end may lie before the start.
     method : str or Solver
-        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver; by default
-        `cyrk-dop853`, or where CyRK is missing another explicit one.
+        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver. By default
+        `cyrk-dop853`; `dop853` of a function that runs as plain Python; `bdf` where anything is
+        known of the Jacobian.
     t_eval : sequence of float, optional
-        Times of the output, increasing; by default 201 equispaced ones.
+        Times of the output, from start to end. By default 201 equispaced ones; of a function in
+        plain Python by SciPy's methods the solver's own steps.
     events : callable or sequence of callables, optional
-        ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need
-        be.
+        ``event(t, y, *args)``, a number or a condition, with SciPy's attributes `direction` and
+        `terminal` if need be.
     rtol : float or sequence of float
         Relative tolerance: one number, or one per component where the solver takes that.
     atol : float or sequence of float, optional
@@ -70,6 +78,12 @@ def solve_ivp(
         Steps after which the run ends as `step_limit`.
     max_seconds : float
         Wall time after which it ends as `time_limit`.
+    jacobian : callable or matrix, optional
+        ``jacobian(t, y, *args)``, shape (d, d), an array or a sparse matrix; `jac` is the same.
+    jac_sparsity : array or sparse matrix, optional
+        Pattern of the Jacobian.
+    lband, uband : int, optional
+        Diagonals of the Jacobian below and above the main one.
     dense_output : bool
         For SciPy's sake: `sol` is always there.
     others
@@ -79,7 +93,7 @@ def solve_ivp(
     -------
     scipy.optimize.OptimizeResult
         With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev,
-        status, message, success.
+        status, message, success. The message says if the function ran as plain Python.
 
     Raises
     ------
@@ -89,7 +103,10 @@ def solve_ivp(
     from scipy.optimize import OptimizeResult
 
     if others:
-        taken = "t_eval, events, args, rtol, atol, max_step, first_step, dense_output"
+        taken = (
+            "t_eval, events, args, rtol, atol, max_step, first_step, jac, jac_sparsity, lband, "
+            "uband, dense_output"
+        )
         raise ValueError(
             f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}"
         )
@@ -97,70 +114,107 @@ def solve_ivp(
     check_tolerance("rtol", rtol)
     if not max_seconds > 0:
         raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
-    if not t_span[0] < t_span[1] < inf:
-        raise ValueError(f"t_span: got {t_span!r}, expected a start and a finite end after it")
+    if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
+        raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
     (began, end), args = map(float, t_span), () if args is None else args
-    problem = Problem.from_function(fun, y0, end, args, t_start=began)
-    check_field(problem)
-    d = len(y0)
-    wanted = (
-        np.linspace(began, end, DEFAULT_SAMPLES)
-        if t_eval is None
-        else increasing("t_eval", t_eval, began, end)
+    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband}
+    problem = Problem.from_function(
+        fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
     )
-    times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
-    solver = find_solver(available_like("cyrk-dop853") if method is None else method)
+    solver = find_solver(_default_method(problem) if method is None else method)
+    # What has just been recorded is not recorded again.
+    problem = prepared(problem, solver)
+    direction = 1.0 if end > began else -1.0
+    wanted = _wanted(t_eval, began, end, problem, solver)
+    times = np.unique(np.concatenate([[0.0], wanted, [problem.end]]))
     note = ""
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
     limits = {"max_steps": max_steps, "max_seconds": max_seconds}
     steps = {"max_step": max_step, "first_step": first_step}
-    sought = _sought(events, began, d, args)
+    d = len(y0)
+    sought = _sought(events, partial(_value, began, direction, d, tuple(args)))
     run = solve(
         problem, solver, rtol, times, atol=atol, count=True, events=sought, **limits, **steps
     )
     ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
     # Rows that were asked for: the run has its start and its end besides.
-    shown = np.isin(run.times, wanted - began)
+    shown = np.isin(run.times, wanted)
     if ended and t_eval is None:
         # The event itself, as in SciPy.
         shown[-1] = True
+    message = "a terminal event happened" if ended else _words(run, note)
+    if run.problem.plain:
+        message += "; plain Python"
     return OptimizeResult(
         t=_in_users_time(run.times[shown], began, end),
         y=run.y[:d, shown],
-        sol=partial(_sol, run, began, d),
-        t_events=[began + np.array(event.times) for event in sought],
+        sol=partial(_sol, run, began, direction, d),
+        t_events=[began + direction * np.array(event.times) for event in sought],
         y_events=[_states_of(event, d) for event in sought],
         nfev=run.nfev,
         njev=run.njev,
         status=1 if ended else 0 if run.success else -1,
-        message="a terminal event happened" if ended else _words(run, note),
+        message=message,
         success=run.success,
     )
 
 
+def _default_method(problem: Problem) -> str:
+    """The solver where none is named."""
+    field = problem.field
+    if isinstance(field, OwnField) and field.structure is not None:
+        return "bdf"
+    return "dop853" if problem.plain else available_like("cyrk-dop853")
+
+
+def _wanted(t_eval: Any, began: float, end: float, problem: Problem, solver: Solver) -> np.ndarray:
+    """Times of a run at which rows are asked for, increasing."""
+    if t_eval is None:
+        return np.linspace(0.0, problem.end, DEFAULT_SAMPLES)
+    if end > began:
+        return increasing("t_eval", t_eval, began, end) - began
+    times = -increasing("t_eval", _negative(t_eval), -began, -end)
+    return began - times
+
+
+def _negative(t_eval: Any) -> Any:
+    try:
+        return -np.asarray(t_eval)
+    except TypeError:
+        return t_eval
+
+
 def _in_users_time(times: np.ndarray, began: float, end: float) -> np.ndarray:
     """Times of a run as the user counts them, none beyond the end by rounding."""
+    if end < began:
+        return np.maximum(began - times, end)
     return np.minimum(began + times, end)
 
 
-def _sought(events: Any, began: float, d: int, args: Sequence[float]) -> list[SoughtEvent]:
+def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:
     """The events of `solve_ivp` as a run seeks them."""
     given = events if isinstance(events, Iterable) else [] if events is None else [events]
     sought = []
     for function in given:
         # One by one, so that their names may be the same.
         event = as_events([function])[0]
-        value = partial(_value, event.function, began, d, args)
-        sought.append(SoughtEvent(event.name, value, event.direction, int(event.terminal)))
+        of_run = partial(value, event.function)
+        sought.append(SoughtEvent(event.name, of_run, event.direction, int(event.terminal)))
     return sought
 
 
 def _value(
-    event: Callable[..., Any], began: float, d: int, args: Sequence[float], t: float, y: np.ndarray
+    began: float,
+    direction: float,
+    d: int,
+    args: Sequence[float],
+    event: Callable[..., Any],
+    t: float,
+    y: np.ndarray,
 ) -> Any:
     """An event of the user's time and state."""
-    return event(began + t, y[:d], *args)
+    return event(began + direction * t, y[:d], *args)
 
 
 def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
@@ -168,9 +222,9 @@ def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
     return np.array(event.states)[:, :d] if event.states else np.empty((0, d))
 
 
-def _sol(found: Solution, began: float, d: int, t: Any) -> np.ndarray:
+def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.ndarray:
     """What SciPy's `sol` is: states at t, shape (d,) or (d, k)."""
-    return found.sol(np.asarray(t) - began)[:d]
+    return run.sol(direction * (np.asarray(t) - began))[:d]
 
 
 def _words(found: Solution, note: str) -> str:

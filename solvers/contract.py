@@ -225,6 +225,8 @@ class Record:
         self.filled += len(states)
 
 
+# Some of the solvers that call Python, to be named where others refuse.
+_CALL_PYTHON = ("dop853", "rk45", "radau", "bdf", "lsoda", "cvode-bdf")
 # The family of solvers that are not in the catalogue.
 OWN = "own"
 
@@ -405,6 +407,10 @@ class Solver(ABC):
 
     def check(self, problem: Problem) -> None:
         """Refuse what this solver cannot solve: a SolverNotValidError names the condition and what to use instead."""
+        if problem.plain and "python" not in self.backends:
+            reason = getattr(problem.field, "plain_reason", "")
+            condition = f"{reason}; or a solver that calls Python: {', '.join(_CALL_PYTHON)}"
+            raise SolverNotValidError(condition, self.name)
         if problem.parameters is None:
             condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"
             raise SolverNotValidError(condition, self.name)

@@ -179,9 +179,10 @@ class Call:
         method: int,
         parameters: np.ndarray,
         settings: Settings,
-        calls: np.ndarray,
+        calls: np.ndarray | None = None,
     ) -> None:
-        self.library, _, self.calls = load_cyrk(), FlushedToZero(), calls
+        self.library, _ = load_cyrk(), FlushedToZero()
+        self.calls = np.zeros(1, dtype=np.int64) if calls is None else calls
         # The code lives as long as this call, whatever caches do.
         self.code, self.method = code, method
         self.parameters, self.max_step = parameters, settings.max_step

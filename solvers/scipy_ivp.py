@@ -16,8 +16,9 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
-from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array
+from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array, plain_rates
 from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.structure import bands_of, dense, jacobian_of, packed, pattern_of
 
 Callback = Callable[[float, np.ndarray], np.ndarray]
 
@@ -116,6 +117,16 @@ class ScipySolver(Solver):
 
     def bind(self, problem: Problem, settings: Settings) -> tuple[Callback, dict[str, Any]]:
         """The field as ``fun(t, y)``, and the options of SciPy's solver class."""
+        options: dict[str, Any] = {
+            "rtol": settings.rtol,
+            "atol": settings.atols(),
+            "max_step": settings.max_step,
+            "first_step": settings.first_step,
+        }
+        if problem.plain:
+            if self.implicit:
+                options |= self._jacobian_options(problem)
+            return plain_rates(problem), options
         values = parameter_array(problem)
         callback, parameters = array_callback(problem, settings.backend, values)
         dimension = problem.dimension
@@ -126,16 +137,25 @@ class ScipySolver(Solver):
             callback(np.ascontiguousarray(y), parameters, out)
             return out
 
-        options: dict[str, Any] = {
-            "rtol": settings.rtol,
-            "atol": settings.atols(),
-            "max_step": settings.max_step,
-            "first_step": settings.first_step,
-        }
         if self.implicit and settings.jacobian == "exact":
             jacobian = exact_jacobian(problem.field, dimension, len(values))
             options["jac"] = lambda t, y: jacobian(y, values)
         return fun, options
+
+    def _jacobian_options(self, problem: Problem) -> dict[str, Any]:
+        """What the user knows of the Jacobian, as SciPy's classes take it."""
+        jacobian, options = jacobian_of(problem), {}
+        if self.method == "LSODA":
+            bands = bands_of(problem)
+            if bands:
+                options |= {"lband": bands[0], "uband": bands[1]}
+            if jacobian is not None:
+                options["jac"] = _for_lsoda(jacobian, bands)
+        elif jacobian is not None:
+            options["jac"] = jacobian
+        else:
+            options["jac_sparsity"] = pattern_of(problem)
+        return options
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
@@ -145,6 +165,18 @@ class ScipySolver(Solver):
         fun, options = self.bind(problem, settings)
         start, span = np.array(problem.start), (times[0], times[-1])
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
+
+
+def _for_lsoda(jacobian: Any, bands: tuple[int, int] | None) -> Callback:
+    """A Jacobian as LSODA takes it: a function of dense matrices, or of their bands."""
+
+    def of_state(t: float, y: np.ndarray) -> np.ndarray:
+        matrix = jacobian(t, y) if callable(jacobian) else jacobian
+        if bands:
+            return packed(matrix if hasattr(matrix, "diagonal") else dense(matrix), *bands)
+        return dense(matrix)
+
+    return of_state
 
 
 class _Step:

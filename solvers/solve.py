@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.models.own_function import MAX_EXACT_JACOBIAN, OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.compile import as_it_stands
+from polhode.solvers.compile import as_it_stands, as_plain
 from polhode.solvers.contract import (
     UNLIMITED,
     Backend,
@@ -18,6 +19,7 @@ from polhode.solvers.contract import (
     Record,
     Settings,
     Solver,
+    SolverNotValidError,
     Status,
     Work,
 )
@@ -185,6 +187,9 @@ def solve(
         On Ctrl-C, with the finished part.
     """
     method, problem = find_solver(solver), wrapped_start(as_it_stands(problem))
+    problem = _for_method(problem, method, backend)
+    if problem.plain:
+        backend, jacobian = _plain_choices(problem, method, backend, jacobian)
     rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
     limits = {"max_step": max_step, "first_step": first_step}
     settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
@@ -222,6 +227,38 @@ def solve(
     if doubt and solution.success and (ended := jumped(solution, solve, shrunk=run.shrunk)):
         return replace(solution, status=Status.FALSE_SUCCESS, message=ended)
     return solution
+
+
+def prepared(problem: Problem, method: Solver) -> Problem:
+    """A problem just made of a user's function, as a run by a method takes it: not recorded again."""
+    problem = _for_method(problem, method, None)
+    if isinstance(problem.field, OwnField):
+        problem = replace(problem, field=replace(problem.field, frozen=True))
+    return problem
+
+
+def _for_method(problem: Problem, method: Solver, backend: Backend | None) -> Problem:
+    """A user's function as plain Python where that is better, and the method can call it."""
+    field = problem.field
+    if not isinstance(field, OwnField) or backend is not None or "python" not in method.backends:
+        return problem
+    many = problem.dimension > MAX_EXACT_JACOBIAN
+    return as_plain(problem) if many or (field.better_plain and method.implicit) else problem
+
+
+def _plain_choices(
+    problem: Problem, method: Solver, backend: Backend | None, jacobian: Jacobian | None
+) -> tuple[Backend | None, Jacobian | None]:
+    """Back end and Jacobian of a function in plain Python, which has but one of each."""
+    method.check(problem)
+    if backend not in (None, "python"):
+        reason = getattr(problem.field, "plain_reason", "")
+        raise SolverNotValidError(f"backend: got {backend!r}, expected 'python': {reason}")
+    if jacobian == "exact":
+        raise SolverNotValidError(
+            "jacobian: got 'exact', expected 'difference': the function is plain Python"
+        )
+    return "python", "difference" if method.jacobians else None
 
 
 def _until(

@@ -16,6 +16,8 @@ Precision = Literal["double", "long double", "quadruple"]
 
 # Deadline and Ctrl-C are looked at once per this many steps.
 CHUNK = 10_000
+# Components up to which every operation is compiled in place.
+_MAX_UNROLLED = 50
 # Steps between looks for events: the first, and the factor by which they grow up to `CHUNK`.
 _FIRST_LOOK = 64
 _LOOK_GROWTH = 4
@@ -32,8 +34,8 @@ def _compiled(
     timed: bool = False,
 ) -> Any:
     """heyoka's integrator of a field, of which every thread has a copy."""
-    # Extended precisions are compiled in compact mode, which costs speed but saves up to half a
-    # minute of compilation.
+    # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
+    # up to half a minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
     if in_units:
@@ -41,7 +43,8 @@ def _compiled(
     else:
         system = traced_system(factory, dimension, parameters)
     start = np.zeros(len(system), number)
-    options = {"fp_type": number, "tol": number(tolerance), "compact_mode": precision != "double"}
+    compact = precision != "double" or dimension > _MAX_UNROLLED
+    options = {"fp_type": number, "tol": number(tolerance), "compact_mode": compact}
     return heyoka.taylor_adaptive(system, start, **options)
 
 
