@@ -22,6 +22,8 @@ from polhode.solvers.solve import Solution, prepared, solve
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
+# Numbers of which Python finds the largest in less time than NumPy.
+_FEW = 20
 # A table of more rows would hold gigabytes.
 MOST_SAMPLES = 10_000_000
 
@@ -125,8 +127,11 @@ def solve_ivp(
     # What has just been recorded is not recorded again.
     problem = prepared(problem, solver)
     direction = 1.0 if end > began else -1.0
-    wanted = _wanted(t_eval, began, end, problem, solver)
-    times = np.unique(np.concatenate([[0.0], wanted, [problem.end]]))
+    every_step = t_eval is None and problem.plain and solver.shows_steps
+    wanted = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
+    # A run has its start and its end besides.
+    before, behind = bool(wanted[0] > 0), bool(wanted[-1] < problem.end)
+    times = np.concatenate([[0.0] * before, wanted, [problem.end] * behind])
     note = ""
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
@@ -134,15 +139,14 @@ def solve_ivp(
     steps = {"max_step": max_step, "first_step": first_step}
     d = len(y0)
     sought = _sought(events, partial(_value, began, direction, d, tuple(args)))
-    run = solve(
-        problem, solver, rtol, times, atol=atol, count=True, events=sought, **limits, **steps
-    )
+    how = {"count": True, "events": sought, "every_step": every_step}
+    run = solve(problem, solver, rtol, times, atol=atol, **how, **limits, **steps)
     ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
-    # Rows that were asked for: the run has its start and its end besides.
-    shown = np.isin(run.times, wanted)
-    if ended and t_eval is None:
-        # The event itself, as in SciPy.
-        shown[-1] = True
+    extra = behind and len(run.times) == len(times)
+    if ended:
+        # By default the event is the last row, as in SciPy.
+        extra = t_eval is not None and run.times[-1] not in wanted
+    shown = slice(int(before), -1 if extra else None)
     message = "a terminal event happened" if ended else _words(run, note)
     if run.problem.plain:
         message += "; plain Python"
@@ -168,10 +172,10 @@ def _default_method(problem: Problem) -> str:
     return "dop853" if problem.plain else available_like("cyrk-dop853")
 
 
-def _wanted(t_eval: Any, began: float, end: float, problem: Problem, solver: Solver) -> np.ndarray:
-    """Times of a run at which rows are asked for, increasing."""
+def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: int) -> np.ndarray:
+    """Times of a run at which rows are asked for, increasing; by default so many."""
     if t_eval is None:
-        return np.linspace(0.0, problem.end, DEFAULT_SAMPLES)
+        return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
     if end > began:
         return increasing("t_eval", t_eval, began, end) - began
     times = -increasing("t_eval", _negative(t_eval), -began, -end)
@@ -234,7 +238,8 @@ def _words(found: Solution, note: str) -> str:
 
 def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:
     """The absolute tolerance where none is given, and what is to be said of it."""
-    size, least = float(np.max(np.abs(y0))), float(np.min(rtol))
+    size = max(map(abs, y0)) if len(y0) < _FEW else np.max(np.abs(y0))
+    size, least = float(size), float(np.min(rtol))
     if size > 0:
         return least * size, ""
     return least, f"atol = rtol = {least:g}, as y0 is 0; give atol if the solution is small"

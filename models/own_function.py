@@ -175,6 +175,7 @@ def own_field(
 ) -> tuple[tuple[float, ...], OwnField]:
     """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
     start, given = _numbers("y0", y0), _numbers("parameters", parameters)
+    # What is compiled is kept under the function; a method can be a key where its object cannot.
     if not start:
         raise ValueError("y0: got no numbers, expected one per component")
     for name, time in zip(("t_start", "t_end"), span, strict=True):
@@ -183,7 +184,10 @@ def own_field(
         raise ValueError(
             f"t_end: got {span[1]!r}, expected a finite number other than {span[0]!r}, the start"
         )
-    _check_signature(f, span[0], start, given)
+    key = f if f.__hash__ else f.__call__
+    reason = _known_reason(key)
+    if not reason:
+        _check_signature(f, span[0], start, given)
     try:
         rates = numbers_of(f(span[0], np.array(start), *given))
     except Exception as error:
@@ -194,19 +198,26 @@ def own_field(
         raise ValueError(
             f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0"
         )
-    if not all(isinstance(rate, float | int) and math.isfinite(rate) for rate in rates):
+    if not _all_finite(rates):
         raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
-    # What is compiled is kept under the function; a method can be a key where its object cannot.
-    key = f if f.__hash__ else f.__call__
-    recording, reason = None, ""
-    try:
-        recording = _recorded(key, start, given, span[0], rates)
-    except UntraceableError as error:
-        reason = str(error)
+    recording = None
+    if not reason:
+        try:
+            recording = _recorded(key, start, given, span[0], rates)
+        except UntraceableError as error:
+            reason = str(error)
     timed = recording is not None and recording.timed
     known = structure_of(*structure, len(start))
     own = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, known)
     return (*start, 0.0) if timed else start, own
+
+
+def _known_reason(f: Callable[..., Any]) -> str:
+    """Why a function could not be recorded before; empty if that is not known."""
+    try:
+        return _plain_functions.get(f, "")
+    except TypeError:
+        return ""
 
 
 def _recorded(
@@ -222,12 +233,6 @@ def _recorded(
             f"{getattr(f, '__name__', 'f')} has {len(start)} components, of which at most "
             f"{MAX_RECORDED} are compiled one by one"
         )
-    try:
-        known = _plain_functions.get(f)
-    except TypeError:
-        known = None
-    if known:
-        raise UntraceableError(known)
     try:
         recording = record(f, len(start), len(parameters))
         with np.errstate(all="ignore"):
@@ -245,6 +250,13 @@ def _recorded(
             _plain_functions[f] = str(error)
         raise
     return recording
+
+
+def _all_finite(rates: list[Any]) -> bool:
+    try:
+        return all(map(math.isfinite, rates))
+    except TypeError:
+        return False
 
 
 def _check_signature(

@@ -590,15 +590,22 @@ def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
     return x if high is None else np.minimum(x, high)
 
 
+def _extreme(ufunc: Any) -> Callable[..., Any]:
+    def of_array(x: Any, axis: Any = None, **named: Any) -> Any:
+        return ufunc.reduce(x, axis=axis, **named)
+
+    return of_array
+
+
 _ARRAY_FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where_arrays,
     np.clip: _clip,
     np.linalg.norm: _norm,
     np.dot: _product,
-    np.max: lambda x, **named: np.maximum.reduce(x, **({"axis": None} | named)),
-    np.amax: lambda x, **named: np.maximum.reduce(x, **({"axis": None} | named)),
-    np.min: lambda x, **named: np.minimum.reduce(x, **({"axis": None} | named)),
-    np.amin: lambda x, **named: np.minimum.reduce(x, **({"axis": None} | named)),
+    np.max: _extreme(np.maximum),
+    np.amax: _extreme(np.maximum),
+    np.min: _extreme(np.minimum),
+    np.amin: _extreme(np.minimum),
 }
 
 

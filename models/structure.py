@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -43,7 +42,9 @@ def structure_of(
     if (lower is None) != (upper is None):
         lower, upper = lower or 0, upper or 0
     for name, bands in (("lband", lower), ("uband", upper)):
-        if bands is not None and not (isinstance(bands, Integral) and 0 <= bands < dimension):
+        if bands is not None and not (
+            isinstance(bands, int | np.integer) and 0 <= bands < dimension
+        ):
             raise ValueError(
                 f"{name}: got {bands!r}, expected a whole number from 0 to {dimension - 1}"
             )

@@ -52,7 +52,7 @@ def check_field(problem: Problem) -> None:
 def as_it_stands(problem: Problem) -> Problem:
     """The problem with its own function as of now, which may read names that change from one run to the next."""
     field = problem.field
-    if not isinstance(field, OwnField) or field.frozen:
+    if not isinstance(field, OwnField) or field.frozen or field.plain:
         return problem
     try:
         anew = field.recorded_anew(problem.dimension, len(problem.parameters or ()))

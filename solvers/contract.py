@@ -157,6 +157,8 @@ class Record:
     longest: float = 0.0  # mean step up to one of these looks, the longest of them
     shrunk: bool = False  # whether steps became much shorter than that
     events: EventSearch | None = None  # what to look for at every step
+    # Times and states of steps, where a solver is to note them (SciPy's methods).
+    taken: list[tuple[float, np.ndarray]] | None = None
 
     @property
     def reached(self) -> float:
@@ -239,6 +241,8 @@ def _tolerance(
     name: str, given: float | Sequence[float], *, zero: bool = False
 ) -> float | tuple[float, ...]:
     """A tolerance as a number or a tuple; a SolverNotValidError names one that is out of range."""
+    if isinstance(given, float) and 0 < given < inf:
+        return given
     numbers = np.array(given, dtype=float)
     least = numbers >= 0 if zero else numbers > 0
     if not (numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & least).all()):
@@ -307,6 +311,8 @@ class Solver(ABC):
     limits: ClassVar[tuple[str, ...]] = ()
     # Whether it looks for the record's events at every step; of others, rows are looked through.
     seeks_events: ClassVar[bool] = False
+    # Whether it notes its own steps where the record asks for them.
+    shows_steps: ClassVar[bool] = False
 
     @property
     def available(self) -> bool:
@@ -316,6 +322,9 @@ class Solver(ABC):
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
+        # Most often nothing is.
+        if installed(self.library) and not self.also_needs and self.backends[-1] == "python":
+            return None
         if not installed(self.library):
             return f"{self.package} is not installed: pip install {self.package}"
         for library in self.also_needs:

@@ -61,6 +61,7 @@ class Run:
         self.prepared: tuple[Problem, float, Integrator] | None = None
         self.shrunk = False  # whether steps became much shorter on the way
         self.events: EventSearch | None = None
+        self.every_step = False
         self.began = perf_counter()
 
     def through(
@@ -89,12 +90,16 @@ class Run:
             course, end = piece.then or course, self._aligned(piece.end)
             record = self._record(piece, end, self.began + seconds, steps_left)
             record.events = self.events if self.method.seeks_events else None
+            if self.every_step:
+                record.taken = []
             if watch:
                 watch(record)
             try:
                 self.status, message = _outcome(integrate, record, self.method.name)
             finally:
                 self._keep(piece, end, record)
+                if record.taken:
+                    self._keep_steps(record.taken)
             if self.events and self.events.ended is not None:
                 self.status, self.message = Status.REACHED_END, ""
                 return
@@ -184,6 +189,14 @@ class Run:
         error, angle = over * piece.error, min(pi, over * piece.angle)
         own = piece.reason, error, record.work.steps, angle, piece.averaged, tolerance
         self.stages.append(Stage(begin, self.now, *own))
+
+    def _keep_steps(self, taken: list[tuple[float, np.ndarray]]) -> None:
+        """Make rows of the steps taken; a run that fell short still has its end among its times."""
+        end = float(self.times[-1])
+        times = np.array([self.times[0], *(time for time, _ in taken)])
+        self.rows = np.array([self.rows[0], *(state for _, state in taken)])
+        self.done = len(times)
+        self.times = times if times[-1] == end else np.append(times, end)
 
 
 def _crash(error: Exception, solver: str) -> Outcome:

@@ -8,11 +8,14 @@ where it is smaller. Rows come from each method's own dense output.
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from math import inf
 from threading import Lock, RLock
+from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
@@ -66,6 +69,15 @@ def _lock_of(method: str) -> AbstractContextManager[Any]:
     return _lsoda_lock if hasattr(_ode.lsoda, "active_global_handle") else nullcontext()
 
 
+@once()
+@spent_on("import")
+def load_methods() -> Any:
+    """SciPy's module of methods."""
+    import scipy.integrate
+
+    return scipy.integrate
+
+
 class ScipySolver(Solver):
     """One of SciPy's `OdeSolver` classes."""
 
@@ -76,16 +88,14 @@ class ScipySolver(Solver):
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
     seeks_events = True
+    shows_steps = True
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
     attempt: ClassVar[int | None] = None
     interpolation: ClassVar[int] = 0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        with spent_on("import"):
-            import scipy.integrate
-
-        method = getattr(scipy.integrate, self.method)
+        method = getattr(load_methods(), self.method)
         fun, options = self.bind(problem, settings)
 
         def integrate(record: Record) -> Outcome:
@@ -97,13 +107,15 @@ class ScipySolver(Solver):
                 return fun(t, y)
 
             with _unwarned, _lock_of(self.method):
-                own = counted if settings.count else fun
+                counts = settings.count and not (problem.plain and self.attempt)
+                own = counted if counts else fun
                 stepper = method(
                     own, record.times[0], record.start.copy(), record.times[-1], **options
                 )
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
-            work.rhs_calls = calls if settings.count else None
+            # Explicit methods count theirs all themselves.
+            work.rhs_calls = (calls if counts else stepper.nfev) if settings.count else None
             if self.implicit:
                 work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
             if self.attempt and work.steps:
@@ -191,45 +203,66 @@ class _Step:
         return self.interpolant(times).T
 
 
+def _failure_of_step(stepper: Any) -> Outcome | None:
+    """Take a step; how it failed, or None."""
+    try:
+        message = stepper.step()
+    except (ArithmeticError, ValueError) as error:
+        # A field's own errors are not the state's.
+        known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
+        if not known and "infs or NaNs" not in str(error):
+            raise
+        return Status.NON_FINITE, str(error)
+    if stepper.status != "failed":
+        return None
+    status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
+    return status, message or ""
+
+
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     """Step to the end; the outcome, and how many steps were interpolated."""
-    times, work = record.times, record.work
-    work.steps, interpolated, stalled = 0, 0, 0
+    times, work, events, taken = record.times, record.work, record.events, record.taken
+    work.steps, interpolated, stalled, filled = 0, 0, 0, record.filled
+    count, next_row = len(times), float(times[filled]) if filled < len(times) else inf
     if not np.isfinite(getattr(stepper, "f", 0.0)).all():
         # An explicit method would look for a first step without end.
         return NO_RATES, 0
+    steps, before = 0, stepper.t
     while stepper.status == "running":
-        before = stepper.t
-        try:
-            message = stepper.step()
-        except (ArithmeticError, ValueError) as error:
-            # A field's own errors are not the state's.
-            known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
-            if not known and "infs or NaNs" not in str(error):
-                raise
-            return (Status.NON_FINITE, str(error)), interpolated
-        if stepper.status == "failed":
-            status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
-            return (status, message or ""), interpolated
-        work.steps += 1
+        if failure := _failure_of_step(stepper):
+            return failure, interpolated
+        steps += 1
+        work.steps = steps
         reached = record.now = stepper.t
         # LSODA takes steps too small to advance the time for no error.
         stalled = stalled + 1 if reached == before else 0
         if stalled > STALLED:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
-        step = _Step(stepper)
-        ended = record.looked_through((reached,), (stepper.y,), step)
-        if record.filled < len(times) and times[record.filled] <= reached:
-            last = int(np.searchsorted(times, reached, side="right"))
-            record.put(step(times[record.filled : min(last, record.last_wanted)]))
-        interpolated += step.interpolant is not None
+        before = reached
+        if taken is not None:
+            taken.append((reached, stepper.y))
+            if next_row <= reached:
+                # The last row is a step's.
+                record.put(stepper.y[None])
+                next_row = inf
+        ended = False
+        if events is not None or next_row <= reached:
+            step = _Step(stepper)
+            if events is not None:
+                ended = record.looked_through((reached,), (stepper.y,), step)
+            if next_row <= reached:
+                last = int(np.searchsorted(times, reached, side="right"))
+                record.put(step(times[filled : min(last, record.last_wanted)]))
+                filled = record.filled
+                next_row = float(times[filled]) if filled < count else inf
+            interpolated += step.interpolant is not None
         if ended:
             return (Status.REACHED_END, ""), interpolated
-        looks = stepper.status == "running" and work.steps % LOOK == 0
-        if looks and (crawling := record.crawls(work.steps, reached)):
-            return crawling, interpolated
-        if stepper.status == "running" and (stopped := record.stopped):
-            return stopped, interpolated
+        if stepper.status == "running":
+            if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
+                return crawling, interpolated
+            if (steps >= record.max_steps or perf_counter() > record.deadline) and record.stopped:
+                return record.stopped, interpolated
     return (Status.REACHED_END, ""), interpolated
 
 

@@ -70,7 +70,11 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
         for state, out in zip(np.ascontiguousarray(states), values, strict=True):
             function(state, parameters, out)
         suspects |= (np.sign(values[1:]) * np.sign(values[:-1]) < 0).any(axis=1)
-    size = np.abs(states[:, : problem.dimension - problem.timed]).max(axis=1)
+    components = states[:, : problem.dimension - problem.timed]
+    if divisors is None and (components.max() - components.min()) <= _GROWTH * abs(states[0, 0]):
+        # No component can have grown so much.
+        return []
+    size = np.abs(components).max(axis=1)
     # A start of 0 says nothing of the size of what comes.
     suspects |= size[1:] > _GROWTH * np.maximum(size[:-1], size[0] or size[1])
     return np.flatnonzero(suspects).tolist()

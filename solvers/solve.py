@@ -139,6 +139,7 @@ def solve(
     watch: Callable[[Record], None] | None = None,
     doubt: bool = True,
     events: Sequence[SoughtEvent] = (),
+    every_step: bool = False,
 ) -> Solution:
     """Solve a problem.
 
@@ -173,6 +174,9 @@ def solve(
     events : sequence of SoughtEvent
         Looked for at every step; they hold the times and states at which they happened. A terminal
         one ends the run, successfully, and is its last row.
+    every_step : bool
+        Rows are the solver's own steps, whatever `times` lie between its first and its last one;
+        of SciPy's methods alone.
 
     Returns
     -------
@@ -197,6 +201,7 @@ def solve(
     run = Run(problem, method, settings, times)
     search = EventSearch(events) if events else None
     run.events = search
+    run.every_step = every_step
     if method.available:
         method.check(problem)
     else:
@@ -204,7 +209,7 @@ def solve(
 
     def finished() -> Solution:
         seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
-        reached, rows = times[: run.done], run.rows[: run.done]
+        reached, rows = run.times[: run.done], run.rows[: run.done]
         if search and search.ended is not None:
             reached, rows = _until(search.ended, search.end_state, reached, rows)
         head = problem, method, settings, reached, rows
@@ -223,7 +228,7 @@ def solve(
         raise ValueError(str(error)) from error
     solution = finished()
     ended = search is not None and search.ended is not None
-    solution = _examined(solution, solution.times if ended else times)
+    solution = _examined(solution, solution.times if ended else run.times)
     if doubt and solution.success and (ended := jumped(solution, solve, shrunk=run.shrunk)):
         return replace(solution, status=Status.FALSE_SUCCESS, message=ended)
     return solution
@@ -232,9 +237,10 @@ def solve(
 def prepared(problem: Problem, method: Solver) -> Problem:
     """A problem just made of a user's function, as a run by a method takes it: not recorded again."""
     problem = _for_method(problem, method, None)
-    if isinstance(problem.field, OwnField):
-        problem = replace(problem, field=replace(problem.field, frozen=True))
-    return problem
+    field = problem.field
+    if not isinstance(field, OwnField) or field.plain:
+        return problem
+    return replace(problem, field=replace(field, frozen=True))
 
 
 def _for_method(problem: Problem, method: Solver, backend: Backend | None) -> Problem:

@@ -41,8 +41,8 @@ def pattern_of(problem: Problem) -> Any:
         pattern.sort_indices()
         return pattern
     if structure.lower is not None and structure.upper is not None:
-        diagonals = range(-structure.lower, structure.upper + 1)
-        return sparse.diags([np.ones(d - abs(k)) for k in diagonals], list(diagonals), format="csc")
+        offsets: Any = range(-structure.lower, structure.upper + 1)
+        return sparse.diags([np.ones(d - abs(k)) for k in offsets], list(offsets), format="csc")
     return None
 
 

@@ -21,7 +21,7 @@ def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any
         options: dict[str, Any] = {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
         return options | {"jacfn": _filled(jacobian, mass, dense)}
     if pattern is None and jacobian is not None:
-        first = jacobian(0.0, np.array(problem.start)) if callable(jacobian) else jacobian
+        first: Any = jacobian(0.0, np.array(problem.start)) if callable(jacobian) else jacobian
         if hasattr(first, "tocsc"):
             pattern = first.tocsc(copy=True)
             pattern.data = np.ones(len(pattern.data))

@@ -108,3 +108,96 @@ def test_an_error_in_an_event_names_it_and_its_line():
     for name in ("cyrk-dop853", "taylor", "radau", "cvode-bdf"):
         with pytest.raises(ValueError, match=r"^event 'broken': got IndexError.*test_ivp.py:\d+"):
             solve_ivp(oscillator, (0, 1), [1.0, 0.0], name, events=broken)
+
+
+TABLE = np.linspace(0, 50, 200)
+FORCE = 0.37 * np.cos(1.2 * TABLE)
+CALL_PYTHON = [
+    *("dop853", "rk45", "radau", "bdf", "lsoda"),
+    *("cvode-adams", "cvode-bdf", "ida"),
+]
+
+
+def tabulated(t, y):
+    return [y[1], y[0] - y[0] ** 3 - 0.3 * y[1] + np.interp(t, TABLE, FORCE)]
+
+
+@pytest.mark.parametrize("name", [None, *CALL_PYTHON])
+def test_any_function_runs_as_plain_python(name):
+    question = tabulated, (2.0, 12.0), [1.0, 0.0]
+    exact = scipys(*question, "DOP853", rtol=1e-10, atol=1e-10, max_step=0.1)
+    run = solve_ivp(*question, name, rtol=1e-8)
+    assert run.success
+    assert run.message.endswith("plain Python")
+    assert run.t[-1] == 12.0
+    assert run.y[:, -1] == pytest.approx(exact.y[:, -1], abs=1e-4)
+    rows = solve_ivp(*question, name, [3.0, 7.0, 11.0], rtol=1e-8)
+    assert rows.t.tolist() == [3.0, 7.0, 11.0]
+    assert rows.sol([5.0, 7.0])[:, 1] == pytest.approx(rows.y[:, 1], abs=1e-12)
+    between = scipys(*question, "DOP853", [5.0], rtol=1e-10, atol=1e-10, max_step=0.1)
+    assert rows.sol(5.0) == pytest.approx(between.y[:, 0], abs=1e-4)
+    back = solve_ivp(tabulated, (12.0, 2.0), exact.y[:, -1], name, rtol=1e-10)
+    assert back.y[:, -1] == pytest.approx([1.0, 0.0], abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("name", "scipys_name"),
+    [
+        ("dop853", "DOP853"),
+        ("rk45", "RK45"),
+        ("radau", "Radau"),
+        ("bdf", "BDF"),
+        ("lsoda", "LSODA"),
+    ],
+)
+def test_plain_python_by_scipys_methods_takes_scipys_steps(name, scipys_name):
+    question = tabulated, (0.0, 12.0), [1.0, 0.0]
+    run = solve_ivp(*question, name, rtol=1e-6, atol=1e-6)
+    theirs = scipys(*question, scipys_name, rtol=1e-6, atol=1e-6)
+    np.testing.assert_array_equal(run.t, theirs.t)
+    np.testing.assert_array_equal(run.y, theirs.y)
+
+    def low(t, y):
+        return y[0] < -0.5
+
+    low.terminal = True  # pyright: ignore
+    stopped = solve_ivp(*question, name, events=low)
+    assert stopped.t[-1] == stopped.t_events[0][0] < 12.0
+    assert stopped.y[0, -1] == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_a_run_of_plain_python_that_fails_has_its_rows():
+    def ends(t, y):
+        return [y[0] ** 2 + 0 * np.interp(t, TABLE, FORCE)]
+
+    for name in ("rk45", "radau", "cvode-bdf"):
+        run = solve_ivp(ends, (0, 2), [1.0], name, max_seconds=20.0)
+        assert not run.success
+        assert len(run.t) > 0
+        assert run.t[-1] < 1.1
+    limited = solve_ivp(tabulated, (0, 50), [1.0, 0.0], "rk45", max_steps=5)
+    assert "limit of steps" in limited.message
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_backwards_is_the_way_there_reversed(name):
+    def driven(t, y):
+        return [y[1], -y[0] + np.cos(2 * t) * np.sqrt(np.abs(t - 1.0) + 1.0)]
+
+    there = scipys(driven, (1.0, 4.0), [1.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12)
+    end = there.y[:, -1]
+
+    def passes(t, y):
+        return y[0]
+
+    run = solve_ivp(driven, (4.0, 1.0), end, name, [4.0, 2.5, 1.0], rtol=1e-9, events=passes)
+    theirs = scipys(
+        driven, (4.0, 1.0), end, "DOP853", [4.0, 2.5, 1.0], rtol=1e-12, atol=1e-12, events=passes
+    )
+    assert run.success
+    assert run.t.tolist() == [4.0, 2.5, 1.0]
+    assert run.y == pytest.approx(theirs.y, abs=1e-5)
+    assert run.t_events[0] == pytest.approx(theirs.t_events[0], abs=1e-5)
+    assert run.sol(2.5) == pytest.approx(theirs.y[:, 1], abs=1e-5)
+    whole = solve_ivp(driven, (4.0, 1.0), end, name)
+    assert (whole.t[0], whole.t[-1]) == (4.0, 1.0)
