@@ -308,12 +308,12 @@ class _Race:
 
     def enter(self, method: Method) -> None:
         """Race a method, unless it is out of the question."""
-        if method.solver.closed_form:
-            self.closed_form(method)
-        elif self.is_out(method):
+        if self.is_out(method):
             return
-        elif _in_tables(method.form) and (reason := why_not(self.scene, self.want, method)):
+        if _in_tables(method.form) and (reason := why_not(self.scene, self.want, method)):
             self._refuse(method, reason)
+        elif method.solver.closed_form:
+            self.closed_form(method)
         else:
             itself = _averages(method)
             itself = itself or (_splits(method) and self.course.turns <= _SPLITTING_TURNS)

@@ -172,6 +172,8 @@ def test_all_and_names_add_methods():
     assert usual <= set(listed())
     named = api.pick(scene, 1e-4, form="euler-angles", solver="cyrk-dop853")
     assert ("euler-angles", "cyrk-dop853") in {(row.form, row.solver) for row in named.ranking}
+    every = pick(scene, 1e-4, everything=True).ranking
+    assert len(every) > 2 * len(usual)
     methods, refusals = contenders(scene, "slow", everything=True)
     assert len(methods) + len(refusals) == len(FORMS) * len(SOLVERS)
 
