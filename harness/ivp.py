@@ -48,6 +48,7 @@ def solve_ivp(
     jac_sparsity: Any = None,
     lband: int | None = None,
     uband: int | None = None,
+    mass: Any = None,
     dense_output: bool = True,
     **others: Any,
 ) -> "OptimizeResult":
@@ -86,6 +87,8 @@ def solve_ivp(
         Pattern of the Jacobian.
     lband, uband : int, optional
         Diagonals of the Jacobian below and above the main one.
+    mass : array or sparse matrix, optional
+        M in ``M y' = fun(t, y)``, its diagonal or a matrix; where it is singular, by `ida` alone.
     dense_output : bool
         For SciPy's sake: `sol` is always there.
     others
@@ -119,7 +122,7 @@ def solve_ivp(
     if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
         raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
     (began, end), args = map(float, t_span), () if args is None else args
-    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband}
+    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband, "mass": mass}
     problem = Problem.from_function(
         fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
     )
@@ -167,6 +170,8 @@ def solve_ivp(
 def _default_method(problem: Problem) -> str:
     """The solver where none is named."""
     field = problem.field
+    if problem.parameters is None:
+        return "ida"
     if isinstance(field, OwnField) and field.structure is not None:
         return "bdf"
     return "dop853" if problem.plain else available_like("cyrk-dop853")

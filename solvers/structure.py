@@ -23,7 +23,7 @@ def jacobian_of(problem: Problem) -> Any:
     if structure is None or not isinstance(field, OwnField):
         return None
     sign = -1.0 if field.backwards else 1.0
-    return in_run_time(structure, problem.parameters or (), field.time_at, sign)
+    return in_run_time(structure, problem.field_parameters, field.time_at, sign)
 
 
 def pattern_of(problem: Problem) -> Any:

@@ -6,14 +6,18 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
+from polhode.solvers.sundials.consistent import full
 
 # scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB of so many components.
 _MAX_FULL = 1000
 
 
 def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
-    """Options of scikit-sundae's classes; with a mass, its diagonal, those of IDA's residual."""
+    """Options of scikit-sundae's classes; with a mass, those of IDA's residual."""
     jacobian, bands, pattern = jacobian_of(problem), bands_of(problem), pattern_of(problem)
+    if mass is not None and mass.ndim == 2:
+        # A residual with a full mass matrix is full.
+        return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
     if bands and (jacobian is None or problem.dimension > _MAX_FULL):
         # The library's own differences take one right-hand side per diagonal.
         return {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
@@ -84,8 +88,8 @@ def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
 
 
 def _residual(jacobian: Any, mass: np.ndarray, cj: float) -> Any:
-    if not hasattr(jacobian, "tocsc"):
-        return cj * np.diag(mass) - np.asarray(jacobian, dtype=float)
+    if mass.ndim == 2 or not hasattr(jacobian, "tocsc"):
+        return cj * full(mass) - dense(jacobian)
     from scipy import sparse
 
     return (cj * sparse.diags(mass) - jacobian).tocsc()
