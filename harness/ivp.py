@@ -14,10 +14,11 @@ from polhode.harness.events import as_events
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
-from polhode.solvers.catalogue import available_like, solver as find_solver
+from polhode.solvers.catalogue import available_like, first_available, solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.event_search import SoughtEvent
 from polhode.solvers.solve import Solution, prepared, solve
+from polhode.solvers.structure import bands_of
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -62,8 +63,9 @@ def solve_ivp(
         The end may lie before the start.
     method : str or Solver
         A catalogue name (`polhode solvers`), ``"module:class"``, or a solver. By default
-        `cyrk-dop853`; `dop853` of a function that runs as plain Python; `bdf` where anything is
-        known of the Jacobian.
+        `cyrk-dop853`; `dop853` of a function that runs as plain Python; where anything is known of
+        the Jacobian `bdf`, or `cvode-bdf` if it has few diagonals; `ida` where equations are
+        algebraic.
     t_eval : sequence of float, optional
         Times of the output, from start to end. By default 201 equispaced ones; of a function in
         plain Python by SciPy's methods the solver's own steps.
@@ -142,7 +144,8 @@ def solve_ivp(
     steps = {"max_step": max_step, "first_step": first_step}
     d = len(y0)
     sought = _sought(events, partial(_value, began, direction, d, tuple(args)))
-    how = {"count": True, "events": sought, "every_step": every_step}
+    # Plain Python counts its calls anyhow.
+    how = {"count": not problem.plain, "events": sought, "every_step": every_step}
     run = solve(problem, solver, rtol, times, atol=atol, **how, **limits, **steps)
     ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
     extra = behind and len(run.times) == len(times)
@@ -173,7 +176,7 @@ def _default_method(problem: Problem) -> str:
     if problem.parameters is None:
         return "ida"
     if isinstance(field, OwnField) and field.structure is not None:
-        return "bdf"
+        return first_available("cvode-bdf", "bdf") if bands_of(problem) else "bdf"
     return "dop853" if problem.plain else available_like("cyrk-dop853")
 
 

@@ -18,6 +18,7 @@ from polhode.solvers.contract import UNLIMITED, Outcome, Record, Settings, Statu
 from polhode.solvers.sundials.consistent import consistent, full, times
 from polhode.solvers.sundials.jacobians import jacobian_options
 from polhode.solvers.sundials.library import FAILURES, posed
+from polhode.solvers.unwarned import UNWARNED
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
@@ -124,7 +125,9 @@ class Callbacks:
             "max_num_steps": UNLIMITED,
         }
         self.rates = rates
-        self.library = library(residual if self.implicit else field, **options)
+        # It warns that a pattern's own differences give way to the function of a Jacobian.
+        with UNWARNED:
+            self.library = library(residual if self.implicit else field, **options)
 
     def start(self, record: Record) -> tuple[np.ndarray, ...]:
         """What a run starts from: the state, and IDA's rates besides."""

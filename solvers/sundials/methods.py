@@ -135,7 +135,8 @@ class SundialsSolver(Solver):
         def integrate(record: Record) -> Outcome:
             every = settings.count or record.max_steps < UNLIMITED or record.events is not None
             outcome = callbacks.run(record, every)
-            record.work.rhs_calls = callbacks.calls if settings.count else None
+            known = settings.count or problem.plain
+            record.work.rhs_calls = callbacks.calls if known else None
             return outcome
 
         return integrate
