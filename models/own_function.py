@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary, WeakMethod, ref
 
 import numpy as np
 
+from polhode.models.mass import Unmassed, is_singular
 from polhode.models.operations import ARRAYS, FLOAT, Field, Operations
 from polhode.models.recording import Recording, UntraceableError, line_of, numbers_of, record
 from polhode.models.shape import require_numbers
@@ -172,6 +173,7 @@ def own_field(
     span: tuple[float, float],
     parameters: Sequence[float],
     structure: tuple[Any, Any, Any, Any] = (None, None, None, None),
+    mass: np.ndarray | None = None,
 ) -> tuple[tuple[float, ...], OwnField]:
     """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
     start, given = _numbers("y0", y0), _numbers("parameters", parameters)
@@ -184,6 +186,11 @@ def own_field(
         raise ValueError(
             f"t_end: got {span[1]!r}, expected a finite number other than {span[0]!r}, the start"
         )
+    known = structure_of(*structure, len(start))
+    if mass is not None and not is_singular(mass):
+        _check_signature(f, span[0], start, given)
+        f = Unmassed(f, mass)
+        known = f.structure(known)
     key = f if f.__hash__ else f.__call__
     reason = _known_reason(key)
     if not reason:
@@ -207,7 +214,6 @@ def own_field(
         except UntraceableError as error:
             reason = str(error)
     timed = recording is not None and recording.timed
-    known = structure_of(*structure, len(start))
     own = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, known)
     return (*start, 0.0) if timed else start, own
 

@@ -8,8 +8,8 @@ from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.structure import Structure, in_run_time
 
-# Share of a matrix that its bands may fill, above which they are of no use.
-_MAX_BANDED_SHARE = 0.5
+# Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded.
+_MAX_DIAGONALS = 4
 
 
 def structure_of(problem: Problem) -> Structure | None:
@@ -23,7 +23,7 @@ def jacobian_of(problem: Problem) -> Any:
     if structure is None or not isinstance(field, OwnField):
         return None
     sign = -1.0 if field.backwards else 1.0
-    return in_run_time(structure, problem.parameters or (), field.time_at, sign)
+    return in_run_time(structure, problem.field_parameters, field.time_at, sign)
 
 
 def pattern_of(problem: Problem) -> Any:
@@ -59,8 +59,9 @@ def bands_of(problem: Problem) -> tuple[int, int] | None:
         entries = pattern.tocoo()
         below = entries.row.astype(int) - entries.col
         lower, upper = max(0, int(below.max(initial=0))), max(0, int(-below.min(initial=0)))
-    if lower + upper + 1 > _MAX_BANDED_SHARE * problem.dimension:
-        return None
+        fullest = int(np.bincount(entries.row, minlength=1).max())
+        if lower + upper + 1 > _MAX_DIAGONALS * fullest:
+            return None
     return lower, upper
 
 
