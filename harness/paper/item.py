@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -108,6 +108,9 @@ class Experiment(ABC):
     Its settings are the fields of a frozen dataclass; they and the code that `compute` uses decide
     whether data that were kept are still today's (`harness/paper/dependencies.py`).
     """
+
+    # About how long `compute` takes on one core: of items that wait, the longest is begun first.
+    seconds: ClassVar[float] = 1.0
 
     @abstractmethod
     def compute(self, grid: Grid) -> Computed:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from itertools import product
 from math import pi, sqrt
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -128,6 +128,8 @@ def local_exponents(part: Table) -> list[Estimate]:
 @dataclass(frozen=True)
 class AveragingOrder(Experiment):
     """How the error of first-order averaging falls with St, over random starts."""
+
+    seconds: ClassVar[float] = 60.0
 
     def compute(self, grid: Grid) -> Computed:
         """Largest error of L and E of the averaged form by side, start and St."""
@@ -416,6 +418,8 @@ def scatter(part: Table) -> Scatter:
 class CrossingJumps(Experiment):
     """How deviations from averaging scatter after a crossing, over starts with the same L and E."""
 
+    seconds: ClassVar[float] = 8.0
+
     def compute(self, grid: Grid) -> Computed:
         """Deviations of full runs from the averaged one, before and after the crossing."""
         generator = np.random.default_rng(29)
@@ -607,6 +611,8 @@ def late(table: Table) -> dict[float, Estimate]:
 class SaddleEndings(Experiment):
     """How full runs from next to the saddle end, and when."""
 
+    seconds: ClassVar[float] = 5.0
+
     def compute(self, grid: Grid) -> Computed:
         """Arrival at the node: averaged, and full at several St, with the end of z'."""
         generator = np.random.default_rng(23)
@@ -754,6 +760,8 @@ ALIGNED = 0.9
 @dataclass(frozen=True)
 class Basins(Experiment):
     """How long the way to the node is, and which of its mirror images is reached."""
+
+    seconds: ClassVar[float] = 5.0
 
     def compute(self, grid: Grid) -> Computed:
         """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""

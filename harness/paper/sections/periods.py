@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from math import inf, pi
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -198,6 +198,8 @@ def _integrated_period(kappa: float, stokes: float) -> float:
 @dataclass(frozen=True)
 class Period(Experiment):
     """The period from small to large St."""
+
+    seconds: ClassVar[float] = 10.0
 
     def compute(self, grid: Grid) -> Computed:
         """Period at all St, and by integration in time at some."""
@@ -467,6 +469,8 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
 @dataclass(frozen=True)
 class PlanarFlows(Experiment):
     """Which planar flows stop a spheroid."""
+
+    seconds: ClassVar[float] = 2.0
 
     def compute(self, grid: Grid) -> Computed:
         """The α above which turning ends, by bisection."""

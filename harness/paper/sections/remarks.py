@@ -21,17 +21,18 @@ from polhode.harness.paper.item import (
     Verdict,
     Word,
 )
+from polhode.harness.paper.jeffery_top import half_turn, section_points
 from polhode.harness.paper.runs import full_run, spheroid
 from polhode.harness.paper.sections.ellipsoids import SIX_BODIES
-from polhode.harness.paper.sections.limits import half_turn, orbit
 from polhode.harness.paper.sections.planes import name_of
 from polhode.harness.paper.tables import by, groups, joined
 from polhode.models.shape import Ellipsoid
 
 # Ratio of the two equatorial semi-axes of the body whose cross-section is nearly circular.
 NEARLY_CIRCULAR = 1.02
-# θ, in rad, at φ = ψ = 0 of the orbits.
+# θ and ψ, in rad, at φ = 0 of the orbits.
 DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)
+DRIFT_PSI = 0.3
 # Half turns that the orbits are followed.
 DRIFT_TURNS = 400
 
@@ -45,8 +46,9 @@ class Drift(Experiment):
         turns = grid.of(DRIFT_TURNS, DRIFT_TURNS // 4)
         bodies = {1.0: spheroid(2.0), NEARLY_CIRCULAR: Ellipsoid((0.5, 0.5 * NEARLY_CIRCULAR, 1.0))}
         for ratio, body in bodies.items():
-            for number, start in enumerate(DRIFT_STARTS):
-                theta, _ = orbit(body, start, 0.3, turns * half_turn(body))
+            starts = [(theta, 0.0, DRIFT_PSI) for theta in DRIFT_STARTS]
+            paths = section_points(body, starts, turns * half_turn(body))
+            for number, (theta, _) in enumerate(paths):
                 rows = {"turn": np.arange(1, len(theta) + 1), "theta": theta}
                 yield "", {"ratio": ratio, "orbit": number, **rows}
 
