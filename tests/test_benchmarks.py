@@ -66,6 +66,13 @@ def test_outside_forms_and_solvers_are_timed():
     assert "paper-1000-own_form:Directions-taylor-1e-07" in done.stdout
 
 
+def test_the_suite_is_found_by_its_name(tmp_path: Path):
+    words = ["--pyargs", "polhode.harness.benchmarks", "--collect-only", "-q", "--polhode-quick"]
+    done = run_pytest(*words, folder=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "test_solve[paper-100-quaternion-taylor-0.001]" in done.stdout
+
+
 def test_the_suite_has_every_solver_both_shapes_and_all_sides():
     methods = Suite(Options()).cases
     assert {solver for _, _, _, solver in methods} >= set(SOLVERS) - {"exact", "splitting-extended"}

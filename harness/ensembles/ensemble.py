@@ -196,7 +196,12 @@ class Ensemble:
 
     def tasks(self) -> Iterator["Task"]:
         """The blocks of particles, in order; all but the last are of the same size."""
-        return (Task(self, index) for index in range(-(-self.particles // self.block)))
+        return (Task(self, index) for index in range(self.size))
+
+    @property
+    def size(self) -> int:
+        """Number of tasks."""
+        return (self.particles + self.block - 1) // self.block
 
     def draw(self, index: int, particles: int) -> Drawn:
         """Starts of the first particles of a block."""

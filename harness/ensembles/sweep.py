@@ -1,18 +1,20 @@
 """Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine."""
 
+from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from functools import partial
-from math import inf
+from functools import cached_property, partial
+from itertools import accumulate
+from math import gcd, inf
 from pathlib import Path
-from random import random
+from random import randrange
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, model_validator
 from tqdm import tqdm
 
-from polhode.harness.common.files import dumps
+from polhode.harness.common.files import digest, dumps
 from polhode.harness.common.machine import machine
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
@@ -77,7 +79,18 @@ class Sweep:
     @property
     def size(self) -> int:
         """Number of tasks."""
-        return sum(-(-ensemble.particles // ensemble.block) for ensemble in self.ensembles)
+        return self._ends[-1]
+
+    def task(self, number: int) -> Task:
+        """The task of a number from 0 to `size` - 1, in the order of `tasks`."""
+        place = bisect_right(self._ends, number)
+        first = self._ends[place - 1] if place else 0
+        return Task(self.ensembles[place], number - first)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        """Number of tasks up to and with each ensemble."""
+        return [*accumulate(ensemble.size for ensemble in self.ensembles)]
 
 
 class Tally(NamedTuple):
@@ -89,6 +102,16 @@ class Tally(NamedTuple):
     message: str  # of the last failure
 
 
+def in_random_order(count: int) -> Iterator[int]:
+    """Each number from 0 to `count` - 1 once, in an order that differs from call to call; no list is made of them."""
+    start = randrange(count)
+    stride = randrange(1, count + 1)
+    # Steps of a stride that shares no factor with the count visit every number.
+    while gcd(stride, count) > 1:
+        stride = randrange(1, count + 1)
+    return ((start + stride * place) % count for place in range(count))
+
+
 def perform(task: Task) -> Record:
     """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
     return {"statistics": run_task(task), "machine": machine(), "timing": NO_TIMES}
@@ -97,14 +120,15 @@ def perform(task: Task) -> Record:
 def run_sweep(
     sweep: Sweep, store: Store, engine: Engine, *, quiet: bool = False, spread: bool = False
 ) -> Tally:
-    """Run what the store does not hold yet; several runs may share it, at the same time too."""
-    # With `spread` the tasks are taken in random order, so that such runs seldom work on the same
-    # one.
+    """Run what the store does not hold yet; several runs may share it, at the same time too.
+
+    With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
+    """
     finished, failed, message = 0, 0, ""
     progress = tqdm(
         total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False
     )
-    tasks = sorted(sweep.tasks(), key=lambda _: random()) if spread else sweep.tasks()
+    tasks = map(sweep.task, in_random_order(sweep.size)) if spread else sweep.tasks()
     # Each is looked up when its turn comes: another run may have added it.
     missing = (task for task in tasks if task.key not in store)
     with progress, closing(engine(perform, missing)) as outcomes:
@@ -133,12 +157,13 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
 
 def surroundings(sweep: Sweep, store: Store) -> list[Record]:
     """Days, machines and versions of a sweep's tasks, each once."""
-    wanted, found = {task.key for task in sweep.tasks()}, dict[str, Record]()
+    ensembles = {digest(ensemble.content) for ensemble in sweep.ensembles}
+    names = sweep.ensembles[0].content.keys()
+    found = dict[str, Record]()
     for record in store:
-        if record["key"] in wanted:
-            own = {name: record[name] for name in ("machine", "versions")} | {
-                "date": record["date"][:10]
-            }
+        if digest({name: record.get(name) for name in names}) in ensembles:
+            own = {name: record[name] for name in ("machine", "versions")}
+            own["date"] = record["date"][:10]
             found[dumps(own)] = own
     return [*found.values()]
 

@@ -26,7 +26,9 @@ PARTS = (
     "libraries",
     "caches",
     "streams",
+    "edges",
     "threads",
+    "memory",
     "runs",
 )
 # Rounds of threads, each in a process of its own.
@@ -61,6 +63,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         os.environ["POLHODE_CACHE"] = str(Path(place, "p"))
         # They read the cache's place when they are imported.
+        from torture.edges import at_the_edges
         from torture.flips import flipped
         from torture.fuzz import fuzzed, warm
         from torture.kills import filled, killed, raced
@@ -87,6 +90,10 @@ def main() -> None:
             "libraries": ("libraries taken away", lambda: without(folder("libraries"))),
             "caches": ("foreign cache folders", lambda: foreign(folder("caches"))),
             "streams": ("closed streams", lambda: closed(folder("streams"))),
+            "edges": (
+                f"{fuzzes} scenes at the edges",
+                lambda: at_the_edges(given.seed, fuzzes, spoiled),
+            ),
             "threads": (
                 f"{ROUNDS} rounds of 12 cold threads",
                 lambda: threaded(given.seed, ROUNDS),
@@ -95,7 +102,7 @@ def main() -> None:
             "runs": ("5000 runs", successes),
         }
         chosen = given.parts or (PARTS if given.full else PARTS[:-1])
-        if "inputs" in chosen:
+        if {"inputs", "edges"} & set(chosen):
             warm()
         complaints = 0
         for name, part in (parts[each] for each in chosen):

@@ -109,7 +109,9 @@ OPTIONS = (
 )
 SECONDS, ENOUGH, ROOM = 10.0, 2.5, 2**30
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d._]*(?:e[-+]?\d+)?")
-ANSWERED = re.compile(r"^\S+ by \S+ at tolerance", re.MULTILINE)
+ANSWERED = re.compile(
+    r"^\S+ by \S+ (at|from) tolerance|^note: it is expected to take about", re.MULTILINE
+)
 
 
 def mutated(text: str, random: Random) -> str:
@@ -178,7 +180,7 @@ def fuzzed(seed: int, count: int, folder: Path) -> list[str]:
         content = text.encode("utf-8", "surrogatepass")
         for name in ("x.toml", "x.jsonl"):
             (place / name).write_bytes(content)
-        if complaint := _answered(words, place):
+        if complaint := answered(words, place):
             kept = folder / f"fuzz-{seed}-{number}.toml"
             kept.write_bytes(content)
             complaints.append(f"{complaint}: polhode {' '.join(map(repr, words))} with {kept}")
@@ -186,8 +188,13 @@ def fuzzed(seed: int, count: int, folder: Path) -> list[str]:
     return complaints
 
 
-def _answered(words: list[str], place: Path) -> str:
-    """What is wrong with the answer to a command line; empty if nothing is."""
+def answered(
+    words: list[str], place: Path, seconds: float = SECONDS, announced: re.Pattern[str] = ANSWERED
+) -> str:
+    """What is wrong with the answer to a command line in a folder; empty if nothing is.
+
+    It may take that many seconds of the processor, unless standard error has announced a run.
+    """
     sys.stdout.flush()
     child = os.fork()
     if child == 0:
@@ -201,9 +208,9 @@ def _answered(words: list[str], place: Path) -> str:
         # Who waits for the processor is not late; who waits for anything else is.
         if ready or spent > worked:
             worked, last = spent, time.monotonic()
-        if spent > SECONDS or time.monotonic() - last > SECONDS:
+        if spent > seconds or time.monotonic() - last > seconds:
             break
-        if spent > ENOUGH and ANSWERED.search(_said(place)):
+        if spent > ENOUGH and announced.search(_said(place)):
             break
         time.sleep(0.005)
     late = not ended
@@ -211,7 +218,7 @@ def _answered(words: list[str], place: Path) -> str:
         os.kill(child, 9)
         _, status, used = os.wait4(child, 0)
     said = _said(place)
-    running = ANSWERED.search(said) or (place / "o" / "store.sqlite").exists()
+    running = announced.search(said) or (place / "o" / "store.sqlite").exists()
     code = os.waitstatus_to_exitcode(status)
     lines = [line for line in said.splitlines() if not line.startswith("note: ")]
     if "Traceback" in said:

@@ -16,13 +16,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commandline import SCRIPT, Run, small_disk
+from dasks import contact, dask_scheduler, dask_worker
 
 from polhode.harness.common.store import DamagedStoreError, Store, export
 from polhode.harness.ensembles.engines import serial
 from polhode.harness.ensembles.ensemble import Ensemble, Task
 from polhode.harness.ensembles.statistics import SECOND, Statistics
 from polhode.harness.ensembles.summary import means
-from polhode.harness.ensembles.sweep import gather, parse_sweep, perform, read_sweep, run_sweep
+from polhode.harness.ensembles.sweep import (
+    gather,
+    in_random_order,
+    parse_sweep,
+    perform,
+    read_sweep,
+    run_sweep,
+)
 from polhode.harness.pages.ensembles import picture, write_results
 
 # Tasks of some hundredths of a second.
@@ -140,6 +148,30 @@ def test_a_killed_worker_and_a_killed_run_cost_nothing(
     assert rows(path) == undisturbed
     for pid in workers:
         assert gone(pid)
+
+
+def test_a_lost_scheduler_costs_no_finished_task(
+    here: Run, environment, sweep_file: Path, tmp_path: Path, undisturbed
+):
+    pytest.importorskip("distributed")
+    path = tmp_path / "out" / "store.sqlite"
+    with dask_scheduler(tmp_path) as scheduler, dask_worker(tmp_path) as worker:
+        # A lost scheduler is waited for no longer than this.
+        waiting = environment | {"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "2s"}
+        with start(tmp_path, waiting, "--dask", contact(tmp_path)) as process:
+            wait_for_rows(path, 3, process)
+            scheduler.kill()
+            _, said = process.communicate(timeout=60)
+        worker.kill()
+    assert process.returncode == 1
+    assert said.splitlines()[-1].endswith(
+        "finished tasks are in out/store.sqlite, --resume goes on"
+    )
+    early = rows(path)
+    assert 3 <= len(early) < TASKS
+    done = here("sweep", "sweep.toml", "--out", "out", "--resume", "--quiet", "--workers", "0")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert rows(path) == undisturbed
 
 
 def test_two_runs_at_once_share_a_store(
@@ -464,6 +496,45 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages without their pictures, which take longer than all else."""
     for name in ("save", "picture"):
         monkeypatch.setattr(f"polhode.harness.pages.ensembles.{name}", lambda *_: None)
+
+
+@pytest.mark.parametrize("count", [1, 2, 12, 997])
+def test_a_random_order_visits_each_number_once(count: int):
+    assert sorted(in_random_order(count)) == [*range(count)]
+
+
+def test_random_orders_differ():
+    assert len({tuple(in_random_order(997)) for _ in range(5)}) > 1
+
+
+def test_a_task_of_a_number_is_that_of_the_list():
+    sweep = parse_sweep(tomllib.loads(SWEEP))
+    assert [sweep.task(number) for number in range(sweep.size)] == [*sweep.tasks()]
+
+
+def test_two_billion_tasks_are_taken_up_at_once(tmp_path: Path):
+    contents = {**tomllib.loads(SWEEP), "particles": 10**9, "block": 1, "stokes": [200.0, 300.0]}
+    sweep = parse_sweep(contents)
+    assert sweep.size == 2 * 10**9
+    taken = []
+
+    def first_alone(_, tasks):
+        taken.append(next(tasks))
+        yield from ()
+
+    with Store(tmp_path / "store.sqlite") as store:
+        for number in range(100):
+            task = sweep.task(number)
+            store.put(task.key, task.content, {})
+        tracemalloc.start()
+        began = time.process_time()
+        run_sweep(sweep, store, first_alone, quiet=True, spread=True)
+        seconds = time.process_time() - began
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert taken[0].key not in store
+    assert seconds < 1
+    assert peak < 10_000_000
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -1,0 +1,86 @@
+"""Scenes at the edges of what is accepted: Stokes numbers, shapes, rates and times of any size.
+
+`python -m torture.edges SEED COUNT` in the folder `tests` solves each in a process of its own, and prints a
+line for each that is not answered in time.
+"""
+
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from random import Random
+
+from torture.fuzz import answered, warm
+
+# Exponents of ten between which each quantity of a scene is drawn.
+STOKES = (-300.0, 300.0)
+ASPECT = (0.0, 6.0)
+RATE = (-150.0, 30.0)
+TIME = (-300.0, 300.0)
+# What `solve` says before a run of more than seconds.
+ANNOUNCED = re.compile("^note: it is expected to take about", re.MULTILINE)
+# How long an answer may take, in seconds of the processor; a run whose time is announced takes that.
+SECONDS = 5.0
+
+SCENE = """\
+stokes = {stokes!r}
+time = {time!r}
+[shape]
+semi_axes = {axes!r}
+[start]
+quaternion = {quaternion!r}
+angular_velocity = {rates!r}
+"""
+
+
+def scenes(random: Random) -> Iterator[str]:
+    """Scene files, whose quantities are uniform in their exponent; half of them have one extreme quantity alone."""
+    while True:
+        stokes, time, rate = (10 ** random.uniform(*range_) for range_ in (STOKES, TIME, RATE))
+        axes = [10 ** random.uniform(*ASPECT) for _ in range(3)]
+        if random.random() < 0.3:
+            axes[1] = axes[0]
+        if random.random() < 0.5:
+            extreme = random.randrange(4)
+            stokes = stokes if extreme == 0 else 10 ** random.uniform(-3, 6)
+            time = time if extreme == 1 else 10 ** random.uniform(-1, 3)
+            rate = rate if extreme == 2 else 10 ** random.uniform(-2, 1)
+            axes = axes if extreme == 3 else [random.uniform(1.0, 3.0) for _ in range(3)]
+        yield SCENE.format(
+            stokes=stokes,
+            time=time,
+            axes=axes,
+            quaternion=[random.gauss(0, 1) for _ in range(4)],
+            rates=[rate * random.uniform(-1, 1) for _ in range(3)],
+        )
+
+
+def at_the_edges(seed: int, count: int, folder: Path) -> list[str]:
+    """Complaints about that many scenes."""
+    complaints = []
+    for number, (text, _) in enumerate(zip(scenes(Random(seed)), range(count), strict=False)):
+        place = Path(tempfile.mkdtemp(dir=folder))
+        (place / "x.toml").write_text(text, encoding="utf-8")
+        if complaint := answered(["solve", "x.toml"], place, SECONDS, ANNOUNCED):
+            kept = folder / f"edge-{seed}-{number}.toml"
+            kept.write_text(text, encoding="utf-8")
+            complaints.append(f"{complaint}: polhode solve {kept}")
+        shutil.rmtree(place)
+    return complaints
+
+
+def main() -> None:
+    """Try, and complain."""
+    seed, count = map(int, sys.argv[1:])
+    folder = Path("../build/torture")
+    folder.mkdir(parents=True, exist_ok=True)
+    warm()
+    found = at_the_edges(seed, count, folder)
+    print(*found, f"{len(found)} complaints about {count} scenes", sep="\n")
+    sys.exit(bool(found))
+
+
+if __name__ == "__main__":
+    main()
