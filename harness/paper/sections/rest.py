@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.drawing import (
@@ -41,7 +40,7 @@ from polhode.harness.paper.item import (
 )
 from polhode.harness.paper.runs import Run, axes_of, full_run, run_form, spheroid
 from polhode.harness.paper.sections.slow_motion import NAMES
-from polhode.harness.paper.tables import by, exponent, spread, worst
+from polhode.harness.paper.tables import by, exponent, maxima, spread, worst
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import jeffery_spin
 from polhode.models.observables import angular_velocity
@@ -86,10 +85,24 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
     )
 
 
+def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Least distance of each place, shape (n, 3), from a line of straight pieces, shape (m, 3)."""
+    sides = np.diff(line, axis=0)
+    offsets = places[:, None] - line[:-1]
+    share = np.sum(offsets * sides, axis=-1) / np.sum(sides**2, axis=-1)
+    apart = offsets - share.clip(0.0, 1.0)[..., None] * sides
+    return np.min(np.linalg.norm(apart, axis=-1), axis=1)
+
+
+def share_above_zero(values: np.ndarray) -> float:
+    """Share of the time in which values at even times, and straight lines between them, lie above zero."""
+    pairs = np.stack([values[:-1], values[1:]])
+    return float(np.mean(np.sum(pairs.clip(0.0), axis=0) / np.sum(np.abs(pairs), axis=0)))
+
+
 def turns(path: Table) -> np.ndarray:
     """Times between one maximum of z and the next."""
-    peaks, _ = find_peaks(path.z)
-    return np.diff(path.t[peaks])
+    return np.diff(maxima(path.t, path.z))
 
 
 def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +111,9 @@ def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
     rotation = run.observables.rotation
     inertia = np.array(scene.ellipsoid.inertia)
     resistance = np.array(scene.ellipsoid.resistance)
-    spin = angular_velocity(scene.ellipsoid, run.observables)
+    # All in body axes.
+    momentum = np.einsum("nij,nj->ni", rotation, run.observables.angular_momentum)
+    spin = momentum / inertia
     flow = jeffery_spin(scene.ellipsoid, rotation)
     gyroscopic = np.linalg.norm(np.cross(spin, inertia * spin), axis=1)
     viscous = np.linalg.norm(8 * pi * resistance / scene.stokes * (spin - flow), axis=1)
@@ -118,14 +133,14 @@ class Change:
     @classmethod
     def of(cls, path: Table) -> "Change":
         """That of a path: the first turn shorter than the mean, in the logarithm, of the first and the last."""
-        peaks, _ = find_peaks(path.z)
-        durations = np.diff(path.t[peaks])
+        tops = maxima(path.t, path.z)
+        durations = np.diff(tops)
         border = np.sqrt(durations[0] * durations[-1])
         place = int(np.argmax(durations < border))
         before = float(durations[place - 1])
         after = float(durations[place])
         share = float(np.log(before / after) / np.log(durations[0] / durations[-1]))
-        return cls(float(path.t[peaks[place]]), before, after, share, durations)
+        return cls(float(tops[place]), before, after, share, durations)
 
 
 @dataclass(frozen=True)
@@ -158,7 +173,7 @@ class Sphere(Experiment):
         last = change.durations[-1] / (4 * pi)
         tilt = worst(table.z[table.t >= 0.95 * self.time])
         later = table[table.t >= change.time]
-        viscous = float(np.mean(later.viscous > later.gyroscopic))
+        viscous = share_above_zero(later.viscous - later.gyroscopic)
         angles = ", ".join(f"{angle:.4g}" for angle in self.start.angles[:2])
         return Verdict(
             Word.SHARPENED,
@@ -265,10 +280,10 @@ class Transient(Experiment):
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
             angle = cumulative_trapezoid(speed, run.times, initial=0.0)
             torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
-            weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
+            weakest = maxima(scaled, torque, WIGGLE * float(np.max(np.abs(torque))))
             onset = {
                 "turned": np.interp(ONSET, angle, scaled),
-                "wiggle": scaled[weakest[0]],
+                "wiggle": weakest[0],
                 "speed": np.interp(1.0, scaled, speed),
             }
             yield "onset", {"stokes": stokes, **onset}
@@ -432,9 +447,9 @@ class Short(Experiment):
         last = length.length[-1]
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
-        gaps = np.linalg.norm(axis[:, None] - points(jeffery)[None], axis=2)
-        distance = np.min(gaps, axis=1)
-        left = arc_length(axis)[np.argmax(distance > APART)]
+        distance = distance_from(points(jeffery), axis)
+        off = int(np.argmax(distance > APART))
+        left = np.interp(APART, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1])
         turn = arc_length(points(jeffery))[-1]
         limit = Range.near(0.0, 5e-3, "corrections are of order 1/√St ≤ 3e-4, times some")
         return Verdict(
