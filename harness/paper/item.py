@@ -80,6 +80,7 @@ class Number:
     expected: Range | None = None  # None: the number informs, and no verdict depends on it.
     unit: str = ""  # Empty for pure numbers.
     interval: tuple[float, float] | None = None  # At 95 %, where the measurement has one.
+    measure: str = ""  # Of a share: of what, and how that was drawn.
 
     @property
     def holds(self) -> bool:

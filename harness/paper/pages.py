@@ -19,6 +19,15 @@ from polhode.harness.paper.claims import find_items, section_of, sections
 from polhode.harness.paper.drawing import save, style
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Word
 
+# Verdicts in the order of the index: first what does not hold as it is printed.
+FIRST_WORDS = (
+    Word.NOT_CONFIRMED,
+    Word.CORRECTED,
+    Word.UNDECIDED,
+    Word.CONFIRMED,
+    Word.SHARPENED,
+    Word.MEASURED,
+)
 # Variables that libraries of linear algebra read when they are loaded. Threads of several processes
 # that wait for each other on the same cores took 90 times as long as one thread each.
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -68,12 +77,13 @@ def _cells(*texts: str) -> list[str]:
 
 
 def measured(number: Number) -> str:
-    """The value with its interval and unit."""
+    """The value with its interval and unit; a share with what it is a share of."""
     text = _digits(number.value)
     if number.interval is not None:
         low, high = number.interval
         text += f" (95 %: {_digits(low, 3)} … {_digits(high, 3)})"
-    return f"{text} {number.unit}".rstrip()
+    text = f"{text} {number.unit}".rstrip()
+    return f"{text} of {number.measure}" if number.measure else text
 
 
 def allowed(number: Number) -> str:
@@ -113,13 +123,16 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> st
         for section in sections
         for item in section.items
     ]
+    # Verdicts that say the most first; in the paper's order among each other.
+    order = [*map(str, FIRST_WORDS), *sorted({row[0] for row in rows} - set(FIRST_WORDS))]
+    rows.sort(key=lambda row: order.index(row[0]))
     return fill(
         "paper",
         count=len(found),
         counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
         notice=NOTICE,
         remarks=remarks,
-        items=markdown(["item", "claim", "verdict", "number"], rows),
+        items=markdown(["verdict", "section", "item", "claim", "number"], rows),
         sections=", ".join(f"[{each.title}]({each.name}.md)" for each in sections),
     )
 
@@ -130,9 +143,10 @@ def _index_row(section: Section, item: Item, found: store.Judged) -> list[str]:
     ).replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
     if isinstance(found, str):
-        return _cells(name, item.claim, found, "")
+        return _cells(found, section.name, name, item.claim, "")
     first = found[1].numbers[0]
-    return _cells(name, item.claim, found[1].word, f"{first.what}: {measured(first)}")
+    number = f"{first.what}: {measured(first)}"
+    return _cells(found[1].word, section.name, name, item.claim, number)
 
 
 def run(

@@ -256,18 +256,24 @@ class Chaos:
                 float(self.share),
                 expected,
                 interval=(low, high),
+                measure=f"{len(self.isotropic)} random orientations",
             ),
             Number(
                 "the same of starts on the section: φ = 0, cos θ and ψ uniform",
                 float(np.mean(self.on_section)),
                 interval=share(self.on_section).interval,
+                measure=f"{len(self.on_section)} random starts",
             ),
             Number(
                 "median exponent of the regular orbits, per half turn",
                 self.regular_exponent,
                 Range.at_most(self.border, "the border between the two kinds"),
             ),
-            Number("chaotic share of starts next to the saddle", float(np.mean(self.beside))),
+            Number(
+                "chaotic share of starts next to the saddle",
+                float(np.mean(self.beside)),
+                measure=f"{len(self.beside)} chosen starts",
+            ),
         ]
         if self.chaotic_count:
             border = Range.at_least(self.border, "the border between the two kinds")

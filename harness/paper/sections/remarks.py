@@ -74,8 +74,8 @@ class Drift(Experiment):
             Word.SHARPENED,
             f"With equatorial axes in the ratio {NEARLY_CIRCULAR:g} the angle θ at successive "
             f"passages of φ = nπ drifts between two limits ({words} rad), once in "
-            f"{min(periods):.2g} to {max(periods):.2g} half turns: the two frequencies are well "
-            f"separated. {sum(crossing)} of {len(crossing)} orbits cross the flow–gradient plane "
+            f"{min(periods):.2g} to {max(periods):.2g} half turns, the faster the nearer to the "
+            f"vorticity, where it is small. {sum(crossing)} of {len(crossing)} orbits cross the flow–gradient plane "
             "θ = π/2 on their way. Of the spheroid with the same long axis θ is the same at all "
             f"passages to {steady:.1g} rad, and none crosses.",
             f"θ at the passages of φ = nπ of a body without inertia, semi-axes (0.5, "
@@ -91,6 +91,7 @@ class Drift(Experiment):
                     "share of the orbits that cross the flow–gradient plane",
                     share,
                     Range(0.1, 0.9, "the claim: certain subsets, neither none nor all"),
+                    measure=f"{len(DRIFT_STARTS)} chosen starts",
                 ),
                 Number(
                     "change of θ between passages, spheroid, largest",

@@ -201,6 +201,7 @@ class Sphere(Experiment):
                     "share of the whole change of duration, in its logarithm, in one turn",
                     change.share,
                     Range(0.5, 1.0, "the claim: abrupt, more than half of it at once"),
+                    measure="the logarithm of the first turn's duration over the last one's",
                 ),
                 Number(
                     "time of the first turn over that of the Jeffery orbit",
@@ -220,6 +221,7 @@ class Sphere(Experiment):
                 Number(
                     "share of the time after the change in which the viscous term is the larger",
                     viscous,
+                    measure=f"the time up to t = {self.time:g}",
                 ),
             ],
         )

@@ -228,6 +228,7 @@ def test_groups_keep_order_and_rows():
             "≥ 0.25",
         ),
         (Number("n", 0.5), "0.5", "any value"),
+        (Number("share", 0.5, measure="six starts"), "0.5 of six starts", "any value"),
     ],
 )
 def test_numbers_as_the_pages_write_them(number, value, holds_for):

@@ -97,7 +97,9 @@ def spin_drift():
         "share of κ with the sign of the claim at small St": float(
             np.mean([np.sign(c[0]) == np.sign(k - 1) for k, c in curves.items()])
         ),
-        "the rate against a run in time, St = 0.02, relative, worst κ": float(np.max(np.abs(followed))),
+        "the rate against a run in time, St = 0.02, relative, worst κ": float(
+            np.max(np.abs(followed))
+        ),
         "largest rate over the largest at the grid's points, least of all κ": min(
             peak[1] / max(abs(c)) for peak, c in zip(peaks, curves.values(), strict=True)
         ),
@@ -189,9 +191,13 @@ def chaos(axes, turns, name):
     theirs = np.array([float(row["chaotic"]) for row in table]) > 0
     found = {
         "share of chaotic orbits, starts uniform on SO(3)": float(wild[kinds == 0].mean()),
-        "the same of starts on the section: φ = 0, cos θ and ψ uniform": float(wild[kinds == 1].mean()),
+        "the same of starts on the section: φ = 0, cos θ and ψ uniform": float(
+            wild[kinds == 1].mean()
+        ),
         "chaotic share of starts next to the saddle": float(wild[kinds == 2].mean()),
-        "median exponent of the regular orbits, per half turn": float(np.median(parted[~wild]) / turns),
+        "median exponent of the regular orbits, per half turn": float(
+            np.median(parted[~wild]) / turns
+        ),
         "orbits that are judged otherwise": int(np.sum(wild != theirs)),
         "orbits": len(table),
     }
@@ -209,13 +215,18 @@ def saddle_exponent(axes):
     def advanced(tilt):
         start = rows(np.pi / 2, 0.0, np.pi / 2 - tilt).ravel()
 
-        def section(_, y):
+        def section(_, y, axes):
             return y[6]
 
-        section.terminal = 2
         run = solve_ivp(
-            free_rates, (0, 500), start, "DOP853", args=(body.axes,), rtol=1e-12, atol=1e-13,
-            events=lambda t, y, axes: y[6],
+            free_rates,
+            (0, 30),
+            start,
+            "DOP853",
+            args=(body.axes,),
+            rtol=1e-12,
+            atol=1e-13,
+            events=section,
         )
         after = run.t_events[0] > 0.5
         t = run.y_events[0][after][0].reshape(3, 3)
@@ -271,7 +282,6 @@ NODE = np.array([0.0, 0.0, -0.5, 0.125])
 
 
 def plane(body, shares, near, edge_time, momenta_on_edge, distance):
-    inside = 1 - 1e-13
     reached = []
     for momentum in (-1.1, near):
         for share in shares:
@@ -279,10 +289,14 @@ def plane(body, shares, near, edge_time, momenta_on_edge, distance):
             end = averaged(body, start, np.array([0.0, 1.0]), 1e-8).y[:, -1]
             reached.append(np.abs(end - NODE).max() < 1e-2)
     pinches = [pinch_ratio(body, 1.1, share) for share in shares]
+    # On the upper parabola the body turns about its axis of least inertia, along the vorticity: then
+    # L̇_z = -8πX/I (L_z + I/2), which any rounding of E would leave, since the saddle repels.
+    axis = int(np.argmin(body.inertia))
+    moment = body.inertia[axis] / body.largest
     edges = []
-    for momentum in momenta_on_edge:
-        start = (0.0, 0.0, momentum, energy_at(body, momentum, inside))
-        edges.append(distance(averaged(body, start, np.array([0.0, edge_time]), 1e-12).y[:, -1]))
+    for start in momenta_on_edge:
+        momentum = -moment / 2 + (start + moment / 2) * np.exp(-body.damping[axis] * edge_time)
+        edges.append(distance((0.0, 0.0, momentum, momentum**2 / (2 * moment))))
     return float(np.mean(reached)), max(edges), max(pinches)
 
 
@@ -309,7 +323,11 @@ def ellipsoid_plane():
     last = times[times <= 0.25][-1]
     shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
     found = plane(
-        body, shares, -0.08, last, (-1.1,),
+        body,
+        shares,
+        -0.08,
+        last,
+        (-1.1,),
         lambda end: float(np.hypot(end[2] - saddle, end[3] + saddle / 4)),
     )
     names = (
@@ -356,7 +374,9 @@ def projections():
                 paths[azimuth] = (slow[:, [2, 3]], np.column_stack([slow[:, 2], across]))
             for azimuth in (15.0, 45.0, 75.0):
                 for n in range(2):
-                    worst[n] = max(worst[n], beyond(paths[azimuth][n], paths[0.0][n], paths[90.0][n]))
+                    worst[n] = max(
+                        worst[n], beyond(paths[azimuth][n], paths[0.0][n], paths[90.0][n])
+                    )
     names = (
         "share of the 75 starts that reach the node",
         "farthest that a path lies outside the limiting ones in the L_z–E plane",
@@ -380,19 +400,6 @@ def ellipsoid_space():
     }
 
 
-def node_rate(body, axis):
-    """Rate of L_z about the rotation about one axis along the vorticity, of the averaged equations."""
-    inertia = body.inertia[axis] / body.largest
-    # The averaged torque about that rotation: -8π X/I (L_z + I/2), as ω = L/I and Ω_J = -1/2 there.
-    step = 1e-4
-    rate = []
-    for momentum in (-inertia / 2 * (1 + step), -inertia / 2 * (1 - step)):
-        energy = momentum**2 / (2 * inertia)
-        # Inside the parabola by less than the step matters.
-        rate.append(averaged_rates(body, np.array([0, 0, momentum, energy * (1 + 1e-13)]))[2])
-    return -(rate[0] - rate[1]) / (-inertia * step)
-
-
 def collapse():
     star, kappas = 2.071, (0.3, 0.5, 2.0, 3.33)
     rates, late, frequencies = [], {}, {}
@@ -414,7 +421,6 @@ def collapse():
         lz = run.slow[:, 2]
         late[kappa] = lz[scaled >= 6]
         if kappa > 1:
-            fine = np.linspace(6, 12, 20001) * star * 0.5 + 3 * star
             fine = np.linspace(3 * star, 12 * star, 40001)
             dense = Run(body, stokes, rotation, spin, np.concatenate([[0.0], fine]), 1e-11)
             z = dense.slow[1:, 2]
@@ -441,7 +447,7 @@ def singular_point():
     """Slow times to and from the singular point by the averaged equations, and the local solution's."""
     body = Body(PAPER)
     i1, i2, i3 = np.sort(body.inertia) / body.largest
-    x1, x2, x3 = (body.resistance[n] for n in np.argsort(body.inertia))
+    x1, _, x3 = (body.resistance[n] for n in np.argsort(body.inertia))
     growth = 32 * np.pi / (i2 * body.largest) * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
     local = (0.1 * np.log(160.0) + 0.1) / growth
 
@@ -465,10 +471,12 @@ def singular_point():
         return complement(slow, i3, i1) - 0.1
 
     left.terminal = True
-    begin = 1e-7
+    begin = 1e-6
     push = 8 * np.pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1)) / body.largest
     # L_z' gained so far by the local rates: ∫ -Ŵ/ln(16/y) dt with dy/dt = 2W/ln(16/y).
-    run = averaged(body, state(begin, -push * begin / growth, i3, i1), np.array([0, 0.02]), 1e-8, left)
+    run = averaged(
+        body, state(begin, -push * begin / growth, i3, i1), np.array([0, 0.02]), 1e-9, left
+    )
     leaving = run.t_events[0][0] + begin * (np.log(16 / begin) + 1) / growth
 
     # Arriving: L_z' at y = 0.1 on the long side is such that it is zero at the point.
@@ -477,7 +485,7 @@ def singular_point():
             return complement(slow, i1, i3) - begin
 
         met.terminal = True
-        run = averaged(body, state(0.1, shift, i1, i3), np.array([0, 0.03]), 1e-8, met)
+        run = averaged(body, state(0.1, shift, i1, i3), np.array([0, 0.03]), 1e-7, met)
         time, end = run.t_events[0][0], run.y_events[0][0]
         rest = begin * (np.log(16 / begin) + 1) / growth
         return time + rest, end[2] + i2 / 2 - push * begin / growth
@@ -502,15 +510,17 @@ def ellipsoid_slow_2():
     end = 1.2
     slow_times = np.linspace(0, end, 4801)
     mean = averaged(body, start, slow_times, 1e-10).y.T
-    change = np.abs(mean - mean[0]).max()
+    change = np.ptp(mean, axis=0).max()
     errors, ends = {}, {}
     for stokes in (100.0, 150.0, 500.0, 1e3, 2e3, 5e3, 1e4, 2e4, 5e4):
         run = Run(body, stokes, rotation, spin, stokes * slow_times, 1e-11)
         errors[stokes] = np.abs(run.slow - mean).max()
-        ends[stokes] = np.abs(run.slow[-480:].mean(axis=0) - NODE).max()
+        ends[stokes] = np.abs(run.slow[-481:].mean(axis=0) - NODE).max()
     large = np.array([s for s in errors if s >= 5e3])
     return {
-        "exponent of the error of L and E in St, St ≥ 5000": slope(large, [errors[s] for s in large]),
+        "exponent of the error of L and E in St, St ≥ 5000": slope(
+            large, [errors[s] for s in large]
+        ),
         "error × St at St = 50000": errors[5e4] * 5e4,
         "error at St = 100, over the largest change of a slow variable": errors[100.0] / change,
         "the same of the mean full end, St ≥ 500": max(v for s, v in ends.items() if s >= 500),
@@ -538,7 +548,18 @@ def first_order():
     def first(slow, stokes, phase):
         """L_z⁽¹⁾/St of `lzsfod2` over I_e, with a local frequency and this phase."""
         tilt = 1 - spin_squared(slow)
-        return -2 * np.pi * yc * anisotropy * tilt * ie / (slow[..., 2] * ie) / ie * np.sin(2 * phase) / stokes
+        return (
+            -2
+            * np.pi
+            * yc
+            * anisotropy
+            * tilt
+            * ie
+            / (slow[..., 2] * ie)
+            / ie
+            * np.sin(2 * phase)
+            / stokes
+        )
 
     errors = {"averaged": [], "printed": [], "corrected": []}
     grid = np.geomspace(1e2, 1e5, 13)
@@ -552,14 +573,26 @@ def first_order():
         errors["averaged"].append(np.abs(plain[:, 2] - full).max())
         mean = np.concatenate([plain[:1, 2], area[1:] / times[1:]])
         tilt = 1 - spin_squared(plain)
-        printed = -2 * np.pi * yc * anisotropy * tilt / mean / ie * np.sin(2 * (stokes * area + phi)) / stokes
+        printed = (
+            -2
+            * np.pi
+            * yc
+            * anisotropy
+            * tilt
+            / mean
+            / ie
+            * np.sin(2 * (stokes * area + phi))
+            / stokes
+        )
         errors["printed"].append(np.abs(plain[:, 2] + printed - full).max())
     large = grid >= 900
     ratio = np.array(errors["averaged"]) / np.array(errors["printed"])
     return {
         "averaged error over that as printed, smallest": float(ratio.min()),
         "order of the averaged error": slope(grid[large], np.array(errors["averaged"])[large]),
-        "order with the correction as printed": slope(grid[large], np.array(errors["printed"])[large]),
+        "order with the correction as printed": slope(
+            grid[large], np.array(errors["printed"])[large]
+        ),
     }
 
 
@@ -588,8 +621,14 @@ def rest_needle():
     place = int(np.argmax(durations < np.sqrt(durations[0] * durations[-1])))
     change = peaks[place]
     free = solve_ivp(
-        free_rates, (0, 2 * np.pi * 10.1), rows(*angles).ravel(), "DOP853", args=(body.axes,),
-        rtol=1e-11, atol=1e-12, t_eval=np.linspace(0, 2 * np.pi * 10.1, 40001),
+        free_rates,
+        (0, 2 * np.pi * 10.1),
+        rows(*angles).ravel(),
+        "DOP853",
+        args=(body.axes,),
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=np.linspace(0, 2 * np.pi * 10.1, 40001),
     )
     jeffery_turns = np.diff(maxima(free.t, free.y[8]))
     jeffery_turn = jeffery_turns[0] if len(jeffery_turns) else np.nan
@@ -648,7 +687,9 @@ def transient(axes, angles):
             right = right[: higher[0]] if len(higher) else right
             prominence = torque[top] - max(left.min(), right.min())
             if prominence >= 0.02 * np.abs(torque).max():
-                wiggle.append(float(maxima(scaled[top - 1 : top + 2], torque[top - 1 : top + 2])[0]))
+                wiggle.append(
+                    float(maxima(scaled[top - 1 : top + 2], torque[top - 1 : top + 2])[0])
+                )
                 break
     numbers, turned, wiggle = np.array(numbers), np.array(turned), np.array(wiggle)
     large = numbers >= 5e5
@@ -659,7 +700,9 @@ def transient(axes, angles):
             numbers[large], (turned * root)[large]
         ),
         "exponent of the time of the first wiggle": slope(numbers[large], (wiggle * root)[large]),
-        "exponent of the angular velocity at t = √St": slope(numbers[large], np.array(speed)[large]),
+        "exponent of the angular velocity at t = √St": slope(
+            numbers[large], np.array(speed)[large]
+        ),
         "time of the first radian over √St, largest St": turned[-1],
         "time of the first wiggle over √St, largest St": wiggle[-1],
         "latest over earliest first radian, over √St, from St = 50 to 500000": turned[shown].max()
@@ -687,8 +730,14 @@ def rest_short():
     body = Body(axes)
     end = 2 * np.pi * 2.5
     free = solve_ivp(
-        free_rates, (0, end), rows(*angles).ravel(), "DOP853", args=(body.axes,), rtol=1e-11,
-        atol=1e-12, t_eval=np.linspace(0, end, 4001),
+        free_rates,
+        (0, end),
+        rows(*angles).ravel(),
+        "DOP853",
+        args=(body.axes,),
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=np.linspace(0, end, 4001),
     )
     orbit = free.y[6:9].T
     gaps = np.array([np.linalg.norm(orbit - point, axis=1).min() for point in path[::4]])
@@ -737,7 +786,77 @@ def plane_waves():
     }
 
 
+DECAY_BODIES = (
+    (2.0, 1.0, 1.0),
+    (1.0, 1.0, 0.5),
+    (1.0, 0.8, 0.5),
+    (1.0, 0.55, 0.3),
+    (1.0, 0.95, 0.5),
+)
+
+
+def fitted(times, values):
+    return float(np.polyfit(times, np.log(np.abs(values)), 1)[0])
+
+
+def decay_rates():
+    """Rates of full runs at St = 1e5 beside those of the averaged equations, linearized by differences."""
+    off = []
+    for axes in DECAY_BODIES:
+        body = Body(axes)
+        moment = body.inertia[2] / body.largest
+        rest = np.array([0.0, 0.0, -moment / 2, moment / 8])
+        odd = np.isclose(body.inertia[1], body.inertia[2], rtol=1e-12)
+        for mode in range(4):
+            step = 1e-6
+            if mode < 3:
+                moved = rest.copy()
+                moved[mode] += step if mode < 2 else -step
+                moved[3] = np.sum(moved[:3] ** 2) / (2 * moment) * (1 + 1e-13)
+                rate = averaged_rates(body, moved)[mode] / (moved - rest)[mode]
+            else:
+                moved = rest.copy()
+                moved[3] *= 1 + step
+                change = averaged_rates(body, moved)
+                wobble = 2 * moved[3] * moment - moved[2] ** 2
+                rate = (2 * change[3] * moment - 2 * moved[2] * change[2]) / wobble
+                # Of a spheroid that tumbles the report follows half of this.
+                rate *= 0.5 if odd else 1.0
+            end = 1.5 / abs(rate)
+            slow = np.linspace(0, end, 4001)
+            if mode == 3:
+                rotation, spin = aligned(body, -moment / 2, 0.03)
+            else:
+                tilt, azimuth = ((0.03, np.pi / 2), (0.03, 0.0), (0.0, 0.0))[mode]
+                rotation = rows(tilt, azimuth, 0.3)
+                spin = np.array([0.0, 0.0, -0.5 - (0.03 if mode == 2 else 0.0)])
+            run = Run(body, 1e5, rotation, spin, 1e5 * slow, 1e-11)
+            values = run.slow[:, mode] + (moment / 2 if mode == 2 else 0.0)
+            if mode == 3:
+                values = 2 * run.slow[:, 3] * moment - np.sum(run.slow[:, :3] ** 2, axis=1)
+            found = fitted(slow, values) * (0.5 if mode == 3 and odd else 1.0)
+            off.append(abs(found / rate - 1))
+    large, turned = [], []
+    for kappa in (0.5, 2.0):
+        body = spheroid(kappa)
+        slow = np.linspace(0, 2 / min(body.damping), 401)
+        spin = 1e3 * np.array([0.48, 0.0, 0.64]) / body.inertia * body.largest
+        run = Run(body, 1e4, rows_of((0.5, 0.5, 0.1, 0.7)), spin, 1e4 * slow, 1e-11)
+        axial = np.einsum("ni,ni->n", run.momentum, run.rotation[:, 2]) ** 2
+        square = np.sum(run.momentum**2, axis=1)
+        for values, axis in ((axial, 2), (square - axial, 0)):
+            large.append(abs(fitted(slow, values) / (-2 * body.damping[axis]) - 1))
+        cosine = run.momentum @ run.momentum[0] / np.sqrt(square * square[0])
+        turned.append(np.degrees(np.arccos(np.clip(cosine, -1, 1)).max()))
+    return {
+        "measured over printed rate, less one, worst of 20": max(off),
+        "decay from large L, measured over printed rate, less one, worst": max(large),
+        "angle by which L turns meanwhile": max(turned),
+    }
+
+
 ITEMS = {
+    "decay-rates": decay_rates,
     "spin-drift": spin_drift,
     "poincare-slender": slender,
     "poincare-fat-prolate": fat_prolate,
@@ -761,10 +880,12 @@ ITEMS = {
 
 def main(names):
     path = HERE / "numbers.json"
-    found = json.loads(path.read_text()) if path.exists() else {}
     for name in names or ITEMS:
         began = time.process_time()
-        found[name] = ITEMS[name]()
+        numbers = ITEMS[name]()
+        # Others may have written meanwhile.
+        found = json.loads(path.read_text()) if path.exists() else {}
+        found[name] = numbers
         print(f"{name}: {time.process_time() - began:.0f} s", flush=True)
         for what, value in found[name].items():
             print(f"    {what}: {value}", flush=True)

@@ -166,7 +166,7 @@ def aligned(body, momentum, theta, phi=0.0):
 # --- averages over the torque-free motion ----------------------------------------------------------------------------
 
 
-def ensemble(body, momentum, energy, phases=8, most=1 << 17):
+def ensemble(body, momentum, energy, phases=4, most=1 << 17):
     """Rotations, spins and weights, uniform in time along the polhode and in the angle of precession.
 
     The number of nodes follows from how near the separatrix is: the time along it peaks there.
@@ -194,8 +194,10 @@ def ensemble(body, momentum, energy, phases=8, most=1 << 17):
     m[:, k] = np.sqrt(radius2) * np.cos(angle)
     m[:, i] = np.sqrt(size**2 - radius2)
     # dm/dt = m × ω gives the rate of the angle; what it goes to zero with cancels for round bodies.
-    turning = m[:, i] * (np.sin(angle) ** 2 * (1 / inertia[j] - 1 / inertia[i])
-                         + np.cos(angle) ** 2 * (1 / inertia[k] - 1 / inertia[i]))
+    turning = m[:, i] * (
+        np.sin(angle) ** 2 * (1 / inertia[j] - 1 / inertia[i])
+        + np.cos(angle) ** 2 * (1 / inertia[k] - 1 / inertia[i])
+    )
     # The momentum of a spheroid turns evenly, or stands still.
     weight = np.ones(nodes) if spheroid else 1 / np.abs(turning)
     weight /= weight.sum()
@@ -226,7 +228,8 @@ def averaged_rates(body, slow, **options):
     square = body.axes**2
     flow = np.stack(
         [
-            (square[j] * gradient[:, k, j] - square[k] * gradient[:, j, k]) / (square[j] + square[k])
+            (square[j] * gradient[:, k, j] - square[k] * gradient[:, j, k])
+            / (square[j] + square[k])
             for _, j, k in CYCLIC
         ],
         axis=1,
