@@ -830,7 +830,7 @@ def decay_rates():
                 tilt, azimuth = ((0.03, np.pi / 2), (0.03, 0.0), (0.0, 0.0))[mode]
                 rotation = rows(tilt, azimuth, 0.3)
                 spin = np.array([0.0, 0.0, -0.5 - (0.03 if mode == 2 else 0.0)])
-            run = Run(body, 1e5, rotation, spin, 1e5 * slow, 1e-11)
+            run = Run(body, 1e5, rotation, spin, 1e5 * slow, 1e-10)
             values = run.slow[:, mode] + (moment / 2 if mode == 2 else 0.0)
             if mode == 3:
                 values = 2 * run.slow[:, 3] * moment - np.sum(run.slow[:, :3] ** 2, axis=1)
