@@ -1,9 +1,8 @@
 """`solve_ivp` as SciPy has it, with every solver of the catalogue as a method."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import partial
-from math import inf
+from math import inf, isfinite
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +10,20 @@ import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
-from polhode.harness.events import as_events, happened
+from polhode.harness.events import as_events
+from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import available_like, solver as find_solver
-from polhode.solvers.compile import check_field
 from polhode.solvers.contract import UNLIMITED, Solver
-from polhode.solvers.solve import Solution, solve
+from polhode.solvers.event_search import SoughtEvent
+from polhode.solvers.solve import Solution, prepared, solve
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
+# Numbers of which Python finds the largest in less time than NumPy.
+_FEW = 20
 # A table of more rows would hold gigabytes.
 MOST_SAMPLES = 10_000_000
 
@@ -41,24 +43,32 @@ def solve_ivp(
     first_step: float | None = None,
     max_steps: int = UNLIMITED,
     max_seconds: float = inf,
+    jacobian: Any = None,
+    jac: Any = None,
+    jac_sparsity: Any = None,
+    lband: int | None = None,
+    uband: int | None = None,
     dense_output: bool = True,
     **others: Any,
 ) -> "OptimizeResult":
-    """Solve ``y' = fun(t, y, *args)``, forward in time, by a solver of the catalogue or of one's own.
+    """Solve ``y' = fun(t, y, *args)`` by a solver of the catalogue or of one's own.
 
     Parameters
     ----------
     fun : callable
-        As `Problem.from_function` takes it.
+        As `Problem.from_function` takes it: compiled where it can be, else called as it is.
     t_span, y0, args : sequence of float
+        The end may lie before the start.
     method : str or Solver
-        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver; by default
-        `cyrk-dop853`, or where CyRK is missing another explicit one.
+        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver. By default
+        `cyrk-dop853`; `dop853` of a function that runs as plain Python; `bdf` where anything is
+        known of the Jacobian.
     t_eval : sequence of float, optional
-        Times of the output, increasing; by default 201 equispaced ones.
+        Times of the output, from start to end. By default 201 equispaced ones; of a function in
+        plain Python by SciPy's methods the solver's own steps.
     events : callable or sequence of callables, optional
-        ``event(t, y, *args) -> float``, with SciPy's attributes `direction` and `terminal` if need
-        be.
+        ``event(t, y, *args)``, a number or a condition, with SciPy's attributes `direction` and
+        `terminal` if need be.
     rtol : float or sequence of float
         Relative tolerance: one number, or one per component where the solver takes that.
     atol : float or sequence of float, optional
@@ -70,6 +80,12 @@ def solve_ivp(
         Steps after which the run ends as `step_limit`.
     max_seconds : float
         Wall time after which it ends as `time_limit`.
+    jacobian : callable or matrix, optional
+        ``jacobian(t, y, *args)``, shape (d, d), an array or a sparse matrix; `jac` is the same.
+    jac_sparsity : array or sparse matrix, optional
+        Pattern of the Jacobian.
+    lband, uband : int, optional
+        Diagonals of the Jacobian below and above the main one.
     dense_output : bool
         For SciPy's sake: `sol` is always there.
     others
@@ -79,7 +95,7 @@ def solve_ivp(
     -------
     scipy.optimize.OptimizeResult
         With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev,
-        status, message, success.
+        status, message, success. The message says if the function ran as plain Python.
 
     Raises
     ------
@@ -89,7 +105,10 @@ def solve_ivp(
     from scipy.optimize import OptimizeResult
 
     if others:
-        taken = "t_eval, events, args, rtol, atol, max_step, first_step, dense_output"
+        taken = (
+            "t_eval, events, args, rtol, atol, max_step, first_step, jac, jac_sparsity, lband, "
+            "uband, dense_output"
+        )
         raise ValueError(
             f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}"
         )
@@ -97,61 +116,119 @@ def solve_ivp(
     check_tolerance("rtol", rtol)
     if not max_seconds > 0:
         raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
-    if not t_span[0] < t_span[1] < inf:
-        raise ValueError(f"t_span: got {t_span!r}, expected a start and a finite end after it")
+    if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
+        raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
     (began, end), args = map(float, t_span), () if args is None else args
-    problem = Problem.from_function(fun, y0, end, args, t_start=began)
-    check_field(problem)
-    d = len(y0)
-    wanted = (
-        np.linspace(began, end, DEFAULT_SAMPLES)
-        if t_eval is None
-        else increasing("t_eval", t_eval, began, end)
+    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband}
+    problem = Problem.from_function(
+        fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
     )
-    times = np.unique(np.concatenate([[0.0], wanted - began, [problem.end]]))
-    solver = find_solver(available_like("cyrk-dop853") if method is None else method)
+    solver = find_solver(_default_method(problem) if method is None else method)
+    # What has just been recorded is not recorded again.
+    problem = prepared(problem, solver)
+    direction = 1.0 if end > began else -1.0
+    every_step = t_eval is None and problem.plain and solver.shows_steps
+    wanted = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
+    # A run has its start and its end besides.
+    before, behind = bool(wanted[0] > 0), bool(wanted[-1] < problem.end)
+    times = np.concatenate([[0.0] * before, wanted, [problem.end] * behind])
     note = ""
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
     limits = {"max_steps": max_steps, "max_seconds": max_seconds}
     steps = {"max_step": max_step, "first_step": first_step}
-    found = solve(problem, solver, rtol, times, atol=atol, count=True, **limits, **steps)
-    # Events are counted here, so that their names may be the same.
-    given = events if isinstance(events, Iterable) else [] if events is None else [events]
-    looked_for = [as_events([each])[0] for each in given]
-    values = (
-        replace(event, function=partial(_values, event.function, began, d, args))
-        for event in looked_for
-    )
-    happenings = [happened(found, value) for value in values]
-    ends = [
-        time
-        for event, each in zip(looked_for, happenings, strict=True)
-        for time in event.ends(each)
-    ]
-    last = min([*ends, found.t[-1]])
-    kept = ((each, each.t <= last) for each in happenings)
-    happenings = [
-        replace(each, times=each.t[until], states=each.states[until]) for each, until in kept
-    ]
-    shown = wanted[wanted - began <= last]
+    d = len(y0)
+    sought = _sought(events, partial(_value, began, direction, d, tuple(args)))
+    how = {"count": True, "events": sought, "every_step": every_step}
+    run = solve(problem, solver, rtol, times, atol=atol, **how, **limits, **steps)
+    ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
+    extra = behind and len(run.times) == len(times)
+    if ended:
+        # By default the event is the last row, as in SciPy.
+        extra = t_eval is not None and run.times[-1] not in wanted
+    shown = slice(int(before), -1 if extra else None)
+    message = "a terminal event happened" if ended else _words(run, note)
+    if run.problem.plain:
+        message += "; plain Python"
     return OptimizeResult(
-        t=shown,
-        y=found.sol(np.clip(shown - began, 0.0, last))[:d],
-        sol=partial(_sol, found, began, d),
-        t_events=[each.t + began for each in happenings],
-        y_events=[each.y[:d].T for each in happenings],
-        nfev=found.nfev,
-        njev=found.njev,
-        status=1 if ends else 0 if found.success else -1,
-        message="a terminal event happened" if ends else _words(found, note),
-        success=found.success or bool(ends),
+        t=_in_users_time(run.times[shown], began, end),
+        y=run.y[:d, shown],
+        sol=partial(_sol, run, began, direction, d),
+        t_events=[began + direction * np.array(event.times) for event in sought],
+        y_events=[_states_of(event, d) for event in sought],
+        nfev=run.nfev,
+        njev=run.njev,
+        status=1 if ended else 0 if run.success else -1,
+        message=message,
+        success=run.success,
     )
 
 
-def _sol(found: Solution, began: float, d: int, t: Any) -> np.ndarray:
+def _default_method(problem: Problem) -> str:
+    """The solver where none is named."""
+    field = problem.field
+    if isinstance(field, OwnField) and field.structure is not None:
+        return "bdf"
+    return "dop853" if problem.plain else available_like("cyrk-dop853")
+
+
+def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: int) -> np.ndarray:
+    """Times of a run at which rows are asked for, increasing; by default so many."""
+    if t_eval is None:
+        return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
+    if end > began:
+        return increasing("t_eval", t_eval, began, end) - began
+    times = -increasing("t_eval", _negative(t_eval), -began, -end)
+    return began - times
+
+
+def _negative(t_eval: Any) -> Any:
+    try:
+        return -np.asarray(t_eval)
+    except TypeError:
+        return t_eval
+
+
+def _in_users_time(times: np.ndarray, began: float, end: float) -> np.ndarray:
+    """Times of a run as the user counts them, none beyond the end by rounding."""
+    if end < began:
+        return np.maximum(began - times, end)
+    return np.minimum(began + times, end)
+
+
+def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:
+    """The events of `solve_ivp` as a run seeks them."""
+    given = events if isinstance(events, Iterable) else [] if events is None else [events]
+    sought = []
+    for function in given:
+        # One by one, so that their names may be the same.
+        event = as_events([function])[0]
+        of_run = partial(value, event.function)
+        sought.append(SoughtEvent(event.name, of_run, event.direction, int(event.terminal)))
+    return sought
+
+
+def _value(
+    began: float,
+    direction: float,
+    d: int,
+    args: Sequence[float],
+    event: Callable[..., Any],
+    t: float,
+    y: np.ndarray,
+) -> Any:
+    """An event of the user's time and state."""
+    return event(began + direction * t, y[:d], *args)
+
+
+def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
+    """States at which an event happened, shape (k, d)."""
+    return np.array(event.states)[:, :d] if event.states else np.empty((0, d))
+
+
+def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.ndarray:
     """What SciPy's `sol` is: states at t, shape (d,) or (d, k)."""
-    return found.sol(np.asarray(t) - began)[:d]
+    return run.sol(direction * (np.asarray(t) - began))[:d]
 
 
 def _words(found: Solution, note: str) -> str:
@@ -161,7 +238,8 @@ def _words(found: Solution, note: str) -> str:
 
 def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:
     """The absolute tolerance where none is given, and what is to be said of it."""
-    size, least = float(np.max(np.abs(y0))), float(np.min(rtol))
+    size = max(map(abs, y0)) if len(y0) < _FEW else np.max(np.abs(y0))
+    size, least = float(size), float(np.min(rtol))
     if size > 0:
         return least * size, ""
     return least, f"atol = rtol = {least:g}, as y0 is 0; give atol if the solution is small"
@@ -203,12 +281,3 @@ def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
         raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
     return times
-
-
-def _values(
-    event: Callable[..., Any], began: float, d: int, args: Sequence[float], found: Solution
-) -> np.ndarray:
-    """An event's values along a solution whose time begins at 0."""
-    return np.array(
-        [event(t + began, state[:d], *args) for t, state in zip(found.t, found.states, strict=True)]
-    )

@@ -29,7 +29,7 @@ from polhode.harness.references.any_problem import OwnReference, reference_of
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.runner import COMPILATION, how_failed
-from polhode.harness.studies.setups import Setup, as_setups, run_function, start_time
+from polhode.harness.studies.setups import Setup, as_setups, run_function, users_times
 from polhode.models.libraries import need
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
@@ -39,7 +39,7 @@ from polhode.models.registry import hint
 from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field, frozen
-from polhode.solvers.contract import Status
+from polhode.solvers.contract import SolverNotValidError, Status, Work
 from polhode.solvers.solve import solve
 
 if TYPE_CHECKING:
@@ -50,6 +50,9 @@ if TYPE_CHECKING:
 TOLERANCES, QUICK = tuple(10.0**-k for k in range(3, 13)), (1e-4, 1e-7, 1e-10)
 # Errors by name: the largest at any sample, that at the end, the root of the mean square.
 ERRORS = ("max", "final", "L2")
+# Status of solvers that do not take a function in plain Python, and what rows of others say then.
+REFUSED = "refused"
+PLAIN_PYTHON = "plain Python"
 # An error above this share of the state's size is no accuracy: it is not known, and no success.
 _NO_ACCURACY = 0.1
 # A reference less certain than this contradicts no run.
@@ -66,7 +69,8 @@ class WorkPrecision:
     once that is cached; `trace_seconds` what tracing the function took, once for all rows. `error`
     is measured against `reference`, whose `uncertainty` is in the same measure. `known` marks errors
     above ten times that and not above 0.1. A run that is off by more than 0.1 of the state's size is
-    a `false_success`.
+    a `false_success`. `runs_as` says whether the right-hand side was compiled or "plain Python";
+    solvers that take compiled ones alone then have one row, of status `refused`, with the reason.
 
     Parameters
     ----------
@@ -212,9 +216,9 @@ class WorkPrecision:
         states: np.ndarray
         if hasattr(reference, "sol") and callable(reference.sol):
             own = isinstance(getattr(reference, "problem", None), Problem)
-            states = np.asarray(reference.sol(times if own else times + start_time(problem))).T
+            states = np.asarray(reference.sol(times if own else users_times(problem, times))).T
         elif callable(reference):
-            own_times = (times + start_time(problem)).tolist()
+            own_times = users_times(problem, times).tolist()
             states = np.array([reference(t) for t in own_times], dtype=float).reshape(
                 len(times), -1
             )
@@ -260,6 +264,9 @@ class WorkPrecision:
                 missing = str(error)
             for i, setup in enumerate(setups):
                 progress.begin(f"{self.name}: {setup.label}, {i + 1} of {len(setups)} solvers")
+                if reason := self._refusal(setup):
+                    rows.append(self._refused_row(setup, loosest, reason))
+                    continue
                 for tolerance in sorted(self.tolerances, reverse=True):
                     row = self._measure(setup, tolerance, exact, uncertainty)
                     if tolerance == loosest and compiled[i] is not None:
@@ -268,6 +275,33 @@ class WorkPrecision:
                     if row["status"] == Status.TIME_LIMIT:
                         break
         return pd.DataFrame(rows)
+
+    def _refusal(self, setup: Setup) -> str:
+        """Why a solver does not take a function in plain Python; empty if it does."""
+        if setup.solver is None or not self.one.plain:
+            return ""
+        try:
+            setup.solver.check(self.one)
+        except SolverNotValidError as error:
+            return error.reason
+        return ""
+
+    def _refused_row(self, setup: Setup, tolerance: float, reason: str) -> dict[str, Any]:
+        """The one row of a solver that does not take the problem."""
+        nothing = ("atol", "error", "seconds", "spread", "compile_seconds", "uncertainty")
+        return {
+            "solver": setup.label,
+            "tolerance": tolerance,
+            "status": REFUSED,
+            "message": reason,
+            **dict.fromkeys(nothing),
+            "trace_seconds": self.trace_seconds,
+            "family": setup.family,
+            "implicit": setup.implicit,
+            "runs_as": None,
+            **vars(Work()),
+            "known": False,
+        }
 
     def plot(self, axes: "Axes", *, best: bool = False, reach: float | None = None) -> "Axes":
         """Draw wall time against error, titled with problem and tolerances, named by solvers; return the axes.
@@ -395,6 +429,7 @@ class WorkPrecision:
             "trace_seconds": self.trace_seconds,
             "family": setup.family,
             "implicit": setup.implicit,
+            "runs_as": _runs_as(first),
             **vars(first.work),
             "uncertainty": uncertainty,
             "known": error is not None and bool(least < error <= _NO_ACCURACY),
@@ -407,6 +442,12 @@ class WorkPrecision:
         off = (states[[0, -1]] if self.classical else states)[:, :components] - exact
         size = float(np.max(np.abs(exact))) or 1.0
         return float(np.max(np.abs(off))) / size
+
+
+def _runs_as(run: Any) -> str:
+    """Whether a run's right-hand side was machine code or Python."""
+    settings = getattr(run, "settings", None)
+    return PLAIN_PYTHON if settings is None or settings.backend == "python" else "compiled"
 
 
 def _timed(run: Callable[[], Any]) -> Timing:

@@ -10,6 +10,26 @@ import numpy as np
 Field = Callable[[Any, Any], tuple[Any, ...]]
 
 
+def _by_math(name: str, *arguments: float) -> float:
+    return getattr(math, name)(*arguments)
+
+
+# What NumPy calls functions that `math` calls otherwise.
+NUMPY_NAMES = {
+    "asin": "arcsin",
+    "acos": "arccos",
+    "atan": "arctan",
+    "asinh": "arcsinh",
+    "acosh": "arccosh",
+    "atanh": "arctanh",
+    "atan2": "arctan2",
+}
+
+
+def _by_numpy(name: str, *arguments: Any) -> Any:
+    return getattr(np, NUMPY_NAMES.get(name, name))(*arguments)
+
+
 @dataclass(frozen=True)
 class Operations:
     """Elementary functions of one kind of number: floats, arrays, LLVM's, heyoka's or mpmath's.
@@ -27,6 +47,9 @@ class Operations:
     expm1: Callable[[Any], Any] = math.expm1  # for `polhode.models.problem.Part` alone
     exp: Callable[[Any], Any] = math.exp
     log: Callable[[Any], Any] = math.log
+    # (name, *arguments): a further function, by the name that `math` has for it; for functions of
+    # users (`polhode.models.recording`) alone.
+    other: Callable[..., Any] = _by_math
 
     def use(self, factory: Callable[["Operations"], Callable[..., Any]]) -> Callable[..., Any]:
         """Bind the inner function that `factory` makes, ready to be called from a vector field."""
@@ -59,5 +82,12 @@ class WithRate:
 FLOAT = Operations(math.sin, math.cos, math.sqrt, lambda x, a, b: a if x > 0 else b)
 # Elementwise, to evaluate a field at many states at once.
 ARRAYS = Operations(
-    np.sin, np.cos, np.sqrt, lambda x, a, b: np.where(x > 0, a, b), np.expm1, np.exp, np.log
+    np.sin,
+    np.cos,
+    np.sqrt,
+    lambda x, a, b: np.where(x > 0, a, b),
+    np.expm1,
+    np.exp,
+    np.log,
+    _by_numpy,
 )

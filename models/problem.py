@@ -1,13 +1,13 @@
 """An initial value problem: what a form makes of a scene, and all that a solver needs to know."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from polhode.models.operations import Field, Operations
-from polhode.models.own_function import own_field
+from polhode.models.own_function import OwnField, own_field
 
 Floats = tuple[float, ...]
 Factory = Callable[[Operations], Field]
@@ -159,38 +159,63 @@ class Problem:
         *,
         name: str = "",
         t_start: float = 0.0,
+        jacobian: Any = None,
+        jac_sparsity: Any = None,
+        lband: int | None = None,
+        uband: int | None = None,
     ) -> "Problem":
         """The problem of a right-hand side as SciPy's `solve_ivp` takes it, ``f(t, y, *parameters)``.
 
         Parameters
         ----------
         f : callable
-            Returns the rates, one per component. It may use arithmetic, the functions sin, cos,
-            tan, sqrt, exp and log of NumPy or `math`, and functions that it names and do no more;
-            it may not compare numbers. If it uses t, time becomes one more component of the state,
-            the last one; t that is used only after the start is refused.
+            Returns the rates, one per component. It is compiled if it uses arithmetic and NumPy's
+            functions alone; time, if it uses that, then becomes one more component of the state,
+            the last one. Any other function runs as plain Python, by the solvers that can call
+            Python.
         y0 : sequence of float
         t_end : float
+            It may lie before `t_start`.
         parameters : sequence of float, optional
             Numbers that may change without another compilation.
         name : str, optional
             By default the function's.
         t_start : float, optional
-            Time at the start; the problem's own time begins at 0.
+            Time at the start; the problem's own time begins at 0 and goes forward.
+        jacobian : callable or matrix, optional
+            ``jacobian(t, y, *parameters)``, shape (d, d), an array or a sparse matrix. SciPy's and
+            SUNDIALS' implicit methods use it.
+        jac_sparsity : array or sparse matrix, optional
+            Pattern of the Jacobian, zero where that is.
+        lband, uband : int, optional
+            Diagonals of the Jacobian below and above the main one.
 
         Raises
         ------
         ValueError
             In one line, what is wrong with f or the numbers, and what was expected.
         """
-        start, field = own_field(f, y0, (t_start, t_end), parameters)
+        structure = jacobian, jac_sparsity, lband, uband
+        start, field = own_field(f, y0, (t_start, t_end), parameters, structure)
         name = name or getattr(f, "__name__", "f")
-        return cls(name, field, start, float(t_end - t_start), tuple(map(float, parameters)))
+        return cls(name, field, start, abs(float(t_end - t_start)), tuple(map(float, parameters)))
 
     @property
     def timed(self) -> bool:
         """Whether the state's last component is the time."""
         return bool(getattr(self.field, "timed", False))
+
+    def continued(self, elapsed: float, state: Floats, duration: float) -> "Problem":
+        """The problem that goes on from a state of a run, for some time."""
+        field = self.field
+        if isinstance(field, OwnField) and not self.timed:
+            field = replace(field, t_start=float(field.time_at(elapsed)))
+        return replace(self, field=field, start=state, end=duration)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the field is a function of the user's that runs as plain Python."""
+        return bool(getattr(self.field, "plain", False))
 
     @property
     def dimension(self) -> int:

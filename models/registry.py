@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from typing import Generic, TypeVar
+from weakref import WeakSet
 
 from polhode.models.spent import spent_on
 
@@ -58,6 +59,8 @@ class Catalogue(dict[str, str], Generic[T]):
             self.setdefault(name, target)
         self.kind, self.base = kind, base
         self._made: dict[str, T] = {}
+        # Classes whose objects were found complete.
+        self._checked: WeakSet[type] = WeakSet()
 
     def find(self, name: str | T) -> T:
         """The instance of a catalogue name, or of a "module:class" outside, or the object that is one already.
@@ -65,7 +68,10 @@ class Catalogue(dict[str, str], Generic[T]):
         A NotFoundError says that there is none, or what its class lacks of the contract.
         """
         if not isinstance(name, str):
-            return self._object(name)
+            if type(name) not in self._checked:
+                self._object(name)
+                self._checked.add(type(name))
+            return name
         if name not in self._made:
             self._made[name] = self._class(name)()
         return self._made[name]
@@ -98,7 +104,7 @@ class Catalogue(dict[str, str], Generic[T]):
             raise NotFoundError(self.kind, name, f"a class derived from {self.base}")
         return self._complete(found)
 
-    def _object(self, given: T) -> T:
+    def _object(self, given: T) -> None:
         base = imported(self.base)
         if isinstance(given, type) and issubclass(given, base):
             raise NotFoundError(
@@ -109,7 +115,6 @@ class Catalogue(dict[str, str], Generic[T]):
                 self.kind, repr(given), f"a name, or an object of a class derived from {self.base}"
             )
         self._complete(type(given))
-        return given
 
     def _complete(self, found: type) -> type[T]:
         """The class, unless it lacks attributes or methods that every class of the kind must have."""

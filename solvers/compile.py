@@ -8,7 +8,6 @@ import atexit
 import math
 import re
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from polhode.models.once import once
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Factory, Problem
+from polhode.models.recording import UntraceableError
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code import kept_code
@@ -45,19 +45,29 @@ def plain_field(factory: Factory) -> Field:
 def check_field(problem: Problem) -> None:
     """Refuse a field that does what no field may do: a FieldError names the file and the line."""
     parameters = problem.mass_form.parameters if problem.mass_form else problem.parameters
-    if parameters is not None:
+    if parameters is not None and not problem.plain:
         trace(problem.field, problem.dimension, len(parameters))
 
 
 def as_it_stands(problem: Problem) -> Problem:
     """The problem with its own function as of now, which may read names that change from one run to the next."""
-    field, lines = problem.field, ""
-    if not isinstance(field, OwnField) or field.frozen:
+    field = problem.field
+    if not isinstance(field, OwnField) or field.frozen or field.plain:
         return problem
-    # What no field may do is refused where it is compiled.
-    with suppress(FieldError):
-        lines = trace.__wrapped__(field, problem.dimension, len(problem.parameters or ()))
-    return replace(problem, field=replace(field, lines=lines))
+    try:
+        anew = field.recorded_anew(problem.dimension, len(problem.parameters or ()))
+    except UntraceableError as error:
+        raise FieldError(str(error)) from error
+    return replace(problem, field=anew)
+
+
+def as_plain(problem: Problem) -> Problem:
+    """The problem of a user's function with the function as plain Python, and no time in its state."""
+    field = problem.field
+    if not isinstance(field, OwnField) or field.plain:
+        return problem
+    start = problem.start[: problem.dimension - problem.timed]
+    return replace(problem, start=start, field=replace(field, recording=None, timed=False))
 
 
 def frozen(problem: Problem) -> Problem:
@@ -104,6 +114,8 @@ def c_callback(
 
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
     """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them."""
+    if problem.plain:
+        raise ValueError(f"{problem.name}: a function in plain Python has the time: `plain_rates`")
     if backend == "numba":
         return compiled_callback(problem.field, problem.dimension, len(values)), values
     field = plain_field(problem.field)
@@ -112,6 +124,12 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
         out[:] = field(y.tolist(), p)
 
     return callback, values.tolist()
+
+
+def plain_rates(problem: Problem) -> Callable[[float, np.ndarray], Any]:
+    """The user's function as ``rates(t, y)`` of the run's time, as it is, for whoever can call Python."""
+    assert isinstance(problem.field, OwnField), "a function of the user's"
+    return problem.field.rates(problem.parameters or ())
 
 
 @once()
@@ -217,6 +235,23 @@ def _heyoka_operations() -> Operations:
 
     sin, cos, sqrt, exp, log = map(known, ("sin", "cos", "sqrt", "exp", "log"))
     zero = heyoka.expression(0.0)
-    return Operations(
-        sin, cos, sqrt, lambda x, a, b: heyoka.select(heyoka.gt(x, zero), a, b), exp=exp, log=log
-    )
+
+    def choose(x: Any, a: Any, b: Any) -> Any:
+        if not isinstance(x, heyoka.expression):
+            return a if x > 0 else b
+        chosen = (
+            each if isinstance(each, heyoka.expression) else heyoka.expression(float(each))
+            for each in (a, b)
+        )
+        return heyoka.select(heyoka.gt(x, zero), *chosen)
+
+    def other(name: str, *arguments: Any) -> Any:
+        if not any(isinstance(x, heyoka.expression) for x in arguments):
+            return getattr(math, name)(*arguments)
+        if name == "expm1":
+            return exp(arguments[0]) - 1.0
+        if name == "log1p":
+            return log(1.0 + arguments[0])
+        return getattr(heyoka, name)(*arguments)
+
+    return Operations(sin, cos, sqrt, choose, exp=exp, log=log, other=other)

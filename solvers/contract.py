@@ -16,6 +16,7 @@ import numpy as np
 
 from polhode.models.libraries import how_to_install, installed
 from polhode.models.problem import Problem
+from polhode.solvers.event_search import Between, EventFailedError, EventSearch
 
 Backend = Literal["compiled", "numba", "python"]
 Jacobian = Literal["exact", "difference"]
@@ -155,6 +156,9 @@ class Record:
     looked: tuple[int, float] | None = None  # steps and time at the last look of `crawls`
     longest: float = 0.0  # mean step up to one of these looks, the longest of them
     shrunk: bool = False  # whether steps became much shorter than that
+    events: EventSearch | None = None  # what to look for at every step
+    # Times and states of steps, where a solver is to note them (SciPy's methods).
+    taken: list[tuple[float, np.ndarray]] | None = None
 
     @property
     def reached(self) -> float:
@@ -199,12 +203,32 @@ class Record:
             return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {float(time)!r}"
         return None
 
+    def looked_through(self, times: Sequence[float], states: Any, between: Between) -> bool:
+        """Look for events at states accepted since the last look; whether one has ended the run."""
+        if self.events is None:
+            return False
+        try:
+            return self.events.through(times, states, between)
+        except ValueError as error:
+            # The event's own error, whatever solvers make of errors of theirs.
+            raise EventFailedError(str(error)) from error
+
+    @property
+    def last_wanted(self) -> int:
+        """Index behind the last row that is wanted: rows behind an event that ended the run are not."""
+        ended = self.events.ended if self.events else None
+        if ended is None:
+            return len(self.times)
+        return int(np.searchsorted(self.times, ended, side="right"))
+
     def put(self, states: np.ndarray) -> None:
         """Add the states, shape (k, d), of the next k times."""
         self.rows[self.filled : self.filled + len(states)] = states
         self.filled += len(states)
 
 
+# Some of the solvers that call Python, to be named where others refuse.
+_CALL_PYTHON = ("dop853", "rk45", "radau", "bdf", "lsoda", "cvode-bdf")
 # The family of solvers that are not in the catalogue.
 OWN = "own"
 
@@ -217,6 +241,9 @@ def _tolerance(
     name: str, given: float | Sequence[float], *, zero: bool = False
 ) -> float | tuple[float, ...]:
     """A tolerance as a number or a tuple; a SolverNotValidError names one that is out of range."""
+    if isinstance(given, float) and 0 < given < inf:
+        # The usual one; arrays would cost as much as some steps of a short run.
+        return float(given)
     numbers = np.array(given, dtype=float)
     least = numbers >= 0 if zero else numbers > 0
     if not (numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & least).all()):
@@ -283,6 +310,10 @@ class Solver(ABC):
     tolerances: ClassVar[tuple[str, ...]] = ()
     # Of `max_step` and `first_step`, those that the library has.
     limits: ClassVar[tuple[str, ...]] = ()
+    # Whether it looks for the record's events at every step; of others, rows are looked through.
+    seeks_events: ClassVar[bool] = False
+    # Whether it notes its own steps where the record asks for them.
+    shows_steps: ClassVar[bool] = False
 
     @property
     def available(self) -> bool:
@@ -292,6 +323,9 @@ class Solver(ABC):
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
+        # Most often nothing is.
+        if installed(self.library) and not self.also_needs and self.backends[-1] == "python":
+            return None
         if not installed(self.library):
             return f"{self.package} is not installed: pip install {self.package}"
         for library in self.also_needs:
@@ -340,8 +374,10 @@ class Solver(ABC):
             raise SolverNotValidError(
                 f"atol: got {absolute!r}, expected rtol, {rtol!r}: solver {self.name!r} has one tolerance"
             )
-        for name, limit in (("max_step", max_step), ("first_step", first_step)):
-            self._check_limit(name, limit)
+        if max_step != inf:
+            self._check_limit("max_step", max_step)
+        if first_step is not None:
+            self._check_limit("first_step", first_step)
         chosen = (
             self._choose("jacobian", jacobian, self.jacobians)
             if self.jacobians or jacobian
@@ -350,9 +386,7 @@ class Solver(ABC):
         offered = self._choose("backend", backend, self.backends)
         return Settings(rtol, offered, chosen, count, absolute, max_step, first_step)
 
-    def _check_limit(self, name: str, limit: float | None) -> None:
-        if limit is None or limit == inf:
-            return
+    def _check_limit(self, name: str, limit: float) -> None:
         if not limit > 0:
             raise SolverNotValidError(f"{name}: got {limit!r}, expected a positive number")
         if name not in self.limits:
@@ -383,6 +417,10 @@ class Solver(ABC):
 
     def check(self, problem: Problem) -> None:
         """Refuse what this solver cannot solve: a SolverNotValidError names the condition and what to use instead."""
+        if problem.plain and "python" not in self.backends:
+            reason = getattr(problem.field, "plain_reason", "")
+            condition = f"{reason}; or a solver that calls Python: {', '.join(_CALL_PYTHON)}"
+            raise SolverNotValidError(condition, self.name)
         if problem.parameters is None:
             condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"
             raise SolverNotValidError(condition, self.name)

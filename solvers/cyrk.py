@@ -19,7 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
-from math import hypot, inf
+from math import hypot, inf, nan
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -40,11 +40,17 @@ from polhode.solvers.contract import (
     Solver,
     Status,
 )
+from polhode.solvers.event_search import looks
 from polhode.solvers.machine_code.llvm import MachineCode
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
+# Steps between looks for events: the first, and the factor by which they grow up to `CHUNK`.
+_FIRST_LOOK = 256
+_LOOK_GROWTH = 4
+# Shares of the steps of a chunk that failed, up to which it is run again.
+_SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which a solution that is looked at beforehand is given up.
 MOST_STEPS = 2000
 MAX_RAM_MB = 2000
@@ -119,6 +125,7 @@ class CyrkSolver(Solver):
     backends = ("compiled",)
     tolerances = ("atol", "atol 0", "rtol vector")
     limits = ("max_step", "first_step")
+    seeks_events = True
     method: ClassVar[str]
 
     def load(self) -> None:
@@ -143,7 +150,7 @@ class CyrkSolver(Solver):
         code = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count)
         if settings.count:
             parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
-        return Call(code, method_number(self.method), parameters, settings)
+        return Call(code, method_number(self.method), parameters, settings, calls)
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
@@ -167,25 +174,41 @@ class Call:
     """The library's C entry with everything bound but the piece to run: field, number of the method, parameters."""
 
     def __init__(
-        self, code: MachineCode, method: int, parameters: np.ndarray, settings: Settings
+        self,
+        code: MachineCode,
+        method: int,
+        parameters: np.ndarray,
+        settings: Settings,
+        calls: np.ndarray | None = None,
     ) -> None:
-        self.library, _ = load_cyrk(), FlushedToZero()
+        self.library = load_cyrk()
+        self.flushed_to_zero = FlushedToZero()
+        self.calls = np.zeros(1, dtype=np.int64) if calls is None else calls
         # The code lives as long as this call, whatever caches do.
-        self.code, self.method = code, method
-        self.parameters, self.max_step = parameters, settings.max_step
+        self.code = code
+        self.method = method
+        self.parameters = parameters
+        self.max_step = settings.max_step
         self.first_step = settings.first_step or 0.0  # 0: the library's guess
-        self.rtol = np.atleast_1d(settings.rtols())
-        self.atol = np.atleast_1d(settings.atols())
+        self.rtol = np.array(settings.rtol, dtype=float, ndmin=1)
+        same = settings.atol == settings.rtol
+        self.atol = self.rtol if same else np.array(settings.atol, dtype=float, ndmin=1)
+        # As the library takes them; ctypes takes as long as a step to ask an array for its address.
+        rtol_address = self.rtol.ctypes.data
+        atol_address = rtol_address if same else self.atol.ctypes.data
+        self.tolerances = rtol_address, self.rtol.size, atol_address, self.atol.size
+        self.parameters_address = parameters.ctypes.data
 
     def begins(self, state: np.ndarray, switching: bool = False) -> bool:
         """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
         rates = np.empty_like(state)
-        with FlushedToZero():
+        with self.flushed_to_zero:
             _FIELD(self.code.address)(
-                rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data
+                rates.ctypes.data, 0.0, state.ctypes.data, self.parameters_address
             )
         with np.errstate(all="ignore"):
-            norm = hypot(*(rates / (self.atol + self.rtol * np.abs(state))))
+            scaled = rates / (self.atol + self.rtol * np.abs(state))
+        norm = hypot(*scaled.tolist())
         return norm < (inf if switching else LARGEST_NORM)
 
     def __call__(
@@ -196,17 +219,18 @@ class Call:
         times: np.ndarray,
         max_steps: int,
         first_step: float = 0.0,
+        dense: bool = False,
     ) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
         return self.library.c_numba_cysolve_ivp(
             *(self.code.address, start, end, state.ctypes.data, state.size),
             # Expected size: the library's guess; extra outputs.
-            *(self.method, 0, 0, self.parameters.ctypes.data, self.parameters.nbytes),
-            # Dense output is used, not kept.
-            *(max_steps, MAX_RAM_MB, False, times.ctypes.data, times.size),
+            *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
+            # Dense output is used, and kept where a run is to be looked through.
+            *(max_steps, MAX_RAM_MB, dense, times.ctypes.data, times.size),
             # No function before the right-hand side, no events.
             *(None, None, 0),
-            *(self.rtol.ctypes.data, self.rtol.size, self.atol.ctypes.data, self.atol.size),
+            *self.tolerances,
             # Largest step, first step; keep what `c_get_y_now` reads.
             *(self.max_step, first_step, True),
         )
@@ -215,21 +239,29 @@ class Call:
 def _run(call: Call, record: Record) -> Outcome:
     library, dimension, work = call.library, len(record.start), record.work
     end, time, state = float(record.times[-1]), float(record.times[0]), record.start
-    steps = 0
+    steps, last_step, look = 0, call.first_step, CHUNK
+    if record.events:
+        look = _FIRST_LOOK
     while True:
-        wanted = record.times[record.filled :]
-        chunk = min(record.chunk(CHUNK), record.max_steps - steps)
-        with FlushedToZero():
-            result = call(time, end, state, wanted, chunk, 0.0 if steps else call.first_step)
+        wanted = np.empty(0) if record.events else record.times[record.filled :]
+        chunk = min(record.chunk(look), record.max_steps - steps)
+        with call.flushed_to_zero:
+            result = call(time, end, state, wanted, chunk, last_step, bool(record.events))
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
             steps += library.c_get_steps(result)
             work.steps = steps
-            if size:
+            if record.events:
+                last_step = _look_through(call, record, result, time, state, last_step)
+                look = min(CHUNK, look * _LOOK_GROWTH)
+                if record.events.ended is not None:
+                    return Status.REACHED_END, ""
+            elif size:
                 record.put(
                     _array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension)
                 )
             time = record.now = library.c_get_t_now(result)
+            last_step = 0.0 if record.events is None else last_step
             if code > 0:
                 return Status.REACHED_END, ""
             state = _array(library.c_get_y_now(result), dimension)
@@ -246,6 +278,68 @@ def _run(call: Call, record: Record) -> Outcome:
             return stopped
 
 
+def _look_through(
+    call: Call, record: Record, result: Any, time: float, state: np.ndarray, first_step: float
+) -> float:
+    """Look for events in the steps of a chunk and fill its rows; the length of its last whole step."""
+    library, dimension = call.library, len(record.start)
+    steps = _array(library.c_get_t_ptr(result), library.c_get_size(result))
+    if len(steps) < 2:
+        return first_step
+    size = len(steps) * dimension
+    ends = _array(library.c_get_y_ptr(result), size).reshape(len(steps), dimension)
+    whole, count = _interpolated(call, result, steps, time, state, first_step)
+
+    def between(times: np.ndarray) -> np.ndarray:
+        times = np.ascontiguousarray(times, dtype=float)
+        states = np.full((len(times), dimension), nan)
+        library.c_call_vec(whole, times.ctypes.data, len(times), states.ctypes.data)
+        for i in np.flatnonzero(times > steps[count - 1]).tolist():
+            after = int(np.searchsorted(steps, times[i]))
+            share = (times[i] - steps[after - 1]) / (steps[after] - steps[after - 1])
+            states[i] = (1 - share) * ends[after - 1] + share * ends[after]
+        return states
+
+    try:
+        times = np.append(looks(steps[:count]), steps[count:])
+        record.looked_through(
+            times.tolist(), between(times), lambda time: between(np.array([time]))[0]
+        )
+        last = min(record.last_wanted, int(np.searchsorted(record.times, steps[-1], side="right")))
+        if last > record.filled:
+            record.put(between(record.times[record.filled : last]))
+    finally:
+        if whole is not result:
+            library.c_free(whole)
+    return float(steps[-1] - steps[-2])
+
+
+def _interpolated(
+    call: Call, result: Any, steps: np.ndarray, time: float, state: np.ndarray, first_step: float
+) -> tuple[Any, int]:
+    """A result that interpolates a chunk, and the number of its steps that it covers.
+
+    The library interpolates where a run has reached its end, and nowhere else: of a chunk that was
+    cut short, the same steps are taken again up to where it stopped, or near a singularity up to
+    somewhat before.
+    """
+    library = call.library
+    if library.c_get_status(result) > 0:
+        return result, len(steps)
+    counted = call.calls.copy()
+    again, count = None, 1
+    for share in _SHARES:
+        count = max(2, int(share * len(steps)))
+        with FlushedToZero():
+            again = call(time, steps[count - 1], state, np.empty(0), UNLIMITED, first_step, True)
+        if library.c_get_status(again) > 0:
+            break
+        library.c_free(again)
+        again = None
+    call.calls[:] = counted
+    return (again, count) if again else (result, 1)
+
+
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
     """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes."""
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
@@ -254,7 +348,7 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
         return np.zeros(1), start[None]
 
     def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        with FlushedToZero():
+        with call.flushed_to_zero:
             result = call(0.0, end, start, wanted, MOST_STEPS)
         try:
             size, d = library.c_get_size(result), start.size

@@ -94,9 +94,8 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         here = (rows == row) & (times > known[row])
         since, order = np.unique(times[here] - known[row], return_inverse=True)
         start = tuple(solution.states[row].tolist())
-        piece = replace(
-            problem, start=start, end=float(since[-1]), least_steps=0, invariant=None, course=None
-        )
+        piece = problem.continued(float(known[row]), start, float(since[-1]))
+        piece = replace(piece, least_steps=0, invariant=None, course=None)
         found = run(piece, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
         if not found.success:
             raise ValueError(

@@ -24,6 +24,7 @@ from polhode.solvers.contract import (
     Status,
     Work,
 )
+from polhode.solvers.event_search import EventFailedError, EventSearch
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
 # it would lose.
@@ -59,6 +60,8 @@ class Run:
         self.work, self.status, self.message = Work(), Status.REACHED_END, ""
         self.prepared: tuple[Problem, float, Integrator] | None = None
         self.shrunk = False  # whether steps became much shorter on the way
+        self.events: EventSearch | None = None
+        self.every_step = False
         self.began = perf_counter()
 
     def through(
@@ -86,12 +89,20 @@ class Run:
                 return
             course, end = piece.then or course, self._aligned(piece.end)
             record = self._record(piece, end, self.began + seconds, steps_left)
+            record.events = self.events if self.method.seeks_events else None
+            if self.every_step:
+                record.taken = []
             if watch:
                 watch(record)
             try:
                 self.status, message = _outcome(integrate, record, self.method.name)
             finally:
                 self._keep(piece, end, record)
+                if record.taken:
+                    self._keep_steps(record.taken)
+            if self.events and self.events.ended is not None:
+                self.status, self.message = Status.REACHED_END, ""
+                return
             if not self.status.success:
                 if record.filled == 1 and not _has_rates(piece.problem, record.start):
                     self.status, message = NO_RATES
@@ -179,6 +190,14 @@ class Run:
         own = piece.reason, error, record.work.steps, angle, piece.averaged, tolerance
         self.stages.append(Stage(begin, self.now, *own))
 
+    def _keep_steps(self, taken: list[tuple[float, np.ndarray]]) -> None:
+        """Make rows of the steps taken; a run that fell short still has its end among its times."""
+        end = float(self.times[-1])
+        times = np.array([self.times[0], *(time for time, _ in taken)])
+        self.rows = np.array([self.rows[0], *(state for _, state in taken)])
+        self.done = len(times)
+        self.times = times if times[-1] == end else np.append(times, end)
+
 
 def _crash(error: Exception, solver: str) -> Outcome:
     if library := missing_library(error):
@@ -194,6 +213,8 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
     """What an integrator returns; an exception, rows that are not there, or another result are a crash."""
     try:
         outcome: Any = integrate(record)
+    except EventFailedError:
+        raise
     except Exception as error:
         outcome = _crash(error, solver)
     if not 1 <= record.filled <= len(record.times):

@@ -8,16 +8,20 @@ where it is smaller. Rows come from each method's own dense output.
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from math import inf
 from threading import Lock, RLock
+from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
 
+from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
-from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array
+from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array, plain_rates
 from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.structure import bands_of, dense, jacobian_of, packed, pattern_of
 
 Callback = Callable[[float, np.ndarray], np.ndarray]
 
@@ -65,6 +69,15 @@ def _lock_of(method: str) -> AbstractContextManager[Any]:
     return _lsoda_lock if hasattr(_ode.lsoda, "active_global_handle") else nullcontext()
 
 
+@once()
+@spent_on("import")
+def load_methods() -> Any:
+    """SciPy's module of methods."""
+    import scipy.integrate
+
+    return scipy.integrate
+
+
 class ScipySolver(Solver):
     """One of SciPy's `OdeSolver` classes."""
 
@@ -74,16 +87,15 @@ class ScipySolver(Solver):
     family = "SciPy"
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
+    seeks_events = True
+    shows_steps = True
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
     attempt: ClassVar[int | None] = None
     interpolation: ClassVar[int] = 0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        with spent_on("import"):
-            import scipy.integrate
-
-        method = getattr(scipy.integrate, self.method)
+        method = getattr(load_methods(), self.method)
         fun, options = self.bind(problem, settings)
 
         def integrate(record: Record) -> Outcome:
@@ -95,13 +107,15 @@ class ScipySolver(Solver):
                 return fun(t, y)
 
             with _unwarned, _lock_of(self.method):
-                own = counted if settings.count else fun
+                counts = settings.count and not (problem.plain and self.attempt)
+                own = counted if counts else fun
                 stepper = method(
                     own, record.times[0], record.start.copy(), record.times[-1], **options
                 )
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
-            work.rhs_calls = calls if settings.count else None
+            # Explicit methods count theirs all themselves.
+            work.rhs_calls = (calls if counts else stepper.nfev) if settings.count else None
             if self.implicit:
                 work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
             if self.attempt and work.steps:
@@ -115,6 +129,16 @@ class ScipySolver(Solver):
 
     def bind(self, problem: Problem, settings: Settings) -> tuple[Callback, dict[str, Any]]:
         """The field as ``fun(t, y)``, and the options of SciPy's solver class."""
+        options: dict[str, Any] = {
+            "rtol": settings.rtol,
+            "atol": settings.atols(),
+            "max_step": settings.max_step,
+            "first_step": settings.first_step,
+        }
+        if problem.plain:
+            if self.implicit:
+                options |= self._jacobian_options(problem)
+            return plain_rates(problem), options
         values = parameter_array(problem)
         callback, parameters = array_callback(problem, settings.backend, values)
         dimension = problem.dimension
@@ -125,16 +149,25 @@ class ScipySolver(Solver):
             callback(np.ascontiguousarray(y), parameters, out)
             return out
 
-        options: dict[str, Any] = {
-            "rtol": settings.rtol,
-            "atol": settings.atols(),
-            "max_step": settings.max_step,
-            "first_step": settings.first_step,
-        }
         if self.implicit and settings.jacobian == "exact":
             jacobian = exact_jacobian(problem.field, dimension, len(values))
             options["jac"] = lambda t, y: jacobian(y, values)
         return fun, options
+
+    def _jacobian_options(self, problem: Problem) -> dict[str, Any]:
+        """What the user knows of the Jacobian, as SciPy's classes take it."""
+        jacobian, options = jacobian_of(problem), {}
+        if self.method == "LSODA":
+            bands = bands_of(problem)
+            if bands:
+                options |= {"lband": bands[0], "uband": bands[1]}
+            if jacobian is not None:
+                options["jac"] = _for_lsoda(jacobian, bands)
+        elif jacobian is not None:
+            options["jac"] = jacobian
+        else:
+            options["jac_sparsity"] = pattern_of(problem)
+        return options
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
@@ -146,41 +179,90 @@ class ScipySolver(Solver):
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
 
 
+def _for_lsoda(jacobian: Any, bands: tuple[int, int] | None) -> Callback:
+    """A Jacobian as LSODA takes it: a function of dense matrices, or of their bands."""
+
+    def of_state(t: float, y: np.ndarray) -> np.ndarray:
+        matrix = jacobian(t, y) if callable(jacobian) else jacobian
+        if bands:
+            return packed(matrix if hasattr(matrix, "diagonal") else dense(matrix), *bands)
+        return dense(matrix)
+
+    return of_state
+
+
+class _Step:
+    """States within a stepper's last step, (d,) at a time and (k, d) at k times, by its own interpolation."""
+
+    def __init__(self, stepper: Any) -> None:
+        self.stepper, self.interpolant = stepper, None
+
+    def __call__(self, times: Any) -> np.ndarray:
+        if self.interpolant is None:
+            self.interpolant = self.stepper.dense_output()
+        return self.interpolant(times).T
+
+
+def _failure_of_step(stepper: Any) -> Outcome | None:
+    """Take a step; how it failed, or None."""
+    try:
+        message = stepper.step()
+    except (ArithmeticError, ValueError) as error:
+        # A field's own errors are not the state's.
+        known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
+        if not known and "infs or NaNs" not in str(error):
+            raise
+        return Status.NON_FINITE, str(error)
+    if stepper.status != "failed":
+        return None
+    status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
+    return status, message or ""
+
+
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     """Step to the end; the outcome, and how many steps were interpolated."""
-    times, work = record.times, record.work
-    work.steps, interpolated, stalled = 0, 0, 0
+    times, work, events, taken = record.times, record.work, record.events, record.taken
+    work.steps, interpolated, stalled, filled = 0, 0, 0, record.filled
+    count, next_row = len(times), float(times[filled]) if filled < len(times) else inf
     if not np.isfinite(getattr(stepper, "f", 0.0)).all():
         # An explicit method would look for a first step without end.
         return NO_RATES, 0
+    steps, before = 0, stepper.t
     while stepper.status == "running":
-        before = stepper.t
-        try:
-            message = stepper.step()
-        except (ArithmeticError, ValueError) as error:
-            # A field's own errors are not the state's.
-            known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
-            if not known and "infs or NaNs" not in str(error):
-                raise
-            return (Status.NON_FINITE, str(error)), interpolated
-        if stepper.status == "failed":
-            status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
-            return (status, message or ""), interpolated
-        work.steps += 1
+        if failure := _failure_of_step(stepper):
+            return failure, interpolated
+        steps += 1
+        work.steps = steps
         reached = record.now = stepper.t
         # LSODA takes steps too small to advance the time for no error.
         stalled = stalled + 1 if reached == before else 0
         if stalled > STALLED:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
-        if record.filled < len(times) and times[record.filled] <= reached:
-            last = int(np.searchsorted(times, reached, side="right"))
-            record.put(stepper.dense_output()(times[record.filled : last]).T)
-            interpolated += 1
-        looks = stepper.status == "running" and work.steps % LOOK == 0
-        if looks and (crawling := record.crawls(work.steps, reached)):
-            return crawling, interpolated
-        if stepper.status == "running" and (stopped := record.stopped):
-            return stopped, interpolated
+        before = reached
+        if taken is not None:
+            taken.append((reached, stepper.y))
+            if next_row <= reached:
+                # The last row is a step's.
+                record.put(stepper.y[None])
+                next_row = inf
+        ended = False
+        if events is not None or next_row <= reached:
+            step = _Step(stepper)
+            if events is not None:
+                ended = record.looked_through((reached,), (stepper.y,), step)
+            if next_row <= reached:
+                last = int(np.searchsorted(times, reached, side="right"))
+                record.put(step(times[filled : min(last, record.last_wanted)]))
+                filled = record.filled
+                next_row = float(times[filled]) if filled < count else inf
+            interpolated += step.interpolant is not None
+        if ended:
+            return (Status.REACHED_END, ""), interpolated
+        if stepper.status == "running":
+            if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
+                return crawling, interpolated
+            if (steps >= record.max_steps or perf_counter() > record.deadline) and record.stopped:
+                return record.stopped, interpolated
     return (Status.REACHED_END, ""), interpolated
 
 

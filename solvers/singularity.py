@@ -8,12 +8,11 @@ that stretch is run again by Radau IIA, which finds no step there, and by an exp
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from polhode.models.own_function import OwnField
+from polhode.models.own_function import MAX_EXACT_JACOBIAN, OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import denominators, frozen
@@ -43,6 +42,9 @@ def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | Non
     problem = solution.problem
     if not isinstance(problem.field, OwnField) or len(solution.times) < 2:
         return None
+    if problem.dimension > MAX_EXACT_JACOBIAN:
+        # The witness's Jacobian is a full matrix.
+        return None
     rows = _suspects(problem, solution.states)
     if not rows and shrunk:
         rows = [0]
@@ -56,7 +58,10 @@ def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | Non
 def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
     """The rows behind which a denominator changes its sign, or the state grows suddenly."""
     suspects = np.zeros(len(states) - 1, dtype=bool)
-    if divisors := denominators(problem.field, problem.dimension, len(problem.parameters or ())):
+    divisors = None
+    if not problem.plain:
+        divisors = denominators(problem.field, problem.dimension, len(problem.parameters or ()))
+    if divisors:
         function, count = divisors
         parameters, values = (
             np.array(problem.parameters, dtype=float),
@@ -65,7 +70,11 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
         for state, out in zip(np.ascontiguousarray(states), values, strict=True):
             function(state, parameters, out)
         suspects |= (np.sign(values[1:]) * np.sign(values[:-1]) < 0).any(axis=1)
-    size = np.abs(states[:, : problem.dimension - problem.timed]).max(axis=1)
+    components = states[:, : problem.dimension - problem.timed]
+    if divisors is None and (components.max() - components.min()) <= _GROWTH * abs(states[0, 0]):
+        # No component can have grown so much.
+        return []
+    size = np.abs(components).max(axis=1)
     # A start of 0 says nothing of the size of what comes.
     suspects |= size[1:] > _GROWTH * np.maximum(size[:-1], size[0] or size[1])
     return np.flatnonzero(suspects).tolist()
@@ -74,11 +83,8 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
 def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str:
     """How the witnesses ended between two rows; empty if one of them did not."""
     problem, settings = frozen(solution.problem), solution.settings
-    piece = replace(
-        problem,
-        start=tuple(solution.states[first].tolist()),
-        end=float(solution.times[last] - solution.times[first]),
-    )
+    begin, end = float(solution.times[first]), float(solution.times[last])
+    piece = problem.continued(begin, tuple(solution.states[first].tolist()), end - begin)
     size = float(np.abs(solution.states[: first + 1]).max())
     usual = float(np.clip(settings.tolerance, *_TOLERANCES))
     limits = {"max_seconds": max(_LEAST_SECONDS, solution.seconds), "max_steps": _MAX_STEPS}

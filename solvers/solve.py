@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.models.own_function import MAX_EXACT_JACOBIAN, OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
-from polhode.solvers.compile import as_it_stands
+from polhode.solvers.compile import as_it_stands, as_plain
 from polhode.solvers.contract import (
     UNLIMITED,
     Backend,
@@ -18,10 +19,12 @@ from polhode.solvers.contract import (
     Record,
     Settings,
     Solver,
+    SolverNotValidError,
     Status,
     Work,
 )
 from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
+from polhode.solvers.event_search import EventFailedError, EventSearch, SoughtEvent, looks
 from polhode.solvers.pieces import Run, Stage, wrapped, wrapped_start
 from polhode.solvers.singularity import jumped
 
@@ -135,6 +138,8 @@ def solve(
     max_steps: int = UNLIMITED,
     watch: Callable[[Record], None] | None = None,
     doubt: bool = True,
+    events: Sequence[SoughtEvent] = (),
+    every_step: bool = False,
 ) -> Solution:
     """Solve a problem.
 
@@ -166,6 +171,12 @@ def solve(
     doubt : bool
         Look whether a run of one's own function that claims success has stepped over the end of its
         solution (`polhode.solvers.singularity`).
+    events : sequence of SoughtEvent
+        Looked for at every step; they hold the times and states at which they happened. A terminal
+        one ends the run, successfully, and is its last row.
+    every_step : bool
+        Rows are the solver's own steps, whatever `times` lie between its first and its last one;
+        of SciPy's methods alone.
 
     Returns
     -------
@@ -180,11 +191,17 @@ def solve(
         On Ctrl-C, with the finished part.
     """
     method, problem = find_solver(solver), wrapped_start(as_it_stands(problem))
+    problem = _for_method(problem, method, backend)
+    if problem.plain:
+        backend, jacobian = _plain_choices(problem, method, backend, jacobian)
     rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
     limits = {"max_step": max_step, "first_step": first_step}
     settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
     times = _wanted(problem, times)
     run = Run(problem, method, settings, times)
+    search = EventSearch(events) if events else None
+    run.events = search
+    run.every_step = every_step
     if method.available:
         method.check(problem)
     else:
@@ -192,25 +209,86 @@ def solve(
 
     def finished() -> Solution:
         seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
-        head = problem, method, settings, times[: run.done], run.rows[: run.done]
+        reached, rows = run.times[: run.done], run.rows[: run.done]
+        if search and search.ended is not None:
+            reached, rows = _until(search.ended, search.end_state, reached, rows)
+        head = problem, method, settings, reached, rows
         return Solution(*head, run.status, run.message, run.work, seconds, stages)
 
     try:
+        if search:
+            search.begin(0.0, np.array(problem.start))
         run.through(problem.course or wrapped(problem, times), max_seconds, max_steps, watch)
+        if search and not method.seeks_events:
+            _look_through(search, finished())
     except KeyboardInterrupt:
         run.status, run.message = Status.INTERRUPTED, ""
         raise Interrupted(_examined(finished(), times)) from None
-    solution = _examined(finished(), times)
+    except EventFailedError as error:
+        raise ValueError(str(error)) from error
+    solution = finished()
+    ended = search is not None and search.ended is not None
+    solution = _examined(solution, solution.times if ended else run.times)
     if doubt and solution.success and (ended := jumped(solution, solve, shrunk=run.shrunk)):
         return replace(solution, status=Status.FALSE_SUCCESS, message=ended)
     return solution
+
+
+def prepared(problem: Problem, method: Solver) -> Problem:
+    """A problem just made of a user's function, as a run by a method takes it: not recorded again."""
+    problem = _for_method(problem, method, None)
+    field = problem.field
+    if not isinstance(field, OwnField) or field.plain:
+        return problem
+    return replace(problem, field=replace(field, frozen=True))
+
+
+def _for_method(problem: Problem, method: Solver, backend: Backend | None) -> Problem:
+    """A user's function as plain Python where that is better, and the method can call it."""
+    field = problem.field
+    if not isinstance(field, OwnField) or backend is not None or "python" not in method.backends:
+        return problem
+    many = problem.dimension > MAX_EXACT_JACOBIAN
+    return as_plain(problem) if many or (field.better_plain and method.implicit) else problem
+
+
+def _plain_choices(
+    problem: Problem, method: Solver, backend: Backend | None, jacobian: Jacobian | None
+) -> tuple[Backend | None, Jacobian | None]:
+    """Back end and Jacobian of a function in plain Python, which has but one of each."""
+    method.check(problem)
+    if backend not in (None, "python"):
+        reason = getattr(problem.field, "plain_reason", "")
+        raise SolverNotValidError(f"backend: got {backend!r}, expected 'python': {reason}")
+    if jacobian == "exact":
+        raise SolverNotValidError(
+            "jacobian: got 'exact', expected 'difference': the function is plain Python"
+        )
+    return "python", "difference" if method.jacobians else None
+
+
+def _until(
+    end: float, end_state: np.ndarray, times: np.ndarray, rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows up to the event that ended a run, which is the last one."""
+    before = int(np.searchsorted(times, end))
+    return np.append(times[:before], end), np.vstack([rows[:before], end_state])
+
+
+def _look_through(search: EventSearch, solution: Solution) -> None:
+    """Look for events in the rows of a run whose solver does not look for them."""
+    times = looks(solution.times) if len(solution.times) > 1 else np.empty(0)
+    search.through(times.tolist(), solution(times).states, lambda time: solution(time).states[0])
 
 
 def _per_component(
     problem: Problem, rtol: Any, atol: Any, apart: bool
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
+    if atol is None and not problem.timed and not np.ndim(rtol):
+        return rtol, None
     components = problem.dimension - problem.timed
+    given: Any
     for name, given in (("rtol", rtol), ("atol", atol)):
         if np.ndim(given) and np.shape(given) != (components,):
             expected = f"one number or {components}, one per component"

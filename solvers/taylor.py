@@ -10,11 +10,17 @@ from polhode.models.once import OncePerThread, once
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.event_search import looks
 
 Precision = Literal["double", "long double", "quadruple"]
 
 # Deadline and Ctrl-C are looked at once per this many steps.
 CHUNK = 10_000
+# Components up to which every operation is compiled in place.
+_MAX_UNROLLED = 50
+# Steps between looks for events: the first, and the factor by which they grow up to `CHUNK`.
+_FIRST_LOOK = 64
+_LOOK_GROWTH = 4
 
 
 @once()
@@ -28,8 +34,8 @@ def _compiled(
     timed: bool = False,
 ) -> Any:
     """heyoka's integrator of a field, of which every thread has a copy."""
-    # Extended precisions are compiled in compact mode, which costs speed but saves up to half a
-    # minute of compilation.
+    # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
+    # up to half a minute of compilation.
     heyoka = load_heyoka()
     number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
     if in_units:
@@ -37,7 +43,8 @@ def _compiled(
     else:
         system = traced_system(factory, dimension, parameters)
     start = np.zeros(len(system), number)
-    options = {"fp_type": number, "tol": number(tolerance), "compact_mode": precision != "double"}
+    compact = precision != "double" or dimension > _MAX_UNROLLED
+    options = {"fp_type": number, "tol": number(tolerance), "compact_mode": compact}
     return heyoka.taylor_adaptive(system, start, **options)
 
 
@@ -84,6 +91,51 @@ def propagate(
         if stopped := record.stopped or record.crawls(steps, record.now):
             return stopped
         grid = np.concatenate([[integrator.time], record.times[record.filled :].astype(number)])
+
+
+def propagate_with_events(
+    integrator: Any,
+    record: Record,
+    states: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    max_step: float = np.inf,
+) -> Outcome:
+    """As `propagate`, with the record's events looked for on the series of every step."""
+    outcome = load_heyoka().taylor_outcome
+    steps, look, end = 0, _FIRST_LOOK, float(record.times[-1])
+    while True:
+        result = integrator.propagate_until(
+            end,
+            max_steps=min(record.chunk(look), record.max_steps - steps),
+            max_delta_t=max_step,
+            c_output=True,
+        )
+        reason, series = result[0], result[4]
+        steps, record.now = steps + result[3], float(integrator.time)
+        record.work.steps = steps
+        look = min(CHUNK, look * _LOOK_GROWTH)
+        if series is not None:
+
+            def between(times: np.ndarray, series: Any = series) -> np.ndarray:
+                return states(np.array(series(times)), times)
+
+            reached = float(series.times[-1])
+            times = looks(series.times)
+            record.looked_through(
+                times.tolist(), between(times), lambda time: between(np.array([time]))[0]
+            )
+            last = int(np.searchsorted(record.times, reached, side="right"))
+            last = min(last, record.last_wanted)
+            if last > record.filled:
+                record.put(between(record.times[record.filled : last]))
+        if reason == outcome.time_limit or (record.events and record.events.ended is not None):
+            return Status.REACHED_END, ""
+        if reason != outcome.step_limit:
+            non_finite = reason == outcome.err_nf_state
+            return (Status.NON_FINITE if non_finite else Status.STEP_UNDERFLOW), str(reason)
+        if not result[3]:
+            return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
+        if stopped := record.stopped or record.crawls(steps, record.now):
+            return stopped
 
 
 class Bound:
@@ -143,6 +195,8 @@ class Bound:
     def propagate(self, record: Record) -> Outcome:
         """Run from the record's start over its times."""
         self.begin(record.times[0], record.start)
+        if record.events:
+            return propagate_with_events(self.integrator, record, self.states, self.max_step)
         return propagate(self.integrator, record, self.states, self.max_step)
 
 
@@ -170,6 +224,7 @@ class Taylor(Solver):
 
     tolerances = ("atol",)
     limits = ("max_step",)
+    seeks_events = True
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         return self._bound(problem, settings).propagate

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from polhode.models.operations import FLOAT
 from polhode.models.own_function import OwnField, place_of
 from polhode.models.problem import Problem
+from polhode.models.recording import Recording
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver, Status, Work
 
@@ -68,12 +69,15 @@ class FunctionRun:
 def as_setups(solvers: Any, problem: Problem) -> list[Setup]:
     """Setups of a sequence or of a dictionary by labels; by default every solver that accepts the problem.
 
+    Of a function that runs as plain Python, those that take compiled ones alone are among them.
+
     An entry is a name, a `Solver`, a function of `ARGUMENTS`, or a pair of one of these and a
     dictionary of options. A ValueError says what is wrong with one, in one line.
     """
     if solvers is None:
+        compiled = _as_if_compiled(problem)
         names = (find_solver(name) for name in SOLVERS)
-        return [Setup(one.name, one) for one in names if one.available and one.takes(problem)]
+        return [Setup(one.name, one) for one in names if one.available and one.takes(compiled)]
     if isinstance(solvers, Mapping):
         setups = [_setup(entry, str(label)) for label, entry in solvers.items()]
     elif isinstance(solvers, str) or not isinstance(solvers, Sequence):
@@ -91,6 +95,14 @@ def as_setups(solvers: Any, problem: Problem) -> list[Setup]:
             f"solvers: got {twice!r} twice, expected labels: {{'first': …, 'second': …}}"
         )
     return setups
+
+
+def _as_if_compiled(problem: Problem) -> Problem:
+    """The problem as if its function were compiled; not to be run."""
+    field = problem.field
+    if not isinstance(field, OwnField) or not field.plain:
+        return problem
+    return replace(problem, field=replace(field, recording=Recording((), ())))
 
 
 def _setup(entry: Any, label: str) -> Setup:
@@ -130,9 +142,9 @@ def rates_of(problem: Problem) -> Rates:
     return lambda t, y: np.array(rates(y, parameters))
 
 
-def start_time(problem: Problem) -> float:
-    """The user's time at the start of a run."""
-    return float(getattr(problem.field, "t_start", 0.0))
+def users_times(problem: Problem, times: np.ndarray) -> np.ndarray:
+    """Times of a run as the user counts them, decreasing where the user's time goes backwards."""
+    return problem.field.time_at(times) if isinstance(problem.field, OwnField) else times
 
 
 def run_function(
@@ -148,7 +160,7 @@ def run_function(
         calls += 1
         return rates(t, y)
 
-    t_eval = start_time(problem) + times
+    t_eval = users_times(problem, times)
     span = float(t_eval[0]), float(t_eval[-1])
     start = np.array(problem.start[:components])
     given = counted if count else rates, span, start, t_eval, rtol, atol

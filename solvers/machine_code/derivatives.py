@@ -12,6 +12,7 @@ from polhode.solvers.machine_code.tracing import (
     Number,
     call,
     either_side,
+    of_library,
     read,
     trace,
     written,
@@ -101,6 +102,37 @@ def _where_positive(x: Any, a: Any, b: Any) -> Dual:
     )
 
 
+# Derivatives of functions of C's library.
+_DERIVATIVES: dict[str, Callable[[Any], Any]] = {
+    "expm1": partial(call, "exp"),
+    "log1p": lambda x: 1.0 / (1.0 + x),
+    "tan": lambda x: 1.0 / (call("cos", x) * call("cos", x)),
+    "asin": lambda x: 1.0 / call("sqrt", 1.0 - x * x),
+    "acos": lambda x: -1.0 / call("sqrt", 1.0 - x * x),
+    "atan": lambda x: 1.0 / (1.0 + x * x),
+    "sinh": partial(of_library, "cosh"),
+    "cosh": partial(of_library, "sinh"),
+    "tanh": lambda x: 1.0 - of_library("tanh", x) * of_library("tanh", x),
+    "asinh": lambda x: 1.0 / call("sqrt", x * x + 1.0),
+    "acosh": lambda x: 1.0 / call("sqrt", x * x - 1.0),
+    "atanh": lambda x: 1.0 / (1.0 - x * x),
+}
+
+
+def _of_library(name: str, *arguments: Any) -> Any:
+    """A function of C's library."""
+    if not any(isinstance(x, Dual) for x in arguments):
+        return of_library(name, *arguments)
+    values = [_value(x) for x in arguments]
+    result = of_library(name, *values)
+    if name == "atan2":
+        above, beside = values
+        square = above * above + beside * beside
+        parts = (arguments[0], beside / square), (arguments[1], -above / square)
+        return _chained(result, *parts)
+    return _chained(result, (arguments[0], _DERIVATIVES[name](values[0])))
+
+
 _DUAL = Operations(
     partial(_function, "sin", lambda x: call("cos", x)),
     partial(_function, "cos", lambda x: -call("sin", x)),
@@ -108,6 +140,7 @@ _DUAL = Operations(
     _where_positive,
     exp=partial(_function, "exp", partial(call, "exp")),
     log=partial(_function, "log", lambda x: 1.0 / x),
+    other=_of_library,
 )
 
 

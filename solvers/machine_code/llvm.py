@@ -12,8 +12,15 @@ from polhode.models.libraries import need
 from polhode.models.once import once
 from polhode.models.spent import spent_on
 
-# LLVM knows its own functions.
-_DECLARATIONS = "declare double @expm1(double)\n"
+# Functions of C's library; LLVM knows its own.
+_UNARY = (
+    *("expm1", "log1p", "tan", "asin", "acos", "atan"),
+    *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
+)
+_DECLARATIONS = "declare double @atan2(double, double)\n" + "".join(
+    f"declare double @{name}(double)\n" for name in _UNARY
+)
+_OF_LIBRARY = re.compile(rf"@({'|'.join((*_UNARY, 'atan2'))})\(")
 
 
 @dataclass(frozen=True)
@@ -77,9 +84,8 @@ def _extended(text: str) -> str:
         return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
 
     text = re.sub(r"0x([0-9A-F]{16})|\b0\.0\b", constant, text)
-    return (
-        text.replace("double", "x86_fp80").replace(".f64(", ".f80(").replace("@expm1(", "@expm1l(")
-    )
+    text = text.replace("double", "x86_fp80").replace(".f64(", ".f80(")
+    return _OF_LIBRARY.sub(r"@\1l(", text)
 
 
 def host_features() -> dict[str, bool]:

@@ -21,8 +21,9 @@ import numpy as np
 
 from polhode.models.once import once
 from polhode.models.operations import Operations
-from polhode.models.own_function import BRANCHES, FUNCTIONS, OwnField, line_of
+from polhode.models.own_function import line_of
 from polhode.models.problem import Factory
+from polhode.models.recording import UntraceableError
 
 # Powers that are multiplied out.
 MULTIPLIED_OUT = range(-16, 17)
@@ -30,14 +31,6 @@ MULTIPLIED_OUT = range(-16, 17)
 
 class FieldError(ValueError):
     """A vector field does what no field may do; the message names file and line."""
-
-
-class _RefusedError(TypeError):
-    """What no field may do; what to use instead in a field over `ops`, and in an ordinary function f(t, y)."""
-
-    def __init__(self, what: str, instead: str, in_function: str) -> None:
-        super().__init__(f"{what}; use {instead}")
-        self.in_function = f"{what}; use {in_function}"
 
 
 def either_side(
@@ -105,17 +98,13 @@ class Number:
         return call("pow", base, self)
 
     def _compare(self, other: Any = None) -> bool:
-        raise _RefusedError(
-            "a field cannot compare or branch", "ops.where_positive(x, a, b)", BRANCHES
-        )
+        raise TypeError("a field cannot compare or branch; use ops.where_positive(x, a, b)")
 
     __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _compare  # pyright: ignore
 
     def __float__(self) -> float:
-        raise _RefusedError(
-            "a field cannot use float() or math's functions",
-            "ops.sin, ops.cos, ops.sqrt",
-            FUNCTIONS,
+        raise TypeError(
+            "a field cannot use float() or math's functions; use ops.sin, ops.cos, ops.sqrt"
         )
 
 
@@ -138,18 +127,22 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
     return x.emit(f"select i1 {positive}, double {operand(a)}, double {operand(b)}")
 
 
-def _expm1(x: Any) -> Any:
-    return (
-        x.emit(f"call contract double @expm1(double {x.name})")
-        if isinstance(x, Number)
-        else math.expm1(x)
-    )
+def of_library(function: str, *arguments: Any) -> Any:
+    """A function of C's library that LLVM has no name for."""
+    number = next((x for x in arguments if isinstance(x, Number)), None)
+    if number is None:
+        return getattr(math, function)(*arguments)
+    operands = ", ".join(f"double {operand(x)}" for x in arguments)
+    return number.emit(f"call contract double @{function}({operands})")
+
+
+_expm1 = partial(of_library, "expm1")
 
 
 _SIN, _COS, _SQRT, _EXP, _LOG = (
     partial(call, name) for name in ("sin", "cos", "sqrt", "exp", "log")
 )
-OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG)
+OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG, of_library)
 
 
 @once()
@@ -187,8 +180,7 @@ def written(lines: dict[str, str], numbers: Iterable[Any]) -> str:
 
 def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) -> tuple[Any, ...]:
     """The rates of a traced state, or the place where the field goes wrong."""
-    own = isinstance(factory, OwnField)
-    with _located(own):
+    with _located():
         rhs = factory(OPERATIONS)
     code = getattr(rhs, "__code__", None)
     place = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(rhs)
@@ -199,7 +191,7 @@ def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) ->
     ]
     if len(names) != 2 or names[0] == "t":
         raise FieldError(f"{place}: got rhs({', '.join(names)}), expected rhs(y, p)")
-    with _located(own):
+    with _located():
         rates = rhs(y, p)
     if not isinstance(rates, tuple | list) or len(rates) != len(y):
         got = (
@@ -217,18 +209,19 @@ def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) ->
 
 
 @contextmanager
-def _located(own: bool) -> Iterator[None]:
+def _located() -> Iterator[None]:
     """Name the line of the field, or of what it calls, in which an exception arose."""
     try:
         yield
+    except UntraceableError as error:
+        # It names the user's line itself.
+        raise FieldError(str(error)) from error
     except Exception as error:
         frame = line_of(error, __file__)
         where, line = (
             (f"{frame.filename}:{frame.lineno}: ", f": {frame.line}") if frame else ("", "")
         )
         words = str(error)
-        if own and isinstance(error, _RefusedError):
-            words = error.in_function
-        elif re.search("__array_ufunc__|bad operand type for abs|no callable .* method", words):
-            words = f"a field cannot use this function; use {FUNCTIONS if own else 'those of ops'}"
+        if re.search("__array_ufunc__|bad operand type for abs|no callable .* method", words):
+            words = "a field cannot use this function; use those of ops"
         raise FieldError(f"{where}{words}{line}") from error

@@ -5,7 +5,7 @@ advance the time is no error to the library: it "will continue anyway". Here it 
 """
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Lock, get_ident
 from typing import Any
@@ -13,9 +13,12 @@ from typing import Any
 import numpy as np
 
 from polhode.models.problem import Problem
-from polhode.solvers.compile import array_callback, exact_jacobian
+from polhode.solvers.compile import array_callback, exact_jacobian, plain_rates
 from polhode.solvers.contract import UNLIMITED, Outcome, Record, Settings, Status
+from polhode.solvers.sundials.jacobians import jacobian_options
 from polhode.solvers.sundials.library import FAILURES, posed
+
+Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
 # Right-hand sides between two looks at the clock; two looks at one and the same time make a stall.
 LOOK = 1000
@@ -62,6 +65,19 @@ class _StoppedError(Exception):
     """A run that is to end: its status, and why."""
 
 
+def _rates(problem: Problem, settings: Settings, values: np.ndarray) -> Rates:
+    """The field as ``rates(t, y, out)``."""
+    if problem.plain:
+        function = plain_rates(problem)
+
+        def plain(t: float, y: np.ndarray, out: np.ndarray) -> None:
+            out[:] = function(t, y)
+
+        return plain
+    callback, parameters = array_callback(problem, settings.backend, values)
+    return lambda t, y, out: callback(y, parameters, out)
+
+
 class Callbacks:
     """A problem bound to one of scikit-sundae's classes, ``CVODE`` or ``IDA``."""
 
@@ -69,19 +85,21 @@ class Callbacks:
         self.implicit, self.calls, self.seen = library.__name__ == "IDA", 0, -np.inf
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
-        callback, parameters = array_callback(problem, settings.backend, values)
+        rates = _rates(problem, settings, values)
 
         def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
             self.calls += 1
             if self.record and self.calls % LOOK == 0:
                 self._look(self.record, t)
-            callback(y, parameters, out)
+            rates(t, y, out)
 
-        def residual(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+        def residual(t: float, y: np.ndarray, slope: np.ndarray, out: np.ndarray) -> None:
             field(t, y, out)
-            np.subtract(self.mass * rates, out, out=out)
+            np.subtract(self.mass * slope, out, out=out)
 
-        if settings.jacobian == "exact":
+        if problem.plain:
+            options |= jacobian_options(problem, self.mass if self.implicit else None)
+        elif settings.jacobian == "exact":
             jacobian, diagonal = (
                 exact_jacobian(problem.field, problem.dimension, len(values)),
                 np.diag(self.mass),
@@ -106,7 +124,7 @@ class Callbacks:
             "first_step": settings.first_step or 0.0,
             "max_num_steps": UNLIMITED,
         }
-        self.rates = lambda y, out: callback(y, parameters, out)
+        self.rates = rates
         self.library = library(residual if self.implicit else field, **options)
 
     def start(self, record: Record) -> tuple[np.ndarray, ...]:
@@ -114,7 +132,7 @@ class Callbacks:
         if not self.implicit:
             return (record.start,)
         rates = np.empty(len(record.start))
-        self.rates(record.start, rates)
+        self.rates(float(record.times[0]), record.start, rates)
         return record.start, np.divide(
             rates, self.mass, out=np.zeros(len(rates)), where=self.mass > 0
         )
@@ -159,6 +177,11 @@ class Callbacks:
             )
         return result
 
+    def _between(self, time: float) -> np.ndarray:
+        """The state within the last step, shape (d,)."""
+        assert self.record is not None, "a run is under way"
+        return self._to(time, self.record).y
+
     def _rows(self, record: Record, last: int) -> None:
         for time in record.times[record.filled : last].tolist():
             record.put(self._to(time, record).y[None])
@@ -170,10 +193,13 @@ class Callbacks:
             # The first step is guessed from the first time wanted.
             result = self._to(end if steps else times[1], record, "onestep")
             # After an interpolation the library first hands back the step it has.
-            steps, reached = steps + (result.t > reached), result.t
+            advanced = result.t > reached
+            steps, reached = steps + advanced, result.t
             work.steps = steps
-            self._rows(record, int(np.searchsorted(times, result.t, side="right")))
-            if result.t >= end:
+            ended = advanced and record.looked_through((reached,), (result.y,), self._between)
+            last = int(np.searchsorted(times, reached, side="right"))
+            self._rows(record, min(last, record.last_wanted))
+            if ended or result.t >= end:
                 return Status.REACHED_END, ""
             if steps >= record.max_steps:
                 return Status.STEP_LIMIT, f"{steps} steps"

@@ -15,6 +15,7 @@ the very same steps.
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from importlib import import_module
 from typing import ClassVar
 
@@ -54,6 +55,7 @@ class SundialsSolver(Solver):
     implicit = True
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
+    seeks_events = True
     backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
     # How the names of the C library's functions begin, the arguments of its constructor, and those
@@ -89,11 +91,20 @@ class SundialsSolver(Solver):
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         _silence()
         if settings.backend == "compiled":
-            return integrator(self._memory(problem, settings), settings.count)
+            compiled = integrator(self._memory(problem, settings), settings.count)
+
+            def integrate_compiled(record: Record) -> Outcome:
+                if record.events is None:
+                    return compiled(record)
+                # Events are Python's: so is the loop that looks for them.
+                return self.prepare(problem, replace(settings, backend="numba"))(record)
+
+            return integrate_compiled
         callbacks = self._callbacks(problem, settings)
 
         def integrate(record: Record) -> Outcome:
-            outcome = callbacks.run(record, settings.count or record.max_steps < UNLIMITED)
+            every = settings.count or record.max_steps < UNLIMITED or record.events is not None
+            outcome = callbacks.run(record, every)
             record.work.rhs_calls = callbacks.calls if settings.count else None
             return outcome
 

@@ -1,0 +1,85 @@
+"""What a user knows of a right-hand side's Jacobian: a function that gives it, its pattern, its bands."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A Jacobian ``df_i/dy_j`` as far as it is known.
+
+    Parameters
+    ----------
+    jacobian : callable or matrix, optional
+        ``jacobian(t, y, *parameters)``, shape (d, d), as an array or as one of SciPy's sparse
+        matrices; or the matrix itself where it is constant.
+    sparsity : array or sparse matrix, optional
+        Shape (d, d); zero where the Jacobian is.
+    lower, upper : int, optional
+        Numbers of diagonals below and above the main one that are not zero.
+    """
+
+    jacobian: Any = None
+    sparsity: Any = None
+    lower: int | None = None
+    upper: int | None = None
+
+
+def structure_of(
+    jacobian: Any, sparsity: Any, lower: Any, upper: Any, dimension: int
+) -> Structure | None:
+    """The structure given, checked; None if nothing is given."""
+    if jacobian is None and sparsity is None and lower is None and upper is None:
+        return None
+    shape = (dimension, dimension)
+    if jacobian is not None and not callable(jacobian):
+        jacobian = _matrix("jacobian", jacobian, shape, "or a function (t, y) that returns one")
+    if sparsity is not None:
+        sparsity = _matrix("jac_sparsity", sparsity, shape, "that is zero where the Jacobian is")
+    if (lower is None) != (upper is None):
+        lower, upper = lower or 0, upper or 0
+    for name, bands in (("lband", lower), ("uband", upper)):
+        if bands is not None and not (
+            isinstance(bands, int | np.integer) and 0 <= bands < dimension
+        ):
+            raise ValueError(
+                f"{name}: got {bands!r}, expected a whole number from 0 to {dimension - 1}"
+            )
+    return Structure(jacobian, sparsity, lower, upper)
+
+
+def _matrix(name: str, given: Any, shape: tuple[int, int], more: str) -> Any:
+    if not hasattr(given, "tocsc"):
+        try:
+            given = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"{name}: got {given!r:.60}, expected a matrix of shape {shape}, {more}"
+            ) from None
+    if given.shape != shape:
+        raise ValueError(f"{name}: got shape {given.shape}, expected {shape}, {more}")
+    return given
+
+
+def in_run_time(
+    structure: Structure,
+    parameters: tuple[float, ...],
+    time_at: Callable[[float], float],
+    sign: float,
+) -> Any:
+    """The Jacobian as ``(t, y)`` of a run's time, or the matrix it is; `sign` is -1 backwards."""
+    jacobian = structure.jacobian
+    if jacobian is None:
+        return None
+    if not callable(jacobian):
+        return sign * jacobian
+    if sign < 0:
+        return lambda t, y: -1.0 * _as_matrix(jacobian(float(time_at(t)), y, *parameters))
+    return lambda t, y: jacobian(float(time_at(t)), y, *parameters)
+
+
+def _as_matrix(matrix: Any) -> Any:
+    return matrix if hasattr(matrix, "tocsc") else np.asarray(matrix, dtype=float)

@@ -1,0 +1,148 @@
+"""Events of a run: sought at every accepted step, placed on the step's own interpolation, as SciPy does.
+
+An event is a function of time and state whose sign changes. Numbers that pass zero are placed by Brent's method.
+Conditions (True or False), and numbers that reach zero and stay there, are bisected to the first time of the new value.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from polhode.models.own_function import place_of
+
+# The state, shape (d,), at a time within the last step.
+Between = Callable[[float], np.ndarray]
+
+# SciPy's tolerance of the place of an event, in units of the time and of one.
+_PLACE = np.float64(4 * np.finfo(float).eps)
+# Iterations of Brent's method: it halves the interval at least every third time.
+_MAX_ITERATIONS = 300
+# Looks within a step, where its interpolation costs next to nothing: a step of high order is
+# longer than a half period of what it follows.
+LOOKS_WITHIN_STEP = 8
+
+
+@dataclass
+class SoughtEvent:
+    """One event: its function, and the times and states at which it happened so far.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    function : callable
+        ``function(t, y)`` of the run's time and state: a number, or True or False.
+    direction : float
+        It counts where the function rises if positive, where it falls if negative.
+    terminal : int
+        The run ends at its n-th time; 0 if it does not end it.
+    """
+
+    name: str
+    function: Callable[[float, np.ndarray], Any]
+    direction: float = 0.0
+    terminal: int = 0
+    times: list[float] = field(default_factory=list)
+    states: list[np.ndarray] = field(default_factory=list)
+    last: float = 0.0  # value at the last look
+    condition: bool = False  # whether its values are True and False
+
+    def value(self, time: float, state: np.ndarray) -> float:
+        """Its value as a number, 1 and -1 of True and False; ValueError, in one line, if it has none."""
+        try:
+            value = self.function(time, state)
+            kind = type(value)
+            if kind is bool or kind is np.bool_:
+                self.condition = True
+                return 1.0 if value else -1.0
+            return float(value.item() if kind is np.ndarray else value)
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+            raise ValueError(f"event {self.name!r}: got {what}") from error
+
+    def passed(self, value: float) -> bool:
+        """Whether it happened between the last look and this value."""
+        before = self.last
+        if before == 0 or isnan(before) or isnan(value) or before * value > 0:
+            return False
+        return self.direction * -before >= 0
+
+    def place(self, low: float, high: float, value: float, between: Between) -> float:
+        """The time of a passage between two looks."""
+
+        def at(time: float) -> float:
+            return self.value(time, between(time))
+
+        before = self.last
+        if value != 0 and not self.condition:
+            from scipy.optimize import brentq
+
+            place: Any = brentq(at, low, high, xtol=_PLACE, rtol=_PLACE, maxiter=_MAX_ITERATIONS)
+            return place
+        while low < (middle := 0.5 * (low + high)) < high:
+            if before * at(middle) > 0:
+                low = middle
+            else:
+                high = middle
+        return high
+
+
+class EventFailedError(Exception):
+    """An event's function has raised an error: the caller's fault, no failure of the run."""
+
+
+class EventSearch:
+    """All events of a run, followed from step to step.
+
+    A solver calls `begin` with the start and `through` with what it has accepted since, until that
+    returns True: a terminal event has happened, at the time `ended`.
+    """
+
+    def __init__(self, events: Sequence[SoughtEvent]) -> None:
+        self.events = events
+        self.now = 0.0
+        self.ended: float | None = None
+        self.end_state = np.empty(0)
+
+    def begin(self, time: float, state: np.ndarray) -> None:
+        """Take the values at the start."""
+        self.now = time
+        for event in self.events:
+            event.last = event.value(time, state)
+
+    def through(self, times: Sequence[float], states: Any, between: Between) -> bool:
+        """Look at states, one per time, at increasing times; `between` interpolates from the last look on."""
+        for time, state in zip(times, states, strict=True):
+            passages = []
+            for event in self.events:
+                value = event.value(time, state)
+                if event.passed(value):
+                    passages.append((event.place(self.now, time, value, between), event))
+                event.last = value
+            self.now = time
+            if passages and self._note(passages, between):
+                return True
+        return False
+
+    def _note(self, passages: list[tuple[float, SoughtEvent]], between: Between) -> bool:
+        """Note passages in order of time, up to one that ends the run."""
+        passages.sort(key=lambda passage: passage[0])
+        for time, event in passages:
+            if self.ended is not None and time > self.ended:
+                break
+            state = np.array(between(time))
+            event.times.append(time)
+            event.states.append(state)
+            if event.terminal and len(event.times) >= event.terminal and self.ended is None:
+                self.ended, self.end_state = time, state
+        return self.ended is not None
+
+
+def looks(steps: np.ndarray) -> np.ndarray:
+    """The times of steps, the first one the last look, and equispaced ones within each; without the first."""
+    parts = LOOKS_WITHIN_STEP + 1
+    at = np.arange(1, (len(steps) - 1) * parts + 1) / parts
+    return np.interp(at, np.arange(len(steps)), steps)

@@ -1,0 +1,91 @@
+"""What a user knows of a Jacobian, as scikit-sundae takes it: its linear solver, its pattern, its entries."""
+
+from typing import Any
+
+import numpy as np
+
+from polhode.models.problem import Problem
+from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
+
+# scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB of so many components.
+_MAX_FULL = 1000
+
+
+def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
+    """Options of scikit-sundae's classes; with a mass, its diagonal, those of IDA's residual."""
+    jacobian, bands, pattern = jacobian_of(problem), bands_of(problem), pattern_of(problem)
+    if bands and (jacobian is None or problem.dimension > _MAX_FULL):
+        # The library's own differences take one right-hand side per diagonal.
+        return {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
+    if bands:
+        options: dict[str, Any] = {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
+        return options | {"jacfn": _filled(jacobian, mass, dense)}
+    if pattern is None and jacobian is not None:
+        first: Any = jacobian(0.0, np.array(problem.start)) if callable(jacobian) else jacobian
+        if hasattr(first, "tocsc"):
+            pattern = first.tocsc(copy=True)
+            pattern.data = np.ones(len(pattern.data))
+    if pattern is not None:
+        pattern = _with_diagonal(pattern) if mass is not None else pattern
+        options = {"linsolver": "sparse", "sparsity": pattern}
+        if jacobian is not None:
+            options["jacfn"] = _filled(jacobian, mass, _Entries(pattern))
+        return options
+    return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
+
+
+def _with_diagonal(pattern: Any) -> Any:
+    """A pattern with the mass's diagonal in it."""
+    from scipy import sparse
+
+    whole = (pattern + sparse.identity(pattern.shape[0], format="csc")).tocsc()
+    whole.data[:] = 1.0
+    whole.sort_indices()
+    return whole
+
+
+class _Entries:
+    """The entries of a matrix at the places of a pattern, column by column."""
+
+    def __init__(self, pattern: Any) -> None:
+        self.rows = pattern.indices
+        self.columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
+        self.pointers = pattern.indptr
+
+    def __call__(self, matrix: Any) -> np.ndarray:
+        if hasattr(matrix, "tocsc"):
+            matrix = matrix.tocsc()
+            matrix.sort_indices()
+            same = np.array_equal(matrix.indptr, self.pointers)
+            if same and np.array_equal(matrix.indices, self.rows):
+                return matrix.data
+        return np.asarray(matrix[self.rows, self.columns], dtype=float).ravel()
+
+
+def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
+    """The function that fills the library's matrix with a Jacobian, or with that of ``mass * y' - f``."""
+
+    def at(t: float, y: np.ndarray) -> Any:
+        return jacobian(t, y) if callable(jacobian) else jacobian
+
+    if mass is None:
+
+        def of_field(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+            out[:] = entries(at(t, y))
+
+        return of_field
+
+    def of_residual(
+        t: float, y: np.ndarray, slope: np.ndarray, residual: Any, cj: float, out: np.ndarray
+    ) -> None:
+        out[:] = entries(_residual(at(t, y), mass, cj))
+
+    return of_residual
+
+
+def _residual(jacobian: Any, mass: np.ndarray, cj: float) -> Any:
+    if not hasattr(jacobian, "tocsc"):
+        return cj * np.diag(mass) - np.asarray(jacobian, dtype=float)
+    from scipy import sparse
+
+    return (cj * sparse.diags(mass) - jacobian).tocsc()
