@@ -55,6 +55,8 @@ ONSET = 1.0
 WIGGLE = 0.02
 # Smallest St of the fits of the transient.
 LARGE_STOKES = 5e5
+# Rows that are computed for each that is kept of a path on the sphere.
+DENSE = 16
 # Scaled time up to which the magnified views go.
 EARLY = 2.0
 
@@ -92,12 +94,6 @@ def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
     share = np.sum(offsets * sides, axis=-1) / np.sum(sides**2, axis=-1)
     apart = offsets - share.clip(0.0, 1.0)[..., None] * sides
     return np.min(np.linalg.norm(apart, axis=-1), axis=1)
-
-
-def share_above_zero(values: np.ndarray) -> float:
-    """Share of the time in which values at even times, and straight lines between them, lie above zero."""
-    pairs = np.stack([values[:-1], values[1:]])
-    return float(np.mean(np.sum(pairs.clip(0.0), axis=0) / np.sum(np.abs(pairs), axis=0)))
 
 
 def turns(path: Table) -> np.ndarray:
@@ -153,14 +149,18 @@ class Sphere(Experiment):
     stokes: float = 1e3
 
     def compute(self, grid: Grid) -> Computed:
-        """Path of z', and the sizes of its gyroscopic and viscous terms."""
-        times = np.linspace(0.0, self.time, grid.of(12001, 6001))
+        """Path of z', and the time so far in which the viscous term is the larger one."""
+        kept = grid.of(12001, 6001)
+        times = np.linspace(0.0, self.time, DENSE * (kept - 1) + 1)
         scene = Scene(self.ellipsoid, self.stokes, self.start, self.time)
         # This form gives the whole rotation, of spheroids too.
         run = run_form(find_form("quaternion"), scene, times)
         gyroscopic, viscous = terms_of(run)
-        rows = {"t": times, **_path(run), "gyroscopic": gyroscopic, "viscous": viscous}
-        yield "", rows
+        # The viscous term is the smaller one in dips that are shorter than a row.
+        is_larger = (viscous > gyroscopic).astype(float)
+        larger = cumulative_trapezoid(is_larger, times, initial=0.0)
+        rows = {"t": times, **_path(run), "viscous_larger": larger}
+        yield "", {name: column[::DENSE] for name, column in rows.items()}
         yield from _jeffery_orbit(self.ellipsoid, self.start, 401)
 
     def judge(self, data: Data) -> Verdict:
@@ -172,8 +172,8 @@ class Sphere(Experiment):
         first = change.durations[0] / jeffery
         last = change.durations[-1] / (4 * pi)
         tilt = worst(table.z[table.t >= 0.95 * self.time])
-        later = table[table.t >= change.time]
-        viscous = share_above_zero(later.viscous - later.gyroscopic)
+        before = np.interp(change.time, table.t, table.viscous_larger)
+        viscous = (table.viscous_larger[-1] - before) / (self.time - change.time)
         angles = ", ".join(f"{angle:.4g}" for angle in self.start.angles[:2])
         return Verdict(
             Word.SHARPENED,

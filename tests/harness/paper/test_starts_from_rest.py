@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.paper.runs import run_form, spheroid
-from polhode.harness.paper.sections.rest import distance_from, share_above_zero, terms_of
+from polhode.harness.paper.sections.rest import distance_from, terms_of
 from polhode.harness.paper.tables import maxima
 from polhode.models.catalogue import form as find_form
 from polhode.models.scene import EulerStart, Scene
@@ -31,11 +31,6 @@ def test_distance_from_a_line_of_pieces():
     line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
     places = np.array([[0.5, 0.2, 0.0], [1.3, 0.5, 0.4], [-3.0, 0.0, 4.0]])
     assert distance_from(line, places) == pytest.approx([0.2, 0.5, 5.0])
-
-
-def test_share_above_zero_between_rows():
-    assert share_above_zero(np.array([1.0, -1.0, -3.0])) == pytest.approx(0.25)
-    assert share_above_zero(np.array([1.0, 2.0])) == 1.0
 
 
 def test_maxima_lie_between_rows():

@@ -612,7 +612,7 @@ def maxima(times, values):
 
 def rest_needle():
     axes, angles, stokes, end = (1.0, 1.0, 10.0), (0.10472, 5.4978, 0.0), 1e3, 600.0
-    times = np.linspace(0, end, 48001)
+    times = np.linspace(0, end, 300001)
     run = at_rest(axes, angles, stokes, times)
     body = run.body
     z = run.rotation[:, 2, 2]
