@@ -1,8 +1,7 @@
 """Where the wall time of a thread goes: every moment counts for the innermost piece of work alone."""
 
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ContextDecorator
 from threading import local
 from time import perf_counter
 
@@ -17,12 +16,26 @@ class _Spent(local):
 SPENT = _Spent()
 
 
-@contextmanager
-def spent_on(work: str) -> Iterator[None]:
+class _Block(ContextDecorator):
+    """A piece of work, timed from its beginning to its end; a generator would cost three times as much."""
+
+    def __init__(self, work: str) -> None:
+        self._work = work
+
+    def __enter__(self) -> None:
+        self._inside = sum(SPENT.seconds.values())
+        self._began = perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        seconds = SPENT.seconds
+        inside = sum(seconds.values()) - self._inside
+        seconds[self._work] += perf_counter() - self._began - inside
+
+    def _recreate_cm(self) -> "_Block":
+        # What decorates a function begins anew at each call, in each thread.
+        return _Block(self._work)
+
+
+def spent_on(work: str) -> ContextDecorator:
     """Count a block, or a function that this decorates."""
-    seconds = SPENT.seconds
-    began, inside = perf_counter(), sum(seconds.values())
-    try:
-        yield
-    finally:
-        seconds[work] += perf_counter() - began - (sum(seconds.values()) - inside)
+    return _Block(work)

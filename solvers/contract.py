@@ -243,7 +243,8 @@ def _tolerance(
 ) -> float | tuple[float, ...]:
     """A tolerance as a number or a tuple; a SolverNotValidError names one that is out of range."""
     if isinstance(given, float) and 0 < given < inf:
-        return given
+        # The usual one; arrays would cost as much as some steps of a short run.
+        return float(given)
     numbers = np.array(given, dtype=float)
     least = numbers >= 0 if zero else numbers > 0
     if not (numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & least).all()):
@@ -374,8 +375,10 @@ class Solver(ABC):
             raise SolverNotValidError(
                 f"atol: got {absolute!r}, expected rtol, {rtol!r}: solver {self.name!r} has one tolerance"
             )
-        for name, limit in (("max_step", max_step), ("first_step", first_step)):
-            self._check_limit(name, limit)
+        if max_step != inf:
+            self._check_limit("max_step", max_step)
+        if first_step is not None:
+            self._check_limit("first_step", first_step)
         chosen = (
             self._choose("jacobian", jacobian, self.jacobians)
             if self.jacobians or jacobian
@@ -384,9 +387,7 @@ class Solver(ABC):
         offered = self._choose("backend", backend, self.backends)
         return Settings(rtol, offered, chosen, count, absolute, max_step, first_step)
 
-    def _check_limit(self, name: str, limit: float | None) -> None:
-        if limit is None or limit == inf:
-            return
+    def _check_limit(self, name: str, limit: float) -> None:
         if not limit > 0:
             raise SolverNotValidError(f"{name}: got {limit!r}, expected a positive number")
         if name not in self.limits:

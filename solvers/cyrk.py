@@ -181,24 +181,34 @@ class Call:
         settings: Settings,
         calls: np.ndarray | None = None,
     ) -> None:
-        self.library, _ = load_cyrk(), FlushedToZero()
+        self.library = load_cyrk()
+        self.flushed_to_zero = FlushedToZero()
         self.calls = np.zeros(1, dtype=np.int64) if calls is None else calls
         # The code lives as long as this call, whatever caches do.
-        self.code, self.method = code, method
-        self.parameters, self.max_step = parameters, settings.max_step
+        self.code = code
+        self.method = method
+        self.parameters = parameters
+        self.max_step = settings.max_step
         self.first_step = settings.first_step or 0.0  # 0: the library's guess
-        self.rtol = np.atleast_1d(settings.rtols())
-        self.atol = np.atleast_1d(settings.atols())
+        self.rtol = np.array(settings.rtol, dtype=float, ndmin=1)
+        same = settings.atol == settings.rtol
+        self.atol = self.rtol if same else np.array(settings.atol, dtype=float, ndmin=1)
+        # As the library takes them; ctypes takes as long as a step to ask an array for its address.
+        rtol_address = self.rtol.ctypes.data
+        atol_address = rtol_address if same else self.atol.ctypes.data
+        self.tolerances = rtol_address, self.rtol.size, atol_address, self.atol.size
+        self.parameters_address = parameters.ctypes.data
 
     def begins(self, state: np.ndarray, switching: bool = False) -> bool:
         """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
         rates = np.empty_like(state)
-        with FlushedToZero():
+        with self.flushed_to_zero:
             _FIELD(self.code.address)(
-                rates.ctypes.data, 0.0, state.ctypes.data, self.parameters.ctypes.data
+                rates.ctypes.data, 0.0, state.ctypes.data, self.parameters_address
             )
         with np.errstate(all="ignore"):
-            norm = hypot(*(rates / (self.atol + self.rtol * np.abs(state))))
+            scaled = rates / (self.atol + self.rtol * np.abs(state))
+        norm = hypot(*scaled.tolist())
         return norm < (inf if switching else LARGEST_NORM)
 
     def __call__(
@@ -215,12 +225,12 @@ class Call:
         return self.library.c_numba_cysolve_ivp(
             *(self.code.address, start, end, state.ctypes.data, state.size),
             # Expected size: the library's guess; extra outputs.
-            *(self.method, 0, 0, self.parameters.ctypes.data, self.parameters.nbytes),
+            *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
             # Dense output is used, and kept where a run is to be looked through.
             *(max_steps, MAX_RAM_MB, dense, times.ctypes.data, times.size),
             # No function before the right-hand side, no events.
             *(None, None, 0),
-            *(self.rtol.ctypes.data, self.rtol.size, self.atol.ctypes.data, self.atol.size),
+            *self.tolerances,
             # Largest step, first step; keep what `c_get_y_now` reads.
             *(self.max_step, first_step, True),
         )
@@ -235,7 +245,7 @@ def _run(call: Call, record: Record) -> Outcome:
     while True:
         wanted = np.empty(0) if record.events else record.times[record.filled :]
         chunk = min(record.chunk(look), record.max_steps - steps)
-        with FlushedToZero():
+        with call.flushed_to_zero:
             result = call(time, end, state, wanted, chunk, last_step, bool(record.events))
         try:
             size, code = library.c_get_size(result), library.c_get_status(result)
@@ -338,7 +348,7 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
         return np.zeros(1), start[None]
 
     def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        with FlushedToZero():
+        with call.flushed_to_zero:
             result = call(0.0, end, start, wanted, MOST_STEPS)
         try:
             size, d = library.c_get_size(result), start.size

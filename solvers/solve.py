@@ -285,7 +285,10 @@ def _per_component(
     problem: Problem, rtol: Any, atol: Any, apart: bool
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
+    if atol is None and not problem.timed and not np.ndim(rtol):
+        return rtol, None
     components = problem.dimension - problem.timed
+    given: Any
     for name, given in (("rtol", rtol), ("atol", atol)):
         if np.ndim(given) and np.shape(given) != (components,):
             expected = f"one number or {components}, one per component"

@@ -36,7 +36,9 @@ class Memory:
     def __init__(
         self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]
     ) -> None:
-        self.library, self.implicit, _ = library, library.prefix == "IDA", FlushedToZero()
+        self.library = library
+        self.implicit = library.prefix == "IDA"
+        self.flushed_to_zero = FlushedToZero()
         d = problem.dimension
         self.mass, values = posed(problem, self.implicit)
         # The arrays live as long as what points to them.
@@ -75,7 +77,8 @@ class Memory:
         self._set_tolerances(settings)
         if settings.max_step < inf:
             self._set("SetMaxStep", settings.max_step)
-        self._set("SetInitStep", settings.first_step or 0.0)
+        if settings.first_step is not None:
+            self._set("SetInitStep", settings.first_step)
         self._set("SetLinearSolver", linear, matrix)
         # At a step of 0, where it ends if the time stands still, CVODE's corrector repeats itself
         # for ever.
@@ -101,7 +104,7 @@ class Memory:
         if isinstance(settings.atol, tuple):
             self._set("SVtolerances", settings.tolerance, self.tolerances)
         else:
-            self._set("SStolerances", settings.tolerance, settings.atols().item())
+            self._set("SStolerances", settings.tolerance, float(settings.atols()))
 
     @property
     def _states(self) -> tuple[int, ...]:
@@ -146,7 +149,7 @@ def integrator(memory: Memory, count: bool) -> Integrator:
             return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
         work, report, steps = record.work, memory.report, 0
         while True:
-            with FlushedToZero():
+            with memory.flushed_to_zero:
                 code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
             record.now, step = report.view(float)[[2, 9]].tolist()
             (
