@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from polhode.models.libraries import how_to_install, installed
+from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.event_search import Between, EventFailedError, EventSearch
 
@@ -423,6 +424,10 @@ class Solver(ABC):
             raise SolverNotValidError(condition, self.name)
         if problem.parameters is None:
             condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"
+            if isinstance(problem.field, OwnField):
+                condition = (
+                    f"{problem.name!r} has algebraic equations (mass is singular); use solver 'ida'"
+                )
             raise SolverNotValidError(condition, self.name)
 
     def takes(self, problem: Problem) -> bool:
