@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import inf, isfinite
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events
-from polhode.models.own_function import OwnField
+from polhode.models.own_function import OwnField, in_one_line
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import available_like, first_available, solver as find_solver
@@ -123,7 +123,7 @@ def solve_ivp(
         raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
     if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
         raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
-    (began, end), args = map(float, t_span), () if args is None else args
+    (began, end), args = map(float, t_span), () if args is None else _numbers_of(args)
     known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband, "mass": mass}
     problem = Problem.from_function(
         fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
@@ -168,6 +168,16 @@ def solve_ivp(
         message=message,
         success=run.success,
     )
+
+
+def _numbers_of(args: Any) -> tuple[float, ...]:
+    """The arguments of `solve_ivp`; ValueError, with the way out, if one is no number."""
+    given = args if np.iterable(args) and not isinstance(args, str | dict) else [args]
+    for each in given:
+        if not isinstance(each, Real):
+            way_out = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
+            raise ValueError(f"args: got {in_one_line(each)}, expected numbers; {way_out}")
+    return tuple(given)
 
 
 def _default_method(problem: Problem) -> str:

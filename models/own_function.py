@@ -201,12 +201,18 @@ def own_field(
         raise ValueError(
             f"f: got {type(error).__name__} at the start: {error}{place_of(error)}"
         ) from error
+    if rates == [None]:
+        raise ValueError("f: got None, expected rates: does the function return them?")
     if len(rates) != len(start):
         raise ValueError(
             f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0"
         )
     if not _all_finite(rates):
-        raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
+        more = ": real and imaginary parts are components of their own"
+        more = more if any(isinstance(rate, complex) for rate in rates) else ""
+        raise ValueError(
+            f"f: got the rates {rates!s:.100} at the start, expected finite numbers{more}"
+        )
     recording = None
     if not reason:
         try:
@@ -295,5 +301,30 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     except (TypeError, ValueError):
         found = None
     if found is None or not all(map(math.isfinite, found)):
-        raise ValueError(f"{name}: got {values!r:.60}, expected a sequence of finite numbers")
+        expected = f"a sequence of finite numbers{_way_out(name, values)}"
+        raise ValueError(f"{name}: got {in_one_line(values)}, expected {expected}")
     return found
+
+
+def in_one_line(given: Any) -> str:
+    """What was given, shortened, for messages."""
+    return " ".join(repr(given).split())[:60]
+
+
+def _way_out(name: str, values: Any) -> str:
+    """What to do with numbers that are none, as far as that is known."""
+    if name == "y0" and _is_complex(values):
+        return ": give real and imaginary parts as components of their own"
+    if name == "y0" and np.ndim(values) > 1:
+        return ": give y0.ravel(), and reshape y in the function"
+    if name == "parameters" and not isinstance(values, float | int | str):
+        # Tables and dictionaries are no numbers that solvers can vary.
+        return "; what is no number goes into a closure: lambda t, y: f(t, y, table)"
+    return ""
+
+
+def _is_complex(values: Any) -> bool:
+    try:
+        return np.asarray(values).dtype.kind == "c"
+    except (TypeError, ValueError):
+        return False

@@ -85,14 +85,15 @@ class ScipySolver(Solver):
 
             with UNWARNED, _lock_of(self.method):
                 asked = settings.count or problem.plain
-                counts = asked and not (problem.plain and self.attempt)
+                complete = self.attempt is not None or self.method == "LSODA"
+                counts = asked and not (problem.plain and complete)
                 own = counted if counts else fun
                 stepper = method(
                     own, record.times[0], record.start.copy(), record.times[-1], **options
                 )
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
-            # Explicit methods count theirs all themselves.
+            # Explicit methods and LSODA count theirs all themselves.
             work.rhs_calls = (calls if counts else stepper.nfev) if asked else None
             if self.implicit:
                 work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)

@@ -18,7 +18,7 @@ _MAX_FULL = 1000
 
 def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
     """Options of scikit-sundae's classes; with a mass, those of IDA's residual."""
-    jacobian, bands, pattern = jacobian_of(problem), bands_of(problem), pattern_of(problem)
+    jacobian, bands = jacobian_of(problem), bands_of(problem)
     if mass is not None and mass.ndim == 2:
         # A residual with a full mass matrix is full.
         return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
@@ -28,6 +28,7 @@ def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any
     if bands:
         options: dict[str, Any] = {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
         return options | {"jacfn": _filled(jacobian, mass, dense)}
+    pattern = pattern_of(problem)
     if pattern is None and jacobian is not None:
         first: Any = jacobian(0.0, np.array(problem.start)) if callable(jacobian) else jacobian
         if hasattr(first, "tocsc"):
