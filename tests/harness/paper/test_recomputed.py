@@ -35,6 +35,8 @@ CHAOTIC = {
     "median exponent of the chaotic orbits, per half turn": 0.02,
     "median exponent of the regular orbits, per half turn": 0.005,
 }
+# The rate that is printed comes from differences of 1e-6 there: three digits of what it leaves.
+COARSE = {"measured over printed rate, less one, worst of 20": 1e-6}
 
 
 def verdict_of(name):
@@ -63,7 +65,7 @@ def test_each_number_is_right_to_the_digits_that_are_written(name):
             continue
         # One unit of the last digit that is written.
         unit = 10.0 ** (floor(log10(abs(number.value))) - DIGITS + 1) if number.value else 1e-12
-        within = CHAOTIC.get(number.what, unit)
+        within = {**CHAOTIC, **COARSE}.get(number.what, unit)
         assert number.value == pytest.approx(expected, rel=0, abs=within), number.what
     assert compared >= 2
 
