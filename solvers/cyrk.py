@@ -114,16 +114,16 @@ def entry_with_jacobian() -> Callable[..., None] | None:
     Its first argument is where it writes the pointer to its result, as C++ on x86-64 returns one
     that frees itself. Arrays are vectors of C++, which it copies.
     """
-    load_cyrk()
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
-    if not version("CyRK").startswith(KNOWN):
+    spec = importlib.util.find_spec("CyRK")
+    if spec is None or spec.origin is None or not version("CyRK").startswith(KNOWN):
         return None
-    import CyRK.nb.numba_c_api as addresses
-
+    # The module that `load_cyrk` imports, without importing it: a list of solvers asks, too.
+    modules = list(Path(spec.origin).with_name("nb").glob("numba_c_api*.so"))
     try:
-        entry = ctypes.CDLL(addresses.__file__)[_WITH_JACOBIAN]
-    except (OSError, AttributeError):
+        entry = ctypes.CDLL(str(modules[0]))[_WITH_JACOBIAN]
+    except (IndexError, OSError, AttributeError):
         return None
     pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_size_t
     entry.restype = None

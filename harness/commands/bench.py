@@ -229,7 +229,6 @@ def paper(
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     report = (lambda _: None) if quiet or listed else partial(click.echo, err=True)
-    report("Loading what the items compute with")
     from polhode.harness.paper.claims import find_items, section_of
     from polhode.harness.paper.item import Grid
     from polhode.harness.paper.pages import run
