@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import inf, isfinite
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,13 +11,14 @@ import numpy as np
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import as_events
-from polhode.models.own_function import OwnField
+from polhode.models.own_function import OwnField, in_one_line
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
-from polhode.solvers.catalogue import available_like, solver as find_solver
+from polhode.solvers.catalogue import available_like, first_available, solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver
 from polhode.solvers.event_search import SoughtEvent
 from polhode.solvers.solve import Solution, prepared, solve
+from polhode.solvers.structure import bands_of
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -48,6 +49,7 @@ def solve_ivp(
     jac_sparsity: Any = None,
     lband: int | None = None,
     uband: int | None = None,
+    mass: Any = None,
     dense_output: bool = True,
     **others: Any,
 ) -> "OptimizeResult":
@@ -61,8 +63,9 @@ def solve_ivp(
         The end may lie before the start.
     method : str or Solver
         A catalogue name (`polhode solvers`), ``"module:class"``, or a solver. By default
-        `cyrk-dop853`; `dop853` of a function that runs as plain Python; `bdf` where anything is
-        known of the Jacobian.
+        `cyrk-dop853`; `dop853` of a function that runs as plain Python; where anything is known of
+        the Jacobian `bdf`, or `cvode-bdf` if it has few diagonals; `ida` where equations are
+        algebraic.
     t_eval : sequence of float, optional
         Times of the output, from start to end. By default 201 equispaced ones; of a function in
         plain Python by SciPy's methods the solver's own steps.
@@ -86,6 +89,8 @@ def solve_ivp(
         Pattern of the Jacobian.
     lband, uband : int, optional
         Diagonals of the Jacobian below and above the main one.
+    mass : array or sparse matrix, optional
+        M in ``M y' = fun(t, y)``, its diagonal or a matrix; where it is singular, by `ida` alone.
     dense_output : bool
         For SciPy's sake: `sol` is always there.
     others
@@ -118,8 +123,8 @@ def solve_ivp(
         raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
     if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
         raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
-    (began, end), args = map(float, t_span), () if args is None else args
-    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband}
+    (began, end), args = map(float, t_span), () if args is None else _numbers_of(args)
+    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband, "mass": mass}
     problem = Problem.from_function(
         fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
     )
@@ -139,7 +144,8 @@ def solve_ivp(
     steps = {"max_step": max_step, "first_step": first_step}
     d = len(y0)
     sought = _sought(events, partial(_value, began, direction, d, tuple(args)))
-    how = {"count": True, "events": sought, "every_step": every_step}
+    # Plain Python counts its calls anyhow.
+    how = {"count": not problem.plain, "events": sought, "every_step": every_step}
     run = solve(problem, solver, rtol, times, atol=atol, **how, **limits, **steps)
     ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
     extra = behind and len(run.times) == len(times)
@@ -164,11 +170,23 @@ def solve_ivp(
     )
 
 
+def _numbers_of(args: Any) -> tuple[float, ...]:
+    """The arguments of `solve_ivp`; ValueError, with the way out, if one is no number."""
+    given = args if np.iterable(args) and not isinstance(args, str | dict) else [args]
+    for each in given:
+        if not isinstance(each, Real):
+            way_out = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
+            raise ValueError(f"args: got {in_one_line(each)}, expected numbers; {way_out}")
+    return tuple(given)
+
+
 def _default_method(problem: Problem) -> str:
     """The solver where none is named."""
     field = problem.field
+    if problem.parameters is None:
+        return "ida"
     if isinstance(field, OwnField) and field.structure is not None:
-        return "bdf"
+        return first_available("cvode-bdf", "bdf") if bands_of(problem) else "bdf"
     return "dop853" if problem.plain else available_like("cyrk-dop853")
 
 

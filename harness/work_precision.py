@@ -492,9 +492,9 @@ def _with_parameters(problem: Problem, point: dict[str, float]) -> Problem:
     if not isinstance(problem.field, OwnField):
         expected = "a Problem.from_function, or a function of the parameters that returns a Problem"
         raise ValueError(f"over: got {', '.join(point)} of {problem.name!r}, expected {expected}")
-    count = len(problem.parameters or ())
+    count = len(problem.field_parameters)
     names = [*inspect.signature(problem.field.function).parameters][2 : 2 + count]
-    parameters = list(problem.parameters or ())
+    parameters = list(problem.field_parameters)
     for name, value in point.items():
         if name not in names:
             expected = f"one of {', '.join(names)}" if names else "a function with parameters"

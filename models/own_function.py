@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary, WeakMethod, ref
 
 import numpy as np
 
+from polhode.models.mass import Unmassed, is_singular
 from polhode.models.operations import ARRAYS, FLOAT, Field, Operations
 from polhode.models.recording import Recording, UntraceableError, line_of, numbers_of, record
 from polhode.models.shape import require_numbers
@@ -172,6 +173,7 @@ def own_field(
     span: tuple[float, float],
     parameters: Sequence[float],
     structure: tuple[Any, Any, Any, Any] = (None, None, None, None),
+    mass: np.ndarray | None = None,
 ) -> tuple[tuple[float, ...], OwnField]:
     """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
     start, given = _numbers("y0", y0), _numbers("parameters", parameters)
@@ -184,6 +186,11 @@ def own_field(
         raise ValueError(
             f"t_end: got {span[1]!r}, expected a finite number other than {span[0]!r}, the start"
         )
+    known = structure_of(*structure, len(start))
+    if mass is not None and not is_singular(mass):
+        _check_signature(f, span[0], start, given)
+        f = Unmassed(f, mass)
+        known = f.structure(known)
     key = f if f.__hash__ else f.__call__
     reason = _known_reason(key)
     if not reason:
@@ -194,12 +201,18 @@ def own_field(
         raise ValueError(
             f"f: got {type(error).__name__} at the start: {error}{place_of(error)}"
         ) from error
+    if rates == [None]:
+        raise ValueError("f: got None, expected rates: does the function return them?")
     if len(rates) != len(start):
         raise ValueError(
             f"f: got {len(rates)} rates, expected {len(start)}, one per component of y0"
         )
     if not _all_finite(rates):
-        raise ValueError(f"f: got the rates {rates} at the start, expected finite numbers")
+        more = ": real and imaginary parts are components of their own"
+        more = more if any(isinstance(rate, complex) for rate in rates) else ""
+        raise ValueError(
+            f"f: got the rates {rates!s:.100} at the start, expected finite numbers{more}"
+        )
     recording = None
     if not reason:
         try:
@@ -207,7 +220,6 @@ def own_field(
         except UntraceableError as error:
             reason = str(error)
     timed = recording is not None and recording.timed
-    known = structure_of(*structure, len(start))
     own = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, known)
     return (*start, 0.0) if timed else start, own
 
@@ -289,5 +301,30 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     except (TypeError, ValueError):
         found = None
     if found is None or not all(map(math.isfinite, found)):
-        raise ValueError(f"{name}: got {values!r:.60}, expected a sequence of finite numbers")
+        expected = f"a sequence of finite numbers{_way_out(name, values)}"
+        raise ValueError(f"{name}: got {in_one_line(values)}, expected {expected}")
     return found
+
+
+def in_one_line(given: Any) -> str:
+    """What was given, shortened, for messages."""
+    return " ".join(repr(given).split())[:60]
+
+
+def _way_out(name: str, values: Any) -> str:
+    """What to do with numbers that are none, as far as that is known."""
+    if name == "y0" and _is_complex(values):
+        return ": give real and imaginary parts as components of their own"
+    if name == "y0" and np.ndim(values) > 1:
+        return ": give y0.ravel(), and reshape y in the function"
+    if name == "parameters" and not isinstance(values, float | int | str):
+        # Tables and dictionaries are no numbers that solvers can vary.
+        return "; what is no number goes into a closure: lambda t, y: f(t, y, table)"
+    return ""
+
+
+def _is_complex(values: Any) -> bool:
+    try:
+        return np.asarray(values).dtype.kind == "c"
+    except (TypeError, ValueError):
+        return False

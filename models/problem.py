@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.mass import is_singular, mass_of, with_time
 from polhode.models.operations import Field, Operations
 from polhode.models.own_function import OwnField, own_field
 
@@ -25,7 +26,8 @@ class MassForm:
     (St = 0).
     """
 
-    mass: Floats  # the diagonal of the mass matrix
+    # The diagonal of the mass matrix, or its rows.
+    mass: Floats | tuple[Floats, ...]
     parameters: Floats  # what the field receives as ``p`` in this form
 
 
@@ -163,6 +165,7 @@ class Problem:
         jac_sparsity: Any = None,
         lband: int | None = None,
         uband: int | None = None,
+        mass: Any = None,
     ) -> "Problem":
         """The problem of a right-hand side as SciPy's `solve_ivp` takes it, ``f(t, y, *parameters)``.
 
@@ -189,6 +192,10 @@ class Problem:
             Pattern of the Jacobian, zero where that is.
         lband, uband : int, optional
             Diagonals of the Jacobian below and above the main one.
+        mass : array or sparse matrix, optional
+            M in ``M y' = f(t, y)``: its diagonal, shape (d,), or a matrix, shape (d, d). If it is
+            singular, some equations are algebraic, and `ida` alone takes the problem; the start is
+            made consistent.
 
         Raises
         ------
@@ -196,9 +203,16 @@ class Problem:
             In one line, what is wrong with f or the numbers, and what was expected.
         """
         structure = jacobian, jac_sparsity, lband, uband
-        start, field = own_field(f, y0, (t_start, t_end), parameters, structure)
+        masses = mass_of(mass, len(y0)) if mass is not None else None
+        start, field = own_field(f, y0, (t_start, t_end), parameters, structure, masses)
         name = name or getattr(f, "__name__", "f")
-        return cls(name, field, start, abs(float(t_end - t_start)), tuple(map(float, parameters)))
+        duration, numbers = abs(float(t_end - t_start)), tuple(map(float, parameters))
+        if masses is None or not is_singular(masses):
+            return cls(name, field, start, duration, numbers)
+        if field.timed:
+            masses = with_time(masses)
+        rows = tuple(map(tuple, masses.tolist())) if masses.ndim == 2 else tuple(masses.tolist())
+        return cls(name, field, start, duration, None, MassForm(rows, numbers))
 
     @property
     def timed(self) -> bool:
@@ -211,6 +225,13 @@ class Problem:
         if isinstance(field, OwnField) and not self.timed:
             field = replace(field, t_start=float(field.time_at(elapsed)))
         return replace(self, field=field, start=state, end=duration)
+
+    @property
+    def field_parameters(self) -> Floats:
+        """What the field receives, in the explicit form or, where there is none, in the mass form."""
+        if self.parameters is None:
+            return self.mass_form.parameters if self.mass_form else ()
+        return self.parameters
 
     @property
     def plain(self) -> bool:

@@ -636,6 +636,8 @@ def _protocolled(x: Any) -> Any:
 
 def numbers_of(rates: Any) -> list[Any]:
     """Rates as a list of numbers of any kind, whatever holds them."""
+    if isinstance(rates, np.ndarray) and rates.dtype.kind in "fiu":
+        return rates.ravel().tolist()
     if not isinstance(rates, np.ndarray):
         rates = list(rates) if hasattr(rates, "__iter__") else [rates]
     listed = rates.ravel().tolist() if isinstance(rates, np.ndarray) else rates

@@ -2,9 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+
+# Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded.
+_MAX_DIAGONALS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +30,33 @@ class Structure:
     sparsity: Any = None
     lower: int | None = None
     upper: int | None = None
+
+    @cached_property
+    def pattern(self) -> Any:
+        """The pattern as a sparse matrix of ones in columns; None if none is given."""
+        if self.sparsity is None:
+            return None
+        from scipy import sparse
+
+        pattern = sparse.csc_matrix(self.sparsity, dtype=float)
+        pattern.eliminate_zeros()
+        pattern.data[:] = 1.0
+        pattern.sort_indices()
+        return pattern
+
+    @cached_property
+    def bands(self) -> tuple[int, int] | None:
+        """Diagonals below and above the main one, as given, or where a pattern has few; else None."""
+        if self.lower is not None and self.upper is not None:
+            return self.lower, self.upper
+        pattern = self.pattern
+        if pattern is None:
+            return None
+        rows = pattern.indices.astype(int)
+        below = rows - np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
+        lower, upper = max(0, int(below.max(initial=0))), max(0, -int(below.min(initial=0)))
+        fullest = int(np.bincount(rows, minlength=1).max())
+        return (lower, upper) if lower + upper + 1 <= _MAX_DIAGONALS * fullest else None
 
 
 def structure_of(

@@ -16,6 +16,7 @@ import numpy as np
 
 from polhode.models.files.kept import cache_folder
 from polhode.models.libraries import need
+from polhode.models.mass import without_time
 from polhode.models.once import once
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.own_function import OwnField
@@ -55,7 +56,7 @@ def as_it_stands(problem: Problem) -> Problem:
     if not isinstance(field, OwnField) or field.frozen or field.plain:
         return problem
     try:
-        anew = field.recorded_anew(problem.dimension, len(problem.parameters or ()))
+        anew = field.recorded_anew(problem.dimension, len(problem.field_parameters))
     except UntraceableError as error:
         raise FieldError(str(error)) from error
     return replace(problem, field=anew)
@@ -66,8 +67,13 @@ def as_plain(problem: Problem) -> Problem:
     field = problem.field
     if not isinstance(field, OwnField) or field.plain:
         return problem
-    start = problem.start[: problem.dimension - problem.timed]
-    return replace(problem, start=start, field=replace(field, recording=None, timed=False))
+    start, form = problem.start[: problem.dimension - problem.timed], problem.mass_form
+    if form and problem.timed:
+        mass = without_time(np.array(form.mass))
+        rows = tuple(map(tuple, mass.tolist())) if mass.ndim == 2 else tuple(mass.tolist())
+        form = replace(form, mass=rows)
+    field = replace(field, recording=None, timed=False)
+    return replace(problem, start=start, field=field, mass_form=form)
 
 
 def frozen(problem: Problem) -> Problem:
@@ -112,6 +118,13 @@ def c_callback(
     )
 
 
+@once()
+def c_jacobian(factory: Factory, dimension: int, parameters: int) -> MachineCode:
+    """The field's Jacobian, column by column, as a C function of the arguments of `callback.ll`."""
+    lines = trace_jacobian(factory, dimension, parameters)
+    return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=0)
+
+
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
     """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them."""
     if problem.plain:
@@ -129,7 +142,7 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
 def plain_rates(problem: Problem) -> Callable[[float, np.ndarray], Any]:
     """The user's function as ``rates(t, y)`` of the run's time, as it is, for whoever can call Python."""
     assert isinstance(problem.field, OwnField), "a function of the user's"
-    return problem.field.rates(problem.parameters or ())
+    return problem.field.rates(problem.field_parameters)
 
 
 @once()

@@ -5,11 +5,10 @@ the root-mean-square norm; `atol` may have one number per component. SciPy raise
 where it is smaller. Rows come from each method's own dense output.
 """
 
-import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from math import inf
-from threading import Lock, RLock
+from threading import RLock
 from time import perf_counter
 from typing import Any, ClassVar
 
@@ -22,6 +21,7 @@ from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array, plain_rates
 from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.structure import bands_of, dense, jacobian_of, packed, pattern_of
+from polhode.solvers.unwarned import UNWARNED
 
 Callback = Callable[[float, np.ndarray], np.ndarray]
 
@@ -34,29 +34,6 @@ STALLED = 1000
 LOOK = 5000
 
 
-class _Unwarned:
-    """No warnings while any thread is within: Python's filters belong to the whole process."""
-
-    def __init__(self) -> None:
-        self.lock, self.threads = Lock(), 0
-        self.before = warnings.catch_warnings()
-
-    def __enter__(self) -> None:
-        with self.lock:
-            self.threads += 1
-            if self.threads == 1:
-                self.before = warnings.catch_warnings()
-                self.before.__enter__()
-                warnings.simplefilter("ignore")
-
-    def __exit__(self, *_: object) -> None:
-        with self.lock:
-            self.threads -= 1
-            if self.threads == 0:
-                self.before.__exit__(None, None, None)
-
-
-_unwarned = _Unwarned()
 _lsoda_lock = RLock()
 
 
@@ -106,16 +83,18 @@ class ScipySolver(Solver):
                 calls += 1
                 return fun(t, y)
 
-            with _unwarned, _lock_of(self.method):
-                counts = settings.count and not (problem.plain and self.attempt)
+            with UNWARNED, _lock_of(self.method):
+                asked = settings.count or problem.plain
+                complete = self.attempt is not None or self.method == "LSODA"
+                counts = asked and not (problem.plain and complete)
                 own = counted if counts else fun
                 stepper = method(
                     own, record.times[0], record.start.copy(), record.times[-1], **options
                 )
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
-            # Explicit methods count theirs all themselves.
-            work.rhs_calls = (calls if counts else stepper.nfev) if settings.count else None
+            # Explicit methods and LSODA count theirs all themselves.
+            work.rhs_calls = (calls if counts else stepper.nfev) if asked else None
             if self.implicit:
                 work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
             if self.attempt and work.steps:

@@ -60,11 +60,11 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
     suspects = np.zeros(len(states) - 1, dtype=bool)
     divisors = None
     if not problem.plain:
-        divisors = denominators(problem.field, problem.dimension, len(problem.parameters or ()))
+        divisors = denominators(problem.field, problem.dimension, len(problem.field_parameters))
     if divisors:
         function, count = divisors
         parameters, values = (
-            np.array(problem.parameters, dtype=float),
+            np.array(problem.field_parameters, dtype=float),
             np.empty((len(states), count)),
         )
         for state, out in zip(np.ascontiguousarray(states), values, strict=True):

@@ -8,9 +8,6 @@ from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.structure import Structure, in_run_time
 
-# Share of a matrix that its bands may fill, above which they are of no use.
-_MAX_BANDED_SHARE = 0.5
-
 
 def structure_of(problem: Problem) -> Structure | None:
     """What is known of a problem's Jacobian; None of problems that are no user's."""
@@ -23,45 +20,25 @@ def jacobian_of(problem: Problem) -> Any:
     if structure is None or not isinstance(field, OwnField):
         return None
     sign = -1.0 if field.backwards else 1.0
-    return in_run_time(structure, problem.parameters or (), field.time_at, sign)
+    return in_run_time(structure, problem.field_parameters, field.time_at, sign)
 
 
 def pattern_of(problem: Problem) -> Any:
     """The pattern of the Jacobian, a sparse matrix of ones in columns; None if it is not known."""
     structure = structure_of(problem)
-    if structure is None:
-        return None
+    if structure is None or structure.pattern is not None or structure.bands is None:
+        return structure.pattern if structure else None
     from scipy import sparse
 
-    d = problem.dimension
-    if structure.sparsity is not None:
-        pattern = sparse.csc_matrix(structure.sparsity, dtype=float)
-        pattern.eliminate_zeros()
-        pattern.data[:] = 1.0
-        pattern.sort_indices()
-        return pattern
-    if structure.lower is not None and structure.upper is not None:
-        offsets: Any = range(-structure.lower, structure.upper + 1)
-        return sparse.diags([np.ones(d - abs(k)) for k in offsets], list(offsets), format="csc")
-    return None
+    d, (lower, upper) = problem.dimension, structure.bands
+    offsets: Any = range(-lower, upper + 1)
+    return sparse.diags([np.ones(d - abs(k)) for k in offsets], list(offsets), format="csc")
 
 
 def bands_of(problem: Problem) -> tuple[int, int] | None:
     """The numbers of diagonals below and above the main one, where they are few; None if not."""
     structure = structure_of(problem)
-    if structure is None:
-        return None
-    lower, upper = structure.lower, structure.upper
-    if lower is None or upper is None:
-        pattern = pattern_of(problem)
-        if pattern is None:
-            return None
-        entries = pattern.tocoo()
-        below = entries.row.astype(int) - entries.col
-        lower, upper = max(0, int(below.max(initial=0))), max(0, int(-below.min(initial=0)))
-    if lower + upper + 1 > _MAX_BANDED_SHARE * problem.dimension:
-        return None
-    return lower, upper
+    return structure.bands if structure else None
 
 
 def dense(matrix: Any) -> np.ndarray:

@@ -42,6 +42,31 @@ def test_own_ode(example, tmp_path: Path):
     assert "reached_end" in out
 
 
+def test_five_equations_of_the_page_and_their_figures(
+    example, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("sys.argv", ["own_equations.py", str(tmp_path)])
+    script, _ = example("own_equations")
+    names = script["results"]()
+    kinetics, front, swing = names["kinetics"], names["front"], names["swing"]
+    assert kinetics.success
+    assert kinetics.y.sum(axis=0) == pytest.approx(1.0, abs=1e-5)
+    assert 3e-5 < kinetics.y[1].max() < 4e-5
+    # Fisher's fronts move by 2 √D.
+    places = [names["x"][profile > 0.5][-1] for profile in front.y.T]
+    assert (places[-1] - places[-2]) / 8 == pytest.approx(0.02, rel=0.1)
+    assert names["oscillator"].success
+    assert abs(swing.y[0, -1]) == pytest.approx(3.14159265, abs=1e-6)
+    assert len(swing.t_events[0]) > 10
+    smooth, before = names["circuit"].y
+    assert names["circuit"].success
+    assert 3.5 < smooth.max() < before.max() < 5.0
+    page = (EXAMPLES.parent / "own-ode.md").read_text(encoding="utf-8")
+    shown = re.findall(r"\(figures/([\w-]+\.png)\)", page)
+    assert sorted(shown) == sorted(path.name for path in tmp_path.glob("*.png"))
+    assert all((EXAMPLES.parent / "figures" / name).exists() for name in shown)
+
+
 def test_own_solver_is_of_order_four(example):
     _, out = example("own_solver")
     loose, middle, tight = (float(text) for text in re.findall(r"error ([\d.e+-]+)", out))

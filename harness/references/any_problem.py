@@ -224,7 +224,7 @@ def _clock_off(problem: Problem, states: np.ndarray, steps: int) -> np.ndarray:
     All runs whose steps have one limit share that error, whatever their method and tolerance.
     """
     off = steps * float(np.finfo(float).eps) * problem.end
-    field, parameters = plain_field(problem.field), problem.parameters or ()
+    field, parameters = plain_field(problem.field), problem.field_parameters
     with np.errstate(all="ignore"):
         rates = np.array([field(row, parameters) for row in states.tolist()], dtype=float)
     return states + off * np.where(np.isfinite(rates), rates, 0.0)

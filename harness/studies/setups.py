@@ -134,7 +134,7 @@ def _check_arguments(function: Callable[..., Any], options: Mapping[str, Any]) -
 
 def rates_of(problem: Problem) -> Rates:
     """The right-hand side ``f(t, y)`` in plain Python, of the user's own time and components."""
-    parameters = problem.parameters or ()
+    parameters = problem.field_parameters
     if isinstance(problem.field, OwnField):
         own = problem.field.function
         return lambda t, y: own(t, y, *parameters)

@@ -15,8 +15,10 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.compile import array_callback, exact_jacobian, plain_rates
 from polhode.solvers.contract import UNLIMITED, Outcome, Record, Settings, Status
+from polhode.solvers.sundials.consistent import consistent, full, times
 from polhode.solvers.sundials.jacobians import jacobian_options
 from polhode.solvers.sundials.library import FAILURES, posed
+from polhode.solvers.unwarned import UNWARNED
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
@@ -65,7 +67,7 @@ class _StoppedError(Exception):
     """A run that is to end: its status, and why."""
 
 
-def _rates(problem: Problem, settings: Settings, values: np.ndarray) -> Rates:
+def rates_of(problem: Problem, settings: Settings, values: np.ndarray) -> Rates:
     """The field as ``rates(t, y, out)``."""
     if problem.plain:
         function = plain_rates(problem)
@@ -85,7 +87,7 @@ class Callbacks:
         self.implicit, self.calls, self.seen = library.__name__ == "IDA", 0, -np.inf
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
-        rates = _rates(problem, settings, values)
+        rates = rates_of(problem, settings, values)
 
         def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
             self.calls += 1
@@ -95,15 +97,13 @@ class Callbacks:
 
         def residual(t: float, y: np.ndarray, slope: np.ndarray, out: np.ndarray) -> None:
             field(t, y, out)
-            np.subtract(self.mass * slope, out, out=out)
+            np.subtract(times(self.mass, slope), out, out=out)
 
         if problem.plain:
             options |= jacobian_options(problem, self.mass if self.implicit else None)
         elif settings.jacobian == "exact":
-            jacobian, diagonal = (
-                exact_jacobian(problem.field, problem.dimension, len(values)),
-                np.diag(self.mass),
-            )
+            jacobian = exact_jacobian(problem.field, problem.dimension, len(values))
+            mass = full(self.mass)
 
             def of_field(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
                 out[:] = jacobian(y, values)
@@ -111,11 +111,11 @@ class Callbacks:
             def of_residual(
                 t: float, y: np.ndarray, rates: np.ndarray, r: Any, cj: float, out: np.ndarray
             ) -> None:
-                out[:] = cj * diagonal - jacobian(y, values)
+                out[:] = cj * mass - jacobian(y, values)
 
             options["jacfn"] = of_residual if self.implicit else of_field
         algebraic = np.flatnonzero(self.mass == 0)
-        if len(algebraic):
+        if self.mass.ndim == 1 and len(algebraic):
             options |= {"algebraic_idx": algebraic.tolist(), "calc_initcond": "yp0"}
         options |= {
             "rtol": settings.tolerance,
@@ -125,12 +125,16 @@ class Callbacks:
             "max_num_steps": UNLIMITED,
         }
         self.rates = rates
-        self.library = library(residual if self.implicit else field, **options)
+        # It warns that a pattern's own differences give way to the function of a Jacobian.
+        with UNWARNED:
+            self.library = library(residual if self.implicit else field, **options)
 
     def start(self, record: Record) -> tuple[np.ndarray, ...]:
         """What a run starts from: the state, and IDA's rates besides."""
         if not self.implicit:
             return (record.start,)
+        if self.mass.ndim == 2:
+            return consistent(self.rates, self.mass, float(record.times[0]), record.start)
         rates = np.empty(len(record.start))
         self.rates(float(record.times[0]), record.start, rates)
         return record.start, np.divide(

@@ -5,21 +5,30 @@ from typing import Any
 import numpy as np
 
 from polhode.models.problem import Problem
+from polhode.solvers.compile import plain_rates
 from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
+from polhode.solvers.sundials.consistent import full
 
+# Step of differences over the size of a component, and the least size.
+_DIFFERENCE = float(np.sqrt(np.finfo(float).eps))
+_TINY = 1e-30
 # scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB of so many components.
 _MAX_FULL = 1000
 
 
 def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
-    """Options of scikit-sundae's classes; with a mass, its diagonal, those of IDA's residual."""
-    jacobian, bands, pattern = jacobian_of(problem), bands_of(problem), pattern_of(problem)
+    """Options of scikit-sundae's classes; with a mass, those of IDA's residual."""
+    jacobian, bands = jacobian_of(problem), bands_of(problem)
+    if mass is not None and mass.ndim == 2:
+        # A residual with a full mass matrix is full.
+        return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
     if bands and (jacobian is None or problem.dimension > _MAX_FULL):
         # The library's own differences take one right-hand side per diagonal.
         return {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
     if bands:
         options: dict[str, Any] = {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
         return options | {"jacfn": _filled(jacobian, mass, dense)}
+    pattern = pattern_of(problem)
     if pattern is None and jacobian is not None:
         first: Any = jacobian(0.0, np.array(problem.start)) if callable(jacobian) else jacobian
         if hasattr(first, "tocsc"):
@@ -27,10 +36,10 @@ def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any
             pattern.data = np.ones(len(pattern.data))
     if pattern is not None:
         pattern = _with_diagonal(pattern) if mass is not None else pattern
-        options = {"linsolver": "sparse", "sparsity": pattern}
-        if jacobian is not None:
-            options["jacfn"] = _filled(jacobian, mass, _Entries(pattern))
-        return options
+        if jacobian is None:
+            jacobian = _Differences(problem, pattern)
+        filled = _filled(jacobian, mass, _Entries(pattern))
+        return {"linsolver": "sparse", "sparsity": pattern, "jacfn": filled}
     return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
 
 
@@ -62,6 +71,32 @@ class _Entries:
         return np.asarray(matrix[self.rows, self.columns], dtype=float).ravel()
 
 
+class _Differences:
+    """A sparse Jacobian by differences, columns without a common row at once."""
+
+    def __init__(self, problem: Problem, pattern: Any) -> None:
+        from scipy.optimize._numdiff import group_columns
+
+        self.rates, self.pattern = plain_rates(problem), pattern
+        self.columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
+        self.groups = group_columns(pattern)
+
+    def __call__(self, t: float, y: np.ndarray) -> Any:
+        """The Jacobian at a state."""
+        now = np.asarray(self.rates(t, y), dtype=float)
+        moved = y + _DIFFERENCE * np.maximum(np.abs(y), np.abs(y).max() * _DIFFERENCE + _TINY)
+        steps = moved - y
+        matrix = self.pattern.copy()
+        rows = matrix.indices
+        for group in range(int(self.groups.max()) + 1):
+            here = self.groups == group
+            rates = np.asarray(self.rates(t, np.where(here, moved, y)), dtype=float)
+            entries = here[self.columns]
+            changes = (rates - now)[rows[entries]]
+            matrix.data[entries] = changes / steps[self.columns[entries]]
+        return matrix
+
+
 def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
     """The function that fills the library's matrix with a Jacobian, or with that of ``mass * y' - f``."""
 
@@ -84,8 +119,8 @@ def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
 
 
 def _residual(jacobian: Any, mass: np.ndarray, cj: float) -> Any:
-    if not hasattr(jacobian, "tocsc"):
-        return cj * np.diag(mass) - np.asarray(jacobian, dtype=float)
+    if mass.ndim == 2 or not hasattr(jacobian, "tocsc"):
+        return cj * full(mass) - dense(jacobian)
     from scipy import sparse
 
     return (cj * sparse.diags(mass) - jacobian).tocsc()

@@ -15,6 +15,7 @@ the very same steps.
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 from typing import ClassVar
@@ -22,6 +23,7 @@ from typing import ClassVar
 import numpy as np
 
 from polhode.models.once import once
+from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import methods
 from polhode.solvers.contract import (
@@ -33,9 +35,13 @@ from polhode.solvers.contract import (
     Solver,
     SolverNotValidError,
 )
-from polhode.solvers.sundials.callbacks import Callbacks
+from polhode.solvers.sundials.callbacks import Callbacks, rates_of
 from polhode.solvers.sundials.compiled import Memory, integrator
-from polhode.solvers.sundials.library import load_sundials
+from polhode.solvers.sundials.consistent import IndexAboveOneError, consistent
+from polhode.solvers.sundials.library import load_sundials, posed
+
+# Components up to which the index is looked at, which takes a singular value decomposition.
+_MAX_CHECKED = 200
 
 
 @once()
@@ -43,6 +49,24 @@ def _silence() -> None:
     """Send the library's warnings nowhere: they would go to standard output, where tables go."""
     # Once, and before any run: a run in another thread may read the environment.
     os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
+
+
+def _check_index(problem: Problem, name: str) -> None:
+    """Refuse algebraic equations of a user's that do not fix the algebraic variables."""
+    if problem.dimension > _MAX_CHECKED:
+        return
+    mass, values = posed(problem, True)
+    rates = rates_of(problem, Settings(1.0, "python"), values)
+    # A start that is not consistent is another matter: the run says so.
+    with suppress(RuntimeError, ArithmeticError, np.linalg.LinAlgError):
+        try:
+            consistent(rates, mass, 0.0, np.array(problem.start))
+        except IndexAboveOneError:
+            condition = (
+                f"{problem.name!r}: the algebraic equations do not fix the algebraic variables "
+                f"(index above 1), expected index 1: differentiate them"
+            )
+            raise SolverNotValidError(condition, name) from None
 
 
 class SundialsSolver(Solver):
@@ -90,6 +114,12 @@ class SundialsSolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         _silence()
+        if self.prefix == "IDA" and isinstance(problem.field, OwnField) and problem.mass_form:
+            _check_index(problem, self.name)
+        form = problem.mass_form if self.prefix == "IDA" else None
+        if form and np.ndim(form.mass) == 2 and settings.backend == "compiled":
+            # Machine code knows diagonal masses alone.
+            settings = replace(settings, backend="numba")
         if settings.backend == "compiled":
             compiled = integrator(self._memory(problem, settings), settings.count)
 
@@ -105,7 +135,8 @@ class SundialsSolver(Solver):
         def integrate(record: Record) -> Outcome:
             every = settings.count or record.max_steps < UNLIMITED or record.events is not None
             outcome = callbacks.run(record, every)
-            record.work.rhs_calls = callbacks.calls if settings.count else None
+            known = settings.count or problem.plain
+            record.work.rhs_calls = callbacks.calls if known else None
             return outcome
 
         return integrate

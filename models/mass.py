@@ -1,0 +1,109 @@
+"""Mass matrices of users' functions: ``M y' = f(t, y)``, whatever M is."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from polhode.models.structure import Structure
+
+# Components up to which a mass matrix may be other than diagonal.
+_MAX_FULL_MASS = 500
+
+
+def mass_of(given: Any, dimension: int) -> np.ndarray | None:
+    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d); None of none."""
+    if given is None:
+        return None
+    expected = f"the diagonal, {dimension} numbers, or a matrix of shape {(dimension, dimension)}"
+    if hasattr(given, "toarray"):
+        given = given.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(given)
+    try:
+        mass = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        mass = np.empty(0)
+    if mass.shape not in ((dimension,), (dimension, dimension)) or not np.isfinite(mass).all():
+        raise ValueError(f"mass: got {given!r:.60}, expected {expected}")
+    if mass.ndim == 2 and not (mass - np.diag(mass.diagonal())).any():
+        mass = mass.diagonal().copy()
+    if mass.ndim == 2 and dimension > _MAX_FULL_MASS:
+        raise ValueError(
+            f"mass: got a full matrix of {dimension} components, expected a diagonal one above "
+            f"{_MAX_FULL_MASS}"
+        )
+    if not mass.any():
+        raise ValueError("mass: got zeros alone, expected a differential equation")
+    return mass
+
+
+def _diagonal(matrix: Any) -> np.ndarray:
+    diagonal = matrix.diagonal()
+    if abs(matrix).sum() > np.abs(diagonal).sum():
+        raise ValueError(
+            f"mass: got a matrix of {matrix.shape[0]} components, expected a diagonal one above "
+            f"{_MAX_FULL_MASS}"
+        )
+    return diagonal
+
+
+def is_singular(mass: np.ndarray) -> bool:
+    """Whether some equations are algebraic."""
+    if mass.ndim == 1:
+        return bool((mass == 0).any())
+    return int(np.linalg.matrix_rank(mass)) < len(mass)
+
+
+def with_time(mass: np.ndarray) -> np.ndarray:
+    """The mass of a state whose last component is the time."""
+    if mass.ndim == 1:
+        return np.append(mass, 1.0)
+    larger = np.eye(len(mass) + 1)
+    larger[:-1, :-1] = mass
+    return larger
+
+
+def without_time(mass: np.ndarray) -> np.ndarray:
+    """The mass of a state from which the time is left out again."""
+    return mass[:-1] if mass.ndim == 1 else mass[:-1, :-1]
+
+
+class Unmassed:
+    """A user's function with a mass matrix that has an inverse, as rates: ``y' = M⁻¹ f(t, y)``."""
+
+    def __init__(self, function: Callable[..., Any], mass: np.ndarray) -> None:
+        self.function = function
+        self.mass = mass
+        self.inverse = 1 / mass if mass.ndim == 1 else np.linalg.inv(mass)
+        self.__name__ = getattr(function, "__name__", "f")
+
+    def __call__(self, t: float, y: Any, *parameters: float) -> Any:
+        """Rates."""
+        values = self.function(t, y, *parameters)
+        values = values if isinstance(values, np.ndarray) else np.array(values)
+        return self.inverse * values if self.mass.ndim == 1 else self.inverse @ values
+
+    def structure(self, known: Structure | None) -> Structure | None:
+        """What is known of the Jacobian of these rates."""
+        if known is None:
+            return None
+        jacobian = known.jacobian
+        if callable(jacobian):
+            jacobian = partial(self._times_given, jacobian)
+        elif jacobian is not None:
+            jacobian = self._times(jacobian)
+        if self.mass.ndim == 2:
+            # Products with a full matrix have no pattern of their own.
+            return None if jacobian is None else Structure(jacobian)
+        return replace(known, jacobian=jacobian)
+
+    def _times_given(self, given: Callable[..., Any], t: float, y: Any, *parameters: float) -> Any:
+        return self._times(given(t, y, *parameters))
+
+    def _times(self, matrix: Any) -> Any:
+        if self.mass.ndim == 2:
+            return self.inverse @ matrix
+        if hasattr(matrix, "multiply"):
+            return matrix.multiply(self.inverse[:, None]).tocsc()
+        return self.inverse[:, None] * np.asarray(matrix, dtype=float)

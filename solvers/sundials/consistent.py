@@ -1,0 +1,80 @@
+"""Consistent starts of equations ``M y' = f(t, y)`` whose mass matrix is singular, of index 1.
+
+What M knows of the state stays as it is. The rest follows from the algebraic equations, by Newton's method; the slope
+solves the differential equations and the derivative of the algebraic ones.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+Rates = Callable[[float, np.ndarray, np.ndarray], None]
+
+# Newton's steps, and the residual over the size of the rates at which they end.
+_MAX_STEPS = 50
+_CONVERGED = 1e-12
+# Singular values below this share of the largest one are zero.
+_ZERO = 1e-12
+# Step of differences, over the size of what is stepped.
+_DIFFERENCE = 1e-7
+
+
+class IndexAboveOneError(RuntimeError):
+    """The algebraic equations alone do not fix the algebraic variables."""
+
+
+def times(mass: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """A mass matrix, or its diagonal, times a vector."""
+    return mass * slope if mass.ndim == 1 else mass @ slope
+
+
+def full(mass: np.ndarray) -> np.ndarray:
+    """A mass matrix of which the diagonal may be given."""
+    return np.diag(mass) if mass.ndim == 1 else mass
+
+
+def consistent(
+    rates: Rates, mass: np.ndarray, time: float, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """State and slope at the start; RuntimeError if there are none near, IndexAboveOneError as it says."""
+    left, values, right = np.linalg.svd(full(mass))
+    rank = int((values > _ZERO * values[0]).sum())
+    differential, algebraic = left[:, :rank].T, left[:, rank:].T
+    free = right[rank:].T
+
+    def at(moment: float, state: np.ndarray) -> np.ndarray:
+        out = np.empty(len(start))
+        rates(moment, state, out)
+        return out
+
+    state = start.copy()
+    for _ in range(_MAX_STEPS):
+        now = at(time, state)
+        residual = algebraic @ now
+        jacobian = _differences(at, time, state, now)
+        matrix = algebraic @ jacobian @ free
+        if np.linalg.matrix_rank(matrix) < len(matrix):
+            raise IndexAboveOneError
+        if np.abs(residual).max() <= _CONVERGED * (1 + np.abs(now).max()):
+            break
+        state -= free @ np.linalg.solve(matrix, residual)
+        if not np.isfinite(state).all():
+            raise RuntimeError("the algebraic equations have no solution near the start")
+    else:
+        raise RuntimeError("the algebraic equations have no solution near the start")
+    later = time + _DIFFERENCE * (1 + abs(time))
+    by_time = algebraic @ (at(later, state) - now) / (later - time)
+    whole = np.vstack([differential @ full(mass), algebraic @ jacobian])
+    return state, np.linalg.solve(whole, np.concatenate([differential @ now, -by_time]))
+
+
+def _differences(
+    at: Callable[[float, np.ndarray], np.ndarray], time: float, state: np.ndarray, now: np.ndarray
+) -> np.ndarray:
+    """The Jacobian by differences."""
+    jacobian = np.empty((len(state), len(state)))
+    for j in range(len(state)):
+        moved = state.copy()
+        moved[j] += _DIFFERENCE * (1 + abs(state[j]))
+        jacobian[:, j] = (at(time, moved) - now) / (moved[j] - state[j])
+    return jacobian

@@ -1,0 +1,110 @@
+"""Jacobians, patterns and bands that users know: as exact as without, and without full matrices."""
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.integrate import solve_ivp as scipys
+
+from polhode import Problem, solve_ivp
+from polhode.models.own_function import MAX_EXACT_JACOBIAN, MAX_RECORDED
+from polhode.solvers.solve import solve
+
+IMPLICIT = ["radau", "bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida"]
+
+
+def heat(n):
+    """The heat equation on n points, its Jacobian, and its pattern."""
+    second = sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(n, n), format="csc") * (n + 1) ** 2
+    source = np.linspace(0, 1, n)
+
+    def rates(t, y):
+        padded = np.concatenate([[0.0], y, [0.0]])
+        return (n + 1) ** 2 * (padded[2:] - 2 * y + padded[:-2]) + np.cos(t) * source - y**3
+
+    def jacobian(t, y):
+        return second - sparse.diags(3 * y**2)
+
+    return rates, np.sin(np.pi * np.arange(1, n + 1) / (n + 1)), jacobian, abs(second) > 0
+
+
+def known(n):
+    *_, jacobian, pattern = heat(n)
+    return {
+        "sparse pattern": {"jac_sparsity": pattern},
+        "full pattern": {"jac_sparsity": pattern.toarray()},
+        "bands": {"lband": 1, "uband": 1},
+        "sparse Jacobian": {"jacobian": jacobian},
+        "full Jacobian": {"jac": lambda t, y: jacobian(t, y).toarray()},
+        "both": {"jacobian": jacobian, "jac_sparsity": pattern},
+        "both bands": {"jacobian": jacobian, "lband": 1, "uband": 1},
+        "wide pattern": {"jac_sparsity": pattern + sparse.eye(n, k=n - 1)},
+        "wide and Jacobian": {"jacobian": jacobian, "jac_sparsity": pattern + sparse.eye(n, k=9)},
+        "nothing": {},
+    }
+
+
+@pytest.mark.parametrize("n", [30, 210])
+@pytest.mark.parametrize("what", known(12))
+@pytest.mark.parametrize("name", [None, *IMPLICIT])
+def test_what_is_known_of_a_jacobian_changes_no_solution(name, what, n):
+    rates, start, _, pattern = heat(n)
+    # SciPy's BDF subtracts entries of an array that it has not filled.
+    with np.errstate(invalid="ignore", over="ignore"):
+        exact = scipys(rates, (0, 0.2), start, "BDF", jac_sparsity=pattern, rtol=1e-8, atol=1e-9)
+    if name is None and what == "nothing":
+        pytest.skip("an explicit method")
+    for t_eval in (None, [0.1, 0.2]):
+        run = solve_ivp(rates, (0, 0.2), start, name, t_eval, **known(n)[what])
+        assert run.success
+        assert run.y[:, -1] == pytest.approx(exact.y[:, -1], abs=2e-4)
+        if what not in ("nothing", "wide pattern"):
+            assert run.nfev < 2500
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_a_jacobian_is_called_backwards_too(name):
+    calls = []
+
+    def jacobian(t, y, a):
+        calls.append(t)
+        return np.array([[0.0, 1.0], [-a - 3 * y[0] ** 2, 0.0]])
+
+    def rates(t, y, a):
+        return [y[1], -a * y[0] - y[0] ** 3]
+
+    there = scipys(rates, (1, 3), [1.0, 0.0], rtol=1e-11, atol=1e-11, args=(2.0,)).y[:, -1]
+    run = solve_ivp(rates, (3, 1), there, name, args=[2.0], jacobian=jacobian, rtol=1e-7)
+    assert run.y[:, -1] == pytest.approx([1.0, 0.0], abs=1e-3)
+    if name != "lsoda":
+        assert calls
+    assert all(1 <= t <= 3 for t in calls)
+
+
+def test_beyond_a_size_nothing_is_compiled_entry_by_entry():
+    rates, start, *_ = heat(MAX_EXACT_JACOBIAN + 10)
+    problem = Problem.from_function(rates, start, 0.1)
+    assert not problem.plain
+    for name in ("radau", "cvode-bdf"):
+        run = solve(problem, name, 1e-4)
+        assert (run.success, run.settings.backend, run.settings.jacobian) == (
+            True,
+            "python",
+            "difference",
+        )
+    rates, start, *_ = heat(MAX_RECORDED + 1)
+    with pytest.raises(ValueError, match=rf"^solver 'taylor': rates has {MAX_RECORDED + 1} comp"):
+        solve_ivp(rates, (0, 0.1), start, "taylor")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"jac_sparsity": np.ones(3)}, r"^jac_sparsity: got shape \(3,\), expected \(2, 2\)"),
+        ({"jacobian": "exact"}, "^jacobian: got 'exact', expected a matrix of shape"),
+        ({"lband": -1}, "^lband: got -1, expected a whole number from 0 to 1"),
+        ({"uband": 2}, "^uband: got 2, expected a whole number from 0 to 1"),
+    ],
+)
+def test_what_is_no_structure_is_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        solve_ivp(lambda t, y: -y, (0, 1), [1.0, 2.0], **given)
