@@ -118,6 +118,13 @@ def c_callback(
     )
 
 
+@once()
+def c_jacobian(factory: Factory, dimension: int, parameters: int) -> MachineCode:
+    """The field's Jacobian, column by column, as a C function of the arguments of `callback.ll`."""
+    lines = trace_jacobian(factory, dimension, parameters)
+    return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=0)
+
+
 def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
     """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them."""
     if problem.plain:

@@ -229,7 +229,7 @@ class Record:
 
 
 # Some of the solvers that call Python, to be named where others refuse.
-_CALL_PYTHON = ("dop853", "rk45", "radau", "bdf", "lsoda", "cvode-bdf")
+_CALL_PYTHON = "dop853, rk45, radau, bdf, lsoda, cvode-bdf"
 # The family of solvers that are not in the catalogue.
 OWN = "own"
 
@@ -420,7 +420,7 @@ class Solver(ABC):
         """Refuse what this solver cannot solve: a SolverNotValidError names the condition and what to use instead."""
         if problem.plain and "python" not in self.backends:
             reason = getattr(problem.field, "plain_reason", "")
-            condition = f"{reason}; or a solver that calls Python: {', '.join(_CALL_PYTHON)}"
+            condition = f"{reason}; or a solver that calls Python: {_CALL_PYTHON}"
             raise SolverNotValidError(condition, self.name)
         if problem.parameters is None:
             condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"

@@ -2,8 +2,9 @@
 
 Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
 the root-mean-square norm; both may have one number per component. Rows come from each method's own
-dense output. Implicit methods use finite differences: the library's C entry takes no Jacobian. It
-reports nothing but steps.
+dense output. Implicit methods take the exact Jacobian through the library's C++ entry, where that is
+found (Linux on x86-64, versions 0.20); the C entry takes none, so that the library differences the
+field. It reports nothing but steps.
 
 The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge
 anew in every process would take six seconds. It cannot be interrupted, so that a long run goes in
@@ -13,6 +14,7 @@ While it runs, numbers below 2e-308 count as zero.
 
 import ctypes
 import importlib.util
+import platform
 import sys
 import tomllib
 from collections.abc import Callable
@@ -26,11 +28,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from polhode.models.libraries import installed
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
-from polhode.solvers.compile import c_callback, parameter_array
+from polhode.solvers.compile import c_callback, c_jacobian, parameter_array
 from polhode.solvers.contract import (
     UNLIMITED,
     Integrator,
@@ -64,6 +67,13 @@ _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
 # imported.
 KNOWN = ("0.20.",)
 
+# The C++ function `baseline_cysolve_ivp` under the name that compilers for Linux give it, with the
+# types of its arguments; another version's, with others, has another name and is not found.
+_WITH_JACOBIAN = (
+    "_Z20baseline_cysolve_ivpPFvPddS_PcPFvS0_dS_S0_EEddRSt6vectorIdSaIdEE9ODEMethodmm"
+    "RS5_IcSaIcEEmmbS8_S2_RS5_I5EventSaISD_EES8_S8_ddbS4_"
+)
+
 # What ctypes has no name of its own for.
 _TYPES = {"nothing": None, "doubles": ctypes.POINTER(ctypes.c_double)}
 # The function that the library calls: rates, time, state and parameters.
@@ -95,6 +105,52 @@ def _functions() -> dict[str, Any]:
 
     table = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
     return {name: function(*signature) for name, signature in table.items()}
+
+
+@once()
+def entry_with_jacobian() -> Callable[..., None] | None:
+    """The library's C++ entry that takes a Jacobian; None where it is not found.
+
+    Its first argument is where it writes the pointer to its result, as C++ on x86-64 returns one
+    that frees itself. Arrays are vectors of C++, which it copies.
+    """
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        return None
+    spec = importlib.util.find_spec("CyRK")
+    if spec is None or spec.origin is None or not version("CyRK").startswith(KNOWN):
+        return None
+    # The module that `load_cyrk` imports, without importing it: a list of solvers asks, too.
+    modules = list(Path(spec.origin).with_name("nb").glob("numba_c_api*.so"))
+    try:
+        entry = ctypes.CDLL(str(modules[0]))[_WITH_JACOBIAN]
+    except (IndexError, OSError, AttributeError):
+        return None
+    pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_size_t
+    entry.restype = None
+    entry.argtypes = [
+        *(pointer, pointer, number, number, pointer),
+        # Method, expected size, extra outputs, parameters.
+        *(ctypes.c_int, size, size, pointer),
+        # Limits of steps and memory, dense output, times.
+        *(size, size, ctypes.c_bool, pointer),
+        # Function before the field, events, relative and absolute tolerances.
+        *(pointer, pointer, pointer, pointer),
+        # Largest and first step, keep the solver, Jacobian.
+        *(number, number, ctypes.c_bool, pointer),
+    ]
+    return entry
+
+
+class _Vector(ctypes.Structure):
+    """A vector of C++ that shows an array, or is empty: where it begins, where it ends, where its room ends."""
+
+    _fields_: ClassVar = [(name, ctypes.c_void_p) for name in ("begin", "end", "room")]
+
+    @classmethod
+    def of(cls, array: np.ndarray) -> "_Vector":
+        """A vector that is good for as long as the array."""
+        begin = array.ctypes.data
+        return cls(begin, begin + array.nbytes, begin + array.nbytes)
 
 
 def _announce() -> None:
@@ -131,6 +187,16 @@ class CyrkSolver(Solver):
     def load(self) -> None:
         load_cyrk()
 
+    def lacks(self, choice: str) -> str | None:
+        found = choice != "exact" or not installed(self.library) or entry_with_jacobian()
+        return super().lacks(choice) or (None if found else "CyRK's C++ entry, of versions 0.20")
+
+    @property
+    def note(self) -> str | None:
+        """Whose Jacobian an implicit method uses."""
+        differenced = self.available and "exact" in self.jacobians and self.lacks("exact")
+        return "available, with finite differences: no C++ entry found" if differenced else None
+
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         calls = np.zeros(1, dtype=np.int64)
         call = self._call(problem, settings, calls)
@@ -148,9 +214,12 @@ class CyrkSolver(Solver):
     def _call(self, problem: Problem, settings: Settings, calls: np.ndarray) -> "Call":
         parameters = parameter_array(problem)
         code = c_callback(problem.field, problem.dimension, len(parameters), count=settings.count)
+        jacobian = None
+        if self.implicit and settings.jacobian == "exact":
+            jacobian = c_jacobian(problem.field, problem.dimension, len(parameters))
         if settings.count:
             parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
-        return Call(code, method_number(self.method), parameters, settings, calls)
+        return Call(code, method_number(self.method), parameters, settings, calls, jacobian)
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
@@ -180,12 +249,14 @@ class Call:
         parameters: np.ndarray,
         settings: Settings,
         calls: np.ndarray | None = None,
+        jacobian: MachineCode | None = None,
     ) -> None:
         self.library = load_cyrk()
         self.flushed_to_zero = FlushedToZero()
         self.calls = np.zeros(1, dtype=np.int64) if calls is None else calls
         # The code lives as long as this call, whatever caches do.
         self.code = code
+        self.jacobian = jacobian
         self.method = method
         self.parameters = parameters
         self.max_step = settings.max_step
@@ -222,6 +293,8 @@ class Call:
         dense: bool = False,
     ) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
+        if self.jacobian is not None:
+            return self._with_jacobian(start, end, state, times, max_steps, first_step, dense)
         return self.library.c_numba_cysolve_ivp(
             *(self.code.address, start, end, state.ctypes.data, state.size),
             # Expected size: the library's guess; extra outputs.
@@ -234,6 +307,33 @@ class Call:
             # Largest step, first step; keep what `c_get_y_now` reads.
             *(self.max_step, first_step, True),
         )
+
+    def _with_jacobian(
+        self,
+        start: float,
+        end: float,
+        state: np.ndarray,
+        times: np.ndarray,
+        max_steps: int,
+        first_step: float,
+        dense: bool,
+    ) -> Any:
+        """The same through the entry that takes a Jacobian."""
+        entry = entry_with_jacobian()
+        assert entry is not None, "the settings have been asked"
+        assert self.jacobian is not None, "the call has one"
+        result, nothing = ctypes.c_void_p(), _Vector()
+        # All arrays live until the entry returns.
+        vector, reference = _Vector.of, ctypes.byref
+        entry(
+            *(reference(result), self.code.address, start, end, reference(vector(state))),
+            *(self.method, 0, 0, reference(vector(self.parameters))),
+            *(max_steps, MAX_RAM_MB, dense, reference(vector(times))),
+            *(None, reference(nothing)),
+            *(reference(vector(self.rtol)), reference(vector(self.atol))),
+            *(self.max_step, first_step, True, self.jacobian.address),
+        )
+        return result.value
 
 
 def _run(call: Call, record: Record) -> Outcome:

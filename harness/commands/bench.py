@@ -134,11 +134,16 @@ def _object_in(given: str) -> Any:
 
 
 @command(needs=PAGE_LIBRARIES)
+@click.option(
+    "--page-only",
+    is_flag=True,
+    help="Measure nothing: write the page anew from the runs.csv in --out.",
+)
 @options.study_options
-def regimes(wanted: Wanted) -> None:
+def regimes(wanted: Wanted, page_only: bool) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
     from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME
-    from polhode.harness.pages.regimes import write_page
+    from polhode.harness.pages.regimes import rewrite_page, write_page
     from polhode.harness.studies.runner import Runner
 
     with bad_input():
@@ -149,6 +154,10 @@ def regimes(wanted: Wanted) -> None:
             )
             study = replace(study, scenes=some or study.scenes)
     folder = wanted.out or Path("reports") / study.name
+    if page_only:
+        with bad_input():
+            click.echo(f"{rewrite_page(study, folder)}")
+        return
     with stored(folder, wanted.resume) as store:
         if not wanted.quiet:
             click.echo(ahead(study, store), err=True)
@@ -219,6 +228,7 @@ def paper(
     quiet: bool,
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
+    report = (lambda _: None) if quiet or listed else partial(click.echo, err=True)
     from polhode.harness.paper.claims import find_items, section_of
     from polhode.harness.paper.item import Grid
     from polhode.harness.paper.pages import run
@@ -242,7 +252,6 @@ def paper(
             else "\n".join(f"{row['name']:28}{row['title']}" for row in rows)
         )
         return
-    report = (lambda _: None) if quiet else partial(click.echo, err=True)
     with bad_input():
         make_folder(out)
     grid = Grid.REDUCED if quick else Grid.FULL

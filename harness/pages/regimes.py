@@ -10,6 +10,7 @@ from statistics import median
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where, write_runs
+from polhode.harness.analysis.in_full import HYBRID, ran_in_full
 from polhode.harness.analysis.pareto import TIE, Cell, Method, cells, standings
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
@@ -42,11 +43,33 @@ CELL_COLUMNS = [
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its pictures and its data into a folder and return the page's path."""
     runs = frame(records)
+    write_runs(runs, folder)
+    return _write(study, runs, folder, header(study.title, command, records))
+
+
+def rewrite_page(study: Study, folder: Path) -> Path:
+    """Write the page and its pictures anew from the runs in a folder; the first lines of its page stay.
+
+    Raises ValueError if there is no page, or there are no runs.
+    """
+    page = folder / "README.md"
+    if not page.is_file():
+        raise ValueError(f"{page}: no such file, expected a page of `polhode regimes`")
+    lines = page.read_text(encoding="utf-8").split("\n")
+    first = next(number for number, line in enumerate(lines) if line.startswith("Measured "))
+    runs = pd.read_csv(BytesIO(read_file(folder / "runs.csv")))
+    return _write(study, runs, folder, [*lines[: first + 1], ""])
+
+
+def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence[str]) -> Path:
+    hybrid = where(runs, (runs["form"] == HYBRID) & runs["slow_error"].notna())
+    in_full = ran_in_full(runs, study.scenes)
+    counted = int(in_full[hybrid.index].sum())
+    runs = where(runs, ~in_full)
     named = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
     maps: Maps = {
         (name, error): cells(own, error) for name, own in named.items() for error in ERRORS
     }
-    write_runs(runs, folder)
     rows = []
     for (name, error), found in maps.items():
         for cell in found:
@@ -91,7 +114,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     long = profile_lines(apart, folder, "profiles-long", title)
     page = fill(
         "regimes",
-        header=header(study.title, command, records),
+        header=first_lines,
+        in_full=counted,
+        hybrid=len(hybrid),
         sentences=[
             f"The {name}, {sentence(found, ERRORS[error][0])}"
             for (name, error), found in maps.items()

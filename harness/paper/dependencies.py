@@ -29,6 +29,8 @@ DATA_SUFFIXES = (".toml", ".ll", ".json")
 # The method of an experiment that makes its data, and those that use them.
 COMPUTATION = "compute"
 PRESENTATION = ("judge", "draw", "expected")
+# The class variable that says when to begin an item, and changes no number of it.
+DURATION = "seconds"
 
 
 @dataclass
@@ -140,7 +142,9 @@ def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
 
 
 def _left_out_of_settings(part: ast.stmt) -> bool:
-    """Whether a statement is a field with ``repr=False``, which only judges or draws."""
+    """Whether a statement is a field with ``repr=False``, which only judges or draws, or the item's duration."""
+    if isinstance(part, ast.AnnAssign) and ast.unparse(part.target) == DURATION:
+        return True
     value = part.value if isinstance(part, ast.AnnAssign) else None
     if not isinstance(value, ast.Call):
         return False

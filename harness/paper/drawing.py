@@ -139,9 +139,18 @@ def unit_sphere(axes: Any) -> None:
     x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
     axes.computed_zorder = False
     axes.plot_wireframe(x, y, z, color="0.85", linewidth=0.4, zorder=0)
+    white_panes(axes)
     axes.set(xlabel="flow $x$", ylabel="gradient $y$", zlabel="vorticity $z$")
     axes.set(xticks=(-1, 0, 1), yticks=(-1, 0, 1), zticks=(-1, 0, 1), box_aspect=(1, 1, 1))
     axes.grid(visible=False)
+
+
+def white_panes(axes: Any) -> None:
+    """Let the panes behind three-dimensional axes be white, and the vertical label read upwards."""
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_pane_color((1.0, 1.0, 1.0, 1.0))
+    axes.zaxis.set_rotate_label(False)
+    axes.zaxis.label.set_rotation(90)
 
 
 def run_name(stokes: float) -> str:

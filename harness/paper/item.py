@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from matplotlib.figure import Figure
 
@@ -80,6 +80,7 @@ class Number:
     expected: Range | None = None  # None: the number informs, and no verdict depends on it.
     unit: str = ""  # Empty for pure numbers.
     interval: tuple[float, float] | None = None  # At 95 %, where the measurement has one.
+    measure: str = ""  # Of a share: of what, and how that was drawn.
 
     @property
     def holds(self) -> bool:
@@ -108,6 +109,9 @@ class Experiment(ABC):
     Its settings are the fields of a frozen dataclass; they and the code that `compute` uses decide
     whether data that were kept are still today's (`harness/paper/dependencies.py`).
     """
+
+    # About how long `compute` takes on one core: of items that wait, the longest is begun first.
+    seconds: ClassVar[float] = 1.0
 
     @abstractmethod
     def compute(self, grid: Grid) -> Computed:

@@ -1,8 +1,10 @@
 """Items computed and drawn, and their pages: one per section, and an index from claim to verdict."""
 
+import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from multiprocessing import get_context
@@ -17,6 +19,18 @@ from polhode.harness.paper.claims import find_items, section_of, sections
 from polhode.harness.paper.drawing import save, style
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Word
 
+# Verdicts in the order of the index: first what does not hold as it is printed.
+FIRST_WORDS = (
+    Word.NOT_CONFIRMED,
+    Word.CORRECTED,
+    Word.UNDECIDED,
+    Word.CONFIRMED,
+    Word.SHARPENED,
+    Word.MEASURED,
+)
+# Variables that libraries of linear algebra read when they are loaded. Threads of several processes
+# that wait for each other on the same cores took 90 times as long as one thread each.
+THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
@@ -63,12 +77,13 @@ def _cells(*texts: str) -> list[str]:
 
 
 def measured(number: Number) -> str:
-    """The value with its interval and unit."""
+    """The value with its interval and unit; a share with what it is a share of."""
     text = _digits(number.value)
     if number.interval is not None:
         low, high = number.interval
         text += f" (95 %: {_digits(low, 3)} … {_digits(high, 3)})"
-    return f"{text} {number.unit}".rstrip()
+    text = f"{text} {number.unit}".rstrip()
+    return f"{text} of {number.measure}" if number.measure else text
 
 
 def allowed(number: Number) -> str:
@@ -108,13 +123,16 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> st
         for section in sections
         for item in section.items
     ]
+    # Verdicts that say the most first; in the paper's order among each other.
+    order = [*map(str, FIRST_WORDS), *sorted({row[0] for row in rows} - set(FIRST_WORDS))]
+    rows.sort(key=lambda row: order.index(row[0]))
     return fill(
         "paper",
         count=len(found),
         counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
         notice=NOTICE,
         remarks=remarks,
-        items=markdown(["item", "claim", "verdict", "number"], rows),
+        items=markdown(["verdict", "section", "item", "claim", "number"], rows),
         sections=", ".join(f"[{each.title}]({each.name}.md)" for each in sections),
     )
 
@@ -125,9 +143,10 @@ def _index_row(section: Section, item: Item, found: store.Judged) -> list[str]:
     ).replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
     if isinstance(found, str):
-        return _cells(name, item.claim, found, "")
+        return _cells(found, section.name, name, item.claim, "")
     first = found[1].numbers[0]
-    return _cells(name, item.claim, found[1].word, f"{first.what}: {measured(first)}")
+    number = f"{first.what}: {measured(first)}"
+    return _cells(found[1].word, section.name, name, item.claim, number)
 
 
 def run(
@@ -142,7 +161,8 @@ def run(
 ) -> list[str]:
     """Compute what today's code has not made, draw, write the pages; returns the names of the items that failed.
 
-    With several processes as many items are computed at a time, each found again by its name.
+    With several processes as many items are computed at a time, each found again by its name, the
+    longest ones first.
     """
     began = perf_counter()
     data: dict[str, Data] = {}
@@ -154,9 +174,10 @@ def run(
     report(f"{len(items)} items, {len(missing)} to compute, {processes} at a time")
     outcomes = _kept(data)
     if processes == 1:
-        outcomes = chain(outcomes, _in_turn(missing, folder, grid))
+        outcomes = chain(outcomes, _in_turn(missing, folder, grid, report))
     else:
-        outcomes = chain(outcomes, _side_by_side(missing, folder, grid, processes))
+        missing.sort(key=lambda item: -item.experiment.seconds)
+        outcomes = chain(outcomes, _side_by_side(missing, folder, grid, processes, report))
     failed = []
     by_name = {item.name: item for item in items}
     for number, outcome in enumerate(outcomes, start=1):
@@ -198,19 +219,55 @@ def _kept(data: Mapping[str, Data]) -> Iterator[_Outcome]:
         yield _Outcome(name, tables)
 
 
-def _in_turn(items: Sequence[Item], folder: Path, grid: Grid) -> Iterator[_Outcome]:
+def _in_turn(
+    items: Sequence[Item], folder: Path, grid: Grid, report: Callable[[str], None]
+) -> Iterator[_Outcome]:
     for item in items:
+        report(_begun(item))
         yield _computed(item, folder, grid)
 
 
 def _side_by_side(
-    items: Sequence[Item], folder: Path, grid: Grid, processes: int
+    items: Sequence[Item],
+    folder: Path,
+    grid: Grid,
+    processes: int,
+    report: Callable[[str], None],
 ) -> Iterator[_Outcome]:
     """Outcomes as they come; heavy libraries have threads, so that processes are spawned."""
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        running = [pool.submit(_computed_by_name, item.name, folder, grid) for item in items]
-        for future in as_completed(running):
-            yield future.result()
+    with (
+        _single_threaded_children(),
+        ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool,
+    ):
+        waiting = list(items)
+        running: set[Future[_Outcome]] = set()
+        while waiting or running:
+            while waiting and len(running) < processes:
+                item = waiting.pop(0)
+                report(_begun(item))
+                running.add(pool.submit(_computed_by_name, item.name, folder, grid))
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+
+
+def _begun(item: Item) -> str:
+    return f"        {item.name} …"
+
+
+@contextmanager
+def _single_threaded_children() -> Iterator[None]:
+    """Let processes that are spawned here use one thread for linear algebra: each has a core of its own."""
+    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _computed_by_name(name: str, folder: Path, grid: Grid) -> _Outcome:

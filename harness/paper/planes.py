@@ -29,10 +29,17 @@ MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
 
 def plane_path(ellipsoid: Ellipsoid, momentum: float, energy: float, slow_times: np.ndarray) -> Run:
     """Slow trajectory from L = momentum ẑ and E, over I_max; one with L_z > 0 ends in the pinch point, L = E = 0."""
+    return plane_path_and_end(ellipsoid, momentum, energy, slow_times)[0]
+
+
+def plane_path_and_end(
+    ellipsoid: Ellipsoid, momentum: float, energy: float, slow_times: np.ndarray
+) -> tuple[Run, float]:
+    """The same, and the slow time at which it ends: between rows where it meets the pinch point."""
     slow = (0.0, 0.0, momentum, energy)
     if momentum > 0:
-        return slow_run_to_pinch(ellipsoid, slow, slow_times)[0]
-    return slow_run(ellipsoid, slow, slow_times)
+        return slow_run_to_pinch(ellipsoid, slow, slow_times)
+    return slow_run(ellipsoid, slow, slow_times), float(slow_times[-1])
 
 
 def energy_at(ellipsoid: Ellipsoid, momentum: float, share: float) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from polhode.harness.common import fits
 from polhode.harness.common.text import WORDING
@@ -69,6 +70,16 @@ def listed(form: str, rows: Iterable[Sequence[Any]], between: str = ", ") -> str
 def joined(values: Iterable[float], spec: str = "g") -> str:
     """Numbers in one format of Python's, with commas."""
     return ", ".join(format(float(value), spec) for value in values)
+
+
+def maxima(times: np.ndarray, values: np.ndarray, prominence: float | None = None) -> np.ndarray:
+    """Times of the maxima of values at even times: the top of the parabola through each and its neighbours."""
+    rows, _ = find_peaks(values, prominence=prominence)
+    before, top, after = values[rows - 1], values[rows], values[rows + 1]
+    bend = before - 2 * top + after
+    # Two equal rows at the top may leave no bend.
+    offset = np.divide(before - after, 2 * bend, out=np.zeros(len(rows)), where=bend != 0)
+    return times[rows] + offset * (times[1] - times[0])
 
 
 def worst(values: Sequence[float] | np.ndarray) -> float:

@@ -25,7 +25,7 @@ const alike = new Map();
 for (const table of document.querySelectorAll("table.sort"))
   alike.set(table.tHead.textContent, [...(alike.get(table.tHead.textContent) ?? []), table]);
 [...alike.values()].forEach((tables, place) => {
-  const MANY = 8, FEW = 6, SHORT = 20;
+  const MANY = 8, FEW = 9, SHORT = 20;
   const rows = tables.flatMap((table) => [...table.tBodies[0].rows]);
   const heads = [...tables[0].tHead.rows[0].cells].map((head) => head.textContent);
   if (rows.length < MANY) return;

@@ -8,11 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polhode.models.catalogue import form
 from polhode.models.problem import Problem
-from polhode.solvers.catalogue import SOLVERS
+from polhode.models.scene import Ellipsoid, Scene
+from polhode.models.scenes import PAPER_START
+from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
-from polhode.solvers.cyrk import followed
+from polhode.solvers.cyrk import entry_with_jacobian, followed
 from polhode.solvers.solve import solve
+
+needs_the_entry = pytest.mark.skipif(
+    entry_with_jacobian() is None, reason="no C++ entry of CyRK found"
+)
 
 PROGRAM = """
 import sys
@@ -87,3 +94,53 @@ def test_rates_at_the_start_are_those_that_the_library_sees():
     )
     assert solve(problem, "cyrk-vern8", 1e-9).status is Status.NON_FINITE
     assert followed(problem, 1e-9, 100)[0].tolist() == [0.0]
+
+
+def _stiff_spheroid(stokes: float) -> Problem:
+    scene = Scene(Ellipsoid((1.0, 1.0, 2.0)), stokes, PAPER_START, 20.0)
+    return form("spheroid-axis").problem(scene)
+
+
+@needs_the_entry
+@pytest.mark.parametrize("stokes", [1e-4, 1e-8])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-9])
+def test_radau_takes_the_steps_of_its_twin(stokes: float, tolerance: float):
+    problem = _stiff_spheroid(stokes)
+    found = solve(problem, "cyrk-radau", tolerance)
+    assert found.success
+    # SciPy's Radau takes 159 to 857 steps, with the same exact Jacobian.
+    twin = {1e-6: 160, 1e-8: 485, 1e-9: 855}[tolerance]
+    assert found.work.steps == pytest.approx(twin, rel=0.05)
+
+
+@needs_the_entry
+@pytest.mark.parametrize("name", ["cyrk-radau", "cyrk-bdf", "cyrk-lsoda"])
+def test_an_exact_jacobian_changes_a_run_by_its_error_alone(name: str):
+    problem = _stiff_spheroid(1e-2)
+    exact, differenced = (
+        solve(problem, name, 1e-7, jacobian=jacobian).states[-1]
+        for jacobian in ("exact", "difference")
+    )
+    assert exact == pytest.approx(differenced, abs=1e-4)
+    assert np.any(exact != differenced)
+
+
+@needs_the_entry
+def test_a_jacobian_is_in_use_between_pieces_and_with_events():
+    """Vectors of C++ hold no memory of the library's: runs in many calls end as one does."""
+    problem = _stiff_spheroid(1e-3)
+    times = np.linspace(0.0, problem.end, 2001)
+    assert solve(problem, "cyrk-radau", 1e-8, times, count=True).work.rhs_calls
+    runs = [solve(problem, "cyrk-radau", 1e-8, times).states for _ in range(20)]
+    assert all(np.array_equal(run, runs[0]) for run in runs)
+
+
+def test_without_the_entry_the_library_differences(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.solvers.cyrk.entry_with_jacobian", lambda: None)
+    method = find_solver("cyrk-radau")
+    assert method.settings(1e-6).jacobian == "difference"
+    assert method.note == "available, with finite differences: no C++ entry found"
+    with pytest.raises(ValueError, match="jacobian: got 'exact', expected CyRK's C\\+\\+ entry"):
+        method.settings(1e-6, jacobian="exact")
+    assert solve(_stiff_spheroid(1e-2), method, 1e-5).success
+    assert find_solver("cyrk-vern8").note is None

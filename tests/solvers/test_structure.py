@@ -48,7 +48,9 @@ def known(n):
 @pytest.mark.parametrize("name", [None, *IMPLICIT])
 def test_what_is_known_of_a_jacobian_changes_no_solution(name, what, n):
     rates, start, _, pattern = heat(n)
-    exact = scipys(rates, (0, 0.2), start, "BDF", jac_sparsity=pattern, rtol=1e-8, atol=1e-9)
+    # SciPy's BDF subtracts entries of an array that it has not filled.
+    with np.errstate(invalid="ignore", over="ignore"):
+        exact = scipys(rates, (0, 0.2), start, "BDF", jac_sparsity=pattern, rtol=1e-8, atol=1e-9)
     if name is None and what == "nothing":
         pytest.skip("an explicit method")
     for t_eval in (None, [0.1, 0.2]):

@@ -61,7 +61,7 @@ def findings(study: Study) -> list[str]:
         wilson=wilson,
         stated=stated,
         ratios=stated["over"][stated["slow"] > 0],
-        settled=runs["mirror"].dropna(),
+        settled=runs.dropna(subset=["mirror"]),
         worst=(runs["slow"] / runs[["error", "uncertainty"]].max(axis=1)).max(),
         gains=[(stokes, own) for stokes, own in gains if len(own) > 1],
         quantiles=quantiles,

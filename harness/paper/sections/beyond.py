@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from itertools import product
 from math import pi, sqrt
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -128,6 +128,8 @@ def local_exponents(part: Table) -> list[Estimate]:
 @dataclass(frozen=True)
 class AveragingOrder(Experiment):
     """How the error of first-order averaging falls with St, over random starts."""
+
+    seconds: ClassVar[float] = 60.0
 
     def compute(self, grid: Grid) -> Computed:
         """Largest error of L and E of the averaged form by side, start and St."""
@@ -416,6 +418,8 @@ def scatter(part: Table) -> Scatter:
 class CrossingJumps(Experiment):
     """How deviations from averaging scatter after a crossing, over starts with the same L and E."""
 
+    seconds: ClassVar[float] = 8.0
+
     def compute(self, grid: Grid) -> Computed:
         """Deviations of full runs from the averaged one, before and after the crossing."""
         generator = np.random.default_rng(29)
@@ -496,6 +500,7 @@ class CrossingJumps(Experiment):
                     f"share of the variance along one direction, St = {first:g}",
                     shares[0],
                     Range(0.9, 1.0, "the law has one phase, and so one direction"),
+                    measure=f"the variance over {len(along)} random phases of one L and E",
                 ),
                 Number(
                     f"exponent in St of the scatter, up to St = {middle}",
@@ -574,6 +579,9 @@ ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
 # angular velocities.
 NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
+# What the shares of the starts next to the saddle and of those of the map are shares of.
+AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
+ON_THE_MAP = "a map of starts even in θ and ψ, not of random ones"
 # Share of the averaged arrival by which a full one is off.
 OFF_BY = 0.2
 
@@ -606,6 +614,8 @@ def late(table: Table) -> dict[float, Estimate]:
 @dataclass(frozen=True)
 class SaddleEndings(Experiment):
     """How full runs from next to the saddle end, and when."""
+
+    seconds: ClassVar[float] = 5.0
 
     def compute(self, grid: Grid) -> Computed:
         """Arrival at the node: averaged, and full at several St, with the end of z'."""
@@ -642,7 +652,9 @@ class SaddleEndings(Experiment):
         for near in NEAR_SADDLE:
             name = f"share of arrivals off by a fifth, St = {short(last)}, {near:g} from the saddle"
             value = shares[near][last]
-            numbers.append(Number(name, float(value), interval=value.interval))
+            numbers.append(
+                Number(name, float(value), interval=value.interval, measure=AT_THE_SADDLE)
+            )
         far = float(shares[NEAR_SADDLE[0]][stokes[0]])
         numbers += [
             Number(f"the same at St = {stokes[0]:g}, {NEAR_SADDLE[0]:g} from it", far),
@@ -660,11 +672,13 @@ class SaddleEndings(Experiment):
                 "share of full runs that reach the node",
                 float(np.mean(table.full < 0.999 * ENDING_TIME)),
                 Range(1.0, 1.0, "theory: the node attracts all"),
+                measure=AT_THE_SADDLE,
             ),
             Number(
                 "share of full runs that end with z' up",
                 float(np.mean(table.up)),
                 Range(0.2, 0.8, "the mirror symmetry of the equations"),
+                measure=AT_THE_SADDLE,
             ),
         ]
         return Verdict(
@@ -755,6 +769,8 @@ ALIGNED = 0.9
 class Basins(Experiment):
     """How long the way to the node is, and which of its mirror images is reached."""
 
+    seconds: ClassVar[float] = 5.0
+
     def compute(self, grid: Grid) -> Computed:
         """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
         slow_times = graded(2.0, 1201)
@@ -824,16 +840,19 @@ class Basins(Experiment):
                     "share of starts that end with z' up",
                     up,
                     Range(0.1, 0.9, "both ends are reached: the equations are mirror symmetric"),
+                    measure=ON_THE_MAP,
                 ),
                 Number(
                     "share of neighbours on the map that end differently",
                     mixed,
                     Range(0.0, 0.6, "half, and some, were ends random"),
+                    measure="pairs of neighbours on the map of starts even in θ and ψ",
                 ),
                 Number(
                     "share of full runs with z' within 0.45 rad of the vorticity axis at the end",
                     float(np.mean(np.abs(ends.z) > ALIGNED)),
                     Range(0.8, 1.0, "the node attracts all; some are still on their way"),
+                    measure=ON_THE_MAP,
                 ),
             ],
         )

@@ -8,7 +8,6 @@ from math import pi
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from scipy.signal import find_peaks
 
 from polhode.harness.paper.drawing import BLUE, GREEN, ORANGE, VERMILLION, draw_each, panels
 from polhode.harness.paper.item import (
@@ -27,7 +26,7 @@ from polhode.harness.paper.item import (
 )
 from polhode.harness.paper.runs import Run, axes_of, full_run, spheroid
 from polhode.harness.paper.sections.pinch import Pinch
-from polhode.harness.paper.tables import groups, joined, path, spread, worst
+from polhode.harness.paper.tables import groups, joined, maxima, path, spread, worst
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.rotation import quaternion_from_euler
 from polhode.models.scene import BodyStart, EulerStart, Scene
@@ -316,9 +315,8 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
 def frequency(run: Table) -> float:
     """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last."""
     settled = run[run.t2 >= LATE / 2]
-    peaks, _ = find_peaks(settled.Lz)
-    first, *_, last = settled.t2[peaks]
-    return float(2 * pi * (len(peaks) - 1) / (last - first) / STOKES_STAR)
+    first, *between, last = maxima(settled.t2, settled.Lz)
+    return float(2 * pi * (len(between) + 1) / (last - first) / STOKES_STAR)
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from polhode.harness.paper.drawing import (
     legend_below,
     name_line,
     panels,
+    white_panes,
 )
 from polhode.harness.paper.item import (
     Computed,
@@ -390,6 +391,7 @@ class Plane(Experiment):
                     f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
                     float(np.mean(ends.distance[left] < planes.REACHED)),
                     REACHES_NODE,
+                    measure="a grid of starts, not of random ones",
                 ),
                 Number(
                     "distance from the saddle where a start on the upper parabola ends",
@@ -568,6 +570,7 @@ class Space(Experiment):
         for point in fixed_points(ELLIPSOID):
             place = planes.place_of(ELLIPSOID, point)
             space.scatter(0.0, *place, color=NODE, edgecolor=BLACK, s=25)
+        white_panes(space)
         space.set(
             xlabel=f"$L_{name[1]}/I_{{max}}$",
             ylabel="$L_z/I_{max}$",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from math import inf, pi
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -199,6 +199,8 @@ def _integrated_period(kappa: float, stokes: float) -> float:
 class Period(Experiment):
     """The period from small to large St."""
 
+    seconds: ClassVar[float] = 10.0
+
     def compute(self, grid: Grid) -> Computed:
         """Period at all St, and by integration in time at some."""
         yield from _periods(np.geomspace(1e-3, 1e6, grid.of(73, 19)))
@@ -382,6 +384,7 @@ class SpinDrift(Experiment):
                     "share of κ with the sign of the claim at small St",
                     float(np.mean(signs)),
                     Range(1.0, 1.0, "the claim: prolate ones leave the axis, oblate ones return"),
+                    measure="four chosen κ",
                 ),
                 Number(
                     f"the rate against a run in time, St = {FOLLOWED_STOKES:g}, relative, worst κ",
@@ -411,9 +414,14 @@ class SpinDrift(Experiment):
         table = data[""]
         peaks = data["peaks"]
         figure, (axes,) = panels(1, 1, 5.2, 3.6)
+        # Peaks are points of the curves: some are sharp.
+        columns = ("kappa", "stokes", "growth")
+        curves = np.rec.fromarrays(
+            [np.concatenate([table[name], peaks[name]]) for name in columns], names=columns
+        )
         draw_each(
             axes,
-            table,
+            curves[np.lexsort([curves.stokes, curves.kappa])],
             "kappa",
             "stokes",
             lambda rows: np.abs(rows.growth),
@@ -467,6 +475,8 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
 @dataclass(frozen=True)
 class PlanarFlows(Experiment):
     """Which planar flows stop a spheroid."""
+
+    seconds: ClassVar[float] = 2.0
 
     def compute(self, grid: Grid) -> Computed:
         """The α above which turning ends, by bisection."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -69,6 +69,8 @@ WIDTHS = {np.inf: 0.6, 1e3: 1.9, 1e4: 1.4, 1e5: 1.0}
 @dataclass(frozen=True)
 class Pinch(Experiment):
     """How full and slow trajectories pass the pinch point, and how wide its neighbourhood is."""
+
+    seconds: ClassVar[float] = 3.0
 
     def compute(self, grid: Grid) -> Computed:
         """Paths past the pinch point; the smallest |L| of full runs against St."""

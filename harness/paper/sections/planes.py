@@ -51,13 +51,13 @@ def plane_tables(
     for number, (momentum, share) in enumerate(starts):
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
         energy = planes.energy_at(body, momentum, min(share, INSIDE))
-        run = planes.plane_path(body, momentum, energy, times)
+        run, end = planes.plane_path_and_end(body, momentum, energy, times)
         index = chosen(run.slow)
         yield "", path(number, run.times[index], run.slow[index], ("Lz", "E"))
         last = planes.distance_from_node(body, run.slow[-1])
         # By L_z/(4π min X) a trajectory with L_z > 0 has reached the pinch point.
         bound = momentum * max(body.inertia) / (4 * np.pi * min(body.resistance))
-        ends = {"distance": last, "end": run.times[-1], "bound": bound}
+        ends = {"distance": last, "end": end, "bound": bound}
         yield "ends", {"path": number, "Lz0": momentum, "share": share, **ends}
 
 

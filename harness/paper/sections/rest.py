@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import find_peaks
 
 from polhode.harness.pages.figures.style import power
 from polhode.harness.paper.drawing import (
@@ -41,7 +40,7 @@ from polhode.harness.paper.item import (
 )
 from polhode.harness.paper.runs import Run, axes_of, full_run, run_form, spheroid
 from polhode.harness.paper.sections.slow_motion import NAMES
-from polhode.harness.paper.tables import by, exponent, spread, worst
+from polhode.harness.paper.tables import by, exponent, maxima, spread, worst
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import jeffery_spin
 from polhode.models.observables import angular_velocity
@@ -56,6 +55,8 @@ ONSET = 1.0
 WIGGLE = 0.02
 # Smallest St of the fits of the transient.
 LARGE_STOKES = 5e5
+# Rows that are computed for each that is kept of a path on the sphere.
+DENSE = 16
 # Scaled time up to which the magnified views go.
 EARLY = 2.0
 
@@ -86,10 +87,18 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
     )
 
 
+def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Least distance of each place, shape (n, 3), from a line of straight pieces, shape (m, 3)."""
+    sides = np.diff(line, axis=0)
+    offsets = places[:, None] - line[:-1]
+    share = np.sum(offsets * sides, axis=-1) / np.sum(sides**2, axis=-1)
+    apart = offsets - share.clip(0.0, 1.0)[..., None] * sides
+    return np.min(np.linalg.norm(apart, axis=-1), axis=1)
+
+
 def turns(path: Table) -> np.ndarray:
     """Times between one maximum of z and the next."""
-    peaks, _ = find_peaks(path.z)
-    return np.diff(path.t[peaks])
+    return np.diff(maxima(path.t, path.z))
 
 
 def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +107,9 @@ def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
     rotation = run.observables.rotation
     inertia = np.array(scene.ellipsoid.inertia)
     resistance = np.array(scene.ellipsoid.resistance)
-    spin = angular_velocity(scene.ellipsoid, run.observables)
+    # All in body axes.
+    momentum = np.einsum("nij,nj->ni", rotation, run.observables.angular_momentum)
+    spin = momentum / inertia
     flow = jeffery_spin(scene.ellipsoid, rotation)
     gyroscopic = np.linalg.norm(np.cross(spin, inertia * spin), axis=1)
     viscous = np.linalg.norm(8 * pi * resistance / scene.stokes * (spin - flow), axis=1)
@@ -118,14 +129,14 @@ class Change:
     @classmethod
     def of(cls, path: Table) -> "Change":
         """That of a path: the first turn shorter than the mean, in the logarithm, of the first and the last."""
-        peaks, _ = find_peaks(path.z)
-        durations = np.diff(path.t[peaks])
+        tops = maxima(path.t, path.z)
+        durations = np.diff(tops)
         border = np.sqrt(durations[0] * durations[-1])
         place = int(np.argmax(durations < border))
         before = float(durations[place - 1])
         after = float(durations[place])
         share = float(np.log(before / after) / np.log(durations[0] / durations[-1]))
-        return cls(float(path.t[peaks[place]]), before, after, share, durations)
+        return cls(float(tops[place]), before, after, share, durations)
 
 
 @dataclass(frozen=True)
@@ -138,14 +149,18 @@ class Sphere(Experiment):
     stokes: float = 1e3
 
     def compute(self, grid: Grid) -> Computed:
-        """Path of z', and the sizes of its gyroscopic and viscous terms."""
-        times = np.linspace(0.0, self.time, grid.of(12001, 6001))
+        """Path of z', and the time so far in which the viscous term is the larger one."""
+        kept = grid.of(12001, 6001)
+        times = np.linspace(0.0, self.time, DENSE * (kept - 1) + 1)
         scene = Scene(self.ellipsoid, self.stokes, self.start, self.time)
         # This form gives the whole rotation, of spheroids too.
         run = run_form(find_form("quaternion"), scene, times)
         gyroscopic, viscous = terms_of(run)
-        rows = {"t": times, **_path(run), "gyroscopic": gyroscopic, "viscous": viscous}
-        yield "", rows
+        # The viscous term is the smaller one in dips that are shorter than a row.
+        is_larger = (viscous > gyroscopic).astype(float)
+        larger = cumulative_trapezoid(is_larger, times, initial=0.0)
+        rows = {"t": times, **_path(run), "viscous_larger": larger}
+        yield "", {name: column[::DENSE] for name, column in rows.items()}
         yield from _jeffery_orbit(self.ellipsoid, self.start, 401)
 
     def judge(self, data: Data) -> Verdict:
@@ -157,8 +172,8 @@ class Sphere(Experiment):
         first = change.durations[0] / jeffery
         last = change.durations[-1] / (4 * pi)
         tilt = worst(table.z[table.t >= 0.95 * self.time])
-        later = table[table.t >= change.time]
-        viscous = float(np.mean(later.viscous > later.gyroscopic))
+        before = np.interp(change.time, table.t, table.viscous_larger)
+        viscous = (table.viscous_larger[-1] - before) / (self.time - change.time)
         angles = ", ".join(f"{angle:.4g}" for angle in self.start.angles[:2])
         return Verdict(
             Word.SHARPENED,
@@ -186,6 +201,7 @@ class Sphere(Experiment):
                     "share of the whole change of duration, in its logarithm, in one turn",
                     change.share,
                     Range(0.5, 1.0, "the claim: abrupt, more than half of it at once"),
+                    measure="the logarithm of the first turn's duration over the last one's",
                 ),
                 Number(
                     "time of the first turn over that of the Jeffery orbit",
@@ -205,6 +221,7 @@ class Sphere(Experiment):
                 Number(
                     "share of the time after the change in which the viscous term is the larger",
                     viscous,
+                    measure=f"the time up to t = {self.time:g}",
                 ),
             ],
         )
@@ -265,10 +282,10 @@ class Transient(Experiment):
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
             angle = cumulative_trapezoid(speed, run.times, initial=0.0)
             torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
-            weakest, _ = find_peaks(torque, prominence=WIGGLE * np.max(np.abs(torque)))
+            weakest = maxima(scaled, torque, WIGGLE * float(np.max(np.abs(torque))))
             onset = {
                 "turned": np.interp(ONSET, angle, scaled),
-                "wiggle": scaled[weakest[0]],
+                "wiggle": weakest[0],
                 "speed": np.interp(1.0, scaled, speed),
             }
             yield "onset", {"stokes": stokes, **onset}
@@ -432,9 +449,9 @@ class Short(Experiment):
         last = length.length[-1]
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
-        gaps = np.linalg.norm(axis[:, None] - points(jeffery)[None], axis=2)
-        distance = np.min(gaps, axis=1)
-        left = arc_length(axis)[np.argmax(distance > APART)]
+        distance = distance_from(points(jeffery), axis)
+        off = int(np.argmax(distance > APART))
+        left = np.interp(APART, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1])
         turn = arc_length(points(jeffery))[-1]
         limit = Range.near(0.0, 5e-3, "corrections are of order 1/√St ≤ 3e-4, times some")
         return Verdict(

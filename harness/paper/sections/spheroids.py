@@ -82,6 +82,7 @@ class Plane(Experiment):
                     f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
                     float(np.mean(ends.distance[left] < planes.REACHED)),
                     REACHES_NODE,
+                    measure="a grid of starts, not of random ones",
                 ),
                 Number(
                     "distance from the saddle where starts on the upper parabola end",
@@ -204,6 +205,7 @@ class Projections(Experiment):
                     f"share of the {len(ends)} starts that reach the node",
                     float(np.mean(ends.distance < planes.REACHED)),
                     REACHES_NODE,
+                    measure="a grid of starts, not of random ones",
                 ),
                 Number(
                     "farthest that a path lies outside the limiting ones in the L_z–E plane",
@@ -310,6 +312,7 @@ class LPlanes(Experiment):
                     f"share of the {len(ends)} starts that reach the node",
                     float(np.mean(ends.distance < planes.REACHED)),
                     REACHES_NODE,
+                    measure="a grid of starts, not of random ones",
                 ),
                 Number(
                     "largest distance at the end",

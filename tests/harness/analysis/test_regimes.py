@@ -9,12 +9,13 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
+from polhode.harness.analysis.in_full import planned_in_full, ran_in_full
 from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME, Method, cells, cost, front, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import draw, picture
 from polhode.harness.pages.figures.style import LOOKS, colour
-from polhode.harness.pages.regimes import read_cells, sentence, write_page
+from polhode.harness.pages.regimes import read_cells, rewrite_page, sentence, write_page
 from polhode.harness.studies.study import read_study
 from polhode.models.catalogue import form as find_form
 
@@ -100,6 +101,45 @@ def test_winners_leads_and_ties(table: pd.DataFrame):
     assert found[1e6, 1e-6].winner == Method("quaternion", "taylor")
     sides = [cell.winner.side for cell in (stiff, middle, large) if cell.winner]
     assert sides == ["implicit", "explicit", "averaged"]
+
+
+def test_a_hybrid_run_that_averaged_nothing_is_one_of_the_full_form():
+    """Its errors and its work are those of a full run at another tolerance, or its plan says so."""
+    full = [
+        {**run, "work.steps": 10 * place}
+        for place, run in enumerate(runs("quaternion", "taylor", 1e4, 1.0, 0.1))
+    ]
+    hybrid = [{**run, "form": "hybrid", "tolerance": 10 * run["tolerance"]} for run in full[:4]]
+    # The same error after other steps: a run with averaged pieces.
+    hybrid[3]["work.steps"] = 7
+    failed = {**hybrid[0], "slow_error": None, "status": "time_limit"}
+    table = pd.DataFrame([*full, *hybrid, failed])
+    assert ran_in_full(table).tolist() == [False] * len(full) + [True] * 3 + [False] * 2
+    study = read_study(None, "regimes")
+    by_plan = ran_in_full(
+        table, [(name, scene) for name, scene in study.scenes if scene.stokes == 1e4]
+    )
+    assert by_plan.tolist()[: len(full) + 3] == ran_in_full(table).tolist()[: len(full) + 3]
+    short = study.scenes[0][1]
+    assert planned_in_full(replace(short, stokes=1e2, time=50.0), 1e-6)
+    assert not planned_in_full(replace(short, stokes=1e7, time=5e6), 1e-4)
+
+
+def test_a_page_is_written_anew_from_its_runs(tmp_path, table: pd.DataFrame):
+    study = read_study(None, "regimes")
+    study = replace(study, scenes=tuple(pair for pair in study.scenes if pair[0] == "ellipsoid"))
+    records = [
+        {**record, **SURROUNDINGS, "date": "2026-01-01T00:00:00Z"}
+        for record in table.to_dict("records")
+    ]
+    page = write_page(study, records, tmp_path, "polhode regimes --quick")
+    before = page.read_text()
+    cells_before = (tmp_path / "cells.csv").read_text()
+    page.write_text(before.replace("How to read it", "Gone"))
+    assert rewrite_page(study, tmp_path).read_text() == before
+    assert len((tmp_path / "cells.csv").read_text()) == pytest.approx(len(cells_before), rel=0.05)
+    with pytest.raises(ValueError, match="no such file, expected a page"):
+        rewrite_page(study, tmp_path / "nowhere")
 
 
 def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):

@@ -64,7 +64,7 @@ def test_ratios_at_equal_error(tmp_path: Path, seconds: float, sign: str):
     assert cells[2].startswith(f"{1e-3 / seconds:.2g} (cyrk-vern8")
     assert cells[4] == f"{1e-2 / seconds:.2g} (cyrk-vern8, 10 ms) {sign} ≥ 4.5"
     assert cells[5] == f"{0.03 / seconds:.2g} (taylor, 30 ms)"
-    assert f"meets {1 if sign == '✓' else 0} of its 2" in page
+    assert f"reaches {1 if sign == '✓' else 0} of 2" in page
     assert "60 times as fast, asked for: 30" in page
     assert "times as long as that at 1e6" in page
     assert "is 2.0e-9, asked" in page

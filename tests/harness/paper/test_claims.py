@@ -1,12 +1,15 @@
 """Ranges and verdicts; curves of tables; the law of jumps and the end of turning."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy import stats
 
 from polhode.harness.common.text import WORDING
-from polhode.harness.paper.claims import items
+from polhode.harness.paper import store
+from polhode.harness.paper.claims import items, section_of
 from polhode.harness.paper.drawing import draw_each, draw_levels, draw_power
 from polhode.harness.paper.item import Number, Range, Verdict, Word
 from polhode.harness.paper.sections.beyond import (
@@ -108,3 +111,18 @@ def test_a_jump_and_a_scattering_differ_in_how_they_fall():
     table = np.rec.fromrecords(rows, names="stokes,error")
     assert two_laws(stokes, typical_errors(table)) == pytest.approx((18, 0.03), rel=1e-9)
     assert two_laws(stokes, 18 / stokes) == pytest.approx((18, 0))
+
+
+def test_a_share_says_of_what():
+    """The name of a number holds the word where it is one; so do those of the report that is there."""
+    report = Path(__file__).parents[3] / "reports" / "paper"
+    shares = 0
+    for item in items():
+        found = store.judged(report / section_of(item).name, item)
+        if isinstance(found, str):
+            continue
+        for number in found[1].numbers:
+            if "share" in number.what.split():
+                shares += 1
+                assert number.measure, (item.name, number.what)
+    assert shares > 10

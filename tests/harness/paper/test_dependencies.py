@@ -1,5 +1,6 @@
 """What an item's data depend on: found by import, with the catalogue entries that code names."""
 
+import ast
 from dataclasses import replace
 
 import pytest
@@ -8,6 +9,8 @@ from polhode.harness.paper import dependencies, store
 from polhode.harness.paper.claims import find_items
 from polhode.harness.paper.dependencies import code_key, files_of, meaning, reached_from
 from polhode.harness.paper.item import Grid
+
+LIMITS = "polhode.harness.paper.sections.limits"
 
 
 def reached(item):
@@ -31,6 +34,14 @@ def test_what_judges_and_draws_is_no_part_of_the_key():
     names = {name for _, name in reached(item).definitions}
     assert {"SlowMotion", "averaged_run", "TOLERANCE"} <= names
     assert not {"draw_each", "FALLS_LIKE_INVERSE", "panels"} & names
+
+
+def test_when_an_item_begins_is_no_part_of_the_key():
+    (item,) = find_items(("poincare-flat",))
+    kept = dependencies._computing(dependencies._definitions(LIMITS)["_Sections"])
+    assert item.experiment.seconds > 10
+    assert "seconds" not in ast.unparse(kept)
+    assert "isotropic" in ast.unparse(kept)
 
 
 def test_modules_are_found_by_import_and_by_catalogue_names():

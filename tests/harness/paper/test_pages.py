@@ -1,6 +1,7 @@
 """Items of the reproduction: what is kept, what is made again, what the pages say, and the command itself."""
 
 import json
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -80,6 +81,27 @@ def test_what_is_there_is_kept(tmp_path, catalogue):
         assert run([item], tmp_path, told.append, grid=Grid.REDUCED) == []
     assert calls == [Grid.REDUCED]
     assert "kept" in told[-2]
+
+
+def test_items_side_by_side_say_when_they_begin_the_longest_first(tmp_path, monkeypatch):
+    """Each process has one thread for linear algebra; the environment is as before when they are done."""
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    chosen = find_items(("planar-flows", "symmetric-top"))
+    monkeypatch.setattr(type(chosen[1].experiment), "seconds", 7.0)
+    assert chosen[0].experiment.seconds < chosen[1].experiment.seconds
+    lines = []
+    during = []
+
+    def note(line):
+        lines.append(line.split()[0])
+        during.append(os.environ["OPENBLAS_NUM_THREADS"])
+
+    assert run(chosen, tmp_path, note, grid=Grid.REDUCED, processes=2) == []
+    assert lines[1:3] == ["symmetric-top", "planar-flows"]
+    assert during[1] == "1"
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
+    assert "MKL_NUM_THREADS" not in os.environ
 
 
 @pytest.mark.parametrize(
@@ -206,6 +228,7 @@ def test_groups_keep_order_and_rows():
             "≥ 0.25",
         ),
         (Number("n", 0.5), "0.5", "any value"),
+        (Number("share", 0.5, measure="six starts"), "0.5 of six starts", "any value"),
     ],
 )
 def test_numbers_as_the_pages_write_them(number, value, holds_for):

@@ -1,0 +1,54 @@
+"""Runs of `hybrid` that average nothing: they are runs of the full form, at a tolerance of their own."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from polhode.models.catalogue import form as find_form
+from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, foreseen
+from polhode.models.scene import Scene
+
+HYBRID = "hybrid"
+# What two runs with the same steps share to the last digit, at whatever tolerance each was asked for.
+_SHARED = (
+    "scene_name",
+    "stokes",
+    "solver",
+    "slow_error",
+    "orientation_error",
+    "work.steps",
+    "work.rhs_calls",
+)
+
+
+def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) -> pd.Series:
+    """Whether each run is one of `hybrid` that averages nothing.
+
+    It has the errors and the counts of work of a run of a full form; or its plan for the scene of
+    this name and St averages no stretch.
+    """
+    hybrid = runs["form"] == HYBRID
+    full = runs["form"].map(lambda name: not find_form(name).averaged) & ~hybrid
+    successful = runs["slow_error"].notna()
+    shared = [name for name in _SHARED if name in runs]
+    # Counts that a solver does not give are equal where both lack them.
+    values = runs[shared].astype(object)
+    keys = values.where(values.notna(), None).apply(tuple, axis=1)
+    identical = successful & keys.isin(set(keys[full & successful]))
+    by_name = {(name, scene.stokes): scene for name, scene in scenes}
+    cases = list(zip(runs["scene_name"], runs["stokes"], runs["tolerance"], strict=True))
+    plans = {
+        (name, stokes, tolerance): planned_in_full(by_name[name, stokes], tolerance)
+        for name, stokes, tolerance in {
+            case for case, own in zip(cases, hybrid, strict=True) if own
+        }
+        if (name, stokes) in by_name
+    }
+    planned = pd.Series([plans.get(case, False) for case in cases], index=runs.index, dtype=bool)
+    return (hybrid & (identical | planned)).astype(bool)
+
+
+def planned_in_full(scene: Scene, tolerance: float) -> bool:
+    """Whether a run of `hybrid` is planned without an averaged stretch."""
+    stretches = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
+    return not any(stretch.second_order for stretch in stretches)

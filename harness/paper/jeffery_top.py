@@ -1,0 +1,211 @@
+"""Orbits of the Jeffery top, the ellipsoid without inertia: Poincaré sections, stretching, layers of chaos.
+
+Orbits run side by side, one in each SIMD lane of a Taylor integrator.
+"""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from math import acosh, pi
+from typing import Any
+
+import numpy as np
+
+from polhode.models.catalogue import form as find_form
+from polhode.models.flow import jeffery_spin, shares
+from polhode.models.forms.jeffery import field
+from polhode.models.once import OncePerThread, once
+from polhode.models.rotation import matrix_from_quaternion, quaternion_from_euler
+from polhode.models.scene import EulerStart, Scene
+from polhode.models.shape import Ellipsoid, Triple
+from polhode.solvers.compile import load_heyoka, tangent_system
+from polhode.solvers.ensembles.taylor_batch import run_batches
+
+# Sampling step, in inverse shear rates, between which section points are interpolated: the
+# interpolation errs by 1e-4 at most.
+_STEP = 0.4
+_TOLERANCE = 1e-15
+# Of the tangents: their growth is wanted to a percent.
+_TANGENT_TOLERANCE = 1e-12
+_TANGENT = (0.5, -0.5, 0.5, -0.5)
+# Numbers of the state and of the parameters of the form `jeffery`.
+_DIMENSION = 4
+_PARAMETERS = 6
+# Halvings of an interval in which a section point is looked for: down to rounding.
+_ROOT_HALVINGS = 50
+# Beside ψ = 0, which some orbits never leave.
+PSI = 1e-9
+# Where ends of a layer are looked for, in rad from θ = π/2.
+_SEARCHED = (0.0, 1.2)
+# Orbits that each round of the search for one end of a layer takes.
+_PROBES = 8
+# Rounds that narrow 1.2 rad down to the last digit, each by a factor of `_PROBES` + 1.
+_ROUNDS = 17
+# Jump of ψ, in rad, from one section point to the next, of an orbit that circulates: ψ is taken
+# modulo π.
+_CIRCULATES = 2.0
+# Distance, in rad, from the saddle at which its growth is measured.
+_TINY = 1e-4
+
+
+def half_turn(ellipsoid: Ellipsoid) -> float:
+    """Half a Jeffery period of the longest and the shortest axis, the slowest turn, in inverse shear rates."""
+    kappa = max(ellipsoid.semi_axes) / min(ellipsoid.semi_axes)
+    return pi * (kappa + 1 / kappa)
+
+
+def chaos_border(turns: float) -> float:
+    """Logarithm of the stretching above which an orbit is chaotic: of a regular one it grows like that of the turns."""
+    return 3 * float(np.log(turns))
+
+
+def stretching(
+    ellipsoid: Ellipsoid, angles: Sequence[Triple], half_turns: Sequence[int]
+) -> np.ndarray:
+    """Logarithm of the stretching of a tangent of each orbit after so many half turns, shape (n, len(half_turns)).
+
+    Orbits start at Euler angles (θ, φ, ψ) in rad; the half turns increase. The tangent is brought
+    back to unit length after each of them.
+    """
+    integrator = _tangent_integrator()
+    lanes = integrator.batch_size
+    quaternions = np.array([quaternion_from_euler(start) for start in angles])
+    integrator.pars[:] = np.array(shares(ellipsoid))[:, None]
+    duration = half_turn(ellipsoid)
+    found = np.empty((len(angles), len(half_turns)))
+    for first in range(0, len(angles), lanes):
+        together = quaternions[first : first + lanes]
+        integrator.set_time(0.0)
+        integrator.state[:_DIMENSION] = np.resize(together, (lanes, _DIMENSION)).T
+        integrator.state[_DIMENSION:] = np.array(_TANGENT)[:, None]
+        stretched = np.zeros(lanes)
+        for turn in range(1, half_turns[-1] + 1):
+            integrator.propagate_until(turn * duration)
+            length = np.linalg.norm(integrator.state[_DIMENSION:], axis=0)
+            integrator.state[_DIMENSION:] /= length
+            stretched += np.log(length)
+            if turn in half_turns:
+                rows = found[first : first + lanes]
+                rows[:, half_turns.index(turn)] = stretched[: len(rows)]
+        if not np.isfinite(stretched).all():
+            raise RuntimeError(
+                "the run of an orbit and its tangent failed, expected finite lengths"
+            )
+    return found
+
+
+def section_points(
+    ellipsoid: Ellipsoid, angles: Sequence[Triple], duration: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """θ and ψ in rad where φ = nπ, of each orbit from Euler angles with φ = 0; ψ from -π/2 to π/2.
+
+    As precisely as double precision allows. The symmetry of ψ is taken out.
+    """
+    times = np.linspace(0.0, duration, int(duration / _STEP) + 2)
+    scene = Scene(ellipsoid, 0.0, EulerStart((1.0, 0.0, 0.0)), duration)
+    quaternions = np.array([quaternion_from_euler(start) for start in angles])
+    problem = find_form("jeffery").problem(scene)
+    states, _ = run_batches(problem, quaternions, times, _TOLERANCE)
+    if not np.isfinite(states).all():
+        raise RuntimeError("an orbit's run failed, expected it to reach its end")
+    return [_points_of(ellipsoid, times, states[:, number]) for number in range(len(angles))]
+
+
+def _points_of(
+    ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The section points of one orbit from quaternions, shape (n, 4), by cubic interpolation."""
+    # φ = nπ is where the flow component t₃₁ of z' vanishes. The start, where it does, is none.
+    q0, q1, q2, q3 = orientation.T
+    flow = q1 * q3 + q0 * q2
+    changes = np.flatnonzero(flow[1:-1] * flow[2:] <= 0) + 1
+    pairs = np.stack([orientation[changes], orientation[changes + 1]], axis=1)
+    rotation = matrix_from_quaternion(pairs.reshape(-1, _DIMENSION))
+    # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
+    spin = jeffery_spin(ellipsoid, rotation)
+    rates = np.cross(rotation, spin[:, :, None], axis=1)
+    values = rotation.reshape(-1, 2, 3, 3)
+    slopes = rates.reshape(-1, 2, 3, 3) * (times[1] - times[0])
+    low = np.zeros(len(changes))
+    high = np.ones(len(changes))
+    at_low = values[:, 0, 2, 0]
+    for _ in range(_ROOT_HALVINGS):
+        middle = (low + high) / 2
+        at_middle = _cubic(middle, values[:, :, 2, 0], slopes[:, :, 2, 0])
+        left = at_low * at_middle <= 0
+        high = np.where(left, middle, high)
+        low = np.where(left, low, middle)
+    place = ((low + high) / 2)[:, None]
+    vorticity = _cubic(place, values[:, :, :, 2], slopes[:, :, :, 2])
+    theta = np.arccos(np.clip(vorticity[:, 2] / np.linalg.norm(vorticity, axis=1), -1, 1))
+    psi = np.arctan2(vorticity[:, 0], vorticity[:, 1])
+    return theta, (psi + pi / 2) % pi - pi / 2
+
+
+def _cubic(place: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Hermite's cubic at places in [0, 1], from values and slopes at both ends, shape (n, 2, …)."""
+    change = values[:, 1] - values[:, 0]
+    square = 3 * change - 2 * slopes[:, 0] - slopes[:, 1]
+    cube = slopes[:, 0] + slopes[:, 1] - 2 * change
+    return values[:, 0] + place * (slopes[:, 0] + place * (square + place * cube))
+
+
+def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
+    """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad.
+
+    The first orbit, from θ = π/2 on, that circulates at some time, and the last that librates at
+    some time, of those that are tried. The edges may be frayed, so that the width is a lower
+    bound. The first end is the larger one while orbits next to a sharp separatrix have not yet
+    left the saddle.
+    """
+    duration = turns * half_turn(ellipsoid)
+    libration = _SEARCHED
+    circulation = _SEARCHED
+    for _ in range(_ROUNDS):
+        offsets = np.concatenate([_probes(libration), _probes(circulation)])
+        starts = [(pi / 2 + float(offset), 0.0, PSI) for offset in offsets]
+        points = section_points(ellipsoid, starts, duration)
+        circulating = [_circulates(psi) for _, psi in points[:_PROBES]]
+        librating = [_librates(theta) for theta, _ in points[_PROBES:]]
+        first = circulating.index(True) if any(circulating) else _PROBES
+        bounds = [libration[0], *offsets[:_PROBES], libration[1]]
+        libration = (bounds[first], bounds[first + 1])
+        last = _PROBES - librating[::-1].index(True) if any(librating) else 0
+        bounds = [circulation[0], *offsets[_PROBES:], circulation[1]]
+        circulation = (bounds[last], bounds[last + 1])
+    return sum(libration) / 2, sum(circulation) / 2
+
+
+def _probes(interval: tuple[float, float]) -> np.ndarray:
+    """Offsets that part an interval evenly, without its ends."""
+    return np.linspace(*interval, _PROBES + 2)[1:-1]
+
+
+def _circulates(psi: np.ndarray) -> bool:
+    return bool(np.any(np.abs(np.diff(psi)) > _CIRCULATES))
+
+
+def _librates(theta: np.ndarray) -> bool:
+    return bool(np.any((theta[1:] - pi / 2) * (theta[:-1] - pi / 2) < 0))
+
+
+def saddle_growth(ellipsoid: Ellipsoid) -> float:
+    """Exponent of the saddle (π/2, π/2) of the section, per half turn."""
+    # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements
+    # cosh λ.
+    start = (pi / 2, 0.0, pi / 2 - _TINY)
+    ((_, psi),) = section_points(ellipsoid, [start], 1.5 * half_turn(ellipsoid))
+    return acosh((pi / 2 - abs(float(psi[0]))) / _TINY)
+
+
+@OncePerThread
+def _tangent_integrator() -> Any:
+    return deepcopy(_compiled())
+
+
+@once()
+def _compiled() -> Any:
+    heyoka = load_heyoka()
+    lanes = heyoka.recommended_simd_size()
+    system = tangent_system(field, _DIMENSION, _PARAMETERS)
+    start = np.zeros((len(system), lanes))
+    return heyoka.taylor_adaptive_batch(system, start, tol=_TANGENT_TOLERANCE)

@@ -1,0 +1,896 @@
+"""Numbers of twenty items of the paper's reproduction, drawn by lot, from the vector equation.
+
+The lot: ``random.Random(20261126).sample(names, 20)`` of the 42 items that the report had on that day. Nothing of the
+project is imported; settings of the items (bodies, starts, St) are typed here again.
+
+    python tests/oracle/paper_items/recompute.py [ITEM…]
+
+writes `numbers.json` beside this file, by item and by what the report calls the number.
+"""
+
+import csv
+import json
+import sys
+import time
+from pathlib import Path
+
+import numba
+import numpy as np
+from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.integrate._ivp import dop853_coefficients as dop
+from scipy.optimize import brentq, minimize_scalar
+from vector_equation import (
+    Body,
+    Run,
+    aligned,
+    averaged,
+    averaged_rates,
+    free_rates,
+    rows,
+    rows_of,
+    spin_of,
+)
+
+HERE = Path(__file__).parent
+REPORT = HERE.parents[2] / "reports" / "paper"
+PAPER = (1.0, 0.8, 0.5)
+
+
+def spheroid(kappa):
+    return Body((1.0, 1.0, kappa))
+
+
+def graded(end, points):
+    return end * np.linspace(0, 1, points) ** 2.5
+
+
+def slope(x, y):
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+# --- a spinning spheroid ---------------------------------------------------------------------------------------------
+
+
+def spin_drift():
+    kappas = (0.3, 0.5, 2.0, 4.0)
+    bodies = {kappa: spheroid(kappa) for kappa in kappas}
+
+    def growth(kappa, stokes):
+        """Largest real part of the equations linearized about spinning at -1/2, in (p_x, p_y, L_x, L_y)."""
+        body = bodies[kappa]
+        equatorial, axial = body.inertia[0], body.inertia[2]
+        damping = 8 * np.pi * body.resistance[0] / stokes
+        anisotropy = (kappa**2 - 1) / (kappa**2 + 1)
+        spin = -axial / 2
+        matrix = np.zeros((4, 4))
+        # ṗ = L × p / I_e; L̇ = -(8πY/St) (ω - Ω_J) across the axis, to first order in p and L.
+        matrix[0, 3], matrix[0, 1] = 1 / equatorial, -spin / equatorial
+        matrix[1, 2], matrix[1, 0] = -1 / equatorial, spin / equatorial
+        for row, column, flow in ((2, 0, anisotropy / 2 - 0.5), (3, 1, -anisotropy / 2 - 0.5)):
+            matrix[row, row] = -damping / equatorial
+            matrix[row, column] = damping * (spin / equatorial - flow)
+        return float(np.linalg.eigvals(matrix).real.max())
+
+    grid = np.geomspace(1e-4, 1e6, 61)
+    curves = {kappa: np.array([growth(kappa, s) for s in grid]) for kappa in kappas}
+    small, large = grid < 1e-2, grid > 1e5
+    peaks = []
+    for kappa in kappas:
+        best = minimize_scalar(
+            lambda x, kappa=kappa: -abs(growth(kappa, np.exp(x))),
+            bounds=np.log([5, 3000]),
+            method="bounded",
+            options={"xatol": 1e-8},
+        )
+        peaks.append((float(np.exp(best.x)), -best.fun))
+    followed = []
+    for kappa, body in bodies.items():
+        half = np.pi * (kappa + 1 / kappa)
+        times = half * np.array([0.0, 2.0, 4.0])
+        run = Run(body, 0.02, rows(1e-3, 0, 0), np.array([0, 0, -0.5]), times, 1e-10, "LSODA")
+        tilt = np.linalg.norm(run.rotation[:, 2, :2], axis=1)
+        followed.append(np.log(tilt[2] / tilt[1]) / (2 * half) / growth(kappa, 0.02) - 1)
+    return {
+        "exponent in St below St = 0.01, off 1, worst κ": max(
+            abs(slope(grid[small], abs(c[small])) - 1) for c in curves.values()
+        ),
+        "share of κ with the sign of the claim at small St": float(
+            np.mean([np.sign(c[0]) == np.sign(k - 1) for k, c in curves.items()])
+        ),
+        "the rate against a run in time, St = 0.02, relative, worst κ": float(
+            np.max(np.abs(followed))
+        ),
+        "largest rate over the largest at the grid's points, least of all κ": min(
+            peak[1] / max(abs(c)) for peak, c in zip(peaks, curves.values(), strict=True)
+        ),
+        "exponent above St = 1e5, off -1, worst κ": max(
+            abs(slope(grid[large], abs(c[large])) + 1) for c in curves.values()
+        ),
+        "rate × St at St = 1e6 over the printed eigenvalues', less one, worst κ": max(
+            abs(growth(k, 1e6) / (1e4 * growth(k, 1e10)) - 1) for k in kappas
+        ),
+        "largest size at St": [peak[0] for peak in peaks],
+    }
+
+
+# --- the Jeffery top -------------------------------------------------------------------------------------------------
+
+STAGES = dop.N_STAGES
+A, B, C = dop.A[:STAGES, :STAGES], dop.B, dop.C[:STAGES]
+
+
+@numba.njit
+def jeffery_rates(axes, t, out):
+    w = np.empty(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        a, b = axes[j] ** 2, axes[k] ** 2
+        w[i] = (a * t[3 * k] * t[3 * j + 1] - b * t[3 * j] * t[3 * k + 1]) / (a + b)
+    x = w[0] * t[0] + w[1] * t[3] + w[2] * t[6]
+    y = w[0] * t[1] + w[1] * t[4] + w[2] * t[7]
+    z = w[0] * t[2] + w[1] * t[5] + w[2] * t[8]
+    for i in range(3):
+        a, b, c = t[3 * i], t[3 * i + 1], t[3 * i + 2]
+        out[3 * i], out[3 * i + 1], out[3 * i + 2] = y * c - z * b, z * a - x * c, x * b - y * a
+
+
+@numba.njit
+def step(axes, t, h, stages, a, b):
+    trial = np.empty(9)
+    for s in range(len(b)):
+        for n in range(9):
+            total = 0.0
+            for r in range(s):
+                if a[s, r] != 0.0:
+                    total += a[s, r] * stages[r, n]
+            trial[n] = t[n] + h * total
+        jeffery_rates(axes, trial, stages[s])
+    for n in range(9):
+        total = 0.0
+        for s in range(len(b)):
+            total += b[s] * stages[s, n]
+        t[n] += h * total
+
+
+@numba.njit
+def parting(axes, start, beside, turns, half_turn, steps, size, a, b):
+    """Logarithm of how far two neighbours part over so many half turns; brought together after each of them."""
+    stages = np.zeros((len(b), 9))
+    first, second = start.copy(), beside.copy()
+    h = half_turn / steps
+    total = 0.0
+    for _ in range(turns):
+        for _ in range(steps):
+            step(axes, first, h, stages, a, b)
+            step(axes, second, h, stages, a, b)
+        apart = np.sqrt(np.sum((second - first) ** 2))
+        total += np.log(apart / size)
+        second = first + (second - first) * (size / apart)
+    return total
+
+
+def chaos(axes, turns, name):
+    """Share of chaotic orbits of the item's own starts, and the median exponents."""
+    axes = np.array(axes) / max(axes)
+    kappa = max(axes) / min(axes)
+    half_turn = np.pi * (kappa + 1 / kappa)
+    with open(REPORT / "limits" / f"{name}-orbits.csv", encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    size = 1e-7
+    parted, kinds = [], []
+    for row in table:
+        angles = [float(row[key]) for key in ("theta", "phi", "psi")]
+        start = rows(*angles).ravel()
+        beside = rows(angles[0] + 0.6e-7, angles[1] + 0.5e-7, angles[2] - 0.4e-7).ravel()
+        beside = start + (beside - start) * (size / np.linalg.norm(beside - start))
+        steps = int(np.ceil(half_turn / 0.4))
+        parted.append(parting(axes, start, beside, turns, half_turn, steps, size, A, B))
+        kinds.append(float(row["kind"]))
+    parted, kinds = np.array(parted), np.array(kinds)
+    wild = parted > 3 * np.log(turns)
+    theirs = np.array([float(row["chaotic"]) for row in table]) > 0
+    found = {
+        "share of chaotic orbits, starts uniform on SO(3)": float(wild[kinds == 0].mean()),
+        "the same of starts on the section: φ = 0, cos θ and ψ uniform": float(
+            wild[kinds == 1].mean()
+        ),
+        "chaotic share of starts next to the saddle": float(wild[kinds == 2].mean()),
+        "median exponent of the regular orbits, per half turn": float(
+            np.median(parted[~wild]) / turns
+        ),
+        "orbits that are judged otherwise": int(np.sum(wild != theirs)),
+        "orbits": len(table),
+    }
+    if wild.any():
+        found["median exponent of the chaotic orbits, per half turn"] = float(
+            np.median(parted[wild]) / turns
+        )
+    return found
+
+
+def saddle_exponent(axes):
+    """Of the map over half a turn at the orbit with z' in the plane of the flow and x' along the vorticity."""
+    body = Body(axes)
+
+    def advanced(tilt):
+        start = rows(np.pi / 2, 0.0, np.pi / 2 - tilt).ravel()
+
+        def section(_, y, axes):
+            return y[6]
+
+        run = solve_ivp(
+            free_rates,
+            (0, 30),
+            start,
+            "DOP853",
+            args=(body.axes,),
+            rtol=1e-12,
+            atol=1e-13,
+            events=section,
+        )
+        after = run.t_events[0] > 0.5
+        t = run.y_events[0][after][0].reshape(3, 3)
+        return abs(np.arctan2(abs(t[0, 2]), abs(t[1, 2])) - np.pi / 2)
+
+    return float(np.arccosh(advanced(1e-4) / 1e-4))
+
+
+def flat():
+    return chaos((1.0, 0.5, 0.05), 120, "poincare-flat")
+
+
+def slender():
+    return chaos((0.05, 0.1, 1.0), 120, "poincare-slender")
+
+
+def fat_prolate():
+    name = "exponent of the saddle itself, per half turn"
+    body = (1 / 3, 1.2 / 3, 1.0)
+    return {**chaos(body, 400, "poincare-fat-prolate"), name: saddle_exponent(body)}
+
+
+def fat_oblate():
+    name = "exponent of the saddle itself, per half turn"
+    body = (1.0, 2 / 2.1, 1 / 2.1)
+    return {**chaos(body, 400, "poincare-fat-oblate"), name: saddle_exponent(body)}
+
+
+# --- averaged trajectories -------------------------------------------------------------------------------------------
+
+
+def energy_at(body, momentum, share):
+    ratio = body.inertia.max() / body.inertia.min()
+    return momentum**2 / 2 * (1 + share * (ratio - 1))
+
+
+def pinch_ratio(body, momentum, share):
+    """Slow time from L_z > 0 to the pinch point over L_z/(4π min X)."""
+
+    def met(_, y):
+        return y[2] - 1e-5
+
+    met.terminal = True
+    start = (0.0, 0.0, momentum, energy_at(body, momentum, share))
+    run = averaged(body, start, np.array([0.0, 2.0]), 1e-8, met)
+    end = run.t_events[0][0]
+    state = run.y_events[0][0]
+    end += state[2] / -averaged_rates(body, state)[2]
+    return end / (momentum * body.largest / (4 * np.pi * body.resistance.min()))
+
+
+NODE = np.array([0.0, 0.0, -0.5, 0.125])
+
+
+def plane(body, shares, near, edge_time, momenta_on_edge, distance):
+    reached = []
+    for momentum in (-1.1, near):
+        for share in shares:
+            start = (0.0, 0.0, momentum, energy_at(body, momentum, share))
+            end = averaged(body, start, np.array([0.0, 1.0]), 1e-8).y[:, -1]
+            reached.append(np.abs(end - NODE).max() < 1e-2)
+    pinches = [pinch_ratio(body, 1.1, share) for share in shares]
+    # On the upper parabola the body turns about its axis of least inertia, along the vorticity: then
+    # L̇_z = -8πX/I (L_z + I/2), which any rounding of E would leave, since the saddle repels.
+    axis = int(np.argmin(body.inertia))
+    moment = body.inertia[axis] / body.largest
+    edges = []
+    for start in momenta_on_edge:
+        momentum = -moment / 2 + (start + moment / 2) * np.exp(-body.damping[axis] * edge_time)
+        edges.append(distance((0.0, 0.0, momentum, momentum**2 / (2 * moment))))
+    return float(np.mean(reached)), max(edges), max(pinches)
+
+
+def spheroid_plane():
+    body = spheroid(2.0)
+    saddle = -body.inertia.min() / body.inertia.max() / 2
+    times = graded(1.0, 2001)
+    # The report follows the edge to the last of its own times up to 0.16.
+    last = times[times <= 0.16][-1]
+    shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)
+    found = plane(body, shares, -0.06, last, (-1.1, -0.06), lambda end: abs(end[2] - saddle))
+    names = (
+        "share of the 18 starts with L_z < 0 that reach the node",
+        "distance from the saddle where starts on the upper parabola end",
+        "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
+    )
+    return dict(zip(names, found, strict=True))
+
+
+def ellipsoid_plane():
+    body = Body(PAPER)
+    saddle = -body.inertia.min() / body.inertia.max() / 2
+    times = graded(1.0, 2001)
+    last = times[times <= 0.25][-1]
+    shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)
+    found = plane(
+        body,
+        shares,
+        -0.08,
+        last,
+        (-1.1,),
+        lambda end: float(np.hypot(end[2] - saddle, end[3] + saddle / 4)),
+    )
+    names = (
+        "share of the 18 starts with L_z < 0 that reach the node",
+        "distance from the saddle where a start on the upper parabola ends",
+        "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
+    )
+    return dict(zip(names, found, strict=True))
+
+
+def beyond(path, first, last):
+    """Farthest that points of a path lie outside the polygon of two others."""
+    ring = np.concatenate([first, last[::-1]])
+    closed = np.concatenate([ring, ring[:1]])
+    a, b = closed[:-1], closed[1:]
+    worst = 0.0
+    for point in path:
+        x, y = point
+        crosses = (a[:, 1] > y) != (b[:, 1] > y)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            where = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+        if np.sum(crosses & (x < where)) % 2 == 0:
+            side = b - a
+            share = np.sum((point - a) * side, axis=1) / np.maximum(np.sum(side**2, axis=1), 1e-300)
+            foot = a + np.clip(share, 0, 1)[:, None] * side
+            worst = max(worst, np.min(np.linalg.norm(point - foot, axis=1)))
+    return worst
+
+
+def projections():
+    body = spheroid(2.0)
+    times = graded(1.0, 1201)
+    reached, worst = [], [0.0, 0.0]
+    for energy in (2 / 9, 0.305, 0.472):
+        for cosine in (-0.95, -0.5, 0.1, 0.6, 0.95):
+            paths = {}
+            for azimuth in (0.0, 15.0, 45.0, 75.0, 90.0):
+                sine = np.sqrt(1 - cosine**2)
+                angle = np.radians(azimuth)
+                direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine])
+                slow = averaged(body, (*(direction * 2 / 3), energy), times, 1e-9).y.T
+                reached.append(np.abs(slow[-1] - NODE).max() < 1e-2)
+                across = np.hypot(slow[:, 0], slow[:, 1])
+                paths[azimuth] = (slow[:, [2, 3]], np.column_stack([slow[:, 2], across]))
+            for azimuth in (15.0, 45.0, 75.0):
+                for n in range(2):
+                    worst[n] = max(
+                        worst[n], beyond(paths[azimuth][n], paths[0.0][n], paths[90.0][n])
+                    )
+    names = (
+        "share of the 75 starts that reach the node",
+        "farthest that a path lies outside the limiting ones in the L_z–E plane",
+        "the same in the plane of L_z and L_xy",
+    )
+    return dict(zip(names, (float(np.mean(reached)), *worst), strict=True))
+
+
+def ellipsoid_space():
+    body = Body(PAPER)
+    grown, away = [], []
+    for zero in (1, 0):
+        start = np.array([0.0, 0.0, -0.2, energy_at(body, 1.0, 0.7)])
+        start[1 - zero] = np.sqrt(1 - 0.04)
+        slow = averaged(body, start, graded(1.0, 401), 1e-9).y.T
+        grown.append(np.abs(slow[:, zero]).max())
+        away.append(np.abs(slow[-1] - NODE).max())
+    return {
+        "largest |L_x| or |L_y| that starts at zero": float(max(grown)),
+        "distance from the node at the end": float(max(away)),
+    }
+
+
+def collapse():
+    star, kappas = 2.071, (0.3, 0.5, 2.0, 3.33)
+    rates, late, frequencies = [], {}, {}
+    for kappa in kappas:
+        body = spheroid(kappa)
+        stokes = star * 8 * np.pi * body.resistance[2] / body.inertia[2]
+        momentum, energy = -body.largest, 0.6 * body.largest
+        # cos θ from L² and E of a body whose axis stands at θ from L.
+        ia, ie = body.inertia[2], body.inertia[0]
+        cosine2 = (2 * energy / momentum**2 - 1 / ie) / (1 / ia - 1 / ie)
+        # With p̂·L/|L| < 0 or > 0: the start has its axis at θ = arccos of a negative number.
+        theta = np.arccos(-np.sqrt(cosine2))
+        rotation, spin = aligned(body, -1.0, theta)
+        axis = int(np.argmax(body.inertia))
+        decay = 8 * np.pi * body.resistance[axis] / body.inertia[axis]
+        rates.append((decay, decay * star / stokes))
+        scaled = np.linspace(0, 12, 401)
+        run = Run(body, stokes, rotation, spin, star * scaled, 1e-11)
+        lz = run.slow[:, 2]
+        late[kappa] = lz[scaled >= 6]
+        if kappa > 1:
+            fine = np.linspace(3 * star, 12 * star, 40001)
+            dense = Run(body, stokes, rotation, spin, np.concatenate([[0.0], fine]), 1e-11)
+            z = dense.slow[1:, 2]
+            peaks = np.flatnonzero((z[1:-1] > z[:-2]) & (z[1:-1] > z[2:])) + 1
+            frequencies[kappa] = 2 * np.pi * (len(peaks) - 1) / (fine[peaks[-1]] - fine[peaks[0]])
+    rates = np.array(rates)
+    spread = rates.max(axis=0) / rates.min(axis=0)
+    waves = {kappa: np.abs(values + 0.5).max() for kappa, values in late.items()}
+    return {
+        "largest over smallest relaxation rate of L_z at the node, per St*": spread[1],
+        "the same per St": spread[0],
+        "oscillation of L_z after t/St* = 6, prolate": min(waves[2.0], waves[3.33]),
+        "difference of the two prolate curves there": float(np.abs(late[2.0] - late[3.33]).max()),
+        "oscillation there, oblate": max(waves[0.3], waves[0.5]),
+        "frequency of that oscillation, κ = 2": frequencies[2.0],
+        "frequency of that oscillation, κ = 3.33": frequencies[3.33],
+    }
+
+
+# --- passage of the separatrix ---------------------------------------------------------------------------------------
+
+
+def singular_point():
+    """Slow times to and from the singular point by the averaged equations, and the local solution's."""
+    body = Body(PAPER)
+    i1, i2, i3 = np.sort(body.inertia) / body.largest
+    x1, _, x3 = (body.resistance[n] for n in np.argsort(body.inertia))
+    growth = 32 * np.pi / (i2 * body.largest) * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
+    local = (0.1 * np.log(160.0) + 0.1) / growth
+
+    def complement(slow, near, far):
+        square, twice = slow[2] ** 2, 2 * slow[3]
+        return (near - far) * (square - twice * i2) / ((near - i2) * (square - twice * far))
+
+    def state(y, shift, near, far):
+        """L_z and E at y and L_z' = L_z + I₂/2, L_x = L_y = 0."""
+        momentum = shift - i2 / 2
+
+        def off(energy):
+            return complement((0, 0, momentum, energy), near, far) - y
+
+        low = momentum**2 / (2 * max(near, i2)) + 1e-14
+        high = momentum**2 / (2 * min(near, i2)) - 1e-14
+        return np.array([0, 0, momentum, brentq(off, low, high, xtol=1e-16)])
+
+    # Leaving: from next to the point on the short side.
+    def left(_, slow):
+        return complement(slow, i3, i1) - 0.1
+
+    left.terminal = True
+    begin = 1e-6
+    push = 8 * np.pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1)) / body.largest
+    # L_z' gained so far by the local rates: ∫ -Ŵ/ln(16/y) dt with dy/dt = 2W/ln(16/y).
+    run = averaged(
+        body, state(begin, -push * begin / growth, i3, i1), np.array([0, 0.02]), 1e-9, left
+    )
+    leaving = run.t_events[0][0] + begin * (np.log(16 / begin) + 1) / growth
+
+    # Arriving: L_z' at y = 0.1 on the long side is such that it is zero at the point.
+    def arrive(shift):
+        def met(_, slow):
+            return complement(slow, i1, i3) - begin
+
+        met.terminal = True
+        run = averaged(body, state(0.1, shift, i1, i3), np.array([0, 0.03]), 1e-7, met)
+        time, end = run.t_events[0][0], run.y_events[0][0]
+        rest = begin * (np.log(16 / begin) + 1) / growth
+        return time + rest, end[2] + i2 / 2 - push * begin / growth
+
+    shift = brentq(lambda value: arrive(value)[1], -0.05, 0.05, xtol=1e-7)
+    return {
+        "slow time from y = 0.1 to the singular point": arrive(shift)[0],
+        "slow time from the singular point to y = 0.1": leaving,
+        "local solution's time": local,
+    }
+
+
+# --- full against averaged -------------------------------------------------------------------------------------------
+
+
+def ellipsoid_slow_2():
+    body = Body(PAPER)
+    angles, rates = (1.57, 0.0, np.pi / 2), (0.0, -0.61, 0.0003)
+    rotation, spin = rows(*angles), spin_of(angles, rates)
+    momentum = rotation.T @ (body.inertia * spin)
+    start = np.array([*momentum, np.sum(body.inertia * spin**2) / 2]) / body.largest
+    end = 1.2
+    slow_times = np.linspace(0, end, 4801)
+    mean = averaged(body, start, slow_times, 1e-10).y.T
+    change = np.ptp(mean, axis=0).max()
+    errors, ends = {}, {}
+    for stokes in (100.0, 150.0, 500.0, 1e3, 2e3, 5e3, 1e4, 2e4, 5e4):
+        run = Run(body, stokes, rotation, spin, stokes * slow_times, 1e-11)
+        errors[stokes] = np.abs(run.slow - mean).max()
+        ends[stokes] = np.abs(run.slow[-481:].mean(axis=0) - NODE).max()
+    large = np.array([s for s in errors if s >= 5e3])
+    return {
+        "exponent of the error of L and E in St, St ≥ 5000": slope(
+            large, [errors[s] for s in large]
+        ),
+        "error × St at St = 50000": errors[5e4] * 5e4,
+        "error at St = 100, over the largest change of a slow variable": errors[100.0] / change,
+        "the same of the mean full end, St ≥ 500": max(v for s, v in ends.items() if s >= 500),
+        "errors": errors,
+        "change": change,
+    }
+
+
+def first_order():
+    kappa, lz0, theta, phi, end = 2.0, -0.9, 0.9, 0.6, 0.04
+    body = spheroid(kappa)
+    rotation, spin = aligned(body, lz0, theta, phi)
+    momentum = rotation.T @ (body.inertia * spin)
+    start = np.array([*momentum, np.sum(body.inertia * spin**2) / 2]) / body.largest
+    ie, ia, yc = body.inertia[0], body.inertia[2], body.resistance[0]
+    times = np.linspace(0, end, 4001)
+    anisotropy = (kappa**2 - 1) / (kappa**2 + 1)
+
+    def spin_squared(slow):
+        """h² = cos² of the angle of the axis from L, from L² and E."""
+        square = np.sum(slow[..., :3] ** 2, axis=-1)
+        ratio = body.largest
+        return (2 * slow[..., 3] / square / ratio - 1 / ie) / (1 / ia - 1 / ie)
+
+    def first(slow, stokes, phase):
+        """L_z⁽¹⁾/St of `lzsfod2` over I_e, with a local frequency and this phase."""
+        tilt = 1 - spin_squared(slow)
+        return (
+            -2
+            * np.pi
+            * yc
+            * anisotropy
+            * tilt
+            * ie
+            / (slow[..., 2] * ie)
+            / ie
+            * np.sin(2 * phase)
+            / stokes
+        )
+
+    errors = {"averaged": [], "printed": [], "corrected": []}
+    grid = np.geomspace(1e2, 1e5, 13)
+    plain = averaged(body, start, times, 1e-12).y.T
+    area = cumulative_trapezoid(plain[:, 2], times, initial=0.0)
+    # Simpson-like accuracy: the trapezoid's error is removed by its end slopes.
+    slope_ends = np.gradient(plain[:, 2], times, edge_order=2)
+    area -= (times[1] ** 2) / 12 * (slope_ends - slope_ends[0])
+    for stokes in grid:
+        full = Run(body, stokes, rotation, spin, stokes * times, 1e-13).slow[:, 2]
+        errors["averaged"].append(np.abs(plain[:, 2] - full).max())
+        mean = np.concatenate([plain[:1, 2], area[1:] / times[1:]])
+        tilt = 1 - spin_squared(plain)
+        printed = (
+            -2
+            * np.pi
+            * yc
+            * anisotropy
+            * tilt
+            / mean
+            / ie
+            * np.sin(2 * (stokes * area + phi))
+            / stokes
+        )
+        errors["printed"].append(np.abs(plain[:, 2] + printed - full).max())
+    large = grid >= 900
+    ratio = np.array(errors["averaged"]) / np.array(errors["printed"])
+    return {
+        "averaged error over that as printed, smallest": float(ratio.min()),
+        "order of the averaged error": slope(grid[large], np.array(errors["averaged"])[large]),
+        "order with the correction as printed": slope(
+            grid[large], np.array(errors["printed"])[large]
+        ),
+    }
+
+
+# --- from rest -------------------------------------------------------------------------------------------------------
+
+
+def at_rest(axes, angles, stokes, times, tolerance=1e-12):
+    return Run(Body(axes), stokes, rows(*angles), np.zeros(3), times, tolerance)
+
+
+def maxima(times, values):
+    """Times of maxima, by a parabola through three points."""
+    n = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
+    low, middle, high = values[n - 1], values[n], values[n + 1]
+    return times[n] + (times[1] - times[0]) * 0.5 * (low - high) / (low - 2 * middle + high)
+
+
+def rest_needle():
+    axes, angles, stokes, end = (1.0, 1.0, 10.0), (0.10472, 5.4978, 0.0), 1e3, 600.0
+    times = np.linspace(0, end, 300001)
+    run = at_rest(axes, angles, stokes, times)
+    body = run.body
+    z = run.rotation[:, 2, 2]
+    peaks = maxima(times, z)
+    durations = np.diff(peaks)
+    place = int(np.argmax(durations < np.sqrt(durations[0] * durations[-1])))
+    change = peaks[place]
+    free = solve_ivp(
+        free_rates,
+        (0, 2 * np.pi * 10.1),
+        rows(*angles).ravel(),
+        "DOP853",
+        args=(body.axes,),
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=np.linspace(0, 2 * np.pi * 10.1, 40001),
+    )
+    jeffery_turns = np.diff(maxima(free.t, free.y[8]))
+    jeffery_turn = jeffery_turns[0] if len(jeffery_turns) else np.nan
+    flow = np.empty_like(run.spin)
+    square = body.axes**2
+    t = run.rotation
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        flow[:, i] = (square[j] * t[:, k, 0] * t[:, j, 1] - square[k] * t[:, j, 0] * t[:, k, 1]) / (
+            square[j] + square[k]
+        )
+    viscous = np.linalg.norm(8 * np.pi * body.resistance / stokes * (run.spin - flow), axis=1)
+    gyroscopic = np.linalg.norm(np.cross(run.spin, body.inertia * run.spin), axis=1)
+    later = times >= change
+    whole = np.log(durations[0] / durations[-1])
+    return {
+        "time at which the turns change": change,
+        "the same over √St": change / np.sqrt(stokes),
+        "share of the whole change of duration, in its logarithm, in one turn": float(
+            np.log(durations[place - 1] / durations[place]) / whole
+        ),
+        "time of the first turn over that of the Jeffery orbit": durations[0] / jeffery_turn,
+        "time of the last turn over that of the free top at -1/2, 4π": durations[-1] / (4 * np.pi),
+        "|z| of the axis at the end, largest": float(np.abs(z[times >= 0.95 * end]).max()),
+        "share of the time after the change in which the viscous term is the larger": float(
+            np.mean((viscous > gyroscopic)[later])
+        ),
+    }
+
+
+def transient(axes, angles):
+    numbers = (50.0, 500.0, 5e3, 5e4, 5e5, 5e6, 5e7)
+    scaled = np.linspace(0, 6, 12001)
+    turned, wiggle, speed = [], [], []
+    for stokes in numbers:
+        run = at_rest(axes, angles, stokes, scaled * np.sqrt(stokes))
+        size = np.linalg.norm(run.spin, axis=1)
+        angle = cumulative_trapezoid(size, run.times, initial=0.0)
+        turned.append(np.interp(1.0, angle, scaled))
+        speed.append(np.interp(1.0, scaled, size))
+        # The torque along the vorticity itself, not a difference of L_z.
+        body, t, square = run.body, run.rotation, run.body.axes**2
+        torque = np.zeros(len(scaled))
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            flow = (square[j] * t[:, k, 0] * t[:, j, 1] - square[k] * t[:, j, 0] * t[:, k, 1]) / (
+                square[j] + square[k]
+            )
+            torque -= 8 * np.pi * body.resistance[i] / stokes * (run.spin[:, i] - flow) * t[:, i, 2]
+        tops = np.flatnonzero((torque[1:-1] > torque[:-2]) & (torque[1:-1] >= torque[2:])) + 1
+        for top in tops:
+            # Prominence: how far the torque falls on either side before it is larger again.
+            left = torque[:top][::-1]
+            higher = np.flatnonzero(left > torque[top])
+            left = left[: higher[0]] if len(higher) else left
+            right = torque[top + 1 :]
+            higher = np.flatnonzero(right > torque[top])
+            right = right[: higher[0]] if len(higher) else right
+            prominence = torque[top] - max(left.min(), right.min())
+            if prominence >= 0.02 * np.abs(torque).max():
+                wiggle.append(
+                    float(maxima(scaled[top - 1 : top + 2], torque[top - 1 : top + 2])[0])
+                )
+                break
+    numbers, turned, wiggle = np.array(numbers), np.array(turned), np.array(wiggle)
+    large = numbers >= 5e5
+    root = np.sqrt(numbers)
+    shown = numbers <= 5e5
+    return {
+        "exponent in St of the time of the first radian, St ≥ 500000": slope(
+            numbers[large], (turned * root)[large]
+        ),
+        "exponent of the time of the first wiggle": slope(numbers[large], (wiggle * root)[large]),
+        "exponent of the angular velocity at t = √St": slope(
+            numbers[large], np.array(speed)[large]
+        ),
+        "time of the first radian over √St, largest St": turned[-1],
+        "time of the first wiggle over √St, largest St": wiggle[-1],
+        "latest over earliest first radian, over √St, from St = 50 to 500000": turned[shown].max()
+        / turned[shown].min(),
+        "latest over earliest first wiggle, over √St, from St = 50 to 500000": wiggle[shown].max()
+        / wiggle[shown].min(),
+    }
+
+
+def transient_spheroid():
+    return transient((1.0, 1.0, 2.0), (0.314, 0.52, 0.0))
+
+
+def transient_ellipsoid():
+    return transient((3.0, 2.0, 1.0), (0.314, 0.52, 1.05))
+
+
+def rest_short():
+    axes, angles = (1.0, 1.0, 2.0), (0.78539, 2.35619, 0.0)
+    lengths = {}
+    for stokes in (1e6, 1e7, 1e8):
+        run = at_rest(axes, angles, stokes, np.linspace(0, 1, 8001) * np.sqrt(stokes))
+        path = run.rotation[:, 2]
+        lengths[stokes] = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    body = Body(axes)
+    end = 2 * np.pi * 2.5
+    free = solve_ivp(
+        free_rates,
+        (0, end),
+        rows(*angles).ravel(),
+        "DOP853",
+        args=(body.axes,),
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=np.linspace(0, end, 4001),
+    )
+    orbit = free.y[6:9].T
+    gaps = np.array([np.linalg.norm(orbit - point, axis=1).min() for point in path[::4]])
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path[::4], axis=0), axis=1))])
+    turn = np.linalg.norm(np.diff(orbit, axis=0), axis=1).sum()
+    return {
+        "path length at St = 1e8": lengths[1e8],
+        "its relative change from St = 1e7": lengths[1e8] / lengths[1e7] - 1,
+        "path length at St = 1e6 over that at 1e8, less one": lengths[1e6] / lengths[1e8] - 1,
+        "largest distance from the Jeffery orbit at St = 1e8": gaps.max(),
+        "path until it is 0.1 rad off, over the length of the orbit": np.interp(
+            0.1, gaps[: gaps.argmax()], along[: gaps.argmax()]
+        )
+        / turn,
+    }
+
+
+# --- frequencies, rates ----------------------------------------------------------------------------------------------
+
+
+def plane_waves():
+    bodies = [(1.0, 1.0, 2.0), (1.0, 1.0, 3.33)]
+    bodies += [(1.0, b, c) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)]
+    frequency, scatter = [], []
+    for axes in bodies:
+        body = Body(axes)
+        rotation, spin = aligned(body, -0.7, 0.9)
+        times = np.linspace(0, 50.0, 40001)
+        energy = Run(body, 1e3, rotation, spin, times).slow[:, 3]
+        tops, feet = maxima(times, energy), maxima(times, -energy)
+        turning = np.sort(np.concatenate([tops, feet]))
+        frequency.append(np.pi / np.mean(np.diff(turning)))
+        place = np.rint(turning / (times[1] - times[0])).astype(int)
+        swings = np.abs(np.diff(energy[place]))
+        scatter.append(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
+    columns = np.reshape(frequency[2:], (3, 2))
+    bodies = np.array(scatter[2:])
+    return {
+        "frequency of κ = 3.33 over that of 2": frequency[1] / frequency[0],
+        "frequency at the foot over that at the top of a column of ellipsoids, smaller": float(
+            (columns[2] / columns[0]).min()
+        ),
+        "irregularity of the bodies between over the near-spheroids', medians": float(
+            np.median(bodies[2:4]) / np.median(bodies[[0, 1, 4, 5]])
+        ),
+    }
+
+
+DECAY_BODIES = (
+    (2.0, 1.0, 1.0),
+    (1.0, 1.0, 0.5),
+    (1.0, 0.8, 0.5),
+    (1.0, 0.55, 0.3),
+    (1.0, 0.95, 0.5),
+)
+
+
+def fitted(times, values):
+    return float(np.polyfit(times, np.log(np.abs(values)), 1)[0])
+
+
+def decay_rates():
+    """Rates of full runs at St = 1e5 beside those of the averaged equations, linearized by differences."""
+    off = []
+    for axes in DECAY_BODIES:
+        body = Body(axes)
+        moment = body.inertia[2] / body.largest
+        rest = np.array([0.0, 0.0, -moment / 2, moment / 8])
+        odd = np.isclose(body.inertia[1], body.inertia[2], rtol=1e-12)
+        for mode in range(4):
+            step = 1e-6
+            if mode < 3:
+                moved = rest.copy()
+                moved[mode] += step if mode < 2 else -step
+                moved[3] = np.sum(moved[:3] ** 2) / (2 * moment) * (1 + 1e-13)
+                rate = averaged_rates(body, moved)[mode] / (moved - rest)[mode]
+            else:
+                moved = rest.copy()
+                moved[3] *= 1 + step
+                change = averaged_rates(body, moved)
+                wobble = 2 * moved[3] * moment - moved[2] ** 2
+                rate = (2 * change[3] * moment - 2 * moved[2] * change[2]) / wobble
+                # Of a spheroid that tumbles the report follows half of this.
+                rate *= 0.5 if odd else 1.0
+            end = 1.5 / abs(rate)
+            slow = np.linspace(0, end, 4001)
+            if mode == 3:
+                rotation, spin = aligned(body, -moment / 2, 0.03)
+            else:
+                tilt, azimuth = ((0.03, np.pi / 2), (0.03, 0.0), (0.0, 0.0))[mode]
+                rotation = rows(tilt, azimuth, 0.3)
+                spin = np.array([0.0, 0.0, -0.5 - (0.03 if mode == 2 else 0.0)])
+            run = Run(body, 1e5, rotation, spin, 1e5 * slow, 1e-10)
+            values = run.slow[:, mode] + (moment / 2 if mode == 2 else 0.0)
+            if mode == 3:
+                values = 2 * run.slow[:, 3] * moment - np.sum(run.slow[:, :3] ** 2, axis=1)
+            found = fitted(slow, values) * (0.5 if mode == 3 and odd else 1.0)
+            off.append(abs(found / rate - 1))
+    large, turned = [], []
+    for kappa in (0.5, 2.0):
+        body = spheroid(kappa)
+        slow = np.linspace(0, 2 / min(body.damping), 401)
+        spin = 1e3 * np.array([0.48, 0.0, 0.64]) / body.inertia * body.largest
+        run = Run(body, 1e4, rows_of((0.5, 0.5, 0.1, 0.7)), spin, 1e4 * slow, 1e-11)
+        axial = np.einsum("ni,ni->n", run.momentum, run.rotation[:, 2]) ** 2
+        square = np.sum(run.momentum**2, axis=1)
+        for values, axis in ((axial, 2), (square - axial, 0)):
+            large.append(abs(fitted(slow, values) / (-2 * body.damping[axis]) - 1))
+        cosine = run.momentum @ run.momentum[0] / np.sqrt(square * square[0])
+        turned.append(np.degrees(np.arccos(np.clip(cosine, -1, 1)).max()))
+    return {
+        "measured over printed rate, less one, worst of 20": max(off),
+        "decay from large L, measured over printed rate, less one, worst": max(large),
+        "angle by which L turns meanwhile": max(turned),
+    }
+
+
+ITEMS = {
+    "decay-rates": decay_rates,
+    "spin-drift": spin_drift,
+    "poincare-slender": slender,
+    "poincare-fat-prolate": fat_prolate,
+    "poincare-flat": flat,
+    "poincare-fat-oblate": fat_oblate,
+    "spheroid-plane": spheroid_plane,
+    "spheroid-projections": projections,
+    "spheroid-collapse": collapse,
+    "singular-point": singular_point,
+    "ellipsoid-slow-2": ellipsoid_slow_2,
+    "ellipsoid-plane": ellipsoid_plane,
+    "ellipsoid-space": ellipsoid_space,
+    "rest-needle": rest_needle,
+    "rest-transient-spheroid": transient_spheroid,
+    "rest-transient-ellipsoid": transient_ellipsoid,
+    "rest-short-spheroid": rest_short,
+    "plane-waves": plane_waves,
+    "first-order": first_order,
+}
+
+
+def main(names):
+    path = HERE / "numbers.json"
+    for name in names or ITEMS:
+        began = time.process_time()
+        numbers = ITEMS[name]()
+        # Others may have written meanwhile.
+        found = json.loads(path.read_text()) if path.exists() else {}
+        found[name] = numbers
+        print(f"{name}: {time.process_time() - began:.0f} s", flush=True)
+        for what, value in found[name].items():
+            print(f"    {what}: {value}", flush=True)
+        path.write_text(json.dumps(found, indent=1, ensure_ascii=False, default=float) + "\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
