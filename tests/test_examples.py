@@ -122,9 +122,6 @@ def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
     assert "own_form:Directions" in (tmp_path / "own" / "README.md").read_text()
 
 
-@pytest.mark.xfail(
-    reason="pick ranks a full run before the averaged one, which is far cheaper here"
-)
 def test_choose_a_solver(example):
     names, out = example("choose_a_solver")
     assert names["fast"].form.startswith("averaged")

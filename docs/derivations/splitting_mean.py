@@ -18,6 +18,13 @@ dx/2. What a moment is off by counts as much as its polynomials do in the quicke
 symmetric, P_k P_l + P_l P_k, those with k + l odd commutators. The symmetric ones of one
 composition follow from products of one; those of a mean do not, and what they are off by is no
 error of a flow. They count `SYMMETRIC` times.
+
+At St = 1e5, for κ = 0.1, 2 and 10, steps of 1.3 to 3.3 rad err at least 4 times less than as many of
+ABA(10,6,4); shorter and wider ones, or those at a larger torque, may err more. Tried by hand, with
+less gain: a step in angle or in time, the isotropic damping in the exact rotation, Strang's scheme
+between smooth starts and ends, or between correctors that make it exact to first order in the
+torque, Blanes and Moan's scheme of 14 stages for Nyström's kind of problem, SABA3 with the bracket
+[B, [A, B]] of rotation A and relaxation B, extrapolation from two runs, and chains of three flows.
 """
 
 import itertools

@@ -53,7 +53,10 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
         if other.success:
             apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
             return "unlike", "averaged", apart, f"unlike: {other.words}"
-    exact = runner.run(run.method, min(run.tolerance, EXACT_TOLERANCE), MAX_STEPS)
+    usual = run.method
+    if not run.method.solver.implicit:
+        usual = Method(form, first_available(EXPLICIT))
+    exact = runner.run(usual, min(run.tolerance, EXACT_TOLERANCE), MAX_STEPS)
     if not exact.success:
         raise NotKnownError(f"a second run ended with {exact.solution.status}")
     own = difference(runner.scene.ellipsoid, run.observables, exact.observables)

@@ -20,7 +20,17 @@ import numpy as np
 from polhode.harness.answers import averaging
 from polhode.harness.answers.doubt import doubt
 from polhode.harness.answers.request import check_representable, one_digit
-from polhode.harness.answers.rules import TIGHTEST, Method, first_tolerance, full_solver, stiff
+from polhode.harness.answers.rules import (
+    EXPLICIT,
+    SPLITTING,
+    TIGHTEST,
+    Method,
+    first_available,
+    first_tolerance,
+    full_solver,
+    steps_of,
+    stiff,
+)
 from polhode.harness.answers.runs import Run, Runner, Watch, turns
 from polhode.harness.answers.statement import (
     UNKNOWN,
@@ -36,18 +46,23 @@ from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, FormNotValidError
 from polhode.models.scene import Scene
 from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import Interrupted, Solution
 
 # The tolerance of a tighter run over that of the run before: a third more steps at order 8.
 TIGHTER = 0.1
+# The same of splitting, whose steps come in few sizes: 1.5 to 1.8 times the steps.
+TIGHTER_SPLITTING = 1 / 30
 # The tolerance of a looser second run over that of the run: 0.65 of its steps at order 8.
 LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing.
 LOOSE = 1e-5
-# Two runs of a method whose steps differ by a smaller factor are too alike: at order 6 the better
-# one errs by as much as they differ, and by more where they are closer.
+# The better one of two runs of a method takes at least so many times the steps of the other: at
+# order 6 it errs by as much as they differ, and by more where they are closer.
 LEAST_STEP_RATIO = 1.15
+# The same of splitting, where smaller factors hide errors up to 60 times the difference.
+LEAST_STEP_RATIO_SPLITTING = 1.35
 # The tolerance of a last second run where others took too similar steps.
 FAR_TIGHTER = 1e-3
 # Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
@@ -62,6 +77,8 @@ PLANNED_SHARE = 0.3
 MAX_STRIDE = 1e4
 # A tighter run has this share of the difference before; else tolerance no longer sets the errors.
 FALLING = 0.7
+# A search ends when the difference has not fallen so often: once may be chance, near L² = 2EI₂.
+MAX_STALLS = 2
 # Steps that a second run may take: so many times those of the run, and an amount that costs little.
 STEP_RATIO = 30
 STEP_FLOOR = 20_000
@@ -69,6 +86,12 @@ STEP_FLOOR = 20_000
 LEAST_CONFIRMED = 1e-14
 # An unlike run is tighter by this than equal errors ask for.
 UNLIKE_SHARE = 0.2
+# Rounding of L and E in a step, in eps of the largest, that steps add up: DOP853 errs by 0.07 a step
+# after 8e4 steps.
+ROUNDING_PER_STEP = 0.1
+# The same of Verner's methods, whose coefficients round in one direction: they err by 0.6 to 0.8.
+ROUNDING_PER_STEP_VERNER = 1.0
+VERNER = ("cyrk-vern8", "cyrk-vern7")
 # Error per rotation and tolerance of a solver that states none.
 USUAL_ERROR_CONSTANT = 20.0
 
@@ -141,41 +164,76 @@ def _meet(
     tolerance = first_tolerance(runner.scene, method, error, want)
     if not estimate or method.solver.closed_form or method.form.averaged:
         return confirm(runner, method, tolerance, estimate, watch)
-    in_pairs = _partner(runner, method) is None
-    previous = run = None
-    best: tuple[Run, RunError] | None = None
+    search = _Search(runner, method, error, want)
     for _ in range(MAX_RUNS):
-        run = _next_run(runner, method, tolerance, previous, watch)
-        stated_error = None
-        if not run.success:
-            if previous and previous.success:
-                break
-        elif not in_pairs:
-            stated_error = confirmation(runner, run)
-        elif previous and previous.success and _differ(previous, run):
-            stated_error = _paired(runner, run, previous)
-        if run.success and previous is None and want == "slow":
+        run = _next_run(runner, method, tolerance, search.previous, watch)
+        if run.success and search.previous is None and want == "slow":
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
-        interval = stated_error.wanted(want) if stated_error else None
-        stride = TIGHTER
-        if interval and stated_error:
-            before = best[1].wanted(want) if best else None
-            if before is None or interval.high < before.high:
-                best = run, stated_error
-            stalled = before is not None and interval.high > FALLING * before.high
-            if interval.high <= error or stalled:
-                break
-            stride = min(TIGHTER, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
-        if tolerance <= TIGHTEST:
+        stride = search.look(run)
+        if stride == 1.0 or tolerance <= TIGHTEST:
             break
-        if stated_error or not (previous and previous.success):
-            previous = run
         tolerance = one_digit(max(TIGHTEST, stride * tolerance))
-    assert run is not None
-    if best is None:
-        run = previous if previous and previous.success and not run.success else run
-        best = run, confirmation(runner, run)
-    return _believed(runner, *best)
+    return _believed(runner, *search.outcome())
+
+
+class _Search:
+    """Runs of a method, each tighter than the one before, and the best of them."""
+
+    def __init__(self, runner: Runner, method: Method, error: float, want: str) -> None:
+        self.runner, self.method, self.error, self.want = runner, method, error, want
+        self.in_pairs = _partner(runner, method) is None
+        self.previous: Run | None = None  # The last one that others are compared with.
+        self.last: Run | None = None
+        self.best: tuple[Run, RunError] | None = None
+        self.high = inf  # The upper end of the best one's error.
+        self.stalls = 0
+
+    def look(self, run: Run) -> float:
+        """Look at a run: the tolerance of the next one over that of this one, 1 if there is to be none."""
+        before = self.previous if self.previous and self.previous.success else None
+        self.last = run
+        if not run.success:
+            if before:
+                return 1.0
+            self.previous = run
+            return _tighter(self.method)
+        stated_error = self._stated(run, before)
+        if stated_error is None:
+            if before is None:
+                self.previous = run
+                return _tighter(self.method)
+            # The steps hardly changed: the tolerance does not set them yet.
+            return FAR_TIGHTER
+        self.previous = run
+        interval = stated_error.wanted(self.want)
+        if interval is None:
+            return _tighter(self.method)
+        if self.high < inf and interval.high > FALLING * self.high:
+            self.stalls += 1
+        if interval.high < self.high:
+            self.best, self.high = (run, stated_error), interval.high
+        if interval.high <= self.error or self.stalls >= MAX_STALLS:
+            return 1.0
+        planned = PLANNED_SHARE * self.error / interval.high
+        return min(_tighter(self.method), max(1 / MAX_STRIDE, planned))
+
+    def _stated(self, run: Run, before: Run | None) -> RunError | None:
+        """The error of a run, from a second one by another method, or from the one before."""
+        if not self.in_pairs:
+            return confirmation(self.runner, run)
+        if before and _sharpens(run, before):
+            return _paired(self.runner, run, before)
+        return None
+
+    def outcome(self) -> tuple[Run, RunError]:
+        """The best run and its error; where no run was compared, the last one that ended, confirmed by itself."""
+        if self.best:
+            return self.best
+        run = self.last
+        if self.previous and self.previous.success and not (run and run.success):
+            run = self.previous
+        assert run is not None
+        return run, confirmation(self.runner, run)
 
 
 def _paired(runner: Runner, run: Run, looser: Run) -> RunError:
@@ -208,7 +266,7 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     head = f"the error asked for, {short(error)},"
     if interval is None:
         return replace(found, advice=f"{head} is not confirmed: {found.note}")
-    sure = "was missed" if interval.low > error else "may have been missed"
+    sure = "was probably missed" if interval.predicted > error else "may have been missed"
     size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
     form, full = answer.method.form, full_form(scene)
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
@@ -252,7 +310,8 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
         other = runner.run(second.method, second.tolerance, _limit(run))
         if not other.success:
             continue
-        if second.method == run.method and not _differ(run, other):
+        better, worse = (run, other) if second.kind == "looser" else (other, run)
+        if second.method == run.method and not _sharpens(better, worse):
             why = "second runs took too similar steps"
             continue
         if second.kind == "looser" and _saturated(runner, run, other):
@@ -264,39 +323,53 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
 def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     """Second runs of a full run, the most telling one first."""
     method, tolerance = run.method, run.tolerance
-    tighter = max(TIGHTEST, TIGHTER * tolerance)
+    tighter = max(TIGHTEST, _tighter(method) * tolerance)
     looser = min(1.0, LOOSER * tolerance)
     if partner := _partner(runner, method):
-        yield Second("unlike", partner, _equal_error_tolerance(runner, run, partner))
-    if looser < LOOSE:
+        unlike = Second("unlike", partner, _equal_error_tolerance(run, partner))
+        if steps_of(runner.scene, partner, unlike.tolerance) < _limit(run):
+            yield unlike
+    stroboscopic = method.solver.many_periods and method.solver.name not in SPLITTING
+    if looser < LOOSE and not stroboscopic:
         yield Second("looser", method, looser)
     if tighter < tolerance:
         yield Second("sharper", method, tighter)
-    if looser >= LOOSE:
+    if looser >= LOOSE or stroboscopic:
         yield Second("looser", method, looser)
     far = max(TIGHTEST, FAR_TIGHTER * tolerance)
     if far < tighter:
         yield Second("sharper", method, far)
 
 
+def _tighter(method: Method) -> float:
+    """The tolerance of a tighter run over that of a run by a method."""
+    return TIGHTER_SPLITTING if method.solver.many_periods else TIGHTER
+
+
 def _partner(runner: Runner, method: Method) -> Method | None:
     """An unlike method, by which a second run tells more or costs less; None where there is none."""
     solver, form, scene = method.solver, method.form, runner.scene
-    if solver.many_periods:
-        return None
-    of_order = solver.implicit if stiff(scene) else _is_efficient(solver)
-    if of_order and _is_ours(solver) and _is_ours(form) and not form.angles:
+    if solver.name in SPLITTING:
         return None
     if form.angles or not _is_ours(form):
         form = find_form(full_form(scene))
     other = full_solver(scene, form)
-    same = other.name == solver.name and form.name == method.form.name
+    if solver.many_periods:
+        # What it takes for granted of the motion does not follow its tolerance.
+        other = find_solver(SPLITTING[0])
+    elif form is method.form and not stiff(scene) and _is_efficient(solver):
+        other = solver
+    elif other is solver and solver.order_by_tolerance:
+        # Tighter runs of it do not take more steps.
+        others = [name for name in EXPLICIT if name != solver.name]
+        other = first_available(tuple(others))
+    same = other is solver and form is method.form
     return Method(form, other) if other.available and not same else None
 
 
 def _is_efficient(solver: Solver) -> bool:
     """Whether a solver is machine code of high order whose errors follow its tolerance."""
-    compiled = solver.backends == ("compiled",)
+    compiled = _is_ours(solver) and solver.backends == ("compiled",)
     return compiled and not (solver.implicit or solver.low_order or solver.order_by_tolerance)
 
 
@@ -305,14 +378,13 @@ def _is_ours(thing: Form | Solver) -> bool:
     return type(thing).__module__.startswith("polhode.")
 
 
-def _equal_error_tolerance(runner: Runner, run: Run, partner: Method) -> float:
+def _equal_error_tolerance(run: Run, partner: Method) -> float:
     """The tolerance at which a partner errs by a share of what the run does."""
-    if stiff(runner.scene):
-        ratio = TIGHTER
-    else:
-        constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
-        other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
-        ratio = min(1.0, UNLIKE_SHARE * constant / other)
+    if partner.solver.closed_form:
+        return run.tolerance
+    constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
+    other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
+    ratio = min(1.0, UNLIKE_SHARE * constant / other)
     return max(TIGHTEST, ratio * run.tolerance)
 
 
@@ -323,11 +395,13 @@ def _in_one(runner: Runner, run: Run) -> Run:
     return run._replace(method=Method(form, run.method.solver), tolerance=tolerance)
 
 
-def _differ(a: Run, b: Run) -> bool:
-    """Whether two runs took different numbers of steps, or if these are not reported, differ at all."""
-    if not (a.steps and b.steps):
-        return bool(np.any(a.observables.energy != b.observables.energy))
-    return max(a.steps, b.steps) >= LEAST_STEP_RATIO * min(a.steps, b.steps)
+def _sharpens(better: Run, worse: Run) -> bool:
+    """Whether a run took clearly more steps than another, or if these are not reported, differs at all."""
+    if not (better.steps and worse.steps):
+        return bool(np.any(better.observables.energy != worse.observables.energy))
+    splits = better.method.solver.many_periods
+    least = LEAST_STEP_RATIO_SPLITTING if splits else LEAST_STEP_RATIO
+    return better.steps >= least * worse.steps
 
 
 def _saturated(runner: Runner, run: Run, other: Run) -> bool:
@@ -355,7 +429,13 @@ def _stated(
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
     lucky = 0.0 if run.method.solver.closed_form else LEAST_ERROR_PER_TOLERANCE * run.tolerance
-    return stated(ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note)
+    rounded = 0.0
+    if family_name in ("explicit", "implicit"):
+        verner = run.method.solver.name in VERNER
+        rounded = run.steps * (ROUNDING_PER_STEP_VERNER if verner else ROUNDING_PER_STEP)
+    return stated(
+        ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note, rounded
+    )
 
 
 def family(run: Run) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from math import inf
 
 from polhode.harness.answers.averaging import oriented
-from polhode.harness.answers.rules import Method, rotations, stiff
+from polhode.harness.answers.rules import rotations, stiff
 from polhode.harness.references.rotations import damping_times
 from polhode.models.scene import Scene
 
@@ -12,24 +12,30 @@ from polhode.models.scene import Scene
 _LEAST_TURNS = 60.0
 # Rotations of a course over those of the run: fifteen runs of it cost less than the run.
 _SHARE = 0.04
+# Share of a run from which on the beginning serves, not the surrogate.
+_MOST_SHARE = 0.25
+# Share of a run from which on all of it is raced on.
+_WHOLE = 0.5
 # Rotations of a course, at most.
 _MOST_TURNS = 1_000.0
-# Rotations in a damping time from which on the slow motion is the same at every St.
-_FAST = 50.0
+# Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
+# at every St.
+_FAST = 25.0
 # Rotations of the shear in the beginning of a stiff run: it holds the turns where steps are short.
 _STIFF_TURNS = 20.0
 # How errors grow with the rotations that a course leaves out, as a power, by what is raced on and
-# what the errors are of: damping forgets what went before, and the phase follows the errors of L.
+# what the errors are of: as many as nine of ten runs have. Those of L and E add up, and the phase
+# follows them; on a beginning damping has not yet forgotten any.
 _GROWTH = {
-    ("surrogate", "slow"): 0.5,
-    ("surrogate", "orientation"): 1.3,
-    ("beginning", "slow"): 1.0,
-    ("beginning", "orientation"): 2.0,
+    ("surrogate", "slow"): 1.0,
+    ("surrogate", "orientation"): 2.0,
+    ("beginning", "slow"): 0.8,
+    ("beginning", "orientation"): 1.5,
     ("stiff", "slow"): 0.0,
     ("stiff", "orientation"): 0.5,
+    ("splitting", "slow"): 0.8,
+    ("splitting", "orientation"): 1.5,
 }
-# The same of splitting, whose steps keep L and E.
-_SPLITTING_GROWTH = {"slow": 0.1, "orientation": 1.0}
 # Errors and seconds of a run that was raced itself, over and under what the race saw.
 _RACED = 1.25
 # The same of a forecast, and how it grows with the rotations that were left out, as a power.
@@ -45,20 +51,28 @@ class Course:
     kind: str  # "scene", "surrogate" or "beginning"
     stretch: float  # rotations of the run over those of the course, 1 for the scene itself
     turns: float  # rotations of the run, about
+    splits: bool = False  # whether it is for splitting
+    run: Scene | None = None  # the scene that it stands for, where that is another one
 
     @property
     def whole(self) -> bool:
         """Whether the scene itself is raced on."""
         return self.kind == "scene"
 
-    def growth(self, method: Method, want: str) -> float:
+    def growth(self, want: str) -> float:
         """The error of the run over that of the course, for a method at one tolerance."""
         if self.whole:
             return 1.0
-        if method.solver.many_periods:
-            return self.stretch ** _SPLITTING_GROWTH[want]
-        kind = "stiff" if stiff(self.scene) else self.kind
+        kind = self.kind
+        if stiff(self.scene):
+            kind = "stiff"
+        if self.splits:
+            kind = "splitting"
         return self.stretch ** _GROWTH[kind, want]
+
+    def of_the_whole(self) -> "Course":
+        """The scene itself instead."""
+        return Course(self.run or self.scene, "scene", 1.0, self.turns)
 
     @property
     def spread(self) -> float:
@@ -75,16 +89,23 @@ def course_of(scene: Scene) -> Course:
         return _beginning(scene, turns, _STIFF_TURNS)
     least = max(_LEAST_TURNS, min(_MOST_TURNS, _SHARE * turns))
     if 0 < scene.stokes < inf and turns > _FAST * damped:
-        least = max(least, _FAST * damped)
-        if least < turns:
-            ratio = least / turns
+        slow = max(least, _FAST * damped)
+        if slow < _MOST_SHARE * turns:
+            ratio = slow / turns
             shorter = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
-            return Course(shorter, "surrogate", 1 / ratio, turns)
+            return Course(shorter, "surrogate", 1 / ratio, turns, run=scene)
     return _beginning(scene, turns, least)
 
 
+def beginning_of(scene: Scene) -> Course:
+    """The beginning of a scene, on which splitting is raced."""
+    turns = rotations(scene)
+    return replace(_beginning(scene, turns, max(_LEAST_TURNS, _SHARE * turns)), splits=True)
+
+
 def _beginning(scene: Scene, turns: float, least: float) -> Course:
-    if turns <= least:
+    if _WHOLE * turns <= least:
         return Course(scene, "scene", 1.0, turns)
     ratio = least / turns
-    return Course(replace(scene, time=scene.time * ratio), "beginning", 1 / ratio, turns)
+    shorter = replace(scene, time=scene.time * ratio)
+    return Course(shorter, "beginning", 1 / ratio, turns, run=scene)

@@ -18,6 +18,11 @@ _AT_ZERO = 0.08
 _AT_INFINITY = 0.05
 # Share of the scenes that run for a slow time of order one at large St.
 _LONG = 0.5
+# Share of the scenes that are followed through very many rotations.
+_MANY_TURNS = 0.2
+# Decades of these rotations, and of their slow time.
+_TURNS = (3.7, 5.2)
+_TURNS_SLOW_TIMES = (-1.5, 0.0)
 # Share of the long ones that start from rest.
 _LONG_FROM_REST = 0.1
 # Decades of St and of the slow time of long ones.
@@ -51,7 +56,14 @@ def questions(seed: int, count: int) -> list[Question]:
 
 def _question(name: str, random: np.random.Generator) -> Question:
     sort = random.random()
-    scene = (_long if sort < _LONG else _planar if sort < _LONG + _PLANAR else _ordinary)(random)
+    if sort < _MANY_TURNS:
+        scene = _turning(random)
+    elif sort < _LONG:
+        scene = _long(random)
+    elif sort < _LONG + _PLANAR:
+        scene = _planar(random)
+    else:
+        scene = _ordinary(random)
     samples = int(random.choice(_SAMPLES))
     error = float(f"{10 ** random.uniform(*_ERRORS):.1e}")
     angle = random.random() < 0.4 and scene.ellipsoid.kind != "sphere"
@@ -65,6 +77,15 @@ def _long(random: np.random.Generator) -> Scene:
     size = 0.0 if random.random() < _LONG_FROM_REST else 1.0
     ellipsoid = Ellipsoid(_semi_axes(random))
     return Scene(ellipsoid, float(stokes), _start(random, size), float(slow_time * stokes))
+
+
+def _turning(random: np.random.Generator) -> Scene:
+    """Very many rotations, over whatever slow time they take."""
+    start = _start(random, 1.0)
+    speed = max(0.5, float(np.linalg.norm(start.angular_velocity)))
+    time = 2 * pi / speed * 10 ** random.uniform(*_TURNS)
+    stokes = time / 10 ** random.uniform(*_TURNS_SLOW_TIMES)
+    return Scene(Ellipsoid(_semi_axes(random)), float(stokes), start, float(time))
 
 
 def _ordinary(random: np.random.Generator) -> Scene:

@@ -1,77 +1,92 @@
-"""A race: methods run a scene, or a shorter course like it, and the cheapest one that meets an error comes first.
+"""A race: methods run a scene, or a segment of it, and the cheapest one that meets an error comes first.
 
-Two runs by unlike solvers of the full equations that agree are the reference. Each method then runs
-at one or two tolerances until its error is close to the one requested; what it costs follows from
-its steps. A run whose steps cost more than `_CUT` times the best so far is cut. Methods that
-average, and those that step over many rotations, are judged at the scene's own St by what confirms
-their runs. No decision follows from how long a run took.
+A confirmed run of the usual full method is the reference. Each other method runs at one to three
+tolerances until its error is close to the one requested; what it costs follows from its steps. A
+run whose steps cost more than `_CUT` times the best so far is cut. Methods that average run the
+scene itself and are confirmed as runs of `solve` are. No decision follows from how long a full run
+took.
 """
 
 import tomllib
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
-from math import inf
+from math import floor, inf, log10
 from typing import NamedTuple
 
 import numpy as np
 
 from polhode.harness.answers.averaging import NotKnownError
-from polhode.harness.answers.confirmed import confirmation
-from polhode.harness.answers.forecast import Course, course_of
+from polhode.harness.answers.confirmed import confirmation, meet
+from polhode.harness.answers.forecast import Course, beginning_of, course_of
 from polhode.harness.answers.interval import Interval
-from polhode.harness.answers.pace import pace, seconds_of, steps_in
-from polhode.harness.answers.request import one_digit
+from polhode.harness.answers.pace import Pace, around, pace, seconds_of, steps_in
+from polhode.harness.answers.request import NotAttainableError, one_digit
 from polhode.harness.answers.rules import (
-    EXPLICIT,
     IMPLICIT,
     LOOSEST,
+    SPLITTING,
     TIGHTEST,
     Method,
     first_tolerance,
+    full_method,
+    splits,
+    steps_of,
     stiff,
 )
-from polhode.harness.answers.runs import Runner
-from polhode.harness.answers.statement import difference
+from polhode.harness.answers.runs import Run, Runner, Watch
+from polhode.harness.answers.statement import INNER, RunError, difference
 from polhode.harness.common.text import scientific, short
-from polhode.models.catalogue import FORMS, form as find_form, reference_form
-from polhode.models.form import FormNotValidError
+from polhode.harness.references.rotations import damping_times
+from polhode.models.catalogue import FORMS, form as find_form
+from polhode.models.form import Form, FormNotValidError
 from polhode.models.observables import Observables
-from polhode.models.problem import Problem
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import UNLIMITED, SolverNotValidError
-from polhode.solvers.solve import solve
 
 # A method is cut that costs more than this times the best one so far.
 _CUT = 1.5
-# Two runs are a reference if they differ by this share of the error requested.
-_AGREE = 0.2
-# The same where the tightest tolerances do not agree so well: rounding.
-_AGREE_AT_LAST = 0.5
-# Pairs of runs that look for a reference, at most.
-_MAX_REFERENCES = 5
-# The error that is attainable over the least difference of two unlike runs.
-_REFUSED = 10.0
+# Rotations up to which splitting runs the scene itself: its beginning takes more steps a rotation.
+_SPLITTING_TURNS = 2e5
+# The upper end of an error over the usual one, of a run that is judged by a looser one: 1 in 20 runs
+# errs by more.
+_JUDGED = 3.0
+# Steps that a run of a race may take before anything else is known of the scene.
+_MAX_STEPS = 300_000
+# Steps that a run may take however cheap the best one is.
+_MIN_STEPS = 20.0
 # Runs of a method in a race, at most.
 _MAX_RUNS = 3
 # Share of the error requested that a method is planned to have, and the least that will do.
 _PLANNED = 0.5
 _LEAST = 0.08
-# A tolerance changes by this factor at most from one run to the next.
+# A tolerance changes by this factor at most from one run to the next, and by this one at least if
+# the run erred by too much.
 _STRIDE = 1e4
-# Times of a course at which errors are compared, as shares of it: equispaced ones, and ones that grow
-# from the start on by a constant ratio, since what damping leaves of an error lies there.
-_TIMES = np.unique(np.concatenate([np.linspace(0, 1, 25), np.geomspace(1 / 4000, 1, 25)]))
-# Index of the middle of a course.
-_MIDDLE = int(np.searchsorted(_TIMES, 0.5))
-# Steps that a run of a race may take before anything else is known of the scene.
-_MAX_STEPS = 300_000
+_LEAST_STRIDE = 0.3
+# A reference is known to this share of the error requested.
+_KNOWN = 0.5
+# The error that is attainable over the least one of a method's runs and of the reference.
+_ATTAINABLE = 2.0
 # Error of averaging to first and to second order, at St = 1, that few scenes stay below.
 _LEAST_MODEL_ERROR = {"averaged": 3e-3, "averaged-spheroid": 3e-3, "averaged-second-order": 1e-3}
-# A forecast error grows by at most this power of the rotations; beyond it the motion is chaotic.
+# Steps that a full run is expected to take from which on runs that average are tried: below them, to
+# look ahead and to put the rotation back takes longer. Tables of a new shape are not counted.
+_AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
+# The least error that `hybrid` is tried for.
+_HYBRID_LEAST_ERROR = 1e-10
+# Its first tolerance over that of `solve`.
+_HYBRID_LOOSER = 10.0
+# Steps from which on runs of spheroids that average are tried.
+_AVERAGED_SPHEROIDS_FROM = 2_000
+# Damping times from which on implicit methods take part.
+_IMPLICIT_FROM = 100.0
+# A difference that grows by a larger power of time tells of chaos.
 _MOST_GROWTH = 4.0
+# Index of the middle of a course.
+_MIDDLE = int(np.searchsorted(INNER, 0.5))
 
 
 class Entry(NamedTuple):
@@ -115,12 +130,12 @@ def listed() -> tuple[tuple[str, str], ...]:
 def contenders(
     scene: Scene, want: str, everything: bool = False, names: Sequence[tuple[str, str]] = ()
 ) -> tuple[list[Method], list[Refusal]]:
-    """Methods that take a scene and can run here: of the list, and of `names`, or of the catalogues."""
+    """Methods that may take a scene and can run here: of the list, and of `names`, or of the catalogues."""
     pairs = [(form, solver) for form in FORMS for solver in SOLVERS] if everything else listed()
     methods, refusals = [], []
     for form, solver in dict.fromkeys((*pairs, *names)):
         method = Method(find_form(form), find_solver(solver))
-        reason = why_not(scene, want, method)
+        reason = why_not(scene, want, method, looking_ahead=False)
         if reason:
             refusals.append(Refusal(method, reason))
         else:
@@ -128,26 +143,46 @@ def contenders(
     return methods, refusals
 
 
-def why_not(scene: Scene, want: str, method: Method) -> str:
-    """Why a method cannot run a scene; empty if it can."""
+def why_not(scene: Scene, want: str, method: Method, looking_ahead: bool = True) -> str:
+    """Why a method cannot run a scene; empty if it can, or if only a look ahead along the run would tell."""
     form, solver = method
     if want == "orientation" and form.orientation_of(scene) == "none":
         return "gives no orientation"
+    if not solver.available:
+        return str(solver.why_not)
+    if not looking_ahead and _in_tables(form) and scene.ellipsoid.kind == "triaxial":
+        return ""
     try:
         problem = form.problem(scene)
     except FormNotValidError as refusal:
         return refusal.reason
     except ValueError as refusal:
         return str(refusal)
-    if not solver.available:
-        return str(solver.why_not)
     try:
         solver.check(problem)
     except SolverNotValidError as refusal:
         return refusal.reason
-    if not form.averaged and not solver.implicit and not solver.closed_form and stiff(scene):
+    if form.averaged or solver.closed_form:
+        return ""
+    if stiff(scene) and not solver.implicit:
         return "explicit: stability, not the tolerance, sets its steps"
+    if not stiff(scene) and solver.name in IMPLICIT and damping_times(scene) < _IMPLICIT_FROM:
+        return "implicit: accuracy, not stability, sets the steps"
     return ""
+
+
+def _in_tables(form: Form) -> bool:
+    """Whether a form needs tables of the shape."""
+    return form.name in ("averaged-second-order", "hybrid")
+
+
+def _averages(method: Method) -> bool:
+    """Whether no part of a run shows what the method does on all of it."""
+    return method.form.averaged or _in_tables(method.form) or method.solver.name == "stroboscopic"
+
+
+def _splits(method: Method) -> bool:
+    return method.solver.name in SPLITTING
 
 
 def race(
@@ -164,29 +199,79 @@ def race(
     """
     heat = _Race(scene, error, want, samples)
     heat.uncut = [Method(find_form(form), find_solver(solver)) for form, solver in uncut]
-    exact = [method for method in methods if method.solver.closed_form]
-    own = [method for method in methods if method not in exact and heat.at_own_stokes(method)]
-    full = [method for method in methods if method not in (*exact, *own)]
-    for method in exact:
-        heat.closed_form(method)
-    own = [method for method in own if heat.may_average(method)]
-    full = [method for method in full if heat.may_average(method)]
-    if full:
-        heat.find_reference()
-        for method in full:
-            heat.follow(method)
-    for method in own:
-        heat.judge(method)
+    for method in sorted(methods, key=heat.turn):
+        heat.enter(method)
     entries = sorted(heat.entries, key=lambda entry: entry.seconds.predicted)
     return Result(entries, heat.refusals, heat.course)
 
 
-@dataclass(frozen=True)
-class _Heat:
-    """A run on the course."""
+class _Remembering(Runner):
+    """A runner that makes no run twice."""
 
-    steps: int
-    observables: Observables
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, INNER * scene.time)
+        self.runs: dict[tuple[Method, float], Run] = {}
+
+    def run(
+        self, method: Method, tolerance: float, max_steps: int = UNLIMITED, watch: Watch = None
+    ) -> Run:
+        """Run a method, or return its run."""
+        key = method, tolerance
+        if key not in self.runs or not self.runs[key].success:
+            self.runs[key] = super().run(method, tolerance, max_steps, watch)
+        return self.runs[key]
+
+
+class _Segment:
+    """What methods are raced on, and a confirmed run of it, the reference."""
+
+    def __init__(self, course: Course, usual: Method, error: float, want: str) -> None:
+        self.course, self.usual, self.want = course, usual, want
+        # The error on the course that a method may have, so that the run's is below the one requested.
+        self.budget = error / course.growth(want) / course.spread
+        self.runner = _Remembering(course.scene)
+        self.reference: Observables | None = None
+        self.apart = inf  # What the reference is off by, about.
+        self.most = inf  # What it is off by, at most.
+        self.looked = False
+
+    def find_reference(self) -> None:
+        """Run the usual method until its error is confirmed; on the scene itself where its beginning tells nothing."""
+        if self.looked:
+            return
+        self.looked = True
+        growth = self._confirm()
+        if self.course.whole or (self.reference and growth <= _MOST_GROWTH):
+            return
+        whole = self.course.of_the_whole()
+        if self.reference or whole.turns <= _MAX_STEPS / 10:
+            self.budget *= self.course.growth(self.want) * self.course.spread / whole.spread
+            self.course, self.runner = whole, _Remembering(whole.scene)
+            self._confirm()
+
+    def _confirm(self) -> float:
+        """Look for the reference; the power of time with which the difference of its two runs grows."""
+        self.reference, self.apart = None, inf
+        try:
+            answer = meet(self.runner, [self.usual], self.budget, self.want)
+        except NotAttainableError:
+            return 0.0
+        interval = answer.error.wanted(self.want)
+        if not (interval and answer.solution.success):
+            return 0.0
+        self.apart, self.most = interval.predicted, interval.high
+        if self.apart <= _KNOWN * self.budget:
+            form = answer.method.form
+            self.reference = form.observe(self.course.scene, answer.solution.states)
+        values = getattr(answer.error.difference, self.want)
+        before = max(float(values[: _MIDDLE + 1].max()), 1e-99)
+        return float(np.log2(max(float(values.max()), 1e-99) / before))
+
+    def error(self, run: Run) -> float:
+        """The error of a run on the course, of what is wanted."""
+        assert self.reference
+        ellipsoid = self.course.scene.ellipsoid
+        return difference(ellipsoid, run.observables, self.reference).largest.get(self.want, inf)
 
 
 class _Race:
@@ -194,56 +279,90 @@ class _Race:
 
     def __init__(self, scene: Scene, error: float, want: str, samples: int) -> None:
         self.scene, self.error, self.want, self.samples = scene, error, want, samples
-        self.course = course_of(scene)
+        self.bare = isinstance(scene.start, SlowStart)
         self.entries: list[Entry] = []
         self.refusals: list[Refusal] = []
-        self.reference: Observables | None = None
-        self.apart = inf  # What the reference may be off by.
         self.uncut: list[Method] = []
+        self.course = course_of(scene)
+        self.usual = full_method(self.course.scene)
+        first = self.usual
+        if splits(scene):
+            first = Method(find_form("spheroid-axis"), find_solver(SPLITTING[0]))
+        # Steps that a full run is expected to take.
+        self.steps = steps_of(scene, first, first_tolerance(scene, first, error, want))
+        self.segment = _Segment(self.course, self.usual, error, want)
+        self._splitting: _Segment | None = None
+
+    def turn(self, method: Method) -> int:
+        """When a method has its turn: those first that cost little and tell when to cut others."""
+        spheroid = self.scene.ellipsoid.symmetry_axis is not None
+        if method.solver.closed_form:
+            return 0
+        if method.form.averaged and (spheroid or not _in_tables(method.form)):
+            return 1
+        if _averages(method):
+            return 5
+        if splits(self.scene) and _splits(method):
+            return 2
+        return 3 if method.solver is self.usual.solver else 4
+
+    def enter(self, method: Method) -> None:
+        """Race a method, unless it is out of the question."""
+        if self.is_out(method):
+            return
+        if _in_tables(method.form) and (reason := why_not(self.scene, self.want, method)):
+            self._refuse(method, reason)
+        elif method.solver.closed_form:
+            self.closed_form(method)
+        else:
+            itself = _averages(method)
+            itself = itself or (_splits(method) and self.course.turns <= _SPLITTING_TURNS)
+            if self.bare or (itself and not self.segment.course.whole):
+                self.judge(method)
+            else:
+                self.follow(method, self.segment_of(method))
+
+    def segment_of(self, method: Method) -> _Segment:
+        """What a method is raced on: splitting takes few steps because St is large, and is shown by its beginning."""
+        if not _splits(method) or self.course.whole:
+            return self.segment
+        if self._splitting is None:
+            beginning = beginning_of(self.scene)
+            self._splitting = _Segment(beginning, method, self.error, self.want)
+        return self._splitting
+
+    def is_out(self, method: Method) -> bool:
+        """Refuse a method that averages where St is too small, or the run too short."""
+        if self.bare or method in self.uncut or not _averages(method):
+            return False
+        least = _LEAST_MODEL_ERROR.get(method.form.name, 0.0) / max(self.scene.stokes, 1e-99)
+        if method.form.name == "hybrid":
+            least = _HYBRID_LEAST_ERROR
+        if least > self.error:
+            why = f"St is too small: averaging errs by more than {scientific(least)}"
+            self._refuse(method, why, least)
+            return True
+        enough = _AVERAGED_SPHEROIDS_FROM
+        if self.scene.ellipsoid.kind == "triaxial":
+            enough = _AVERAGED_FROM[method.form.name]
+        tabled = _in_tables(method.form) or not self.segment.course.whole
+        if tabled and self.steps < enough:
+            why = f"a full run takes some {self.steps:.1g} steps: too few to average"
+            self._refuse(method, why)
+            return True
+        return False
 
     @property
     def best(self) -> float:
         """Seconds of the quickest method that meets the error."""
         return min((entry.seconds.predicted for entry in self.entries), default=inf)
 
-    def at_own_stokes(self, method: Method) -> bool:
-        """Whether no course shows what a method does on the scene: it averages, or steps over many rotations."""
-        if isinstance(self.scene.start, SlowStart):
-            return True
-        averages = method.form.averaged or self.scene_problem(method).course is not None
-        return not self.course.whole and (averages or method.solver.name == "stroboscopic")
-
-    def may_average(self, method: Method) -> bool:
-        """Whether St is large enough for a method that averages, or it does not."""
-        if not method.form.averaged:
-            return True
-        least = _LEAST_MODEL_ERROR.get(method.form.name, 0.0) / self.scene.stokes
-        if least <= self.error:
-            return True
-        why = f"St is too small: averaging errs by more than {scientific(least)}"
-        self._refuse(method, why, least)
-        return False
-
-    def scene_problem(self, method: Method) -> Problem:
-        """The problem of the scene itself."""
-        return method.form.problem(self.scene)
-
-    def requested(self, method: Method) -> float:
-        """The error on the course that a method may have."""
-        return self.error / self.course.growth(method, self.want)
-
-    def run(self, method: Method, tolerance: float, max_steps: int) -> _Heat | None:
-        """Run a method on the course; None if it does not reach the end."""
-        problem = method.form.problem(self.course.scene)
-        times = problem.end * _TIMES
-        run = solve(problem, method.solver, tolerance, times, max_steps=max_steps)
-        if not run.success:
-            return None
-        return _Heat(steps_in(run), method.form.observe(self.course.scene, run.states))
-
-    def off(self, a: Observables, b: Observables) -> float:
-        """The largest difference of two runs, of what is wanted."""
-        return difference(self.scene.ellipsoid, a, b).largest.get(self.want, inf)
+    def limit(self, method: Method, cost: Pace, stretch: float) -> int:
+        """Steps that a run may take without being cut."""
+        if self.best == inf or cost.step == 0 or method in self.uncut:
+            return _MAX_STEPS
+        left = _CUT * self.best - cost.start - cost.row * self.samples
+        return int(min(_MAX_STEPS, max(_MIN_STEPS, left / cost.step / stretch)))
 
     def closed_form(self, method: Method) -> None:
         """Enter a method that evaluates a closed form."""
@@ -252,151 +371,120 @@ class _Race:
         reason = "closed form: neither time nor tolerance matter"
         self._enter(method, TIGHTEST, error, seconds, reason, self.course.spread)
 
-    def find_reference(self) -> None:
-        """Tighten two unlike methods until they agree; on the scene itself where its beginning tells nothing."""
-        solvers = [find_solver(name) for name in (IMPLICIT if stiff(self.scene) else EXPLICIT)]
-        form = find_form(reference_form(self.course.scene))
-        pair = [Method(form, solver) for solver in solvers if solver.available][:2]
-        if len(pair) < 2:
-            return
-        growth = self._agree(pair)
-        if self.course.kind == "beginning" and growth > _MOST_GROWTH:
-            self.course = replace(self.course, scene=self.scene, kind="scene", stretch=1.0)
-            self.reference, self.apart = None, inf
-            self._agree(pair)
-
-    def _agree(self, pair: Sequence[Method]) -> float:
-        """Run two methods ever tighter until they agree; the power of time with which their difference grows."""
-        target = self.requested(pair[0])
-        tolerances = [self._first(method, _AGREE * target / 2) for method in pair]
-        growth = inf
-        for _ in range(_MAX_REFERENCES):
-            runs = [
-                self.run(method, tolerance, _MAX_STEPS)
-                for method, tolerance in zip(pair, tolerances, strict=True)
-            ]
-            stride = 0.1
-            if runs[0] and runs[1]:
-                apart, growth = self._apart(runs[0].observables, runs[1].observables)
-                if apart < self.apart:
-                    self.apart, self.reference = apart, runs[0].observables
-                if self.apart <= _AGREE * target:
-                    break
-                stride = min(0.1, max(1 / _STRIDE, _AGREE / 2 * target / apart))
-            if max(tolerances) <= TIGHTEST:
-                break
-            tolerances = [one_digit(max(TIGHTEST, stride * each)) for each in tolerances]
-        if self.apart > _AGREE_AT_LAST * target:
-            self.reference = None
-        return growth
-
-    def _apart(self, a: Observables, b: Observables) -> tuple[float, float]:
-        """The largest difference of two runs, and the power of time with which it grows."""
-        whole = self.off(a, b)
-        before = self.off(a[: _MIDDLE + 1], b[: _MIDDLE + 1])
-        return whole, float(np.log2(max(whole, 1e-99) / max(before, 1e-99)))
-
-    def follow(self, method: Method) -> None:
-        """Run a method on the course until its error is close to the one requested."""
-        if self.reference is None:
-            why = f"two unlike runs differ by {scientific(self.apart)} at the tightest tolerances"
-            least = _REFUSED * self.apart * self.course.growth(method, self.want)
-            self._refuse(method, f"{why}: chaotic, or rounding along the run", least)
-            return
-        budget = self.requested(method) - self.apart
+    def follow(self, method: Method, segment: _Segment) -> None:
+        """Run a method on a segment until its error is close to the one requested."""
         cost = pace(method, 1e-8)
-        limit = _MAX_STEPS
-        if self.best < inf and cost.step > 0 and method not in self.uncut:
-            left = _CUT * self.best - cost.start - cost.row * self.samples
-            limit = int(min(limit, max(20.0, left / cost.step / self.course.stretch)))
-        tolerance = self._first(method, budget)
         met: tuple[float, float, int] | None = None  # Tolerance, error and steps.
-        least, before = inf, ""
+        least, why = inf, ""
+        tolerance = _rounded(
+            method, first_tolerance(segment.course.scene, method, segment.budget, self.want)
+        )
         for _ in range(_MAX_RUNS):
-            heat = self.run(method, tolerance, limit)
-            if heat is None:
-                before = before or f"costs more than {_CUT:g} times the best, or fails"
+            limit = self.limit(method, cost, segment.course.stretch)
+            run = segment.runner.run(method, tolerance, limit)
+            if not run.success:
+                why = why or f"costs more than {_CUT:g} times the best, or fails"
                 break
-            error = self.off(heat.observables, self.reference)
-            least = min(least, error)
+            segment.find_reference()
+            if segment.reference is None:
+                why = f"two runs differ by {scientific(segment.apart)} at the tightest tolerances"
+                why = f"{why}: chaotic, or rounding along the run"
+                least = segment.most
+                break
+            error, budget = segment.error(run), segment.budget - segment.apart
+            least = min(least, error + segment.apart)
             if error <= budget and (met is None or tolerance > met[0]):
-                met = tolerance, error, heat.steps
+                met = tolerance, error, steps_in(run.solution)
             if error <= budget and (error >= _LEAST * budget or tolerance >= LOOSEST):
                 break
             if met and error > budget:
                 break
             if tolerance <= TIGHTEST:
-                before = f"errs by {scientific(error)} at the tightest tolerance"
+                why = f"errs by {scientific(error)} at the tightest tolerance"
                 break
-            stride = _PLANNED * budget / max(error, 1e-99)
-            stride = min(_STRIDE, max(1 / _STRIDE, stride))
-            if error > budget:
-                stride = min(0.3, stride)
-            planned = self._power(method, min(LOOSEST, max(TIGHTEST, stride * tolerance)))
+            planned = _planned(method, tolerance, error, budget)
             if planned == tolerance:
                 break
             tolerance = planned
+        growth = segment.course.growth(self.want)
         if met is None:
-            growth = self.course.growth(method, self.want)
-            why = before or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
-            self._refuse(method, why, least * growth)
+            why = why or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
+            self._refuse(method, why, _ATTAINABLE * growth * least)
             return
-        tolerance, error, steps = met
-        growth = self.course.growth(method, self.want)
-        steps_of_run = steps * self.course.stretch
-        spread = self.course.spread
+        self._enter_followed(method, segment, *met)
+
+    def _enter_followed(
+        self, method: Method, segment: _Segment, tolerance: float, error: float, steps: int
+    ) -> None:
+        course = segment.course
+        growth, spread = course.growth(self.want), course.spread
         predicted = growth * error
-        interval = Interval(
-            predicted, predicted / spread, min(self.error, growth * (error + self.apart) * spread)
-        )
-        seconds = pace(method, tolerance).seconds(steps_of_run, self.samples)
-        if self.course.whole:
+        high = min(self.error, spread * growth * (error + segment.apart))
+        seconds = pace(method, tolerance).seconds(steps * course.stretch, self.samples)
+        if course.whole:
             reason = (
                 f"its run at {short(tolerance)} takes {steps} steps and errs by {scientific(error)}"
             )
         else:
-            reason = f"forecast from its {self.course.kind}, {scientific(1 / self.course.stretch)} of the run"
+            share = scientific(1 / course.stretch)
+            reason = f"forecast from its {course.kind}, {share} of the run"
+        interval = Interval(predicted, predicted / spread, high)
         self._enter(method, tolerance, interval, seconds, reason, spread)
 
     def judge(self, method: Method) -> None:
-        """Run a method that averages at the scene's own St, and confirm the run."""
-        bare = isinstance(self.scene.start, SlowStart)
-        runner = Runner(self.scene, np.linspace(0.0, self.scene.time, 2))
+        """Run a method on the scene itself, and confirm the run; once more where it follows its tolerance."""
+        runner = Runner(self.scene, np.array([0.0, self.scene.time]))
         tolerance = first_tolerance(self.scene, method, self.error, self.want)
-        cost = pace(method, tolerance)
-        limit = int(min(UNLIMITED, max(2_000.0, _CUT * self.best / max(cost.step, 1e-9))))
-        try:
-            run = runner.run(method, tolerance, limit)
-            if not run.success:
-                self._refuse(method, f"costs more than {_CUT:g} times the best, or fails")
-                return
-            seconds = seconds_of(run.solution) + cost.row * self.samples
-            if not bare and seconds > _CUT * self.best:
-                self._refuse(method, f"costs more than {_CUT:g} times the best")
-                return
-            stated = confirmation(runner, run)
-        except (SolverNotValidError, FormNotValidError, NotKnownError) as refusal:
-            self._refuse(method, str(refusal))
-            return
-        error = stated.wanted(self.want)
-        if error is None:
-            self._refuse(method, stated.note)
-        elif error.high > self.error:
-            self._refuse(
-                method, f"errs by up to {scientific(error.high)}: {stated.note}", 1.2 * error.high
-            )
+        hybrid = method.form.name == "hybrid"
+        if hybrid:
+            # Few windows cost little: what they confirm is tried before more of them.
+            tolerance *= _HYBRID_LOOSER
+        tolerance = _rounded(method, tolerance)
+        follows = method.solver.many_periods or hybrid
+        good: tuple[float, Interval, float, str] | None = None
+        refusal: tuple[str, float] = ("", inf)
+        for _ in range(_MAX_RUNS - 1):
+            try:
+                seconds, stated = self._judged(runner, method, tolerance)
+            except (SolverNotValidError, FormNotValidError, NotKnownError) as failure:
+                refusal = refusal[0] or getattr(failure, "reason", "") or str(failure), refusal[1]
+                break
+            error = stated.wanted(self.want)
+            if error is None:
+                refusal = stated.note, inf
+                break
+            bound = error.high
+            if method.solver.many_periods:
+                bound = min(bound, _JUDGED * error.predicted)
+            if bound <= self.error:
+                high = min(error.high, self.error)
+                good = tolerance, replace(error, high=high), seconds, stated.note
+            else:
+                why = f"errs by up to {scientific(bound)}: {stated.note}"
+                refusal = why, _ATTAINABLE * error.high
+            planned = _planned(method, tolerance, bound, self.error)
+            if not follows or planned == tolerance or _LEAST * self.error <= bound <= self.error:
+                break
+            tolerance = planned
+        if good:
+            self._enter(method, *good, self.course.spread)
         else:
-            self._enter(method, tolerance, error, seconds, stated.note, 1.25)
+            self._refuse(method, *refusal)
 
-    def _first(self, method: Method, error: float) -> float:
-        return self._power(method, first_tolerance(self.course.scene, method, error, self.want))
-
-    @staticmethod
-    def _power(method: Method, tolerance: float) -> float:
-        """The tolerance in one digit; a power of ten where each one is compiled for."""
-        if not method.solver.order_by_tolerance:
-            return one_digit(tolerance)
-        return max(TIGHTEST, float(f"1e{int(np.floor(np.log10(tolerance) + 1e-9))}"))
+    def _judged(self, runner: Runner, method: Method, tolerance: float) -> tuple[float, RunError]:
+        """Seconds of a run of the scene itself, and what it states; raises NotKnownError if it is cut."""
+        cost = pace(method, tolerance)
+        run = runner.run(method, tolerance, self.limit(method, cost, 1.0))
+        if _splits(method):
+            seconds = cost.seconds(steps_in(run.solution), self.samples)
+        else:
+            seconds = seconds_of(run.solution) + cost.row * self.samples
+        if _in_tables(method.form):
+            seconds += around(method.form, self.scene, run.solution)
+        cut = seconds > _CUT * self.best and method not in self.uncut
+        if not run.success or (cut and not self.bare):
+            raise NotKnownError(f"costs more than {_CUT:g} times the best, or fails")
+        return seconds, confirmation(runner, run)
 
     def _enter(
         self,
@@ -413,3 +501,19 @@ class _Race:
 
     def _refuse(self, method: Method, reason: str, least: float = inf) -> None:
         self.refusals.append(Refusal(method, reason, least))
+
+
+def _planned(method: Method, tolerance: float, error: float, budget: float) -> float:
+    """The tolerance at which a method is planned to have its share of an error, from a run at another one."""
+    stride = _PLANNED * budget / max(error, 1e-99)
+    stride = min(_STRIDE, max(1 / _STRIDE, stride))
+    if error > budget:
+        stride = min(_LEAST_STRIDE, stride)
+    return _rounded(method, min(LOOSEST, max(TIGHTEST, stride * tolerance)))
+
+
+def _rounded(method: Method, tolerance: float) -> float:
+    """The tolerance in one digit; a power of ten where each one is compiled for."""
+    if not method.solver.order_by_tolerance:
+        return one_digit(tolerance)
+    return max(TIGHTEST, float(f"1e{floor(log10(tolerance) + 1e-9)}"))

@@ -27,16 +27,17 @@ BOUNDED = 0.975
 # Times at which two runs are compared: equispaced ones, and ones that grow from the start on by a
 # constant ratio, since what damping leaves of an error lies there.
 _EQUISPACED = 96
-_GROWING = 32
-# The first of the latter, as a share of the run: half a row of 2,001.
-_FIRST = 1 / 4000
+_GROWING = 40
+# The first of the latter, as a share of the run: the shortest damping time of a very stiff one.
+_FIRST = 1e-5
 INNER = np.unique(
     np.concatenate([np.linspace(0, 1, _EQUISPACED + 1), np.geomspace(_FIRST, 1, _GROWING + 1)])
 )
-# Rounding of a run in eps of its largest L and E or of π: a first amount, and how it grows with
-# rotations. Errors of L and E add up at random, those of the phase follow them for ever longer.
+# Rounding of a run in eps of its largest L and E or of π. In splitting and averaging errors of L and
+# E add up at random, as this power of the rotations, and those of the phase follow them for ever
+# longer.
 _ROUNDING = 2.0
-_ROUNDING_GROWTH = {"slow": 0.7, "orientation": 1.7}
+_ROUNDING_GROWTH = 0.7
 # Compared times on either side of one whose largest difference stands for that time: differences
 # pass through zero.
 _NEIGHBOURS = 6
@@ -149,7 +150,7 @@ UNKNOWN = RunError(None, None, "not estimated")
 
 
 class Factors(NamedTuple):
-    """The true error over the difference of two runs: below it in 1 %, 50 % and 99 % of the runs fitted."""
+    """The true error over the difference of two runs: below it in 2.5 %, 50 % and 98.5 % of the runs fitted."""
 
     low: float
     middle: float
@@ -178,19 +179,21 @@ def stated(
     turns: float,
     least: float,
     note: str,
+    rounded_steps: float = 0.0,
 ) -> RunError:
     """State the error of a run whose observables at the compared times differ so from a second one's.
 
-    `least` is a difference below which two runs agree by luck.
+    `least` is a difference below which two runs agree by luck, `rounded_steps` is the rounding that
+    steps add up, in eps.
     """
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
+    rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
+    units = {"slow": size, "orientation": pi * (1 + turns)}
     for want, largest in apart.largest.items():
         factor = factors()[kind][family][want]
-        unit = size if want == "slow" else pi
-        rounding = _ROUNDING * EPS * unit * (1 + turns) ** _ROUNDING_GROWTH[want]
-        high = factor.high * max(largest, least) + rounding
+        high = factor.high * max(largest, least) + units[want] * rounding
         if want == "orientation":
             # No two orientations are further apart.
             high = min(pi, high)

@@ -19,7 +19,7 @@ from polhode.harness.commands._study_options import (
     stored,
     to_json,
 )
-from polhode.harness.common.text import cells, fitting, markdown, on_terminal
+from polhode.harness.common.text import cells, fitting, on_terminal
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
@@ -170,15 +170,32 @@ def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
     default=0,
     help="Scenes of each sort whose stated errors are held against references instead.",
 )
+@click.option(
+    "--time",
+    "times",
+    type=click.IntRange(min=0),
+    default=0,
+    help="Scenes on which `solve` is timed against plain practice instead.",
+)
 @click.option("--fit", is_flag=True, help="With --errors: fit the factors of the statements anew.")
 @resume
 @quiet
 def validate(
-    out: Path, scenes: int, seed: int, errors: int, fit: bool, resume: bool, quiet: bool
+    out: Path,
+    scenes: int,
+    seed: int,
+    errors: int,
+    times: int,
+    fit: bool,
+    resume: bool,
+    quiet: bool,
 ) -> None:
     """Ask `pick` about scenes held out, measure them, print how good it was, and write the page."""
     if errors:
         _validate_errors(out, errors, seed, fit, resume, quiet)
+        return
+    if times:
+        _validate_times(out, times, seed, quiet)
         return
     from polhode.harness.answers.heldout import evaluate
     from polhode.harness.pages.pick import reached, summary, write_page
@@ -193,32 +210,39 @@ def validate(
         raise RunFailed("pick did not reach what it promises")
 
 
+def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:
+    """Time `solve` against plain practice, and write the page."""
+    from polhode.harness import api
+    from polhode.harness.answers.timed import SAMPLES, study
+    from polhode.harness.pages.answer_time import write_page
+    from polhode.models.observables import Observables
+    from polhode.models.scene import Scene
+
+    def ask(scene: Scene, error: float, want: str) -> tuple[Observables | None, float | None, str]:
+        try:
+            found = api.solve(scene, error=error, want=want, samples=SAMPLES)
+        except ValueError as refusal:
+            return None, None, str(refusal)
+        stated = found.error.wanted(want)
+        method = f"{found.form} by {found.solver} at {found.tolerance:g}"
+        return found.observables if found.success else None, stated and stated.high, method
+
+    page = write_page(out, list(study(ask, seed, scenes, quiet)), command_line())
+    click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")
+
+
 def _validate_errors(
     out: Path, scenes: int, seed: int, fit: bool, resume: bool, quiet: bool
 ) -> None:
     """Count how many stated errors hold, by kind of confirmation, or fit their factors."""
-    from polhode.harness.answers.coverage import counted, fitted, save, study, unstated
-    from polhode.harness.common.files import write_file
+    from polhode.harness.answers.coverage import fitted, save, study
+    from polhode.harness.pages.stated import write_page
 
     with stored(out, resume, "errors", "runs") as store:
-        rows = study(store, seed, scenes, quiet, certified=not fit)
-    command = f"polhode validate --errors {scenes} --seed {seed}"
+        rows = study(store, seed, scenes, quiet)
     if fit:
-        save(fitted(rows), f"{command} --fit")
-    cells_of = [
-        [
-            count.kind,
-            count.family,
-            count.want,
-            count.runs,
-            count.missed,
-            f"{count.bound:.1%}",
-            f"{count.factor:.2g}",
-        ]
-        for count in counted(rows)
-    ]
-    header = ["kind", "family", "of", "runs", "missed", "share missed below", "over true, median"]
-    silent, judged = unstated(rows)
-    head = f"# Errors stated\n\nMade by `{command}`. {silent} of {judged} runs state no error.\n\n"
-    page = write_file(out / "errors.md", head + markdown(header, cells_of, (3, 4, 5, 6)))
-    click.echo(f"{markdown(header, cells_of, (3, 4, 5, 6))}{page}")
+        save(fitted(rows), command_line())
+        click.echo("The factors are fitted: count how they hold on runs of another seed.")
+        return
+    page = write_page(out, rows, command_line())
+    click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")

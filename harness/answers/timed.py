@@ -1,0 +1,186 @@
+"""Time to an answer over plain practice: random scenes, each asked once in a process that has compiled its forms.
+
+Plain practice is what a careful user does: the full form by one solver, tightened tenfold until two
+runs agree to half the error. All its runs are paid.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from math import acos, inf, pi
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from polhode.harness.answers.rules import stiff
+from polhode.harness.answers.statement import difference
+from polhode.models.catalogue import form as find_form, full_form
+from polhode.models.observables import Observables
+from polhode.models.scene import BodyStart, EulerStart, Scene
+from polhode.models.shape import Ellipsoid
+from polhode.models.spent import SPENT
+from polhode.solvers.catalogue import solver as find_solver
+from polhode.solvers.solve import solve
+
+# What is timed: it gives observables at `SAMPLES` times, and the upper end of their stated error.
+Ask = Callable[[Scene, float, str], tuple[Observables | None, float | None, str]]
+
+# Strata by the seconds of plain practice, and what an answer may take over it: in the median, and in
+# nine of ten scenes.
+STRATA = {"below 10 ms": 0.01, "10 to 100 ms": 0.1, "above 0.1 s": inf}
+TARGETS = {"below 10 ms": (1.4, 3.0), "10 to 100 ms": (0.8, 1.2), "above 0.1 s": (0.3, 1.0)}
+# Rows of a solution.
+SAMPLES = 201
+# Decades of St and of the error.
+STOKES = (-2.0, 7.0)
+ERRORS = (-9.0, -3.0)
+# St from which on the orientation is not asked for: it would have to be followed through all turns.
+SLOW_FROM = 3e4
+# Errors beyond so many times the one requested are missed: plain practice is the reference.
+MISSED = 1.5
+# Scenes that are asked about first, so that all is compiled.
+WARM_UP = 12
+# Runs of plain practice, at most, its tightest tolerance, and seconds of a run.
+_RUNS = 8
+_TIGHTEST = 1e-14
+_SECONDS = 60.0
+
+
+class Timing(NamedTuple):
+    """One scene: seconds of the answer and of plain practice, how far they are apart, and what was stated."""
+
+    name: str
+    family: str
+    stokes: float
+    error: float
+    want: str
+    method: str
+    seconds: float
+    plain: float
+    apart: float
+    stated: float | None
+
+    @property
+    def ratio(self) -> float:
+        """Time to the answer over plain practice."""
+        return self.seconds / self.plain
+
+
+def drawn(seed: int, index: int) -> tuple[Scene, float, str, str]:
+    """A random scene, an error, what it is of, and the family of the body."""
+    random = np.random.default_rng((seed, index))
+    middle, short = sorted(10 ** random.uniform(-0.8, -0.02, 2), reverse=True)
+    family = ("triaxial", "triaxial", "prolate", "oblate")[index % 4]
+    axes = {
+        "triaxial": (1.0, middle, short),
+        "prolate": (short, short, 1.0),
+        "oblate": (1.0, 1.0, short),
+    }[family]
+    angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
+    x, y, z = random.normal(size=3).tolist()
+    stokes = float(10 ** random.uniform(*STOKES))
+    time = stokes * float(10 ** random.uniform(-1.3, 0)) if stokes > 20 else 20.0
+    error = float(f"{10 ** random.uniform(*ERRORS):.1e}")
+    want = "orientation" if stokes < SLOW_FROM and random.random() < 0.5 else "slow"
+    a, b, c = (float(axis) for axis in axes)
+    start = BodyStart(EulerStart(angles).quaternion, (x, y, z))
+    return Scene(Ellipsoid((a, b, c)), stokes, start, time), error, want, family
+
+
+def plain_practice(
+    scene: Scene, error: float, want: str, samples: int
+) -> tuple[float, Observables | None]:
+    """Seconds and observables of plain practice; inf and None where it does not come to agree."""
+    form = find_form(full_form(scene))
+    problem = form.problem(scene)
+    solver = find_solver("cyrk-radau" if stiff(scene) else "cyrk-vern8")
+    if not solver.takes(problem):
+        return inf, None
+    before: Observables | None = None
+    began, compiling = perf_counter(), SPENT.seconds["compilation"]
+    for k in range(1, _RUNS + 1):
+        tolerance = max(_TIGHTEST, error * 10.0**-k)
+        problem = form.problem(scene)
+        times = np.linspace(0.0, problem.end, samples)
+        run = solve(problem, solver, tolerance, times, max_seconds=_SECONDS)
+        seen = form.observe(scene, run.states) if run.success else None
+        if seen and before:
+            apart = difference(scene.ellipsoid, before, seen).largest[want]
+            if apart <= error / 2:
+                seconds = perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
+                return seconds, seen
+        before = seen
+    return inf, None
+
+
+def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Timing]:
+    """Time answers and plain practice on random scenes, those that plain practice solves."""
+    for index in range(WARM_UP):
+        scene, error, want, _ = drawn(seed, scenes + index)
+        ask(scene, error, want)
+        plain_practice(scene, error, want, SAMPLES)
+    for index in tqdm(range(scenes), "answers timed", leave=False, disable=quiet or None):
+        scene, error, want, family = drawn(seed, index)
+        began = perf_counter()
+        seen, stated, method = ask(scene, error, want)
+        seconds = perf_counter() - began
+        plain, true = plain_practice(scene, error, want, SAMPLES)
+        if true is None:
+            continue
+        apart = difference(scene.ellipsoid, seen, true).largest[want] if seen else inf
+        yield Timing(
+            f"{seed}-{index}",
+            family,
+            scene.stokes,
+            error,
+            want,
+            method,
+            seconds,
+            plain,
+            apart,
+            stated,
+        )
+
+
+class Stratum(NamedTuple):
+    """Scenes of one stratum: the ratio of times, and answers that missed or were in doubt."""
+
+    name: str
+    scenes: int
+    median: float
+    nine_of_ten: float
+    quicker: float
+    missed: int
+    doubted: int  # met, but said to be perhaps missed
+    targets: tuple[float, float]
+
+
+def strata(timings: Sequence[Timing]) -> list[Stratum]:
+    """Timings by the time that plain practice takes."""
+    rows = []
+    least = 0.0
+    for name, most in STRATA.items():
+        mine = [timing for timing in timings if least <= timing.plain < most]
+        least = most
+        if not mine:
+            continue
+        ratios = np.array([timing.ratio for timing in mine])
+        missed = [timing for timing in mine if timing.apart > MISSED * timing.error]
+        doubted = [
+            timing
+            for timing in mine
+            if timing.apart <= timing.error and not (timing.stated or inf) <= timing.error
+        ]
+        rows.append(
+            Stratum(
+                name,
+                len(mine),
+                float(np.median(ratios)),
+                float(np.quantile(ratios, 0.9)),
+                float(np.mean(ratios < 1)),
+                len(missed),
+                len(doubted),
+                TARGETS[name],
+            )
+        )
+    return rows

@@ -1,0 +1,27 @@
+"""The page of the time to an answer, over plain practice."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from polhode.harness.answers import timed
+from polhode.harness.answers.timed import Timing, strata
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import machine
+from polhode.harness.pages.tables import fill
+
+
+def write_page(folder: Path, timings: Sequence[Timing], command: str) -> Path:
+    """Write `time.md` and `times.csv` into a folder and return the page's path."""
+    text = pd.DataFrame(timings).to_csv(index=False, float_format="%.4g")
+    write_file(folder / "times.csv", text, summed=True)
+    page = fill(
+        "answer-time",
+        command=command,
+        limits=timed,
+        rows=strata(timings),
+        missed=[timing for timing in timings if timing.apart > timed.MISSED * timing.error],
+        processor=machine()["processor"],
+    )
+    return write_file(folder / "time.md", page)

@@ -1,0 +1,30 @@
+"""The page of stated errors: how many hold, by kind of confirmation, and how many answers meet the error."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from polhode.harness.answers import coverage
+from polhode.harness.common.files import write_file
+from polhode.harness.common.store import Record
+from polhode.harness.pages.tables import fill
+
+
+def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
+    """Write `stated.md` into a folder and return its path."""
+    counts = coverage.counted(rows)
+    silent, judged = coverage.unstated(rows)
+    left_out = Counter(row["left_out"] for row in rows if "left_out" in row).most_common()
+    page = fill(
+        "stated",
+        command=command,
+        limits=coverage,
+        counts=counts,
+        over=[count for count in counts if count.missed > coverage.MOST_MISSED * count.runs],
+        loose=[count for count in counts if count.factor > coverage.LARGEST_FACTOR],
+        answers=coverage.answered(rows),
+        silent=silent,
+        judged=judged,
+        left_out="; ".join(f"{count} × {reason}" for reason, count in left_out),
+    )
+    return write_file(folder / "stated.md", page)
