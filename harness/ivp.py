@@ -29,6 +29,10 @@ _FEW = 20
 MOST_SAMPLES = 10_000_000
 
 
+# The catalogue's names of SciPy's methods, by SciPy's own.
+_SCIPYS_NAMES = {name: name.lower() for name in ("RK45", "DOP853", "Radau", "BDF", "LSODA")}
+
+
 def solve_ivp(
     fun: Callable[..., Any],
     t_span: tuple[float, float],
@@ -62,7 +66,8 @@ def solve_ivp(
     t_span, y0, args : sequence of float
         The end may lie before the start.
     method : str or Solver
-        A catalogue name (`polhode solvers`), ``"module:class"``, or a solver. By default
+        A catalogue name (`polhode solvers`), SciPy's of the same method (``"RK45"``),
+        ``"module:class"``, or a solver. By default
         `cyrk-dop853`; `dop853` of a function that runs as plain Python; where anything is known of
         the Jacobian `bdf`, or `cvode-bdf` if it has few diagonals; `ida` where equations are
         algebraic.
@@ -128,6 +133,8 @@ def solve_ivp(
     problem = Problem.from_function(
         fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
     )
+    if isinstance(method, str):
+        method = _SCIPYS_NAMES.get(method, method)
     solver = find_solver(_default_method(problem) if method is None else method)
     # What has just been recorded is not recorded again.
     problem = prepared(problem, solver)

@@ -36,6 +36,6 @@ class _Block(ContextDecorator):
         return _Block(self._work)
 
 
-def spent_on(work: str) -> ContextDecorator:
+def spent_on(work: str) -> _Block:
     """Count a block, or a function that this decorates."""
     return _Block(work)

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from math import inf
 from threading import RLock
-from time import perf_counter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -240,8 +239,8 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         if stepper.status == "running":
             if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
                 return crawling, interpolated
-            if (steps >= record.max_steps or perf_counter() > record.deadline) and record.stopped:
-                return record.stopped, interpolated
+            if steps >= record.max_steps or record.expired:
+                return record.stopped or (Status.TIME_LIMIT, ""), interpolated
     return (Status.REACHED_END, ""), interpolated
 
 

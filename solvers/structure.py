@@ -32,7 +32,7 @@ def pattern_of(problem: Problem) -> Any:
 
     d, (lower, upper) = problem.dimension, structure.bands
     offsets: Any = range(-lower, upper + 1)
-    return sparse.diags([np.ones(d - abs(k)) for k in offsets], list(offsets), format="csc")
+    return sparse.diags([np.ones(d - abs(k)) for k in offsets], offsets=offsets, format="csc")
 
 
 def bands_of(problem: Problem) -> tuple[int, int] | None:

@@ -33,8 +33,11 @@ def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) ->
     shared = [name for name in _SHARED if name in runs]
     # Counts that a solver does not give are equal where both lack them.
     values = runs[shared].astype(object)
-    keys = values.where(values.notna(), None).apply(tuple, axis=1)
-    identical = successful & keys.isin(set(keys[full & successful]))
+    keys = pd.Series(
+        list(values.where(values.notna(), None).itertuples(index=False, name=None)),
+        index=runs.index,
+    )
+    identical = successful & keys.isin(list(set(keys[full & successful])))
     by_name = {(name, scene.stokes): scene for name, scene in scenes}
     cases = list(zip(runs["scene_name"], runs["stokes"], runs["tolerance"], strict=True))
     plans = {
@@ -45,7 +48,7 @@ def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) ->
         if (name, stokes) in by_name
     }
     planned = pd.Series([plans.get(case, False) for case in cases], index=runs.index, dtype=bool)
-    return (hybrid & (identical | planned)).astype(bool)
+    return pd.Series(hybrid & (identical | planned), dtype=bool)
 
 
 def planned_in_full(scene: Scene, tolerance: float) -> bool:

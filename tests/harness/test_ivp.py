@@ -201,3 +201,11 @@ def test_backwards_is_the_way_there_reversed(name):
     assert run.sol(2.5) == pytest.approx(theirs.y[:, 1], abs=1e-5)
     whole = solve_ivp(driven, (4.0, 1.0), end, name)
     assert (whole.t[0], whole.t[-1]) == (4.0, 1.0)
+
+
+@pytest.mark.parametrize("name", ["RK45", "DOP853", "Radau", "BDF", "LSODA"])
+def test_scipys_names_of_methods_are_known(name):
+    found = solve_ivp(lambda t, y: [-y[0]], (0.0, 1.0), [1.0], method=name)
+    same = solve_ivp(lambda t, y: [-y[0]], (0.0, 1.0), [1.0], method=name.lower())
+    assert found.success
+    assert found.y.tolist() == same.y.tolist()

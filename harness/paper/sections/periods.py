@@ -416,8 +416,10 @@ class SpinDrift(Experiment):
         figure, (axes,) = panels(1, 1, 5.2, 3.6)
         # Peaks are points of the curves: some are sharp.
         columns = ("kappa", "stokes", "growth")
+        # NumPy's types say that names are None.
+        names: Any = columns
         curves = np.rec.fromarrays(
-            [np.concatenate([table[name], peaks[name]]) for name in columns], names=columns
+            [np.concatenate([table[name], peaks[name]]) for name in columns], names=names
         )
         draw_each(
             axes,
