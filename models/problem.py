@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -214,7 +215,7 @@ class Problem:
         rows = tuple(map(tuple, masses.tolist())) if masses.ndim == 2 else tuple(masses.tolist())
         return cls(name, field, start, duration, None, MassForm(rows, numbers))
 
-    @property
+    @cached_property
     def timed(self) -> bool:
         """Whether the state's last component is the time."""
         return bool(getattr(self.field, "timed", False))
@@ -233,12 +234,12 @@ class Problem:
             return self.mass_form.parameters if self.mass_form else ()
         return self.parameters
 
-    @property
+    @cached_property
     def plain(self) -> bool:
         """Whether the field is a function of the user's that runs as plain Python."""
         return bool(getattr(self.field, "plain", False))
 
-    @property
+    @cached_property
     def dimension(self) -> int:
         """Number of components of the state."""
         return len(self.start)

@@ -332,11 +332,10 @@ class Solver(ABC):
         for library in self.also_needs:
             if not installed(library):
                 return how_to_install(library)
-        lacking = [self.lacks(backend) for backend in self.backends]
-        if not all(lacking):
+        if any(self.lacks(backend) is None for backend in self.backends):
             return None
         needed = self.choices_need.get(self.backends[0])
-        return how_to_install(needed) if needed else lacking[0]
+        return how_to_install(needed) if needed else self.lacks(self.backends[0])
 
     @property
     def note(self) -> str | None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isfinite
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -285,7 +285,9 @@ def _per_component(
     problem: Problem, rtol: Any, atol: Any, apart: bool
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
-    if atol is None and not problem.timed and not np.ndim(rtol):
+    # NumPy would take a microsecond to say so.
+    one_number = isinstance(rtol, float)
+    if one_number and atol is None and not problem.timed:
         return rtol, None
     components = problem.dimension - problem.timed
     given: Any
@@ -320,10 +322,16 @@ def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     return times
 
 
+def _all_finite(states: np.ndarray) -> bool:
+    """Whether all numbers are finite; the sum of their squares tells soonest, unless it overflows."""
+    flat = states.ravel()
+    return isfinite(flat.dot(flat)) or bool(np.isfinite(states).all())
+
+
 def _examined(solution: Solution, times: np.ndarray) -> Solution:
     """The solution, its claimed success doubted; of one that is not finite, the rows before."""
-    finite = np.isfinite(solution.states)
-    if not finite.all():
+    if not _all_finite(solution.states):
+        finite = np.isfinite(solution.states)
         kept = int(np.argmin(finite.all(axis=1)))
         cut = replace(solution, times=solution.times[:kept], states=solution.states[:kept])
         if not solution.success:
