@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -322,16 +322,10 @@ def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     return times
 
 
-def _all_finite(states: np.ndarray) -> bool:
-    """Whether all numbers are finite; the sum of their squares tells soonest, unless it overflows."""
-    flat = states.ravel()
-    return isfinite(flat.dot(flat)) or bool(np.isfinite(states).all())
-
-
 def _examined(solution: Solution, times: np.ndarray) -> Solution:
     """The solution, its claimed success doubted; of one that is not finite, the rows before."""
-    if not _all_finite(solution.states):
-        finite = np.isfinite(solution.states)
+    finite = np.isfinite(solution.states)
+    if not finite.all():
         kept = int(np.argmin(finite.all(axis=1)))
         cut = replace(solution, times=solution.times[:kept], states=solution.states[:kept])
         if not solution.success:
