@@ -224,7 +224,8 @@ class WorkPrecision:
             )
         else:
             states = np.asarray(reference)
-        if states.ndim != 2 or len(states) != len(times) or states.shape[1] < self._components:
+        wanted = (self._components, self.one.dimension)
+        if states.ndim != 2 or len(states) != len(times) or states.shape[1] not in wanted:
             expected = f"states of shape {(len(times), self._components)}"
             raise ValueError(f"reference: got shape {states.shape}, expected {expected}")
         if not np.isfinite(states.astype(float)).all():

@@ -285,6 +285,16 @@ def test_blow_up(work_precision):
     run = work_precision(problem, "cyrk-dop853", 1e-8, max_seconds=1.0)
     assert run.status != "reached_end"
     assert run.error is None and run.seconds is None
+
+def test_a_function_in_place_of_a_solver(work_precision):
+    def exact(f, t_span, y0, t_eval, rtol, atol):
+        import numpy as np
+        return np.exp(-t_eval)[:, None]
+
+    problem = Problem.from_function(lambda t, y: [-y[0]], [1.0], 2.0)
+    run = work_precision(problem, exact, 1e-8)
+    assert run.error < 1e-12
+    assert run.seconds > 0
 """
 
 
@@ -298,13 +308,13 @@ def test_the_example_project(tmp_path: Path):
     words += ["--benchmark-max-time=0.01"]
     (tmp_path / "test_failing.py").write_text(FAILING, encoding="utf-8")
     done = run_pytest(*words, folder=tmp_path)
-    assert "4 passed" in done.stdout, done.stdout
+    assert "5 passed" in done.stdout, done.stdout
     assert "test_work_and_accuracy[cyrk-vern8]  error " in done.stdout
     stored = json.loads((tmp_path / "work_counts.json").read_text(encoding="utf-8"))
     stored["test_work_and_accuracy[taylor]"]["steps"] -= 10
     (tmp_path / "work_counts.json").write_text(json.dumps(stored), encoding="utf-8")
     done = run_pytest(*words, "--benchmark-disable", folder=tmp_path)
-    assert "1 failed, 3 passed" in done.stdout
+    assert "1 failed, 4 passed" in done.stdout
     assert "{'steps': (" in done.stdout
 
 

@@ -1,7 +1,7 @@
 """The fixture `work_precision`: a problem by one solver, timed by pytest-benchmark, judged by a reference."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ import pytest
 
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.common.files import write_file
+from polhode.harness.studies.setups import as_setups, run_function
 from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Solver, Status
@@ -114,7 +115,11 @@ class Measure:
     benchmark: Any
 
     def __call__(
-        self, problem: Problem, solver: str | Solver, tolerance: float, **study: Any
+        self,
+        problem: Problem,
+        solver: str | Solver | Callable[..., Any],
+        tolerance: float,
+        **study: Any,
     ) -> Measured:
         """Measure one run.
 
@@ -122,7 +127,8 @@ class Measure:
         ----------
         problem : Problem
             One's own (`Problem.from_function`) or a form's (`form("quaternion").problem(scene)`).
-        solver : str or Solver
+        solver : str, Solver or callable
+            A function in place of a solver as `WorkPrecision` takes it.
         tolerance : float
         **study
             Further arguments of `WorkPrecision`: samples, max_seconds, atol, error, reference.
@@ -139,8 +145,14 @@ class Measure:
         given = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
         (row,) = rows_of(given.frame)
         if row["status"] == Status.REACHED_END:
-            how = {"atol": row.get("atol"), "doubt": False}
-            self.benchmark(partial(solve, given.one, solver, tolerance, given.times, **how))
+            atol = row.get("atol")
+            if isinstance(solver, str | Solver):
+                what = given.one, solver, tolerance, given.times
+                self.benchmark(partial(solve, *what, atol=atol, doubt=False))
+            else:
+                (setup,) = as_setups([solver], given.one)
+                what = setup, given.one, given.times, tolerance, atol
+                self.benchmark(partial(run_function, *what, count=False))
             # pytest-codspeed's fixture has none.
             stats = getattr(self.benchmark, "stats", None)
             if stats is not None:

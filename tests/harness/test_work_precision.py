@@ -12,6 +12,9 @@ from commandline import Run
 from scipy.integrate import solve_ivp as scipys
 
 from polhode.harness import work_precision
+from polhode.harness.references import any_problem
+from polhode.harness.references.any_problem import _PAIRS, OwnReference, _by_pair, reference_of
+from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.work_precision import WorkPrecision, side_by_side
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
@@ -206,7 +209,8 @@ def test_functions_options_and_labels_stand_beside_the_catalogue():
         rows["short"]["message"] == "short returned shape (2, 2), expected states of shape (101, 2)"
     )
     assert set(study.best()["family"]) == {"CyRK", "function"}
-    assert len(study.best()) == 2
+    # One of the catalogue, and every function.
+    assert len(study.best()) == 5
 
 
 @pytest.mark.parametrize(
@@ -355,3 +359,60 @@ def test_a_reference_ends_with_the_limit():
     frame = WorkPrecision(root, ["radau"], [1e-6], max_seconds=2.0, quiet=True).frame
     assert not frame["known"].any()
     assert frame["error"].isna().all()
+
+
+def test_a_stiff_problem_has_an_implicit_reference():
+    """Explicit methods get through Robertson's problem to t = 1e4, far from its solution."""
+
+    def robertson(t, y):
+        a, b, c = 0.04 * y[0], 1e4 * y[1] * y[2], 3e7 * y[1] ** 2
+        return [b - a, a - b - c, c]
+
+    problem = Problem.from_function(robertson, [1.0, 0.0, 0.0], 3e3)
+    times = np.linspace(0.0, 3e3, 11)
+    pair = _by_pair(problem, times, _relative, 60.0, *_PAIRS[1])
+    assert isinstance(pair, OwnReference)
+    assert pair.uncertainty < 1e-7
+
+
+def _relative(states, exact):
+    return float((np.abs(states - exact).max(axis=0) / np.abs(exact).max(axis=0)).max())
+
+
+def test_a_pair_that_differs_gives_way_to_the_next_one(monkeypatch):
+    problem = Problem.from_function(lambda t, y: [-y[0]], [1.0], 1.0)
+    monkeypatch.setattr(any_problem, "_by_taylor", _no_taylor)
+    found = {"cyrk-vern8": 0.2, "cyrk-radau": 1e-9}
+
+    def pair(problem, times, measure, max_seconds, names, *others):
+        return OwnReference(np.ones((2, 1)), found[names[0]], names[0])
+
+    monkeypatch.setattr(any_problem, "_by_pair", pair)
+    for least, source in ((1e-9, "cyrk-radau"), (0.3, "cyrk-vern8")):
+        found["cyrk-radau"] = least
+        assert reference_of(problem, np.array([0.0, 1.0]), _relative, 1.0).source == source
+
+
+def _no_taylor(*arguments):
+    raise ReferenceFailedError("not asked")
+
+
+def test_a_reference_has_as_many_components_as_the_problem():
+    problem = Problem.from_function(lambda t, y: [y[1], -y[0]], [1.0, 0.0], 5.0)
+    reference = lambda t: [np.cos(t), -np.sin(t), 99.0]  # noqa: E731
+    study = WorkPrecision(problem, ["radau"], tolerances=(1e-5,), reference=reference, quiet=True)
+    with pytest.raises(ValueError, match=r"reference: got shape \(101, 3\), expected states"):
+        _ = study.frame
+
+
+def test_functions_are_families_of_their_own():
+    problem = Problem.from_function(lambda t, y: [-y[0]], [1.0], 1.0)
+
+    def exact(f, span, y0, t_eval, rtol, atol):
+        return np.exp(-t_eval)[:, None]
+
+    def other(f, span, y0, t_eval, rtol, atol):
+        return np.exp(-t_eval)[:, None]
+
+    study = WorkPrecision(problem, {"a": exact, "b": other}, tolerances=(1e-5,), quiet=True)
+    assert list(study.best()["solver"]) == ["a", "b"]
