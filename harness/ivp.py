@@ -203,15 +203,7 @@ def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: in
         return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
     if end > began:
         return increasing("t_eval", t_eval, began, end) - began
-    times = -increasing("t_eval", _negative(t_eval), -began, -end)
-    return began - times
-
-
-def _negative(t_eval: Any) -> Any:
-    try:
-        return -np.asarray(t_eval)
-    except TypeError:
-        return t_eval
+    return began - decreasing("t_eval", t_eval, began, end)
 
 
 def _in_users_time(times: np.ndarray, began: float, end: float) -> np.ndarray:
@@ -291,18 +283,31 @@ def check_samples(samples: int) -> None:
 
 def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
     """Times as an array; ValueError unless they are increasing numbers within a run."""
-    try:
-        found = np.array(given)
-        times = found.astype(float) if found.dtype.kind in "biufO" else np.empty(0)
-    except (TypeError, ValueError, OverflowError):
-        times = np.empty(0)
-    if not (
-        times.ndim == 1
-        and times.size
-        and (np.diff(times) > 0).all()
-        and begin <= times[0]
-        and times[-1] <= end
-    ):
+    times = _times(given)
+    if not (_rise(times) and begin <= times[0] and times[-1] <= end):
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
         raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
     return times
+
+
+def decreasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
+    """Times as an array; ValueError unless they are decreasing numbers within a run backwards."""
+    times = _times(given)
+    if not (_rise(-times) and end <= times[-1] and times[0] <= begin):
+        expected = f"decreasing numbers from {in_full(begin)} to {in_full(end)}"
+        raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
+    return times
+
+
+def _times(given: Any) -> np.ndarray:
+    """Times as an array, empty if they are no numbers."""
+    try:
+        found = np.array(given)
+        return found.astype(float) if found.dtype.kind in "biufO" else np.empty(0)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
+
+
+def _rise(times: np.ndarray) -> bool:
+    """Whether times are a sequence in which each is later than the one before."""
+    return bool(times.ndim == 1 and times.size and (np.diff(times) > 0).all())

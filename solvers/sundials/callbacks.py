@@ -22,7 +22,7 @@ from polhode.solvers.unwarned import UNWARNED
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
-# Right-hand sides between two looks at the clock; two looks at one and the same time make a stall.
+# Right-hand sides between two looks at the time reached; one and the same time twice is a stall.
 LOOK = 1000
 
 
@@ -91,8 +91,13 @@ class Callbacks:
 
         def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
             self.calls += 1
-            if self.record and self.calls % LOOK == 0:
-                self._look(self.record, t)
+            record = self.record
+            if record:
+                # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
+                if record.expired:
+                    raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
+                if self.calls % LOOK == 0:
+                    self._look(record, t)
             rates(t, y, out)
 
         def residual(t: float, y: np.ndarray, slope: np.ndarray, out: np.ndarray) -> None:
@@ -148,6 +153,8 @@ class Callbacks:
         with quiet(), np.errstate(all="ignore"):
             try:
                 record.rows[0] = self.library.init_step(record.times[0], *self.start(record)).y
+            except _StoppedError as stopped:
+                return stopped.args
             except RuntimeError as error:
                 return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
             try:
@@ -161,10 +168,8 @@ class Callbacks:
                 return Status.NON_FINITE, str(error)
 
     def _look(self, record: Record, time: float) -> None:
-        """End a run from within its right-hand side, past the deadline or where the time stands still."""
+        """End a run from within its right-hand side where the time stands still or hardly moves."""
         record.now = time
-        if record.expired:
-            raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {time!r}")
         if time == self.seen:
             raise _StoppedError(Status.STEP_UNDERFLOW, f"stalled at t = {time!r}")
         self.seen = time

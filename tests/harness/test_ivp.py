@@ -209,3 +209,13 @@ def test_scipys_names_of_methods_are_known(name):
     same = solve_ivp(lambda t, y: [-y[0]], (0.0, 1.0), [1.0], method=name.lower())
     assert found.success
     assert found.y.tolist() == same.y.tolist()
+
+
+def test_output_times_of_a_backward_span_are_named_as_given():
+    words = r"^t_eval: got \[0, 5, 10\], expected decreasing numbers from 10 to 0$"
+    with pytest.raises(ValueError, match=words):
+        solve_ivp(oscillator, (10, 0), [1.0, 0.0], t_eval=[0, 5, 10])
+    for wrong in ([10, 5, 5], [11, 5], [5, -1], [], "ten", [[10, 0]]):
+        with pytest.raises(ValueError, match=r"t_eval: got .* expected decreasing"):
+            solve_ivp(oscillator, (10, 0), [1.0, 0.0], t_eval=wrong)
+    assert solve_ivp(oscillator, (10, 0), [1.0, 0.0], t_eval=[10, 5, 0]).t.tolist() == [10, 5, 0]

@@ -5,12 +5,14 @@ import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from time import perf_counter, sleep
 
 import numpy as np
 import pytest
 
 from oracle.classical import CLASSICAL
 from oracle.runs import Run
+from polhode import solve_ivp
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver
@@ -44,6 +46,33 @@ def test_looks_at_the_clock_change_nothing(name: str, monkeypatch: pytest.Monkey
     in_chunks = solve(PROBLEM, name, 1e-8, TIMES, count=True)
     assert np.array_equal(at_once.states, in_chunks.states)
     assert at_once.work == in_chunks.work
+
+
+def slow(t, y):
+    if y[0] > 99:  # A branch on the state: it runs as plain Python.
+        return [0.0, 0.0]
+    sleep(0.02)
+    return [y[1], -y[0]]
+
+
+def slow_algebraic(t, y):
+    rates = slow(t, y)
+    return [rates[0], y[1] - y[0]]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_slow_right_hand_sides_keep_the_time_limit(name: str):
+    began = perf_counter()
+    run = solve_ivp(slow, (0, 1000), [1.0, 0.0], name, max_seconds=0.3)
+    # Before, a thousand right-hand sides of 20 ms each; imports and a busy machine take some time.
+    assert perf_counter() - began < 5.0
+    assert "limit of wall time" in run.message
+
+
+def test_the_time_limit_may_pass_before_initial_values_are_consistent():
+    mass = [1.0, 0.0]
+    run = solve_ivp(slow_algebraic, (0, 1000), [1.0, 0.0], "ida", mass=mass, max_seconds=0.01)
+    assert "limit of wall time" in run.message
 
 
 def test_rejected_steps_and_factorizations_are_counted():
