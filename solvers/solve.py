@@ -13,6 +13,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import as_it_stands, as_plain
 from polhode.solvers.contract import (
+    OWN,
     UNLIMITED,
     Backend,
     Jacobian,
@@ -206,6 +207,8 @@ def solve(
         method.check(problem)
     else:
         run.status, run.message = Status.ADAPTER_MISSING, str(method.why_not)
+    if run.status.success and (unweighted := _unweighted(problem, method, settings)):
+        run.status, run.message = Status.TOLERANCE_UNATTAINABLE, unweighted
 
     def finished() -> Solution:
         seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
@@ -300,6 +303,20 @@ def _per_component(
     absolute = np.broadcast_to(rtol if atol is None else atol, components).tolist()
     duration = max(problem.end, problem.start[-1])
     return ([*rtol, 1.0] if np.ndim(rtol) else rtol), [*absolute, max(1.0, duration)]
+
+
+def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:
+    """Why no step can be accepted from the start: a component of 0 with an absolute tolerance of 0; else empty."""
+    # A library divides errors by atol + rtol |y|, and some of SciPy's methods never end. A solver of
+    # one's own may measure the error otherwise.
+    positive = isinstance(settings.atol, float) and settings.atol > 0
+    if positive or problem.course or method.family == OWN:
+        return ""
+    atols = np.broadcast_to(settings.atols(), problem.dimension)
+    without = np.flatnonzero((atols == 0) & (np.array(problem.start) == 0))
+    if not len(without):
+        return ""
+    return f"atol: got 0, expected a positive number, as y[{without[0]}] is 0 at the start"
 
 
 def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:

@@ -50,6 +50,16 @@ def test_components_have_tolerances_of_their_own(name):
         solve(PAIR, name, 1e-6, atol=[1e-6, 1e-6, 1.0])
 
 
+@pytest.mark.parametrize("name", [one for one in SOLVERS if "atol 0" in solver(one).tolerances])
+def test_no_absolute_tolerance_of_what_starts_at_0_is_named_as_the_cause(name):
+    for atol in (0.0, [1e-6, 0.0]):
+        run = solve_ivp(lambda t, y: [y[1], -y[0]], (0, 1), [1.0, 0.0], name, atol=atol)
+        assert not run.success
+        assert "atol: got 0, expected a positive number, as y[1] is 0 at the start" in run.message
+    run = solve_ivp(lambda t, y: [y[1], -y[0]], (0, 1), [1.0, 0.1], name, atol=0.0)
+    assert run.success
+
+
 def test_relative_tolerances_of_components_are_refused_by_name_where_the_library_has_none():
     assert solve(PAIR, "cyrk-vern7", [1e-6, 1e-9], atol=1e-12).success
     with pytest.raises(SolverNotValidError, match="expected one number for solver 'radau'"):
