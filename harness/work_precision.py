@@ -31,7 +31,7 @@ from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.runner import COMPILATION, how_failed
 from polhode.harness.studies.setups import Setup, as_setups, run_function, users_times
 from polhode.models.libraries import need
-from polhode.models.own_function import OwnField
+from polhode.models.own_function import OwnField, place_of
 from polhode.models.problem import Problem
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.models.problems.classical import Classical
@@ -53,6 +53,8 @@ ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
 REFUSED = "refused"
 PLAIN_PYTHON = "plain Python"
+# What rows of solvers that are functions say: these may compile the right-hand side or not.
+FUNCTION = "function"
 # An error above this share of the state's size is no accuracy: it is not known, and no success.
 _NO_ACCURACY = 0.1
 # A reference less certain than this contradicts no run.
@@ -69,8 +71,9 @@ class WorkPrecision:
     once that is cached; `trace_seconds` what tracing the function took, once for all rows. `error`
     is measured against `reference`, whose `uncertainty` is in the same measure. `known` marks errors
     above ten times that and not above 0.1. A run that is off by more than 0.1 of the state's size is
-    a `false_success`. `runs_as` says whether the right-hand side was compiled or "plain Python";
-    solvers that take compiled ones alone then have one row, of status `refused`, with the reason.
+    a `false_success`. `runs_as` says whether the right-hand side was "compiled" or "plain Python";
+    solvers that take compiled ones alone then have one row, of status `refused`, with the reason. Rows
+    of solvers that are functions say "function": they may compile it or not.
 
     Parameters
     ----------
@@ -219,9 +222,12 @@ class WorkPrecision:
             states = np.asarray(reference.sol(times if own else users_times(problem, times))).T
         elif callable(reference):
             own_times = users_times(problem, times).tolist()
-            states = np.array([reference(t) for t in own_times], dtype=float).reshape(
-                len(times), -1
-            )
+            try:
+                rows = [reference(t) for t in own_times]
+                states = np.array(rows, dtype=float).reshape(len(times), -1)
+            except Exception as error:
+                what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+                raise ValueError(f"reference: got {what}, expected states") from error
         else:
             states = np.asarray(reference)
         wanted = (self._components, self.one.dimension)
@@ -446,9 +452,11 @@ class WorkPrecision:
 
 
 def _runs_as(run: Any) -> str:
-    """Whether a run's right-hand side was machine code or Python."""
+    """Whether a run's right-hand side was machine code, Python, or a function's own affair."""
     settings = getattr(run, "settings", None)
-    return PLAIN_PYTHON if settings is None or settings.backend == "python" else "compiled"
+    if settings is None:
+        return FUNCTION
+    return PLAIN_PYTHON if settings.backend == "python" else "compiled"
 
 
 def _timed(run: Callable[[], Any]) -> Timing:

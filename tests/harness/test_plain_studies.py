@@ -62,6 +62,14 @@ def test_studies_go_backwards(f):
     solvers = {"mine": mine, "dop853": "dop853", "cvode-adams": "cvode-adams"}
     frame = WorkPrecision(problem, solvers, [1e-6], samples=11, quiet=True).frame
     assert (frame["error"] < 1e-4).all(), frame[["solver", "status", "error", "message"]]
+    assert frame["runs_as"].iloc[0] == "function"
+
+
+def test_errors_of_a_reference_name_it():
+    problem = Problem.from_function(smooth, [1.0, 0.0], 2.0)
+    study = WorkPrecision(problem, ["dop853"], [1e-6], reference=lambda t: 1 / 0, quiet=True)
+    with pytest.raises(ValueError, match=r"^reference: got ZeroDivisionError: division by zero"):
+        _ = study.frame
 
 
 def test_a_study_of_a_large_system_with_a_pattern():
