@@ -10,7 +10,7 @@ import numpy as np
 
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
-from polhode.harness.events import as_events
+from polhode.harness.events import Event, as_events
 from polhode.models.own_function import OwnField, in_one_line
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
@@ -218,6 +218,9 @@ def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:
     given = events if isinstance(events, Iterable) else [] if events is None else [events]
     sought = []
     for function in given:
+        if not (callable(function) or isinstance(function, Event)):
+            got = in_one_line(function)
+            raise ValueError(f"events: got {got}, expected a function event(t, y)")
         # One by one, so that their names may be the same.
         event = as_events([function])[0]
         of_run = partial(value, event.function)

@@ -176,6 +176,8 @@ def own_field(
     mass: np.ndarray | None = None,
 ) -> tuple[tuple[float, ...], OwnField]:
     """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
+    if not callable(f):
+        raise ValueError(f"f: got {in_one_line(f)}, expected a function f(t, y)")
     start, given = _numbers("y0", y0), _numbers("parameters", parameters)
     # What is compiled is kept under the function; a method can be a key where its object cannot.
     if not start:
@@ -296,7 +298,9 @@ def place_of(error: BaseException, *skipped: str) -> str:
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     try:
         found = (
-            tuple(np.array(values, dtype=float, ndmin=1).tolist()) if np.ndim(values) == 1 else None
+            tuple(np.array(values, dtype=float, ndmin=1).tolist())
+            if np.ndim(values) == 1 and not _is_complex(values)
+            else None
         )
     except (TypeError, ValueError):
         found = None

@@ -219,3 +219,14 @@ def test_output_times_of_a_backward_span_are_named_as_given():
         with pytest.raises(ValueError, match=r"t_eval: got .* expected decreasing"):
             solve_ivp(oscillator, (10, 0), [1.0, 0.0], t_eval=wrong)
     assert solve_ivp(oscillator, (10, 0), [1.0, 0.0], t_eval=[10, 5, 0]).t.tolist() == [10, 5, 0]
+
+
+def test_what_is_no_function_is_refused_in_one_line():
+    with pytest.raises(ValueError, match=r"^f: got 'pend', expected a function f\(t, y\)$"):
+        solve_ivp("pend", (0, 1), [1.0, 0.0])  # pyright: ignore
+    for events in (3, [ground, 3]):
+        with pytest.raises(ValueError, match=r"^events: got 3, expected a function event\(t, y\)$"):
+            solve_ivp(oscillator, (0, 1), [1.0, 0.0], events=events)  # pyright: ignore
+    for start in ([1 + 0j, 0j], np.array([1 + 0j, 0j])):
+        with pytest.raises(ValueError, match=r"^y0: got .*: give real and imaginary parts"):
+            solve_ivp(oscillator, (0, 1), start)  # pyright: ignore
