@@ -30,6 +30,8 @@ from polhode.solvers.contract import Status
 
 # The band under the Pareto front.
 FRONT, FRONT_NAME = "#F7EFA6", "Pareto front"
+# Lines of a panel up to which each is named.
+FEW_LINES = 8
 # Names longer than this, in letters, break at the comma.
 NAME = 24
 UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
@@ -162,15 +164,20 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
             )
 
 
-def name_lines(axes: Axes) -> None:
-    """Write each line's name beside the panel, near where it ends; pale lines become grey, without markers or names."""
+def name_lines(axes: Axes, few: int = 0) -> None:
+    """Write each line's name beside the panel, near where it ends.
+
+    Of more lines than `few`, pale ones become grey, without markers or names.
+    """
     axes.get_ylim()  # Limits that follow from the data are set once they are asked for.
     # In points, which a picture's resolution does not change.
     scale = axes.figure.dpi / 72
     ends = []
-    for line in axes.get_lines():
+    lines = axes.get_lines()
+    many = len([line for line in lines if not str(line.get_label()).startswith("_")]) > few
+    for line in lines:
         label, points = str(line.get_label()), np.asarray(line.get_xydata())
-        if line.get_alpha() is not None:
+        if many and line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
         elif (
             not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points)
@@ -261,7 +268,7 @@ def panels(
         hspace=0.28 if alike else 0.4,
     )
     for axes in grid.flat[: len(groups)]:
-        name_lines(axes)
+        name_lines(axes, FEW_LINES)
     entries = (
         each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True)
     )
