@@ -214,6 +214,21 @@ class Record:
             # The event's own error, whatever solvers make of errors of theirs.
             raise EventFailedError(str(error)) from error
 
+    def filled_between(
+        self, looks: np.ndarray, reached: float, between: Callable[[np.ndarray], np.ndarray]
+    ) -> None:
+        """Look for events at times since the last look, and fill the rows up to the time reached.
+
+        `between` interpolates: it gives the states, shape (k, d), at k times.
+        """
+        self.looked_through(
+            looks.tolist(), between(looks), lambda time: between(np.array([time]))[0]
+        )
+        behind = int(np.searchsorted(self.times, reached, side="right"))
+        last = min(self.last_wanted, behind)
+        if last > self.filled:
+            self.put(between(self.times[self.filled : last]))
+
     @property
     def last_wanted(self) -> int:
         """Index behind the last row that is wanted: rows behind an event that ended the run are not."""
@@ -228,7 +243,8 @@ class Record:
         self.filled += len(states)
 
 
-# Some of the solvers that call Python, to be named where others refuse.
+# Some of the solvers that call Python, to be named where others refuse. One string: an item of the
+# paper depends on each solver whose name is a string of its own in code that it uses.
 _CALL_PYTHON = "dop853, rk45, radau, bdf, lsoda, cvode-bdf"
 # The family of solvers that are not in the catalogue.
 OWN = "own"
@@ -324,9 +340,6 @@ class Solver(ABC):
     @property
     def why_not(self) -> str | None:
         """What is missing and how to install it; None if nothing is."""
-        # Most often nothing is.
-        if installed(self.library) and not self.also_needs and self.backends[-1] == "python":
-            return None
         if not installed(self.library):
             return f"{self.package} is not installed: pip install {self.package}"
         for library in self.also_needs:

@@ -43,15 +43,14 @@ from polhode.solvers.contract import (
     Solver,
     Status,
 )
-from polhode.solvers.event_search import looks
+from polhode.solvers.event_search import LOOK_GROWTH, looks
 from polhode.solvers.machine_code.llvm import MachineCode
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 CHUNK = 20_000
-# Steps between looks for events: the first, and the factor by which they grow up to `CHUNK`.
+# Steps before the first look for events; from look to look there are more of them, up to `CHUNK`.
 _FIRST_LOOK = 256
-_LOOK_GROWTH = 4
 # Shares of the steps of a chunk that failed, up to which it is run again.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which a solution that is looked at beforehand is given up.
@@ -293,35 +292,22 @@ class Call:
         dense: bool = False,
     ) -> Any:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
-        if self.jacobian is not None:
-            return self._with_jacobian(start, end, state, times, max_steps, first_step, dense)
-        return self.library.c_numba_cysolve_ivp(
-            *(self.code.address, start, end, state.ctypes.data, state.size),
-            # Expected size: the library's guess; extra outputs.
-            *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
-            # Dense output is used, and kept where a run is to be looked through.
-            *(max_steps, MAX_RAM_MB, dense, times.ctypes.data, times.size),
-            # No function before the right-hand side, no events.
-            *(None, None, 0),
-            *self.tolerances,
-            # Largest step, first step; keep what `c_get_y_now` reads.
-            *(self.max_step, first_step, True),
-        )
-
-    def _with_jacobian(
-        self,
-        start: float,
-        end: float,
-        state: np.ndarray,
-        times: np.ndarray,
-        max_steps: int,
-        first_step: float,
-        dense: bool,
-    ) -> Any:
-        """The same through the entry that takes a Jacobian."""
+        if self.jacobian is None:
+            return self.library.c_numba_cysolve_ivp(
+                *(self.code.address, start, end, state.ctypes.data, state.size),
+                # Expected size: the library's guess; extra outputs.
+                *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
+                # Dense output is used, and kept where a run is to be looked through.
+                *(max_steps, MAX_RAM_MB, dense, times.ctypes.data, times.size),
+                # No function before the right-hand side, no events.
+                *(None, None, 0),
+                *self.tolerances,
+                # Largest step, first step; keep what `c_get_y_now` reads.
+                *(self.max_step, first_step, True),
+            )
+        # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been asked"
-        assert self.jacobian is not None, "the call has one"
         result, nothing = ctypes.c_void_p(), _Vector()
         # All arrays live until the entry returns.
         vector, reference = _Vector.of, ctypes.byref
@@ -353,15 +339,15 @@ def _run(call: Call, record: Record) -> Outcome:
             work.steps = steps
             if record.events:
                 last_step = _look_through(call, record, result, time, state, last_step)
-                look = min(CHUNK, look * _LOOK_GROWTH)
+                look = min(CHUNK, look * LOOK_GROWTH)
                 if record.events.ended is not None:
                     return Status.REACHED_END, ""
-            elif size:
-                record.put(
-                    _array(library.c_get_y_ptr(result), size * dimension).reshape(size, dimension)
-                )
+            else:
+                last_step = 0.0
+                if size:
+                    rows = _array(library.c_get_y_ptr(result), size * dimension)
+                    record.put(rows.reshape(size, dimension))
             time = record.now = library.c_get_t_now(result)
-            last_step = 0.0 if record.events is None else last_step
             if code > 0:
                 return Status.REACHED_END, ""
             state = _array(library.c_get_y_now(result), dimension)
@@ -402,12 +388,7 @@ def _look_through(
 
     try:
         times = np.append(looks(steps[:count]), steps[count:])
-        record.looked_through(
-            times.tolist(), between(times), lambda time: between(np.array([time]))[0]
-        )
-        last = min(record.last_wanted, int(np.searchsorted(record.times, steps[-1], side="right")))
-        if last > record.filled:
-            record.put(between(record.times[record.filled : last]))
+        record.filled_between(times, float(steps[-1]), between)
     finally:
         if whole is not result:
             library.c_free(whole)
@@ -430,7 +411,7 @@ def _interpolated(
     again, count = None, 1
     for share in _SHARES:
         count = max(2, int(share * len(steps)))
-        with FlushedToZero():
+        with call.flushed_to_zero:
             again = call(time, steps[count - 1], state, np.empty(0), UNLIMITED, first_step, True)
         if library.c_get_status(again) > 0:
             break

@@ -23,6 +23,9 @@ _MAX_ITERATIONS = 300
 # Looks within a step, where its interpolation costs next to nothing: a step of high order is
 # longer than a half period of what it follows.
 LOOKS_WITHIN_STEP = 8
+# Solvers that run many steps in one call look after few of them at first, and after so many times
+# more each time: a terminal event soon after the start costs no more than a few steps.
+LOOK_GROWTH = 4
 
 
 @dataclass

@@ -10,7 +10,7 @@ from polhode.models.once import OncePerThread, once
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
-from polhode.solvers.event_search import looks
+from polhode.solvers.event_search import LOOK_GROWTH, looks
 
 Precision = Literal["double", "long double", "quadruple"]
 
@@ -18,9 +18,8 @@ Precision = Literal["double", "long double", "quadruple"]
 CHUNK = 10_000
 # Components up to which every operation is compiled in place.
 _MAX_UNROLLED = 50
-# Steps between looks for events: the first, and the factor by which they grow up to `CHUNK`.
+# Steps before the first look for events; from look to look there are more of them, up to `CHUNK`.
 _FIRST_LOOK = 64
-_LOOK_GROWTH = 4
 
 
 @once()
@@ -112,21 +111,14 @@ def propagate_with_events(
         reason, series = result[0], result[4]
         steps, record.now = steps + result[3], float(integrator.time)
         record.work.steps = steps
-        look = min(CHUNK, look * _LOOK_GROWTH)
+        look = min(CHUNK, look * LOOK_GROWTH)
         if series is not None:
 
             def between(times: np.ndarray, series: Any = series) -> np.ndarray:
                 return states(np.array(series(times)), times)
 
             reached = float(series.times[-1])
-            times = looks(series.times)
-            record.looked_through(
-                times.tolist(), between(times), lambda time: between(np.array([time]))[0]
-            )
-            last = int(np.searchsorted(record.times, reached, side="right"))
-            last = min(last, record.last_wanted)
-            if last > record.filled:
-                record.put(between(record.times[record.filled : last]))
+            record.filled_between(looks(series.times), reached, between)
         if reason == outcome.time_limit or (record.events and record.events.ended is not None):
             return Status.REACHED_END, ""
         if reason != outcome.step_limit:
