@@ -29,7 +29,7 @@ from polhode.harness.references.any_problem import OwnReference, reference_of
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.runner import COMPILATION, how_failed
-from polhode.harness.studies.setups import Setup, as_setups, run_function, users_times
+from polhode.harness.studies.setups import FUNCTION, Setup, as_setups, run_function, users_times
 from polhode.models.libraries import need
 from polhode.models.own_function import OwnField, place_of
 from polhode.models.problem import Problem
@@ -53,8 +53,6 @@ ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
 REFUSED = "refused"
 PLAIN_PYTHON = "plain Python"
-# What rows of solvers that are functions say: these may compile the right-hand side or not.
-FUNCTION = "function"
 # An error above this share of the state's size is no accuracy: it is not known, and no success.
 _NO_ACCURACY = 0.1
 # A reference less certain than this contradicts no run.
@@ -391,9 +389,8 @@ class WorkPrecision:
             return self.atol
         return atol_of(tolerance, self.one.start[: self._components])[0]
 
-    def _measure(
-        self, setup: Setup, tolerance: float, exact: np.ndarray | None, uncertainty: float | None
-    ) -> dict[str, Any]:
+    def runner(self, setup: Setup, tolerance: float) -> Callable[..., Any]:
+        """One run as ``run(max_seconds, count=, doubt=)``, by a solver or by a function in its place."""
         problem, times, atol = self.one, self.times, self._atol_of(setup, tolerance)
         options = {name: value for name, value in setup.options.items() if name != "atol"}
 
@@ -403,7 +400,14 @@ class WorkPrecision:
             how = {"count": count, "max_seconds": limit, "doubt": doubt, **options}
             return solve(problem, setup.solver, tolerance, times, atol=atol, **how)
 
-        compile_seconds = _prepared(setup, problem, tolerance, atol)
+        return run
+
+    def _measure(
+        self, setup: Setup, tolerance: float, exact: np.ndarray | None, uncertainty: float | None
+    ) -> dict[str, Any]:
+        atol = self._atol_of(setup, tolerance)
+        run = self.runner(setup, tolerance)
+        compile_seconds = _prepared(setup, self.one, tolerance, atol)
         first, _ = within(
             self.max_seconds,
             partial(run, count=True, doubt=True),
@@ -455,6 +459,7 @@ def _runs_as(run: Any) -> str:
     """Whether a run's right-hand side was machine code, Python, or a function's own affair."""
     settings = getattr(run, "settings", None)
     if settings is None:
+        # It may compile the right-hand side or not.
         return FUNCTION
     return PLAIN_PYTHON if settings.backend == "python" else "compiled"
 

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,10 @@ import pytest
 
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.common.files import write_file
-from polhode.harness.studies.setups import as_setups, run_function
+from polhode.harness.studies.setups import as_setups
 from polhode.harness.work_precision import WorkPrecision
 from polhode.models.problem import Problem
 from polhode.solvers.contract import Solver, Status
-from polhode.solvers.solve import solve
 
 # File of the counts beside the tests that ask for them.
 COUNTS_FILE = "work_counts.json"
@@ -145,14 +143,8 @@ class Measure:
         given = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
         (row,) = rows_of(given.frame)
         if row["status"] == Status.REACHED_END:
-            atol = row.get("atol")
-            if isinstance(solver, str | Solver):
-                what = given.one, solver, tolerance, given.times
-                self.benchmark(partial(solve, *what, atol=atol, doubt=False))
-            else:
-                (setup,) = as_setups([solver], given.one)
-                what = setup, given.one, given.times, tolerance, atol
-                self.benchmark(partial(run_function, *what, count=False))
+            (setup,) = as_setups([solver], given.one)
+            self.benchmark(given.runner(setup, tolerance))
             # pytest-codspeed's fixture has none.
             stats = getattr(self.benchmark, "stats", None)
             if stats is not None:
