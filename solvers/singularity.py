@@ -71,7 +71,8 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
             function(state, parameters, out)
         suspects |= (np.sign(values[1:]) * np.sign(values[:-1]) < 0).any(axis=1)
     components = states[:, : problem.dimension - problem.timed]
-    if divisors is None and (components.max() - components.min()) <= _GROWTH * abs(states[0, 0]):
+    spread = components.max() - components.min()
+    if divisors is None and spread <= (_GROWTH - 1) * abs(states[0, 0]):
         # No component can have grown so much.
         return []
     size = np.abs(components).max(axis=1)
