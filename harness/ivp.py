@@ -11,7 +11,8 @@ import numpy as np
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import Event, as_events
-from polhode.models.own_function import OwnField, in_one_line
+from polhode.harness.studies.setups import users_times
+from polhode.models.own_function import INTO_A_CLOSURE, OwnField, in_one_line
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
 from polhode.solvers.catalogue import available_like, first_available, solver as find_solver
@@ -164,7 +165,7 @@ def solve_ivp(
     if run.problem.plain:
         message += "; plain Python"
     return OptimizeResult(
-        t=_in_users_time(run.times[shown], began, end),
+        t=users_times(problem, run.times[shown]),
         y=run.y[:d, shown],
         sol=partial(_sol, run, began, direction, d),
         t_events=[began + direction * np.array(event.times) for event in sought],
@@ -182,8 +183,7 @@ def _numbers_of(args: Any) -> tuple[float, ...]:
     given = args if np.iterable(args) and not isinstance(args, str | dict) else [args]
     for each in given:
         if not isinstance(each, Real):
-            way_out = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
-            raise ValueError(f"args: got {in_one_line(each)}, expected numbers; {way_out}")
+            raise ValueError(f"args: got {in_one_line(each)}, expected numbers; {INTO_A_CLOSURE}")
     return tuple(given)
 
 
@@ -204,13 +204,6 @@ def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: in
     if end > began:
         return increasing("t_eval", t_eval, began, end) - began
     return began - decreasing("t_eval", t_eval, began, end)
-
-
-def _in_users_time(times: np.ndarray, began: float, end: float) -> np.ndarray:
-    """Times of a run as the user counts them, none beyond the end by rounding."""
-    if end < began:
-        return np.maximum(began - times, end)
-    return np.minimum(began + times, end)
 
 
 def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:

@@ -69,6 +69,11 @@ def without_time(mass: np.ndarray) -> np.ndarray:
     return mass[:-1] if mass.ndim == 1 else mass[:-1, :-1]
 
 
+def in_rows(mass: np.ndarray) -> tuple[Any, ...]:
+    """A diagonal as a tuple of numbers, a matrix as a tuple of its rows."""
+    return tuple(map(tuple, mass.tolist())) if mass.ndim == 2 else tuple(mass.tolist())
+
+
 class Unmassed:
     """A user's function with a mass matrix that has an inverse, as rates: ``y' = M⁻¹ f(t, y)``."""
 

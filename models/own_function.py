@@ -24,6 +24,8 @@ MAX_RECORDED = 200
 # Components up to which the exact Jacobian is compiled, entry by entry: 0.3 s. Beyond, solvers that
 # can call Python do.
 MAX_EXACT_JACOBIAN = 50
+# What users do with arguments that are no numbers.
+INTO_A_CLOSURE = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
 # Relative deviation of a recording from the function at the start, above which it is none.
 _SAME_RATES = 1e-9
 
@@ -323,7 +325,7 @@ def _way_out(name: str, values: Any) -> str:
         return ": give y0.ravel(), and reshape y in the function"
     if name == "parameters" and not isinstance(values, float | int | str):
         # Tables and dictionaries are no numbers that solvers can vary.
-        return "; what is no number goes into a closure: lambda t, y: f(t, y, table)"
+        return f"; {INTO_A_CLOSURE}"
     return ""
 
 

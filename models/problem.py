@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from polhode.models.mass import is_singular, mass_of, with_time
+from polhode.models.mass import in_rows, is_singular, mass_of, with_time
 from polhode.models.operations import Field, Operations
 from polhode.models.own_function import OwnField, own_field
 
@@ -212,10 +211,9 @@ class Problem:
             return cls(name, field, start, duration, numbers)
         if field.timed:
             masses = with_time(masses)
-        rows = tuple(map(tuple, masses.tolist())) if masses.ndim == 2 else tuple(masses.tolist())
-        return cls(name, field, start, duration, None, MassForm(rows, numbers))
+        return cls(name, field, start, duration, None, MassForm(in_rows(masses), numbers))
 
-    @cached_property
+    @property
     def timed(self) -> bool:
         """Whether the state's last component is the time."""
         return bool(getattr(self.field, "timed", False))
@@ -234,12 +232,12 @@ class Problem:
             return self.mass_form.parameters if self.mass_form else ()
         return self.parameters
 
-    @cached_property
+    @property
     def plain(self) -> bool:
         """Whether the field is a function of the user's that runs as plain Python."""
         return bool(getattr(self.field, "plain", False))
 
-    @cached_property
+    @property
     def dimension(self) -> int:
         """Number of components of the state."""
         return len(self.start)

@@ -207,21 +207,17 @@ def _either_side(name: str) -> tuple[Callable[[Any, Any], Any], Callable[[Any, A
     """An operator, and the one that Python calls where the number is on the right."""
     of_arrays = getattr(np, _NUMPY_NAMES[name])
 
-    def left(self: Any, other: Any) -> Any:
+    def applied(other: Any, left: Any, right: Any) -> Any:
         if isinstance(other, np.ndarray | list | tuple):
-            return of_arrays(self, other)
+            return of_arrays(left, right)
         if not isinstance(other, Real | Recorded | Condition | np.bool_ | complex):
             return NotImplemented
-        return _apply(name, _number(self), _number(other))
+        return _apply(name, _number(left), _number(right))
 
-    def right(self: Any, other: Any) -> Any:
-        if isinstance(other, np.ndarray | list | tuple):
-            return of_arrays(other, self)
-        if not isinstance(other, Real | Recorded | Condition | np.bool_ | complex):
-            return NotImplemented
-        return _apply(name, _number(other), _number(self))
-
-    return left, right
+    return (
+        lambda self, other: applied(other, self, other),
+        lambda self, other: applied(other, other, self),
+    )
 
 
 # Names that NumPy has for operations of other names.

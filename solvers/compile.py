@@ -16,7 +16,7 @@ import numpy as np
 
 from polhode.models.files.kept import cache_folder
 from polhode.models.libraries import need
-from polhode.models.mass import without_time
+from polhode.models.mass import in_rows, without_time
 from polhode.models.once import once
 from polhode.models.operations import FLOAT, Field, Operations
 from polhode.models.own_function import OwnField
@@ -69,9 +69,7 @@ def as_plain(problem: Problem) -> Problem:
         return problem
     start, form = problem.start[: problem.dimension - problem.timed], problem.mass_form
     if form and problem.timed:
-        mass = without_time(np.array(form.mass))
-        rows = tuple(map(tuple, mass.tolist())) if mass.ndim == 2 else tuple(mass.tolist())
-        form = replace(form, mass=rows)
+        form = replace(form, mass=in_rows(without_time(np.array(form.mass))))
     field = replace(field, recording=None, timed=False)
     return replace(problem, start=start, field=field, mass_form=form)
 

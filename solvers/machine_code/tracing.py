@@ -10,7 +10,7 @@ nothing else.
 import inspect
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from numbers import Real
@@ -113,11 +113,16 @@ def call(function: str, *arguments: Any) -> Any:
     wrong = next((x for x in arguments if not isinstance(x, Number | Real)), None)
     if wrong is not None:
         raise TypeError(f"{function}: got {wrong!r}, expected a number")
+    return _called(f"llvm.{function}.f64", function, arguments)
+
+
+def _called(symbol: str, function: str, arguments: Sequence[Any]) -> Any:
+    """The function that machine code knows as `symbol`; of constants alone, `math`'s."""
     number = next((x for x in arguments if isinstance(x, Number)), None)
     if number is None:
         return getattr(math, function)(*arguments)
     operands = ", ".join(f"double {operand(x)}" for x in arguments)
-    return number.emit(f"call contract double @llvm.{function}.f64({operands})")
+    return number.emit(f"call contract double @{symbol}({operands})")
 
 
 def _where_positive(x: Any, a: Any, b: Any) -> Any:
@@ -129,11 +134,7 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
 
 def of_library(function: str, *arguments: Any) -> Any:
     """A function of C's library that LLVM has no name for."""
-    number = next((x for x in arguments if isinstance(x, Number)), None)
-    if number is None:
-        return getattr(math, function)(*arguments)
-    operands = ", ".join(f"double {operand(x)}" for x in arguments)
-    return number.emit(f"call contract double @{function}({operands})")
+    return _called(function, function, arguments)
 
 
 _expm1 = partial(of_library, "expm1")

@@ -22,12 +22,12 @@ def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any
     if mass is not None and mass.ndim == 2:
         # A residual with a full mass matrix is full.
         return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
-    if bands and (jacobian is None or problem.dimension > _MAX_FULL):
-        # The library's own differences take one right-hand side per diagonal.
-        return {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
     if bands:
         options: dict[str, Any] = {"linsolver": "band", "lband": bands[0], "uband": bands[1]}
-        return options | {"jacfn": _filled(jacobian, mass, dense)}
+        # The library's own differences take one right-hand side per diagonal.
+        if jacobian is not None and problem.dimension <= _MAX_FULL:
+            options["jacfn"] = _filled(jacobian, mass, dense)
+        return options
     pattern = pattern_of(problem)
     if pattern is None and jacobian is not None:
         first: Any = jacobian(0.0, np.array(problem.start)) if callable(jacobian) else jacobian
