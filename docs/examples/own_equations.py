@@ -72,7 +72,7 @@ def main(folder):
     for draw in (chemistry, front, oscillator, pendulum, circuit):
         figure, axes = plt.subplots(figsize=(6.4, 2.6), layout="constrained")
         draw(axes, names)
-        axes.legend(fontsize=8)
+        figure.legend(fontsize=8, loc="outside right upper")
         path = folder / f"own-{draw.__name__}.png"
         figure.savefig(path, dpi=100)
         plt.close(figure)
