@@ -181,18 +181,16 @@ class _Step:
         return self.interpolant(times).T
 
 
-def _failure_of_step(stepper: Any) -> Outcome | None:
-    """Take a step; how it failed, or None."""
-    try:
-        message = stepper.step()
-    except (ArithmeticError, ValueError) as error:
-        # A field's own errors are not the state's.
-        known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
-        if not known and "infs or NaNs" not in str(error):
-            raise
-        return Status.NON_FINITE, str(error)
-    if stepper.status != "failed":
-        return None
+def _failure_of(error: ArithmeticError | ValueError) -> Outcome:
+    """How a step failed that raised an error; raises a field's own ones again."""
+    known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
+    if not known and "infs or NaNs" not in str(error):
+        raise error
+    return Status.NON_FINITE, str(error)
+
+
+def _failed(stepper: Any, message: str | None) -> Outcome:
+    """How a step failed that the stepper says has failed."""
     status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
     return status, message or ""
 
@@ -202,13 +200,20 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     times, work, events, taken = record.times, record.work, record.events, record.taken
     work.steps, interpolated, stalled, filled = 0, 0, 0, record.filled
     count, next_row = len(times), float(times[filled]) if filled < len(times) else inf
-    if not np.isfinite(getattr(stepper, "f", 0.0)).all():
+    rates = getattr(stepper, "f", None)
+    if rates is not None and not np.isfinite(rates).all():
         # An explicit method would look for a first step without end.
         return NO_RATES, 0
     steps, before = 0, stepper.t
-    while stepper.status == "running":
-        if failure := _failure_of_step(stepper):
-            return failure, interpolated
+    running = stepper.status == "running"
+    while running:
+        try:
+            message = stepper.step()
+        except (ArithmeticError, ValueError) as error:
+            return _failure_of(error), interpolated
+        running = stepper.status == "running"
+        if not running and stepper.status == "failed":
+            return _failed(stepper, message), interpolated
         steps += 1
         work.steps = steps
         reached = record.now = stepper.t
@@ -236,7 +241,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             interpolated += step.interpolant is not None
         if ended:
             return (Status.REACHED_END, ""), interpolated
-        if stepper.status == "running":
+        if running:
             if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
                 return crawling, interpolated
             if steps >= record.max_steps or record.expired:

@@ -289,9 +289,9 @@ def _per_component(
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
     # NumPy would take a microsecond to say so.
-    one_number = isinstance(rtol, float)
-    if one_number and atol is None and not problem.timed:
-        return rtol, None
+    one_number = isinstance(rtol, float) and (atol is None or isinstance(atol, float))
+    if one_number and not problem.timed:
+        return rtol, atol
     components = problem.dimension - problem.timed
     given: Any
     for name, given in (("rtol", rtol), ("atol", atol)):
