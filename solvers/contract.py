@@ -345,8 +345,9 @@ class Solver(ABC):
         for library in self.also_needs:
             if not installed(library):
                 return how_to_install(library)
-        if any(self.lacks(backend) is None for backend in self.backends):
-            return None
+        for backend in self.backends:
+            if self.lacks(backend) is None:
+                return None
         needed = self.choices_need.get(self.backends[0])
         return how_to_install(needed) if needed else self.lacks(self.backends[0])
 
