@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-# What pages are made with: asked for before anything is measured.
-PAGE_LIBRARIES = ("pandas", "matplotlib", "PIL", "scipy")
+# What pages are made with, asked for before anything is measured.
+PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
 # Modules of `pages` by what a study names.
 PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
 # Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
