@@ -6,6 +6,8 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from polhode.models import long_double
+from polhode.models.libraries import installed
 from polhode.models.once import OncePerThread, once
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
@@ -22,6 +24,11 @@ _MAX_UNROLLED = 50
 _FIRST_LOOK = 64
 
 
+def extends_precision() -> bool:
+    """Whether there are runs in extended precision: by heyoka, in x86's long double."""
+    return installed("heyoka") and long_double.IS_X86
+
+
 @once()
 def _compiled(
     factory: Factory,
@@ -36,7 +43,12 @@ def _compiled(
     # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
     # up to half a minute of compilation.
     heyoka = load_heyoka()
-    number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
+    number: Any = float
+    if precision == "long double":
+        number = np.longdouble
+    elif precision == "quadruple":
+        # heyoka has no such type where the compiler has none.
+        number = heyoka.real128
     if in_units:
         system = system_in_units(factory, dimension, parameters, timed=timed)
     else:

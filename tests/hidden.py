@@ -111,11 +111,14 @@ class Answer(NamedTuple):
 
 
 def python(
-    library: str, folder: Path, *words: str, seconds: float = 600.0
+    library: str, folder: Path, *words: str, seconds: float = 600.0, narrow: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Python in a folder, without a library, as if it were not installed."""
+    """Python in a folder, without a library, as if it were not installed; narrow, with a long double that is double."""
     path = os.pathsep.join([str(HIDING), *filter(None, [os.environ.get("PYTHONPATH")])])
     hidden = {"PYTHONPATH": path, "WITHOUT": f"{library},{LIBRARIES[library]}"}
+    if narrow:
+        # What is cached here was computed in extended precision.
+        hidden |= {"NARROW": "1", "POLHODE_CACHE": str(folder / "narrow")}
     return subprocess.run(
         [sys.executable, "-P", *words],
         cwd=folder,

@@ -5,12 +5,11 @@ from time import perf_counter
 
 import numpy as np
 
-from polhode.models.libraries import installed
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.contract import Record
 from polhode.solvers.solve import solve
-from polhode.solvers.taylor import Bound, Precision
+from polhode.solvers.taylor import Bound, Precision, extends_precision
 
 Run = tuple[Precision, float]
 
@@ -100,7 +99,7 @@ def unlike_runs(
             return runs
     reasons = "; ".join(failures) or "no others are installed"
     raise ReferenceFailedError(
-        f"heyoka is not installed, and {len(runs)} of two unlike methods solve {problem.name!r}: {reasons}"
+        f"there is no extended precision here, and {len(runs)} of two unlike methods solve {problem.name!r}: {reasons}"
     )
 
 
@@ -111,7 +110,7 @@ def reference_runs(
 
     Taylor runs in extended precision, or without heyoka those of `unlike_runs`.
     """
-    if installed("heyoka"):
+    if extends_precision():
         tight, loose = (extended_run(problem, times, *run) for run in runs)
     else:
         tight, loose = unlike_runs(problem, times).values()
