@@ -28,6 +28,18 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
     return mean, float(low), float(high)
 
 
+def median_interval(values: np.ndarray) -> tuple[float, float, float]:
+    """Median and its interval between two of the values in order, by the binomial distribution."""
+    from scipy import stats
+
+    ordered = np.sort(values)
+    # So many values may lie below the median.
+    first = int(stats.binom.ppf((1 - COVERAGE) / 2, len(ordered), 0.5))
+    low = ordered[max(0, first - 1)]
+    high = ordered[min(len(ordered) - 1, len(ordered) - first)]
+    return float(np.median(ordered)), float(low), float(high)
+
+
 def wilson(count: int, total: int) -> tuple[float, float]:
     """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)

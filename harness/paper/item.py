@@ -81,6 +81,7 @@ class Number:
     unit: str = ""  # Empty for pure numbers.
     interval: tuple[float, float] | None = None  # At 95 %, where the measurement has one.
     measure: str = ""  # Of a share: of what, and how that was drawn.
+    floor: float = 0.0  # Sizes up to it are errors of the computation itself.
 
     @property
     def holds(self) -> bool:

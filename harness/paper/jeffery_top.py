@@ -5,7 +5,7 @@ Orbits run side by side, one in each SIMD lane of a Taylor integrator.
 
 from collections.abc import Sequence
 from copy import deepcopy
-from math import acosh, pi
+from math import acosh, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ _STEP = 0.4
 _TOLERANCE = 1e-15
 # Of the tangents: their growth is wanted to a percent.
 _TANGENT_TOLERANCE = 1e-12
-_TANGENT = (0.5, -0.5, 0.5, -0.5)
 # Numbers of the state and of the parameters of the form `jeffery`.
 _DIMENSION = 4
 _PARAMETERS = 6
@@ -63,12 +62,14 @@ def stretching(
 ) -> np.ndarray:
     """Logarithm of the stretching of a tangent of each orbit after so many half turns, shape (n, len(half_turns)).
 
-    Orbits start at Euler angles (θ, φ, ψ) in rad; the half turns increase. The tangent is brought
-    back to unit length after each of them.
+    Orbits start at Euler angles (θ, φ, ψ) in rad; the half turns increase. The tangent leads to the
+    body turned a little about its axis (1, 1, 1), and is brought back to unit length after each
+    half turn.
     """
     integrator = _tangent_integrator()
     lanes = integrator.batch_size
     quaternions = np.array([quaternion_from_euler(start) for start in angles])
+    tangents = _turned_aside(quaternions)
     integrator.pars[:] = np.array(shares(ellipsoid))[:, None]
     duration = half_turn(ellipsoid)
     found = np.empty((len(angles), len(half_turns)))
@@ -76,7 +77,8 @@ def stretching(
         together = quaternions[first : first + lanes]
         integrator.set_time(0.0)
         integrator.state[:_DIMENSION] = np.resize(together, (lanes, _DIMENSION)).T
-        integrator.state[_DIMENSION:] = np.array(_TANGENT)[:, None]
+        aside = tangents[first : first + lanes]
+        integrator.state[_DIMENSION:] = np.resize(aside, (lanes, _DIMENSION)).T
         stretched = np.zeros(lanes)
         for turn in range(1, half_turns[-1] + 1):
             integrator.propagate_until(turn * duration)
@@ -91,6 +93,13 @@ def stretching(
                 "the run of an orbit and its tangent failed, expected finite lengths"
             )
     return found
+
+
+def _turned_aside(quaternions: np.ndarray) -> np.ndarray:
+    """Unit tangents q (0, 1, 1, 1)/√3 of unit quaternions, shape (n, 4): the body turns about (1, 1, 1)."""
+    q0, q1, q2, q3 = quaternions.T
+    parts = (-q1 - q2 - q3, q0 + q2 - q3, q0 + q3 - q1, q0 + q1 - q2)
+    return np.stack(parts, axis=1) / sqrt(3)
 
 
 def section_points(
@@ -153,9 +162,9 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
     """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad.
 
     The first orbit, from θ = π/2 on, that circulates at some time, and the last that librates at
-    some time, of those that are tried. The edges may be frayed, so that the width is a lower
-    bound. The first end is the larger one while orbits next to a sharp separatrix have not yet
-    left the saddle.
+    some time, of those that are tried. The edges may be frayed: then rounding decides where they
+    are found (`orbits_across` measures the width). The first end is the larger one while orbits
+    next to a sharp separatrix have not yet left the saddle.
     """
     duration = turns * half_turn(ellipsoid)
     libration = _SEARCHED
@@ -173,6 +182,22 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
         bounds = [circulation[0], *offsets[_PROBES:], circulation[1]]
         circulation = (bounds[last], bounds[last + 1])
     return sum(libration) / 2, sum(circulation) / 2
+
+
+def orbits_across(
+    ellipsoid: Ellipsoid, turns: int, window: tuple[float, float], count: int
+) -> dict[str, np.ndarray]:
+    """Whether orbits that start at even distances across a window librate, and circulate, at some time.
+
+    They start at ψ = 0 and θ - π/2 from the window, in rad; the columns have the length `count`.
+    """
+    low, high = window
+    offsets = low + (high - low) * (np.arange(count) + 0.5) / count
+    starts = [(pi / 2 + offset, 0.0, PSI) for offset in offsets.tolist()]
+    points = section_points(ellipsoid, starts, turns * half_turn(ellipsoid))
+    librates = np.array([_librates(theta) for theta, _ in points], float)
+    circulates = np.array([_circulates(psi) for _, psi in points], float)
+    return {"offset": offsets, "librates": librates, "circulates": circulates}
 
 
 def _probes(interval: tuple[float, float]) -> np.ndarray:

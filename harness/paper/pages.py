@@ -7,6 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
+from math import floor, isfinite, log10
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
@@ -31,6 +32,8 @@ FIRST_WORDS = (
 # Variables that libraries of linear algebra read when they are loaded. Threads of several processes
 # that wait for each other on the same cores took 90 times as long as one thread each.
 THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+# Digits that the pages write of a value without an interval.
+DIGITS = 4
 NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
@@ -77,13 +80,33 @@ def _cells(*texts: str) -> list[str]:
 
 
 def measured(number: Number) -> str:
-    """The value with its interval and unit; a share with what it is a share of."""
-    text = _digits(number.value)
-    if number.interval is not None:
-        low, high = number.interval
-        text += f" (95 %: {_digits(low, 3)} … {_digits(high, 3)})"
+    """The value with its interval and unit; a share with what it is a share of.
+
+    The last digit of a value with an interval is the first one of the interval's width.
+    """
+    if abs(number.value) < number.floor:
+        text = f"below {_digits(number.floor, 1)}"
+    elif number.interval is None:
+        text = _digits(number.value)
+    else:
+        unit = last_unit(number)
+        low, high = (_multiple(end, unit) for end in number.interval)
+        text = f"{_multiple(number.value, unit)} (95 %: {low} … {high})"
     text = f"{text} {number.unit}".rstrip()
     return f"{text} of {number.measure}" if number.measure else text
+
+
+def last_unit(number: Number) -> float:
+    """One unit of the last digit that is written of a value."""
+    sizes = [abs(number.value) * 10.0 ** (1 - DIGITS)]
+    if number.interval is not None:
+        sizes.append(number.interval[1] - number.interval[0])
+    largest = max((size for size in sizes if isfinite(size)), default=0.0)
+    return 10.0 ** floor(log10(largest)) if largest > 0 else 1e-12
+
+
+def _multiple(value: float, unit: float) -> str:
+    return short(round(value / unit) * unit) if isfinite(value) else short(value)
 
 
 def allowed(number: Number) -> str:
@@ -102,7 +125,7 @@ def reason(number: Number) -> str:
     return number.expected.reason if number.expected else ""
 
 
-def _digits(value: float, count: int = 4) -> str:
+def _digits(value: float, count: int = DIGITS) -> str:
     return short(float(f"{value:.{count}g}"))
 
 

@@ -165,3 +165,12 @@ def even_steps(path: np.ndarray, count: int) -> np.ndarray:
     return np.unique(
         np.searchsorted(length, np.linspace(0.0, length[-1], count)).clip(0, len(path) - 1)
     )
+
+
+def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Distance of each point from a line of straight pieces; shapes (n, 2) and (m, 2)."""
+    offsets = points[:, None] - line[:-1]
+    sides = np.diff(line, axis=0)
+    lengths = np.maximum(np.sum(sides**2, axis=-1), np.finfo(float).tiny)
+    share = np.sum(offsets * sides, axis=-1) / lengths
+    return np.linalg.norm(offsets - share.clip(0.0, 1.0)[..., None] * sides, axis=-1).min(axis=-1)

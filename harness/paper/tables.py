@@ -104,6 +104,12 @@ def mean(values: np.ndarray) -> Estimate:
     return Estimate(found, (low, high))
 
 
+def median(values: np.ndarray) -> Estimate:
+    """The median, with its interval from the order of the values."""
+    found, low, high = fits.median_interval(values)
+    return Estimate(found, (low, high))
+
+
 def share(chosen: np.ndarray) -> Estimate:
     """The share of rows for which something holds."""
     return Estimate(float(np.mean(chosen)), fits.wilson(int(np.sum(chosen)), len(chosen)))

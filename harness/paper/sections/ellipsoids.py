@@ -81,30 +81,52 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     state = state_of(local, complement, shift)
     problem = Averaged().problem(slow_scene(ELLIPSOID, state, 1.0))
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
-    step = 1e-6 * complement / max(1e-30, float(np.max(np.abs(rates))))
-    moved = [complement_of((state + sign * step * rates)[None], local.side)[0] for sign in (1, -1)]
-    return float(moved[0] - moved[1]) / (2 * step), float(rates[2])
+    # y is a quotient of L² - 2EI₂ and L² - 2EI, whose rates are exact; differences of y are not,
+    # as it is small.
+    i1, i2, i3 = np.array(sorted(ELLIPSOID.inertia)) / UNIT
+    near, far = (i3, i1) if local.side == "short" else (i1, i3)
+    squared = state[2] ** 2 - 2 * state[3] * np.array([i2, far])
+    changes = 2 * state[2] * rates[2] - 2 * rates[3] * np.array([i2, far])
+    scale = (near - far) / (near - i2)
+    growth = scale * (changes[0] * squared[1] - squared[0] * changes[1]) / squared[1] ** 2
+    return float(growth), float(rates[2])
 
 
-def critical_before(complement: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """The averaged trajectory that meets the singular point, from a value of y on the long side.
+def critical_start(complement: float, points: int) -> tuple[list[float], float]:
+    """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
 
-    Found by bisection of L_z' at the start: those that start with more pass the point with more.
-    Returns slow times up to the point and slow variables over I_max, shape (n, 4).
+    Found by bisection of L_z' at the start: those that start with more pass the point with more. The
+    start is in units of I_max, the time slow. The last rest of the way, from one of so many rows of
+    each run, is the local solution's.
     """
     local = Separatrix(ELLIPSOID, "long")
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
-    def from_start(shift: float) -> tuple[np.ndarray, float]:
-        """As far as it stays on the long side, and L_z'/I_max where it leaves it."""
+    def before_point(shift: float) -> tuple[float, float, float]:
+        """Time, y and L_z'/I_max in the last row on the long side."""
         slow = slow_run(ELLIPSOID, state_of(local, complement, shift), times).slow
-        beyond = complement_of(slow, "long") <= 0
-        last = int(np.argmax(beyond)) if beyond.any() else len(slow)
-        return slow[:last], float(slow[min(last, len(slow) - 1), 2] + MIDDLE / 2)
+        complements = complement_of(slow, "long")
+        beyond = complements <= 0
+        last = int(np.argmax(beyond)) - 1 if beyond.any() else len(slow) - 1
+        return float(times[last]), float(complements[last]), float(slow[last, 2] + MIDDLE / 2)
 
-    met = bisected(lambda shift: from_start(shift)[1] <= 0, -1.5 * UNIT, 0.3 * UNIT, 45)
-    found, _ = from_start(met)
-    return times[: len(found)], found
+    def meets_below(shift: float) -> bool:
+        _, rest, found = before_point(shift)
+        return found <= local.critical(rest) / UNIT
+
+    shift = bisected(meets_below, -1.5 * UNIT, 0.3 * UNIT, 45)
+    time, rest, _ = before_point(shift)
+    return state_of(local, complement, shift), time - local.time(rest)
+
+
+def critical_before(complement: float, points: int, times_left: np.ndarray) -> np.ndarray:
+    """The averaged trajectory that meets the singular point, shape (n, 4), at decreasing slow times left to it.
+
+    It starts at y on the long side; none of the times left is longer than from there.
+    """
+    start, arrival = critical_start(complement, points)
+    times = np.concatenate([[0.0], arrival - times_left])
+    return slow_run(ELLIPSOID, start, times).slow[1:]
 
 
 def critical_after(slow_times: np.ndarray) -> np.ndarray:
@@ -117,11 +139,7 @@ def critical_after(slow_times: np.ndarray) -> np.ndarray:
 def passage_time(side: Side, points: int) -> float:
     """Slow time between y = `PASSAGE_Y` and the singular point by the averaged equations."""
     if side == "long":
-        times, slow = critical_before(PASSAGE_Y, points)
-        complement = complement_of(slow, side)
-        # The last rows lead to y = 0, where the rate is finite.
-        slope = (complement[-1] - complement[-2]) / (times[-1] - times[-2])
-        return float(times[-1] - complement[-1] / slope)
+        return critical_start(PASSAGE_Y, points)[1]
     times = np.linspace(0.0, PASSAGE_LONGER * Separatrix(ELLIPSOID, side).time(PASSAGE_Y), points)
     complement = complement_of(critical_after(times), side)
     return float(np.interp(PASSAGE_Y, complement, times))
@@ -129,15 +147,15 @@ def passage_time(side: Side, points: int) -> float:
 
 def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
     """y and L_z' against time to or from the singular point: critical trajectories, local and averaged."""
+    duration = abs(local.time(PASSAGE_Y))
     if local.side == "long":
-        times, slow = critical_before(PASSAGE_Y, points)
-        times = times - times[-1]
+        times_left = duration * np.linspace(1.0, 0.0, points)[:-1]
+        # The averaged passage takes longer than the local one.
+        slow = critical_before(PASSAGE_Y, 10 * points, times_left)
+        times = -times_left
     else:
-        times = np.linspace(0.0, local.time(PASSAGE_Y), points)
+        times = np.linspace(0.0, duration, points)
         slow = critical_after(times)
-    inside = np.abs(times) <= abs(local.time(PASSAGE_Y))
-    times = times[inside]
-    slow = slow[inside]
     complement = np.array([local.complement(float(time)) for time in times])
     shifts = np.array([local.critical(value) for value in complement.tolist()])
     return {
@@ -358,8 +376,10 @@ class Plane(Experiment):
             complements = np.geomspace(1e-6, 0.5, 41).tolist()
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
-        _, before = critical_before(0.8, 2001)
-        for number, slow in enumerate((before[::2], critical_after(graded(0.5, 401)))):
+        # Dense near the point, where both are compared.
+        _, arrival = critical_start(0.8, 4001)
+        before = critical_before(0.8, 4001, arrival * np.linspace(1.0, 0.0, 1001)[1:-1] ** 2)
+        for number, slow in enumerate((before, critical_after(graded(0.5, 401)))):
             yield "critical", {"kind": 1, "side": number, "Lz": slow[:, 2], "E": slow[:, 3]}
 
     def judge(self, data: Data) -> Verdict:
@@ -464,7 +484,9 @@ def misfits(critical: Table, side: float) -> tuple[float, float]:
     """How far the local critical trajectory is off the averaged one near the singular point, and at its end."""
     kinds = by(by(critical, "side")[side], "kind")
     local, averaged = kinds[0.0], kinds[1.0]
-    gaps = np.min(np.hypot(local.Lz[:, None] - averaged.Lz, local.E[:, None] - averaged.E), axis=1)
+    gaps = planes.distances(
+        np.column_stack([local.Lz, local.E]), np.column_stack([averaged.Lz, averaged.E])
+    )
     return np.max(gaps[np.abs(local.Lz + MIDDLE / 2) < CLOSE_TO_POINT]), gaps[-1]
 
 
@@ -538,6 +560,7 @@ class Space(Experiment):
                     grown,
                     Range.at_most(1e-14, "rounding"),
                     "I_max",
+                    floor=1e-14,
                 ),
                 Number(
                     "distance from the node at the end",

@@ -3,13 +3,13 @@
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, nan, pi
+from math import inf, pi
 from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.common.text import in_two_digits
+from polhode.harness.common.text import in_two_digits, percent
 from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, legend_below, panels, unit_sphere
 from polhode.harness.paper.item import (
     Computed,
@@ -29,12 +29,13 @@ from polhode.harness.paper.jeffery_top import (
     chaos_border,
     half_turn,
     measure_layer,
+    orbits_across,
     saddle_growth,
     section_points,
     stretching,
 )
 from polhode.harness.paper.runs import axes_of, run_form
-from polhode.harness.paper.tables import Estimate, joined, share
+from polhode.harness.paper.tables import Estimate, joined, median, share
 from polhode.models.catalogue import form as find_form
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import EulerStart, Scene
@@ -53,6 +54,13 @@ BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)
 STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # Width, in rad, that rounding alone gives a separatrix.
 ROUNDING = 1e-12
+# Orbits that start across a layer, and the half of their window over the layer's width as the
+# search for its ends finds it: the edges are frayed.
+ACROSS = 1000
+WINDOW = 2.5
+# Chaotic orbits from which on the median of their exponents is given.
+FEW = 30
+SEA = Range(0.5, 1.0, "the claim: a sea of chaos surrounds the saddle")
 # Points of a section that are drawn at most: more make its files large and show no more.
 MOST_DRAWN = 5000
 # Share of chaotic orbits up to which chaos counts as confined to thin layers.
@@ -131,8 +139,13 @@ class _Sections(Experiment):
         for count, (low, high) in zip(counts, layers, strict=True):
             ends = {"librating": low, "circulating": high}
             yield "layer", {"turns": count, **ends, "width": high - low}
-        if layers:
+        if counts:
             yield "saddle", {"growth": saddle_growth(body)}
+            low, high = layers[-1]
+            half = WINDOW * (high - low)
+            if half > ROUNDING:
+                window = ((low + high) / 2 - half, (low + high) / 2 + half)
+                yield "across", orbits_across(body, counts[-1], window, grid.of(ACROSS, 32))
 
     def _points(
         self, grid: Grid, angles: Sequence[Triple], kinds: np.ndarray, duration: float
@@ -209,16 +222,14 @@ class Chaos:
     on_section: np.ndarray  # Of starts with φ = 0, cos θ and ψ uniform.
     beside: np.ndarray  # Of starts next to the saddle.
     share: Estimate  # Of the isotropic ones.
-    chaotic_exponent: float  # Median of all chaotic orbits, per half turn; NaN if there is none.
-    regular_exponent: float
+    chaotic_exponent: Estimate | None  # Median of all chaotic orbits, per half turn.
+    regular_exponent: Estimate
     chaotic_count: int  # Of all kinds.
-    border: float  # Exponent that tells the two apart.
 
     @classmethod
     def of(cls, data: Data) -> "Chaos":
         """That of an item's tables."""
         orbits = data["orbits"]
-        turns = data["settings"].turns[0]
         chaotic = orbits.chaotic > 0
         isotropic = chaotic[orbits.kind == ISOTROPIC]
         return cls(
@@ -226,29 +237,25 @@ class Chaos:
             chaotic[orbits.kind == ON_SECTION],
             chaotic[orbits.kind == BESIDE],
             share(isotropic),
-            float(np.median(orbits.exponent[chaotic])) if chaotic.any() else nan,
-            float(np.median(orbits.exponent[~chaotic])),
+            median(orbits.exponent[chaotic]) if np.sum(chaotic) >= FEW else None,
+            median(orbits.exponent[~chaotic]),
             int(np.sum(chaotic)),
-            chaos_border(turns) / turns,
         )
 
     def sentence(self) -> str:
-        """Counts and exponents in words."""
-        regular = in_two_digits(self.regular_exponent)
-        exponents = f"{regular} of the regular ones"
-        if self.chaotic_count:
-            wild = in_two_digits(self.chaotic_exponent)
-            exponents = f"{wild} of the {self.chaotic_count} chaotic of all starts, {exponents}"
+        """Shares and exponents in words."""
+        exponents = f"{self.regular_exponent:.2g} of the regular ones"
+        if self.chaotic_exponent is not None:
+            exponents = f"{self.chaotic_exponent:.2g} of the chaotic ones, {exponents}"
+        chaotic = percent(self.share) if self.share > 0 else "none"
         return (
-            f"{np.sum(self.isotropic)} of {len(self.isotropic)} orbits from orientations that are "
-            f"uniform on SO(3) are chaotic (median exponent per half turn: {exponents}); "
-            f"{np.sum(self.beside)} of {len(self.beside)} that start within 0.02 rad of the saddle "
-            f"are, and {np.sum(self.on_section)} of {len(self.on_section)} that start on the "
-            "section, φ = 0, cos θ and ψ uniform."
+            f"Of {len(self.isotropic)} orbits from orientations that are uniform on SO(3) "
+            f"{chaotic} are chaotic (median exponent per half turn, all starts: {exponents}); of "
+            f"{len(self.beside)} that start within 0.02 rad of the saddle {np.sum(self.beside)} are."
         )
 
-    def numbers(self, expected: Range | None) -> list[Number]:
-        """The share with its expected range, and what supports it."""
+    def numbers(self, expected: Range | None, beside: Range | None = None) -> list[Number]:
+        """The share with its expected range, and what supports it, of which one may have a range too."""
         low, high = self.share.interval
         found = [
             Number(
@@ -267,18 +274,20 @@ class Chaos:
             Number(
                 "median exponent of the regular orbits, per half turn",
                 self.regular_exponent,
-                Range.at_most(self.border, "the border between the two kinds"),
+                interval=self.regular_exponent.interval,
             ),
             Number(
                 "chaotic share of starts next to the saddle",
                 float(np.mean(self.beside)),
+                beside,
                 measure=f"{len(self.beside)} chosen starts",
             ),
         ]
-        if self.chaotic_count:
-            border = Range.at_least(self.border, "the border between the two kinds")
+        exponent = self.chaotic_exponent
+        if exponent is not None:
             name = "median exponent of the chaotic orbits, per half turn"
-            found.append(Number(name, self.chaotic_exponent, border))
+            measure = f"{self.chaotic_count} orbits of all starts"
+            found.append(Number(name, exponent, interval=exponent.interval, measure=measure))
         return found
 
 
@@ -300,14 +309,14 @@ class DominantChaos(_Sections):
         else:
             word, words = Word.UNDECIDED, "about half"
         growth = data["growth"]
-        shares = joined(growth.chaotic / growth.orbits, ".3g")
+        shares = joined(growth.chaotic / growth.orbits, ".2f")
         sentence = (
             f"{chaos.sentence()} The share depends on the measure; dominant is taken as more than "
             f"half of all orientations: it is {words}. After {joined(growth.turns)} half turns the "
             f"share is {shares}: an orbit that shows its chaos later counts as regular, so that the "
             "share is a lower bound."
         )
-        return Verdict(word, sentence, self.caption(data), chaos.numbers(expected))
+        return Verdict(word, sentence, self.caption(data), chaos.numbers(expected, SEA))
 
 
 @dataclass(frozen=True)
@@ -319,26 +328,31 @@ class ThinLayers(_Sections):
         chaos = Chaos.of(data)
         layer = data["layer"]
         width = float(layer.width[-1])
+        interval = None
         place = float(layer.librating[-1])
         turns = layer.turns[-1]
         growth = float(data["saddle"].growth[0])
         resolved = abs(width) > ROUNDING
         if resolved:
+            width, interval = _frayed_width(data["across"])
             expected = Range(1e-5, 1e-3, "wider than rounding by far, and thin beside the section")
             words = self._resolved(data, width, place, turns, chaos)
         else:
             expected = Range.near(0.0, ROUNDING, "the width that rounding gives a separatrix")
             words = (
                 f"A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 "
-                f"libration changes to circulation at {place:.3f} rad from θ = π/2 within "
-                f"{in_two_digits(abs(width))} rad, which is rounding, over {turns:g} half turns. "
+                f"libration changes to circulation at {place:.3f} rad from θ = π/2 within what "
+                f"rounding leaves, over {turns:g} half turns. "
                 f"The saddle repels by no more than {growth:.2g} per half turn, and a separatrix "
                 "splits by what is exponentially small in the inverse of that. As no orbit is "
                 "chaotic, there may be none."
             )
         numbers = chaos.numbers(Range(0.0, THIN_SHARE, "up to this share a layer counts as thin"))
         name = f"width of the layer at ψ = 0 over {turns:g} half turns"
-        numbers.append(Number(name, width, expected, "rad"))
+        measure = "" if interval is None else f"starts that librate and circulate, of {ACROSS}"
+        numbers.append(
+            Number(name, width, expected, "rad", interval=interval, measure=measure, floor=ROUNDING)
+        )
         positive = Range(0.0, 1.0, "a saddle repels, a weak one by less than e per half turn")
         numbers.append(Number("exponent of the saddle itself, per half turn", growth, positive))
         word = Word.SHARPENED if resolved else Word.UNDECIDED
@@ -352,14 +366,24 @@ class ThinLayers(_Sections):
         offset = np.abs(orbits.theta - pi / 2 - middle)
         near = (orbits.kind == ABOUT) & (offset > 1e-6)
         chaotic = int(np.sum(orbits.chaotic[near] > 0))
+        nearest = f"{offset[near].min():.1g}"
+        farthest = f"{offset[near].max():.1g}"
         return (
-            "Between orbits that librate and orbits that circulate lies a layer of chaos at least "
-            f"{width:.1g} rad wide, {place:.3f} rad from the plane θ = π/2 at ψ = 0 ({turns:g} half "
-            f"turns). It is thin there: of {np.sum(near)} orbits that start from "
-            f"{offset[near].min():.1g} to {offset[near].max():.1g} rad beside its middle "
+            "Between orbits that librate and orbits that circulate lies a layer of chaos with frayed "
+            f"edges, {place:.3f} rad from the plane θ = π/2 at ψ = 0: orbits that do both within "
+            f"{turns:g} half turns start from {in_two_digits(width)} rad in all. It is thin there: of "
+            f"{np.sum(near)} orbits that start from {nearest} to {farthest} rad beside its middle "
             f"{chaotic or 'none'} {'is' if chaotic < 2 else 'are'} chaotic. The share of random "
             f"orientations alone would not show it: it may be up to {chaos.share.interval[1]:.2g} at 95 %."
         )
+
+
+def _frayed_width(across: Table) -> tuple[float, tuple[float, float]]:
+    """Length, in rad, of the starts that both librate and circulate, and its interval."""
+    mixed = share((across.librates > 0) & (across.circulates > 0))
+    window = len(across) * (across.offset[-1] - across.offset[0]) / (len(across) - 1)
+    low, high = mixed.interval
+    return float(mixed) * window, (low * window, high * window)
 
 
 def _thinned(points: np.ndarray, count: int) -> dict[str, np.ndarray]:

@@ -379,6 +379,7 @@ class SpinDrift(Experiment):
                     "exponent in St below St = 0.01, off 1, worst κ",
                     worst([slope - 1 for slope in slow]),
                     Range.at_most(1e-2, "the claim's O(1/St) time; corrections are of order St"),
+                    floor=1e-7,
                 ),
                 Number(
                     "share of κ with the sign of the claim at small St",
@@ -390,6 +391,7 @@ class SpinDrift(Experiment):
                     f"the rate against a run in time, St = {FOLLOWED_STOKES:g}, relative, worst κ",
                     worst(runs.followed / runs.growth - 1),
                     Range.at_most(1e-2, "the tilt's square, and what is left of the start"),
+                    floor=1e-5,
                 ),
                 Number(
                     "largest rate over the largest at the grid's points, least of all κ",

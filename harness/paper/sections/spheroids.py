@@ -261,12 +261,7 @@ def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
     """Farthest that a path lies outside what two others with the same ends enclose; shape (n, 2) each."""
     edge = np.concatenate([first, last[::-1]])
     beyond = inner[~Outline(edge).contains_points(inner)]
-    offsets = beyond[:, None] - edge[:-1]
-    sides = np.diff(edge, axis=0)
-    lengths = np.maximum(np.sum(sides**2, axis=-1), np.finfo(float).tiny)
-    share = np.sum(offsets * sides, axis=-1) / lengths
-    apart = np.linalg.norm(offsets - share.clip(0.0, 1.0)[..., None] * sides, axis=-1)
-    return float(apart.min(axis=-1).max(initial=0.0))
+    return float(planes.distances(beyond, edge).max(initial=0.0))
 
 
 # Ratios of L_xy to |L_z| of the L–E planes.

@@ -3,6 +3,7 @@
 import json
 import os
 from dataclasses import dataclass, field, replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from polhode.harness.commands.bench import paper
-from polhode.harness.common.fits import mean_interval, power_law
+from polhode.harness.common.fits import mean_interval, median_interval, power_law
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.paper import claims, pages, store
 from polhode.harness.paper.claims import find_items, section_of
@@ -227,6 +228,15 @@ def test_groups_keep_order_and_rows():
             "0.5 (95 %: 0.4 … 0.6)",
             "≥ 0.25",
         ),
+        (Number("n", 0.5695, interval=(0.548, 0.591)), "0.57 (95 %: 0.55 … 0.59)", "any value"),
+        (
+            Number("n", -1.23456, interval=(-1.23457, -1.23455)),
+            "-1.235 (95 %: -1.235 … -1.235)",
+            "any value",
+        ),
+        (Number("n", 2.0, interval=(-inf, inf)), "2 (95 %: -inf … inf)", "any value"),
+        (Number("n", 1.8e-15, unit="rad", floor=1e-12), "below 1e-12 rad", "any value"),
+        (Number("n", 1.234567e-3, floor=1e-12), "0.001235", "any value"),
         (Number("n", 0.5), "0.5", "any value"),
         (Number("share", 0.5, measure="six starts"), "0.5 of six starts", "any value"),
     ],
@@ -250,6 +260,17 @@ def test_power_law_recovers_exponent_and_covers_it():
         covered += low <= -0.8 <= high
     assert 180 <= covered <= 199
     assert power_law(x, 3 * x**-0.8)[0] == pytest.approx(-0.8)
+
+
+def test_median_interval_holds_the_median_it_was_drawn_from():
+    """Of 20 values 5 or fewer, or 15 or more, lie below the median with a chance of 4.1 % (binomial)."""
+    assert median_interval(np.arange(1.0, 21.0)) == (10.5, 6.0, 15.0)
+    generator = np.random.default_rng(1)
+    covered = 0
+    for _ in range(400):
+        _, low, high = median_interval(generator.exponential(size=31))
+        covered += low <= np.log(2) <= high
+    assert covered >= 0.94 * 400
 
 
 def test_mean_interval_by_hand():

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.integrate import cumulative_trapezoid, quad, solve_ivp
 from scipy.integrate._ivp import dop853_coefficients as dop
 from scipy.optimize import brentq, minimize_scalar
 from vector_equation import (
@@ -29,6 +29,7 @@ from vector_equation import (
     rows,
     rows_of,
     spin_of,
+    turn,
 )
 
 HERE = Path(__file__).parent
@@ -181,8 +182,10 @@ def chaos(axes, turns, name):
     for row in table:
         angles = [float(row[key]) for key in ("theta", "phi", "psi")]
         start = rows(*angles).ravel()
-        beside = rows(angles[0] + 0.6e-7, angles[1] + 0.5e-7, angles[2] - 0.4e-7).ravel()
-        beside = start + (beside - start) * (size / np.linalg.norm(beside - start))
+        # The neighbour is turned a little about the body's axis (1, 1, 1).
+        aside = np.empty(9)
+        turn(start, np.ones(3), aside)
+        beside = start + aside * (size / np.linalg.norm(aside))
         steps = int(np.ceil(half_turn / 0.4))
         parted.append(parting(axes, start, beside, turns, half_turn, steps, size, A, B))
         kinds.append(float(row["kind"]))
@@ -201,11 +204,14 @@ def chaos(axes, turns, name):
         "orbits that are judged otherwise": int(np.sum(wild != theirs)),
         "orbits": len(table),
     }
-    if wild.any():
+    if np.sum(wild) >= 30:
         found["median exponent of the chaotic orbits, per half turn"] = float(
             np.median(parted[wild]) / turns
         )
     return found
+
+
+WIDTH = "width of the layer at ψ = 0 over 800 half turns"
 
 
 def saddle_exponent(axes):
@@ -235,6 +241,65 @@ def saddle_exponent(axes):
     return float(np.arccosh(advanced(1e-4) / 1e-4))
 
 
+@numba.njit
+def both_ways(axes, start, turns, half_turn, steps, a, b):
+    """Whether an orbit librates and circulates, at some time, from its section points z'·x = 0."""
+    stages = np.zeros((len(b), 9))
+    here, old, trial, later = start.copy(), start.copy(), start.copy(), start.copy()
+    h = half_turn / steps
+    librates, circulates = False, False
+    theta_before, psi_before, count = 0.0, 0.0, 0
+    for n in range(turns * steps):
+        old[:] = here
+        step(axes, here, h, stages, a, b)
+        # The start is on the section itself.
+        if n == 0 or old[6] * here[6] > 0:
+            continue
+        share = old[6] / (old[6] - here[6])
+        for _ in range(4):
+            trial[:] = old
+            step(axes, trial, h * share, stages, a, b)
+            later[:] = trial
+            step(axes, later, 1e-6, stages, a, b)
+            share -= trial[6] / ((later[6] - trial[6]) / 1e-6) / h
+            share = min(max(share, 0.0), 1.0)
+        theta = np.arccos(min(1.0, max(-1.0, trial[8]))) - np.pi / 2
+        psi = (np.arctan2(trial[2], trial[5]) + np.pi / 2) % np.pi - np.pi / 2
+        if count > 0:
+            librates = librates or theta * theta_before < 0
+            circulates = circulates or abs(psi - psi_before) > 2.0
+        theta_before, psi_before, count = theta, psi, count + 1
+    return librates, circulates
+
+
+def ways_of(axes, offset):
+    """Whether the orbit from ψ = 0 and this θ - π/2 librates and circulates within 800 half turns."""
+    axes = np.array(axes) / max(axes)
+    kappa = max(axes) / min(axes)
+    half_turn = np.pi * (kappa + 1 / kappa)
+    steps = int(np.ceil(half_turn / 0.1))
+    start = rows(np.pi / 2 + offset, 0.0, 1e-9).ravel()
+    return both_ways(axes, start, 800, half_turn, steps, A, B)
+
+
+def layer_width(axes, low, high, count):
+    """Length of the starts between two θ - π/2 whose orbits do both."""
+    offsets = low + (high - low) * (np.arange(count) + 0.5) / count
+    found = [all(ways_of(axes, offset)) for offset in offsets]
+    return float(np.mean(found) * (high - low))
+
+
+def sharp_width(axes, low, high):
+    """Where libration becomes circulation, halved until an orbit does both: the width that is left."""
+    while high - low > 1e-14:
+        middle = (low + high) / 2
+        librates, circulates = ways_of(axes, middle)
+        if librates and circulates:
+            return high - low
+        low, high = (low, middle) if circulates else (middle, high)
+    return high - low
+
+
 def flat():
     return chaos((1.0, 0.5, 0.05), 120, "poincare-flat")
 
@@ -246,13 +311,21 @@ def slender():
 def fat_prolate():
     name = "exponent of the saddle itself, per half turn"
     body = (1 / 3, 1.2 / 3, 1.0)
-    return {**chaos(body, 400, "poincare-fat-prolate"), name: saddle_exponent(body)}
+    return {
+        **chaos(body, 400, "poincare-fat-prolate"),
+        name: saddle_exponent(body),
+        WIDTH: layer_width(body, 0.7832, 0.7839, 900),
+    }
 
 
 def fat_oblate():
     name = "exponent of the saddle itself, per half turn"
     body = (1.0, 2 / 2.1, 1 / 2.1)
-    return {**chaos(body, 400, "poincare-fat-oblate"), name: saddle_exponent(body)}
+    return {
+        **chaos(body, 400, "poincare-fat-oblate"),
+        name: saddle_exponent(body),
+        WIDTH: sharp_width(body, 0.2, 0.35),
+    }
 
 
 # --- averaged trajectories -------------------------------------------------------------------------------------------
@@ -316,6 +389,30 @@ def spheroid_plane():
     return dict(zip(names, found, strict=True))
 
 
+def local_misfits(point):
+    """How far the local trajectory through the point is off the averaged one: while near, and at y = 0.5."""
+    if point.side < 0:
+        shift, arrival = arriving(point, 0.8, -0.4, 0.2)
+        times = arrival * (1 - np.linspace(1.0, 0.003, 4000) ** 2)
+        states = point.follow(0.8, shift, times[-1], times).y
+    else:
+        begin = point.local_time(BESIDE)
+        times = 0.2 * np.linspace(0.003, 1.0, 4000) ** 2
+        states = leaving(point, np.concatenate([[begin], times]))
+    curve = np.array([point.state(*state)[2:] for state in states.T])
+    sides = np.diff(curve, axis=0)
+    gaps, shifts = [], []
+    for y in np.geomspace(1e-6, 0.5, 41):
+        shift = point.local_shift(y)
+        offset = point.state(y, shift)[2:] - curve[:-1]
+        share = np.sum(offset * sides, axis=1) / np.sum(sides**2, axis=1)
+        foot = offset - np.clip(share, 0, 1)[:, None] * sides
+        gaps.append(np.sqrt(np.sum(foot**2, axis=1)).min())
+        shifts.append(abs(shift))
+    gaps = np.array(gaps)
+    return gaps[np.array(shifts) < 2e-3].max(), gaps[-1]
+
+
 def ellipsoid_plane():
     body = Body(PAPER)
     saddle = -body.inertia.min() / body.inertia.max() / 2
@@ -335,7 +432,13 @@ def ellipsoid_plane():
         "distance from the saddle where a start on the upper parabola ends",
         "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
     )
-    return dict(zip(names, found, strict=True))
+    before, after = (local_misfits(MiddleAxis(side)) for side in (-1, 1))
+    return {
+        **dict(zip(names, found, strict=True)),
+        "local against averaged critical trajectory, before the point": before[0],
+        "the same after the point": after[0],
+        "the same at the end of the local one, y = 0.5, worse side": max(before[1], after[1]),
+    }
 
 
 def beyond(path, first, last):
@@ -443,57 +546,149 @@ def collapse():
 # --- passage of the separatrix ---------------------------------------------------------------------------------------
 
 
-def singular_point():
-    """Slow times to and from the singular point by the averaged equations, and the local solution's."""
-    body = Body(PAPER)
-    i1, i2, i3 = np.sort(body.inertia) / body.largest
-    x1, _, x3 = (body.resistance[n] for n in np.argsort(body.inertia))
-    growth = 32 * np.pi / (i2 * body.largest) * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
-    local = (0.1 * np.log(160.0) + 0.1) / growth
+class MiddleAxis:
+    """The paper's ellipsoid near the rotation about its middle axis along the vorticity, L_x = L_y = 0.
 
-    def complement(slow, near, far):
+    y is 1 - m on one side of L² = 2EI₂ (+1: L² above it), L' is L_z/I_max + I₂/(2 I_max). The local
+    solution: dy/dt = G/ln(16/y), dL'/dt = -D L' - P/ln(16/y).
+    """
+
+    def __init__(self, side):
+        self.body = Body(PAPER)
+        order = np.argsort(self.body.inertia)
+        self.moments = self.body.inertia[order] / self.body.largest
+        i1, i2, i3 = self.body.inertia[order]
+        x1, x2, x3 = self.body.resistance[order]
+        self.growth = side * 32 * np.pi / i2 * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
+        self.decay = 8 * np.pi * x2 / i2
+        push = 8 * np.pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1))
+        self.push = push / self.body.largest
+        i1, i2, i3 = self.moments
+        self.near, self.far = (i3, i1) if side > 0 else (i1, i3)
+        self.side = side
+
+    def complement(self, slow):
+        """The y of slow variables."""
+        i2 = self.moments[1]
         square, twice = slow[2] ** 2, 2 * slow[3]
-        return (near - far) * (square - twice * i2) / ((near - i2) * (square - twice * far))
+        scale = (self.near - self.far) / (self.near - i2)
+        return scale * (square - twice * i2) / (square - twice * self.far)
 
-    def state(y, shift, near, far):
-        """L_z and E at y and L_z' = L_z + I₂/2, L_x = L_y = 0."""
+    def state(self, y, shift):
+        """Slow variables at y and L'."""
+        i2 = self.moments[1]
         momentum = shift - i2 / 2
+        share = y * (self.near - i2) / (self.near - self.far)
+        twice = momentum**2 * (1 - share) / (i2 - share * self.far)
+        return np.array([0, 0, momentum, twice / 2])
 
-        def off(energy):
-            return complement((0, 0, momentum, energy), near, far) - y
+    def rates(self, y, shift):
+        """Averaged rates of y and L' by the chain rule."""
+        i2 = self.moments[1]
+        slow = self.state(y, shift)
+        change = averaged_rates(self.body, slow)
+        square, twice = slow[2] ** 2, 2 * slow[3]
+        d_square, d_twice = 2 * slow[2] * change[2], 2 * change[3]
+        above, below = square - twice * i2, square - twice * self.far
+        d_above, d_below = d_square - i2 * d_twice, d_square - self.far * d_twice
+        scale = (self.near - self.far) / (self.near - i2)
+        return scale * (d_above * below - above * d_below) / below**2, change[2]
 
-        low = momentum**2 / (2 * max(near, i2)) + 1e-14
-        high = momentum**2 / (2 * min(near, i2)) - 1e-14
-        return np.array([0, 0, momentum, brentq(off, low, high, xtol=1e-16)])
+    def local_time(self, y):
+        """Time since the point, negative before it: G t = y ln(16/y) + y."""
+        return y * (np.log(16 / y) + 1) / self.growth if y > 0 else 0.0
 
-    # Leaving: from next to the point on the short side.
-    def left(_, slow):
-        return complement(slow, i3, i1) - 0.1
+    def local_y(self, time):
+        return brentq(lambda y: self.local_time(y) - time, 0.0, 0.9, xtol=1e-17, rtol=1e-14)
 
-    left.terminal = True
-    begin = 1e-6
-    push = 8 * np.pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1)) / body.largest
-    # L_z' gained so far by the local rates: ∫ -Ŵ/ln(16/y) dt with dy/dt = 2W/ln(16/y).
-    run = averaged(
-        body, state(begin, -push * begin / growth, i3, i1), np.array([0, 0.02]), 1e-9, left
-    )
-    leaving = run.t_events[0][0] + begin * (np.log(16 / begin) + 1) / growth
+    def local_shift(self, y):
+        """L' on the trajectory through the point, from dL'/dy = -(D L' ln(16/y) + P)/G."""
+        here = self.local_time(y)
 
-    # Arriving: L_z' at y = 0.1 on the long side is such that it is zero at the point.
-    def arrive(shift):
-        def met(_, slow):
-            return complement(slow, i1, i3) - begin
+        def pushed(s):
+            return np.exp(self.decay * (self.local_time(s) - here))
+
+        return -self.push / self.growth * quad(pushed, 0.0, y, epsabs=0, epsrel=1e-12)[0]
+
+    def follow(self, y, shift, end, times=None, until=None):
+        """Averaged run in y and L' from a start; `until` is the y at which to stop."""
+
+        def rates(_, state):
+            # The integrator may try a step beyond the point.
+            return self.rates(max(state[0], 1e-13), state[1])
+
+        def met(_, state):
+            return state[0] - until
 
         met.terminal = True
-        run = averaged(body, state(0.1, shift, i1, i3), np.array([0, 0.03]), 1e-7, met)
-        time, end = run.t_events[0][0], run.y_events[0][0]
-        rest = begin * (np.log(16 / begin) + 1) / growth
-        return time + rest, end[2] + i2 / 2 - push * begin / growth
+        return solve_ivp(
+            rates,
+            (0.0, end),
+            [y, shift],
+            "DOP853",
+            t_eval=times,
+            rtol=1e-10,
+            atol=[1e-13, 1e-12],
+            events=met if until is not None else None,
+        )
 
-    shift = brentq(lambda value: arrive(value)[1], -0.05, 0.05, xtol=1e-7)
+
+# y next to the singular point where averaged runs start, or stop: the local solution does the rest.
+BESIDE = 1e-7
+
+
+def arriving(point, y, low=-0.02, high=0.02):
+    """L' at y on the trajectory that meets the point, and the time that it takes."""
+
+    def run(shift):
+        found = point.follow(y, shift, 0.4, until=BESIDE)
+        return found.t_events[0][0], found.y_events[0][0][1]
+
+    wanted = point.local_shift(BESIDE)
+    shift = brentq(lambda value: run(value)[1] - wanted, low, high, xtol=1e-11)
+    return shift, run(shift)[0] - point.local_time(BESIDE)
+
+
+def leaving(point, times):
+    """y and L' at times after the point."""
+    begin = point.local_time(BESIDE)
+    found = point.follow(BESIDE, point.local_shift(BESIDE), times[-1] - begin, times - begin)
+    return found.y
+
+
+def singular_point():
+    """Slow times to and from the singular point by the averaged equations, and the local solution's."""
+    before, after = MiddleAxis(-1), MiddleAxis(1)
+    local = after.local_time(0.1)
+    worst, slowest = 0.0, np.inf
+    for point in (before, after):
+        for y in np.geomspace(1e-8, 0.3, 40):
+            rate = point.rates(y, point.local_shift(y))[0]
+            if y <= 1e-3:
+                worst = max(worst, abs(point.growth / np.log(16 / y) / rate - 1))
+            if y < 1.1e-8:
+                slowest = min(slowest, abs(rate))
+    shift, arrival = arriving(before, 0.1)
+    gone = after.follow(BESIDE, after.local_shift(BESIDE), 0.02, until=0.1).t_events[0][0]
+    off = np.zeros(2)
+    for point in (before, after):
+        times = local * np.linspace(1, 0, 401)[:-1]
+        if point is before:
+            states = point.follow(0.1, shift, arrival - times[-1], arrival - times).y
+            times = -times
+        else:
+            times = times[::-1]
+            states = leaving(point, times)
+        y = [point.local_y(time) for time in times]
+        shifts = [point.local_shift(value) for value in y]
+        off = np.maximum(off, np.abs(states - [y, shifts]).max(axis=1))
     return {
-        "slow time from y = 0.1 to the singular point": arrive(shift)[0],
-        "slow time from the singular point to y = 0.1": leaving,
+        "local over averaged rate of y, worst, y ≤ 0.001": worst,
+        "slow time from y = 0.1 to the singular point": arrival,
+        "slow time from the singular point to y = 0.1": gone + after.local_time(BESIDE),
+        "local against averaged y along the passage": off[0],
+        "local against averaged L_z' along the passage": off[1],
+        "rate of y at y = 1e-8, smaller side": slowest,
         "local solution's time": local,
     }
 
@@ -512,10 +707,14 @@ def ellipsoid_slow_2():
     mean = averaged(body, start, slow_times, 1e-10).y.T
     change = np.ptp(mean, axis=0).max()
     errors, ends = {}, {}
+    # The averaged and the full run at St = 100 at every eighth time, as they are drawn.
+    drawn = slice(None, None, 8)
     for stokes in (100.0, 150.0, 500.0, 1e3, 2e3, 5e3, 1e4, 2e4, 5e4):
         run = Run(body, stokes, rotation, spin, stokes * slow_times, 1e-11)
         errors[stokes] = np.abs(run.slow - mean).max()
         ends[stokes] = np.abs(run.slow[-481:].mean(axis=0) - NODE).max()
+        if stokes == 100.0:
+            difference = np.abs((run.slow - mean)[drawn].mean(axis=0)).max()
     large = np.array([s for s in errors if s >= 5e3])
     return {
         "exponent of the error of L and E in St, St ≥ 5000": slope(
@@ -523,6 +722,8 @@ def ellipsoid_slow_2():
         ),
         "error × St at St = 50000": errors[5e4] * 5e4,
         "error at St = 100, over the largest change of a slow variable": errors[100.0] / change,
+        "mean difference over the run, St = 100": difference,
+        "distance of the averaged end from the node": np.abs(mean[-481:].mean(axis=0) - NODE).max(),
         "the same of the mean full end, St ≥ 500": max(v for s, v in ends.items() if s >= 500),
         "errors": errors,
         "change": change,
@@ -545,21 +746,27 @@ def first_order():
         ratio = body.largest
         return (2 * slow[..., 3] / square / ratio - 1 / ie) / (1 / ia - 1 / ie)
 
-    def first(slow, stokes, phase):
-        """L_z⁽¹⁾/St of `lzsfod2` over I_e, with a local frequency and this phase."""
-        tilt = 1 - spin_squared(slow)
-        return (
-            -2
-            * np.pi
-            * yc
-            * anisotropy
-            * tilt
-            * ie
-            / (slow[..., 2] * ie)
-            / ie
-            * np.sin(2 * phase)
-            / stokes
+    def oscillation(momentum, slow, stokes, phase):
+        """L_z⁽¹⁾/St of `lzsfod2` over I_e at a frequency momentum/I_e and a phase."""
+        size = 2 * np.pi * yc * anisotropy / ie
+        return -size * (1 - spin_squared(slow)) / momentum * np.sin(2 * phase) / stokes
+
+    def rates(_, state):
+        """Averaged rates of L and E, and of the phase in slow time."""
+        return np.append(averaged_rates(body, state[:4]), state[2])
+
+    def corrected(stokes):
+        """The averaged run from a shifted L_z, the spin about the axis kept, and its oscillation added."""
+        shift = oscillation(start[2], start, stokes, phi)
+        axial = np.sqrt(spin_squared(start)) * start[2]
+        moved = start.copy()
+        moved[2] -= shift
+        moved[3] = (axial**2 * (1 / ia - 1 / ie) + moved[2] ** 2 / ie) * body.largest / 2
+        run = solve_ivp(
+            rates, (0, end), [*moved, 0.0], "DOP853", t_eval=times, rtol=1e-13, atol=1e-15
         )
+        slow, phase = run.y[:4].T, run.y[4]
+        return slow[:, 2] + oscillation(slow[:, 2], slow, stokes, stokes * phase + phi)
 
     errors = {"averaged": [], "printed": [], "corrected": []}
     grid = np.geomspace(1e2, 1e5, 13)
@@ -571,25 +778,19 @@ def first_order():
     for stokes in grid:
         full = Run(body, stokes, rotation, spin, stokes * times, 1e-13).slow[:, 2]
         errors["averaged"].append(np.abs(plain[:, 2] - full).max())
+        errors["corrected"].append(np.abs(corrected(stokes) - full).max())
         mean = np.concatenate([plain[:1, 2], area[1:] / times[1:]])
-        tilt = 1 - spin_squared(plain)
-        printed = (
-            -2
-            * np.pi
-            * yc
-            * anisotropy
-            * tilt
-            / mean
-            / ie
-            * np.sin(2 * (stokes * area + phi))
-            / stokes
-        )
+        printed = oscillation(mean, plain, stokes, stokes * area + phi)
         errors["printed"].append(np.abs(plain[:, 2] + printed - full).max())
     large = grid >= 900
     ratio = np.array(errors["averaged"]) / np.array(errors["printed"])
     return {
         "averaged error over that as printed, smallest": float(ratio.min()),
         "order of the averaged error": slope(grid[large], np.array(errors["averaged"])[large]),
+        "order in St of the corrected error": slope(
+            grid[large], np.array(errors["corrected"])[large]
+        ),
+        "corrected error × St², largest St": errors["corrected"][-1] * grid[-1] ** 2,
         "order with the correction as printed": slope(
             grid[large], np.array(errors["printed"])[large]
         ),
@@ -799,8 +1000,35 @@ def fitted(times, values):
     return float(np.polyfit(times, np.log(np.abs(values)), 1)[0])
 
 
+def linear_rate(body, rest, mode, step):
+    """Rate of a mode of the averaged equations at the stable rotation: L_x, L_y, L_z, 2EI₃ - L²."""
+    moment = body.inertia[2] / body.largest
+    moved = rest.copy()
+    if mode < 3:
+        moved[mode] += step
+        moved[3] = np.sum(moved[:3] ** 2) / (2 * moment) * (1 + 1e-14)
+        return averaged_rates(body, moved)[mode] / step
+    moved[3] *= 1 + step
+    change = averaged_rates(body, moved)
+    wobble = 2 * moved[3] * moment - moved[2] ** 2
+    return (2 * change[3] * moment - 2 * moved[2] * change[2]) / wobble
+
+
+def extrapolated(body, rest, mode):
+    """Its limit for a step of zero: from polynomials in the step through four of them (Neville)."""
+    steps = 2e-3 * 0.5 ** np.arange(4)
+    values = [linear_rate(body, rest, mode, step) for step in steps]
+    for level in range(1, len(steps)):
+        values = [
+            (steps[n] * values[n + 1] - steps[n + level] * values[n])
+            / (steps[n] - steps[n + level])
+            for n in range(len(values) - 1)
+        ]
+    return values[0]
+
+
 def decay_rates():
-    """Rates of full runs at St = 1e5 beside those of the averaged equations, linearized by differences."""
+    """Rates of full runs at St = 1e5 beside those of the averaged equations, linearized."""
     off = []
     for axes in DECAY_BODIES:
         body = Body(axes)
@@ -808,20 +1036,9 @@ def decay_rates():
         rest = np.array([0.0, 0.0, -moment / 2, moment / 8])
         odd = np.isclose(body.inertia[1], body.inertia[2], rtol=1e-12)
         for mode in range(4):
-            step = 1e-6
-            if mode < 3:
-                moved = rest.copy()
-                moved[mode] += step if mode < 2 else -step
-                moved[3] = np.sum(moved[:3] ** 2) / (2 * moment) * (1 + 1e-13)
-                rate = averaged_rates(body, moved)[mode] / (moved - rest)[mode]
-            else:
-                moved = rest.copy()
-                moved[3] *= 1 + step
-                change = averaged_rates(body, moved)
-                wobble = 2 * moved[3] * moment - moved[2] ** 2
-                rate = (2 * change[3] * moment - 2 * moved[2] * change[2]) / wobble
-                # Of a spheroid that tumbles the report follows half of this.
-                rate *= 0.5 if odd else 1.0
+            rate = extrapolated(body, rest, mode)
+            # Of a spheroid that tumbles the report follows half of the wobble's.
+            rate *= 0.5 if mode == 3 and odd else 1.0
             end = 1.5 / abs(rate)
             slow = np.linspace(0, end, 4001)
             if mode == 3:
@@ -830,7 +1047,7 @@ def decay_rates():
                 tilt, azimuth = ((0.03, np.pi / 2), (0.03, 0.0), (0.0, 0.0))[mode]
                 rotation = rows(tilt, azimuth, 0.3)
                 spin = np.array([0.0, 0.0, -0.5 - (0.03 if mode == 2 else 0.0)])
-            run = Run(body, 1e5, rotation, spin, 1e5 * slow, 1e-10)
+            run = Run(body, 1e5, rotation, spin, 1e5 * slow, 1e-12)
             values = run.slow[:, mode] + (moment / 2 if mode == 2 else 0.0)
             if mode == 3:
                 values = 2 * run.slow[:, 3] * moment - np.sum(run.slow[:, :3] ** 2, axis=1)

@@ -169,7 +169,7 @@ def aligned(body, momentum, theta, phi=0.0):
 def ensemble(body, momentum, energy, phases=4, most=1 << 17):
     """Rotations, spins and weights, uniform in time along the polhode and in the angle of precession.
 
-    The number of nodes follows from how near the separatrix is: the time along it peaks there.
+    The number of nodes follows from how near the separatrix is.
     """
     size = np.linalg.norm(momentum)
     low, middle, high = np.argsort(body.inertia)
@@ -182,10 +182,17 @@ def ensemble(body, momentum, energy, phases=4, most=1 << 17):
     else:
         around = high if size**2 > 2 * energy * i2 else low
     # How near the separatrix is, as a share of the way there.
-    distance = abs(size**2 - 2 * energy * i2) / (2 * energy * (i3 - i1)) + 1e-300
-    nodes = 16 if spheroid else int(min(most, max(128, 60 / np.sqrt(distance))))
+    distance = abs((size**2 - 2 * energy * i2) / (2 * energy * (i3 - i1))) + 1e-300
+    # Near it the time along the polhode peaks within √distance of the middle axis. Half of the
+    # peak's width in its logarithm is taken up by tan(angle) = √√distance tan(even angle).
+    focus = 1.0 if spheroid else distance**0.25
+    nodes = 16 if spheroid else int(min(most, max(128, 60 / focus)))
     i, j, k = CYCLIC[around]
-    angle = 2 * np.pi * (np.arange(nodes) + 0.5) / nodes
+    even = 2 * np.pi * (np.arange(nodes) + 0.5) / nodes
+    # The angle from the axis next to which the peaks lie.
+    aside = np.arctan2(focus * np.sin(even), np.cos(even))
+    denser = focus / (np.cos(even) ** 2 + (focus * np.sin(even)) ** 2)
+    angle = aside + np.pi / 2 if j == middle else aside
     inertia = body.inertia
     shape = np.sin(angle) ** 2 / inertia[j] + np.cos(angle) ** 2 / inertia[k] - 1 / inertia[i]
     radius2 = np.clip((2 * energy - size**2 / inertia[i]) / shape, 0, size**2)
@@ -199,7 +206,7 @@ def ensemble(body, momentum, energy, phases=4, most=1 << 17):
         + np.cos(angle) ** 2 * (1 / inertia[k] - 1 / inertia[i])
     )
     # The momentum of a spheroid turns evenly, or stands still.
-    weight = np.ones(nodes) if spheroid else 1 / np.abs(turning)
+    weight = np.ones(nodes) if spheroid else denser / np.abs(turning)
     weight /= weight.sum()
     unit = m / size
     # A frame whose third axis is L, for each node: columns are space axes in body axes.
