@@ -289,8 +289,7 @@ def _per_component(
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
     # NumPy would take a microsecond to say so.
-    one_number = isinstance(rtol, float) and (atol is None or isinstance(atol, float))
-    if one_number and not problem.timed:
+    if not problem.timed and isinstance(rtol, float) and (atol is None or isinstance(atol, float)):
         return rtol, atol
     components = problem.dimension - problem.timed
     given: Any

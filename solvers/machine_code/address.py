@@ -1,6 +1,7 @@
 """Where an array begins in memory."""
 
 from ctypes import addressof, c_char
+from typing import Any
 
 import numpy as np
 
@@ -10,8 +11,9 @@ def address_of(array: np.ndarray) -> int:
 
     NumPy's own way, ``array.ctypes.data``, takes 1.3 µs, this one 0.4.
     """
+    buffer: Any = array
     try:
-        return addressof(c_char.from_buffer(array))
+        return addressof(c_char.from_buffer(buffer))
     except (TypeError, ValueError):
         # An array that is empty or may not be written to shows no buffer.
         return array.ctypes.data
