@@ -301,7 +301,8 @@ def _per_component(
         return rtol, atol
     absolute = np.broadcast_to(rtol if atol is None else atol, components).tolist()
     duration = max(problem.end, problem.start[-1])
-    return ([*rtol, 1.0] if np.ndim(rtol) else rtol), [*absolute, max(1.0, duration)]
+    relative = [*np.ravel(rtol).tolist(), 1.0] if np.ndim(rtol) else rtol
+    return relative, [*absolute, max(1.0, duration)]
 
 
 def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:
