@@ -7,7 +7,7 @@ from math import frexp, hypot, inf, isfinite, isinf, ldexp
 import numpy as np
 
 from polhode.models import rotation
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import Flow, jeffery_angular_velocity, jeffery_spin, shares
 from polhode.models.observables import (
     Observables,
     angular_velocity,
@@ -117,6 +117,9 @@ class Scene:
     start : EulerStart, BodyStart or SlowStart
     time : float
         Duration in units of the inverse shear rate, finite and positive.
+    flow : Flow, optional
+        The ambient flow; by default simple shear, which has equations of its own. Shear's own
+        gradient means the same and becomes None.
 
     Raises
     ------
@@ -129,8 +132,13 @@ class Scene:
     stokes: float
     start: Start
     time: float
+    flow: Flow | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.flow, Flow | None):
+            raise ValueError(f"flow: got {self.flow!r:.60}, expected a Flow")
+        if self.flow is not None and self.flow == Flow.shear():
+            object.__setattr__(self, "flow", None)
         if not isinstance(self.ellipsoid, Ellipsoid):
             raise ValueError(f"ellipsoid: got {self.ellipsoid!r:.60}, expected an Ellipsoid")
         if not isinstance(self.start, Start):
@@ -181,6 +189,10 @@ class Scene:
             )
         if self.stokes > 0:
             return self.start.angular_velocity
+        if self.flow is not None:
+            spin = jeffery_spin(self.ellipsoid, self.initial_rotation[None], self.flow.numbers)
+            w1, w2, w3 = spin[0].tolist()
+            return w1, w2, w3
         columns = self.initial_rotation.T.tolist()
         return jeffery_angular_velocity(FLOAT)(columns[0], columns[1], shares(self.ellipsoid))
 

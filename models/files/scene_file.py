@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from polhode.models.files.toml_file import checked, read_toml
+from polhode.models.flow import Flow
 from polhode.models.registry import Question
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
 from polhode.models.shape import Ellipsoid
@@ -89,12 +90,31 @@ def one_duration(table: Any) -> Any:
     return table
 
 
+class FlowTable(Table):
+    """``[flow]``: the gradient A_ij = ∂u_i/∂x_j of a linear flow; without the table it is simple shear."""
+
+    gradient: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _given(self) -> "FlowTable":
+        if self.gradient is None:
+            raise ValueError("got neither gradient nor track, expected exactly one")
+        return self
+
+    def flow(self) -> Flow:
+        """The flow; raises ValueError if the trace is not zero."""
+        assert self.gradient is not None
+        x, y, z = (_triple(row) for row in self.gradient)
+        return Flow((x, y, z))
+
+
 class SceneTable(Table):
     """A whole scene file."""
 
     stokes: Annotated[float, Field(ge=0, allow_inf_nan=True)]
     slow_time: Positive | None = None
     time: Positive | None = None
+    flow: FlowTable | None = None
     shape: ShapeTable
     start: StartTable
 
@@ -116,7 +136,8 @@ class SceneTable(Table):
             raise ValueError(
                 f"slow_time: got {got}, expected a finite positive time t = slow_time * stokes"
             )
-        return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time)
+        flow = self.flow.flow() if self.flow else None
+        return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time, flow)
 
 
 def read_scene(path: str | Path) -> Scene:
@@ -144,7 +165,10 @@ def scene_table(scene: Scene) -> dict[str, Any]:
         case SlowStart(momentum, energy):
             start = {"angular_momentum": momentum, "energy": energy}
     shape = {"semi_axes": scene.ellipsoid.semi_axes}
-    return _plain({"stokes": scene.stokes, "time": scene.time, "shape": shape, "start": start})
+    table = {"stokes": scene.stokes, "time": scene.time, "shape": shape, "start": start}
+    if scene.flow is not None:
+        table["flow"] = {"gradient": scene.flow.gradient}
+    return _plain(table)
 
 
 def _plain(value: Any) -> Any:

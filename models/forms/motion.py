@@ -1,7 +1,8 @@
 """What full forms share: the one vector equation (`ultima`), resolved along the body axes, and a quaternion's turning.
 
-Parameters p of a full form: (alpha, beta, *shape), for a triaxial one (alpha, beta, gyro₁₋₃,
-damping₁₋₃, share₁₋₆). Mass alpha stands on the angular velocity, factor beta on the torque: (1,
+Parameters p of a full form: (alpha, beta, *shape), for a triaxial one in simple shear (alpha, beta,
+gyro₁₋₃, damping₁₋₃, share₁₋₆), in any other linear flow (alpha, beta, gyro₁₋₃, damping₁₋₃, flow₁₋₈)
+with the numbers of `polhode.models.flow`. Mass alpha stands on the angular velocity, factor beta on the torque: (1,
 1/St) is the explicit form, (St, 1) the implicit one.
 """
 
@@ -10,21 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import gyration, jeffery_angular_velocity, jeffery_in_any_flow, shares
 from polhode.models.form import Form
 from polhode.models.operations import Operations
 from polhode.models.problem import Factory, Floats, MassForm, Problem
 from polhode.models.scene import Scene
-from polhode.models.shape import Ellipsoid
 
 
-def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
-    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic (`eulg`), damping rates, shares."""
-    a, b, c = ellipsoid.scaled_axes
-    gyro1 = (c - b) * (c + b) / (b * b + c * c)
-    gyro2 = (a - c) * (a + c) / (c * c + a * a)
-    gyro3 = (b - a) * (b + a) / (a * a + b * b)
-    return gyro1, gyro2, gyro3, *ellipsoid.damping, *shares(ellipsoid)
+def body_parameters(scene: Scene) -> tuple[float, ...]:
+    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic, damping rates; shares or the flow."""
+    ellipsoid = scene.ellipsoid
+    flow = shares(ellipsoid) if scene.flow is None else scene.flow.numbers
+    return *gyration(ellipsoid), *ellipsoid.damping, *flow
 
 
 def full_problem(
@@ -45,14 +43,30 @@ def full_problem(
     return Problem(form.name, field, start, scene.time, explicit, implicit, **known)
 
 
-def angular_acceleration(ops: Operations) -> Callable:
-    """Mass times ω̇ in body axes (`govg`), from the flow and gradient directions in body axes and ω."""
+def velocity_in_shear(ops: Operations) -> Callable:
+    """Jeffery's angular velocity in simple shear, from the flow and gradient directions in body axes and p."""
     jeffery = ops.use(jeffery_angular_velocity)
+    return lambda x, y, p: jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
 
-    def acceleration(x, y, w, p):
+
+def velocity_in_any_flow(ops: Operations) -> Callable:
+    """Jeffery's angular velocity in a linear flow, from the space axes in body axes and p."""
+    jeffery = ops.use(jeffery_in_any_flow)
+
+    def velocity(x, y, z, p):
+        flow = (p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
+        return jeffery(x, y, z, (p[2], p[3], p[4]), flow)
+
+    return velocity
+
+
+def angular_acceleration(ops: Operations) -> Callable:
+    """Mass times ω̇ in body axes (`govg`), from ω and Jeffery's angular velocity."""
+
+    def acceleration(w, jeffery, p):
         alpha, beta = p[0], p[1]
         w1, w2, w3 = w
-        j1, j2, j3 = jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
+        j1, j2, j3 = jeffery
         return (
             alpha * p[2] * w2 * w3 - beta * p[5] * (w1 - j1),
             alpha * p[3] * w3 * w1 - beta * p[6] * (w2 - j2),
@@ -83,6 +97,24 @@ def directions(ops: Operations) -> Callable:
             double * (q2 * q3 - q0 * q1),
         )
         return flow, gradient
+
+    return of
+
+
+def space_axes(ops: Operations) -> Callable:
+    """All three space axes in body axes, the columns of t_ij, of a quaternion of any norm, as `directions`."""
+    flow_and_gradient = ops.use(directions)
+
+    def of(q0, q1, q2, q3):
+        flow, gradient = flow_and_gradient(q0, q1, q2, q3)
+        scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+        double = 2 * scale
+        vorticity = (
+            double * (q1 * q3 - q0 * q2),
+            double * (q2 * q3 + q0 * q1),
+            scale * (q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3),
+        )
+        return flow, gradient, vorticity
 
     return of
 
