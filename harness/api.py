@@ -165,6 +165,7 @@ def _methods(
     equations = find_form(form) if form is not None else None
     method = find_solver(solver) if solver is not None else None
     if equations:
+        equations.require_flow(scene)
         equations.check(scene)
         if want == "orientation" and equations.orientation_of(scene) == "none":
             got = f"got 'orientation' for form {FORMS.name_of(equations)!r}, which gives none"
@@ -317,6 +318,8 @@ def as_scene(scene: SceneLike) -> Scene:
 
 def _in_doubles(given: Any) -> Any:
     """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
+    if given is None:
+        return None
     if hasattr(given, "__dataclass_fields__"):
         parts = {name: getattr(given, name) for name in given.__dataclass_fields__}
         others = {

@@ -22,6 +22,7 @@ from polhode.harness.ensembles.hybrid import (
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
+from polhode.models.flow import Flow
 from polhode.models.libraries import version_of
 from polhode.models.observables import angular_velocity
 from polhode.models.once import once
@@ -92,6 +93,7 @@ class Ensemble:
     )
     bins: int = 64  # of each histogram
     radius: float = 0.05
+    flow: Flow | None = None  # simple shear by default
 
     def __post_init__(self) -> None:
         for name, (least, most) in BOUNDS.items():
@@ -151,7 +153,9 @@ class Ensemble:
 
     @cached_property
     def attractors(self) -> tuple[Attractor, ...]:
-        """The stable states that particles can be said to arrive at (`polhode.models.theory.fixed_points`)."""
+        """The stable states of simple shear that particles can arrive at (`polhode.models.theory.fixed_points`)."""
+        if self.any_scene.flow is not None:
+            return ()
         return attractors(
             self.ellipsoid, self.stokes, self.radius, circling=self.equations != "averaged"
         )
@@ -177,8 +181,10 @@ class Ensemble:
     @property
     def content(self) -> Record:
         """The ensemble as plain data, types coerced, with the schema and the versions that it depends on."""
+        flow = self.any_scene.flow
         return {
             "schema": SCHEMA,
+            **({} if flow is None else {"flow": [list(row) for row in flow.gradient]}),
             "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
             "starts": dict(self.starts),
             "equations": self.equations,
@@ -205,9 +211,8 @@ class Ensemble:
 
     def draw(self, index: int, particles: int) -> Drawn:
         """Starts of the first particles of a block."""
-        return self.starts.draw(
-            self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles
-        )
+        seed = np.random.SeedSequence(self.seed, spawn_key=(index,))
+        return self.starts.draw(self.ellipsoid, seed, particles, self.flow)
 
     @cached_property
     def any_scene(self) -> Scene:
@@ -217,9 +222,8 @@ class Ensemble:
             drawn.quaternion[0].tolist(),
             drawn.angular_velocity[0].tolist(),
         )
-        return Scene(
-            self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time
-        )
+        start = BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+        return Scene(self.ellipsoid, self.stokes, start, self.time, self.flow)
 
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""

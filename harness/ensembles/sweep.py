@@ -30,7 +30,7 @@ from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study import Name, StokesNumbers
-from polhode.models.files.scene_file import Positive, SemiAxes, Table, one_duration
+from polhode.models.files.scene_file import FlowTable, Positive, SemiAxes, Table, one_duration
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.form import FormNotValidError
 from polhode.models.problem import ROUNDING
@@ -50,6 +50,7 @@ class SweepTable(Table):
     slow_time: Positive | None = None
     time: Positive | None = None
     start: Starts = Starts()
+    flow: FlowTable | None = None
     equations: Equations | None = None
     tolerance: Annotated[float, Field(ge=ROUNDING, le=1)] | None = None
     # `Ensemble` checks their ranges.
@@ -192,8 +193,9 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
         )
     a, b, c = shape
     own = table.model_dump(include={*BOUNDS, "radius"})
+    flow = table.flow.flow() if table.flow else None
     ensemble, tolerance = (
-        partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **own),
+        partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, flow=flow, **own),
         table.tolerance,
     )
     tolerance = tolerance or Ensemble.tolerance

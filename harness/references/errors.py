@@ -171,8 +171,9 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     ]
     if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > LARGEST_TURN:
         return None
-    power = dissipation(ellipsoid, rotations[0], omega[0]) - dissipation(
-        ellipsoid, rotations[1], omega[1]
+    flow = None if scene.flow is None else scene.flow.numbers
+    power = dissipation(ellipsoid, rotations[0], omega[0], flow) - dissipation(
+        ellipsoid, rotations[1], omega[1], flow
     )
     power, energy = (
         power * scene.torque_factor / unit,

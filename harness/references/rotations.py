@@ -153,7 +153,8 @@ def _angle(scene: Scene) -> float:
     """∫|ω| dt by a loose run of the full equations, from rest only until averages serve."""
     form = find_form(reference_form(scene))
     full = form.problem(scene)
-    turning = jeffery.TURNING if scene.stokes == 0 else quaternion.TURNING
+    module = jeffery if scene.stokes == 0 else quaternion
+    turning = module.with_angle(full.field)
     problem = Problem(full.name, turning, (*full.start, 0.0), full.end, full.parameters)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
