@@ -5,9 +5,11 @@ half its vorticity h₁, h₂, h₃, and its rate of strain S₁₁, S₂₂, S�
 subtracted from the diagonal: a multiple of the unit matrix turns nothing.
 """
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from math import isfinite, pi, sqrt
 from typing import Any
 
@@ -21,23 +23,31 @@ Matrix = tuple[Triple, Triple, Triple]
 
 # A trace up to this share of the gradient's norm is rounding.
 _TRACE_ROUNDING = 1e-12
+# A track covers a run that exceeds it by this share of its length: times are rounded.
+_TIME_ROUNDING = 1e-12
 # The largest entry of a gradient, in units of the reference rate: nothing computed of it overflows.
 _LARGEST_ENTRY = 1e30
 
 
 @dataclass(frozen=True)
 class Flow:
-    """A linear ambient flow u_i = A_ij x_j, in space axes.
+    """A linear ambient flow u_i = A_ij x_j, in space axes, constant or along a track in time.
 
     Parameters
     ----------
     gradient : sequence of 3 sequences of 3 float
-        A_ij = ∂u_i/∂x_j in units of the reference rate to which St and t refer, of trace zero.
+        A_ij = ∂u_i/∂x_j in units of the reference rate to which St and t refer, of trace zero; of a
+        track that at its first knot.
+    knots : tuple of float, optional
+        Times of a track in units of the inverse reference rate, increasing; `Flow.track` makes one.
+    gradients : tuple of matrices, optional
+        The gradients at these times.
 
     Raises
     ------
     ValueError
-        If an entry is not a finite number, or the trace is not zero to 1e-12 of the norm.
+        If an entry is not a finite number, the trace is not zero to 1e-12 of the norm, or the times
+        do not increase.
 
     Examples
     --------
@@ -46,6 +56,8 @@ class Flow:
     """
 
     gradient: Matrix
+    knots: tuple[float, ...] = field(default=(), repr=False)
+    gradients: tuple[Matrix, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gradient", checked_gradient("flow.gradient", self.gradient))
@@ -65,15 +77,106 @@ class Flow:
         """Axial extension along x at unit rate: A = diag(1, -½, -½)."""
         return cls(((1.0, 0.0, 0.0), (0.0, -0.5, 0.0), (0.0, 0.0, -0.5)))
 
+    @classmethod
+    def track(cls, times: Any, gradients: Any) -> "Flow":
+        """The flow along a particle's path: gradients, shape (n, 3, 3), at n increasing times.
+
+        Between the times, the knots, it is the cubic spline through them: its error falls as the
+        fourth power of their distance, and its second derivative is continuous.
+        """
+        knots = _checked_knots(times)
+        if len(gradients) != len(knots):
+            raise ValueError(
+                f"flow.track: got {len(gradients)} gradients at {len(knots)} times, expected one at each"
+            )
+        matrices = tuple(
+            checked_gradient(f"flow.track at t = {time:g}", matrix)
+            for time, matrix in zip(knots, gradients, strict=True)
+        )
+        return cls(matrices[0], knots, matrices)
+
+    @property
+    def words(self) -> str:
+        """It in words, for messages."""
+        if self.varies:
+            return f"the track of {len(self.knots)} gradients"
+        return f"the flow {[list(row) for row in self.gradient]}"
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is a track."""
+        return bool(self.knots)
+
+    def covers(self, time: float) -> bool:
+        """Whether it is known from 0 to a time."""
+        if not self.varies:
+            return True
+        slack = _TIME_ROUNDING * (self.knots[-1] - self.knots[0])
+        return self.knots[0] <= slack and time <= self.knots[-1] + slack
+
+    def after(self, elapsed: float) -> "Flow":
+        """The same flow, its time counted from a later moment."""
+        if not self.varies or not elapsed:
+            return self
+        return replace(self, knots=tuple(knot - elapsed for knot in self.knots))
+
+    @cached_property
+    def cubics(self) -> np.ndarray:
+        """Coefficients of `numbers` from each knot to the next, shape (n - 1, 4, 8), lowest power first."""
+        from scipy.interpolate import CubicSpline
+
+        spline = CubicSpline(np.array(self.knots), flow_numbers(np.array(self.gradients)))
+        return np.ascontiguousarray(np.moveaxis(spline.c[::-1], 1, 0))
+
+    def segment(self, time: float) -> int:
+        """Index of the knot from which a time's cubic begins."""
+        return min(max(bisect_right(self.knots, time) - 1, 0), len(self.knots) - 2)
+
+    def numbers_at(self, times: np.ndarray) -> Sequence[Any]:
+        """`numbers` at times of shape (n,): each a number, or of a track an array of that shape."""
+        if not self.varies:
+            return self.numbers
+        knots = np.array(self.knots)
+        segments = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
+        since = np.asarray(times - knots[segments])[:, None]
+        c = self.cubics[segments]
+        values = c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
+        return list(values.T)
+
     @cached_property
     def numbers(self) -> tuple[float, ...]:
-        """Half the vorticity h₁, h₂, h₃ and the strain S₁₁ - S₃₃, S₂₂ - S₃₃, S₂₃, S₃₁, S₁₂, as fields take them."""
+        """Half the vorticity h₁, h₂, h₃ and the strain S₁₁ - S₃₃, S₂₂ - S₃₃, S₂₃, S₃₁, S₁₂, as fields take them.
+
+        Of a track they are those at t = 0.
+        """
+        if self.varies:
+            return tuple(float(number[0]) for number in self.numbers_at(np.zeros(1)))
         return tuple(flow_numbers(np.array(self.gradient)).tolist())
 
     @cached_property
     def rate(self) -> float:
-        """Half the gradient's norm: how fast the flow turns bodies, in rad per unit of time; ½ in simple shear."""
-        return 0.5 * sqrt(sum(entry * entry for row in self.gradient for entry in row))
+        """Half the gradient's norm: how fast the flow turns bodies, in rad per unit of time; ½ in simple shear.
+
+        Of a track it is the largest one at its knots.
+        """
+        matrices = np.array(self.gradients or (self.gradient,))
+        return 0.5 * float(np.max(np.linalg.norm(matrices, axis=(1, 2))))
+
+
+def _checked_knots(times: Any) -> tuple[float, ...]:
+    """Times of a track in Python's numbers; raises ValueError unless they are finite and increase."""
+    knots = tuple(times)
+    for knot in knots:
+        require_numbers("flow.track", knot)
+    knots = tuple(map(float, knots))
+    if len(knots) < 2:
+        raise ValueError(f"flow.track: got {len(knots)} times, expected two at least")
+    for before, after in pairwise(knots):
+        if not (isfinite(before) and isfinite(after) and after > before):
+            raise ValueError(
+                f"flow.track: got t = {after!r} after {before!r}, expected finite times that increase"
+            )
+    return knots
 
 
 def checked_gradient(name: str, given: Any) -> Matrix:

@@ -88,8 +88,9 @@ class Form(ABC):
         return self.orientation
 
     def state_of(self, scene: Scene) -> tuple[str, ...]:
-        """Names of the components of a scene's states."""
-        return self.state
+        """Names of the components of a scene's states; along a track the time is the last one."""
+        along_track = scene.flow is not None and scene.flow.varies
+        return (*self.state, "t") if along_track else self.state
 
     def known_axes(self, scene: Scene) -> tuple[int, ...]:
         """Body axes (0, 1, 2) whose directions, the rows of the rotation matrix, `observe` gives."""
@@ -113,10 +114,8 @@ class Form(ABC):
             return
         # No form of the full equations takes a start without orientation.
         instead = "" if isinstance(scene.start, SlowStart) else full_form(scene)
-        gradient = [list(row) for row in scene.flow.gradient]
-        raise self.refuse(
-            f"the flow {gradient} is not simple shear, which it is derived for", instead
-        )
+        condition = f"{scene.flow.words} is not simple shear, which it is derived for"
+        raise self.refuse(condition, instead)
 
     def require_slow_motion(self, scene: Scene, rest: bool = False) -> None:
         """Raise FormNotValidError in other flows than shear, at St = 0 and inf, and unless `rest` at L = 0."""

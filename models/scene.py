@@ -1,6 +1,6 @@
 """A scene: all physics of one question, no numerics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import frexp, hypot, inf, isfinite, isinf, ldexp
 
@@ -153,6 +153,11 @@ class Scene:
             )
         if not LEAST <= self.time < inf:
             raise ValueError(f"time: got {self.time}, expected a finite number from {LEAST:g} on")
+        if self.flow is not None and not self.flow.covers(self.time):
+            begin, end = self.flow.knots[0], self.flow.knots[-1]
+            raise ValueError(
+                f"flow.track: got times from {begin:g} to {end:g}, expected the run, 0 to {self.time:g}"
+            )
         if 0 < self.stokes < inf and not 0 < self.slow_time < inf:
             raise ValueError(
                 f"time: got {self.time} at St = {self.stokes}, expected a finite t/St above 0"
@@ -169,6 +174,11 @@ class Scene:
                 raise ValueError(
                     f"start: got L² / 2E = {ratio}, expected a value from {low} to {high}"
                 )
+
+    def later(self, elapsed: float, start: Start, time: float) -> "Scene":
+        """The scene that goes on after some time from a start, for another time."""
+        flow = self.flow if self.flow is None else self.flow.after(elapsed)
+        return replace(self, start=start, time=time, flow=flow)
 
     @property
     def slow_time(self) -> float:

@@ -1,6 +1,7 @@
 """Scene files: TOML, checked key by key before a scene is made."""
 
 import warnings
+from functools import partial
 from math import hypot, inf, isfinite, pi
 from pathlib import Path
 from typing import Annotated, Any
@@ -8,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from polhode.models.files.toml_file import checked, read_toml
+from polhode.models.files.track_file import read_track
 from polhode.models.flow import Flow
 from polhode.models.registry import Question
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
@@ -16,6 +18,7 @@ from polhode.models.shape import Ellipsoid
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+NineVector = Annotated[list[Finite], Field(min_length=9, max_length=9)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 SemiAxes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 # A quaternion further from unit norm than this was not rounded.
@@ -91,18 +94,32 @@ def one_duration(table: Any) -> Any:
 
 
 class FlowTable(Table):
-    """``[flow]``: the gradient A_ij = ∂u_i/∂x_j of a linear flow; without the table it is simple shear."""
+    """``[flow]``: a linear flow other than simple shear, constant or along a track.
+
+    `gradient` is A_ij = ∂u_i/∂x_j; `track` names a CSV file of gradients in time, beside the scene
+    file; `times` and `gradients`, nine numbers each, are the same in place.
+    """
 
     gradient: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+    track: str | None = None
+    times: Annotated[list[Finite], Field(min_length=2)] | None = None
+    gradients: list[NineVector] | None = None
 
     @model_validator(mode="after")
-    def _given(self) -> "FlowTable":
-        if self.gradient is None:
-            raise ValueError("got neither gradient nor track, expected exactly one")
+    def _one_way(self) -> "FlowTable":
+        given = self.model_fields_set
+        if given not in ({"gradient"}, {"track"}, {"times", "gradients"}):
+            got = " and ".join(sorted(given)) or "neither"
+            raise ValueError(f"got {got}, expected one of gradient, track, times + gradients")
         return self
 
-    def flow(self) -> Flow:
-        """The flow; raises ValueError if the trace is not zero."""
+    def flow(self, folder: Path = Path()) -> Flow:
+        """The flow; a track's file lies in a folder. Raises ValueError as `Flow` and `read_track` do."""
+        if self.track is not None:
+            return read_track(folder / self.track)
+        if self.times is not None:
+            rows = self.gradients or []
+            return Flow.track(self.times, [(row[:3], row[3:6], row[6:]) for row in rows])
         assert self.gradient is not None
         x, y, z = (_triple(row) for row in self.gradient)
         return Flow((x, y, z))
@@ -114,9 +131,9 @@ class SceneTable(Table):
     stokes: Annotated[float, Field(ge=0, allow_inf_nan=True)]
     slow_time: Positive | None = None
     time: Positive | None = None
-    flow: FlowTable | None = None
     shape: ShapeTable
     start: StartTable
+    flow: FlowTable | None = None
 
     @model_validator(mode="after")
     def _one_duration(self) -> "SceneTable":
@@ -127,8 +144,8 @@ class SceneTable(Table):
             )
         return self
 
-    def scene(self) -> Scene:
-        """The scene; raises ValueError if a duration in slow time overflows."""
+    def scene(self, folder: Path = Path()) -> Scene:
+        """The scene, of a file in a folder; raises ValueError if a duration overflows, or the flow is none."""
         a, b, c = self.shape.semi_axes
         time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
         if not (isfinite(time) and time > 0):
@@ -136,18 +153,19 @@ class SceneTable(Table):
             raise ValueError(
                 f"slow_time: got {got}, expected a finite positive time t = slow_time * stokes"
             )
-        flow = self.flow.flow() if self.flow else None
+        flow = self.flow.flow(folder) if self.flow else None
         return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time, flow)
 
 
 def read_scene(path: str | Path) -> Scene:
     """Read a scene file: TOML, whose keys are those of `SceneTable`; raises as `read_toml` does."""
-    return read_toml(Path(path), parse_scene, where=str(path))
+    parse = partial(parse_scene, folder=Path(path).parent)
+    return read_toml(Path(path), parse, where=str(path))
 
 
-def parse_scene(table: dict[str, Any]) -> Scene:
-    """Make a scene of the contents of a scene file; raises ValueError as `checked` does."""
-    return checked(SceneTable, table).scene()
+def parse_scene(table: dict[str, Any], folder: Path = Path()) -> Scene:
+    """Make a scene of the contents of a scene file, which lies in a folder; raises ValueError as `checked` does."""
+    return checked(SceneTable, table).scene(folder)
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:
@@ -167,8 +185,16 @@ def scene_table(scene: Scene) -> dict[str, Any]:
     shape = {"semi_axes": scene.ellipsoid.semi_axes}
     table = {"stokes": scene.stokes, "time": scene.time, "shape": shape, "start": start}
     if scene.flow is not None:
-        table["flow"] = {"gradient": scene.flow.gradient}
+        table["flow"] = flow_table(scene.flow)
     return _plain(table)
+
+
+def flow_table(flow: Flow) -> dict[str, Any]:
+    """Contents of ``[flow]``."""
+    if not flow.varies:
+        return {"gradient": flow.gradient}
+    rows = tuple((*x, *y, *z) for x, y, z in flow.gradients)
+    return {"times": flow.knots, "gradients": rows}
 
 
 def _plain(value: Any) -> Any:

@@ -142,11 +142,19 @@ class EulerAngles(Form):
             rates = start.rates
         start = *start.angles, *rates
         inertial, shape = (False,) * 3 + (True,) * 3, body_parameters(scene)
-        factory = field if scene.flow is None else field_in_any_flow
-        return full_problem(self, scene, factory, start, inertial, shape, periodic=(1, 2))
+        return full_problem(
+            self,
+            scene,
+            field,
+            start,
+            inertial,
+            shape,
+            in_any_flow=field_in_any_flow,
+            periodic=(1, 2),
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, ARRAYS)
+        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:6].T, ARRAYS)
         return observe_body(
             scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1)
         )

@@ -15,7 +15,13 @@ from polhode.models.flow import (
     shares,
 )
 from polhode.models.form import Form
-from polhode.models.forms.motion import directions, norm_drift, quaternion_rates, space_axes
+from polhode.models.forms.motion import (
+    directions,
+    in_its_flow,
+    norm_drift,
+    quaternion_rates,
+    space_axes,
+)
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
@@ -197,29 +203,27 @@ class Jeffery(Form):
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         start = self.require_orientation(scene).quaternion
-        axes, parameters, closed_form = scene.ellipsoid.scaled_axes, shares(scene.ellipsoid), None
-        factory = field
-        if scene.flow is not None:
-            factory, parameters = (
-                field_in_any_flow,
-                (*gyration(scene.ellipsoid), *scene.flow.numbers),
-            )
-        elif scene.ellipsoid.kind != "triaxial":
+        shape = gyration(scene.ellipsoid)
+        factory, flow, segments = in_its_flow(scene, field, field_in_any_flow, len(shape))
+        parameters = shares(scene.ellipsoid) if scene.flow is None else (*shape, *flow)
+        axes, closed_form = scene.ellipsoid.scaled_axes, None
+        if scene.flow is None and scene.ellipsoid.kind != "triaxial":
             axis = Spheroid.of(scene.ellipsoid).axis
             closed_form = JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start).at
         return Problem(
             self.name,
             factory,
-            start,
+            start if segments is None else (*start, 0.0),
             scene.time,
             parameters,
             closed_form=closed_form,
             invariant=norm_drift,
+            segments=segments,
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""
-        rotation = matrix_from_quaternion(states)
-        numbers = None if scene.flow is None else scene.flow.numbers
+        rotation = matrix_from_quaternion(states[:, :4])
+        numbers = None if scene.flow is None else scene.flow.numbers_at(states[:, -1])
         spin = jeffery_spin(scene.ellipsoid, rotation, numbers)
         return observe_body(scene.ellipsoid, rotation, spin)

@@ -7,22 +7,72 @@ with the numbers of `polhode.models.flow`. Mass alpha stands on the angular velo
 """
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from polhode.models.flow import gyration, jeffery_angular_velocity, jeffery_in_any_flow, shares
 from polhode.models.form import Form
-from polhode.models.operations import Operations
-from polhode.models.problem import Factory, Floats, MassForm, Problem
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Factory, Floats, MassForm, Problem, Segments
 from polhode.models.scene import Scene
+
+# Numbers of a flow (`polhode.models.flow.Flow.numbers`).
+NUMBERS = 8
 
 
 def body_parameters(scene: Scene) -> tuple[float, ...]:
-    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic, damping rates; shares or the flow."""
+    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic, damping rates, in shear the shares."""
     ellipsoid = scene.ellipsoid
-    flow = shares(ellipsoid) if scene.flow is None else scene.flow.numbers
-    return *gyration(ellipsoid), *ellipsoid.damping, *flow
+    in_shear = shares(ellipsoid) if scene.flow is None else ()
+    return *gyration(ellipsoid), *ellipsoid.damping, *in_shear
+
+
+@dataclass(frozen=True)
+class AlongTrack:
+    """The factory of a field along a track: time is the state's last component.
+
+    The last parameters of `field`, the flow's numbers, are cubics of the time since the last one;
+    their coefficients and that time, 33 numbers, stand in their place.
+    """
+
+    field: Factory
+    others: int  # parameters before those of the flow
+    timed: ClassVar[bool] = True
+
+    def __call__(self, ops: Operations) -> Field:
+        """Bind the field to a kind of number."""
+        rhs, others = ops.use(self.field), self.others
+
+        def along(y, p):
+            since = y[len(y) - 1] - p[others + 4 * NUMBERS]
+            square = since * since
+            cube = square * since
+            numbers = tuple(
+                (p[i] + since * p[i + NUMBERS])
+                + (square * p[i + 2 * NUMBERS] + cube * p[i + 3 * NUMBERS])
+                for i in range(others, others + NUMBERS)
+            )
+            given = tuple(p[i] for i in range(others))
+            return *rhs(y, (*given, *numbers)), 1.0
+
+        return along
+
+
+def in_its_flow(
+    scene: Scene, in_shear: Factory, in_any_flow: Factory, others: int
+) -> tuple[Factory, Floats, Segments | None]:
+    """The field that a scene needs, the parameters of its flow behind so many others, and how these change."""
+    flow = scene.flow
+    if flow is None:
+        return in_shear, (), None
+    if not flow.varies:
+        return in_any_flow, flow.numbers, None
+    knots = np.array(flow.knots)
+    rows = np.column_stack([flow.cubics.reshape(len(knots) - 1, -1), knots[:-1]])
+    first = tuple(rows[flow.segment(0.0)].tolist())
+    return AlongTrack(in_any_flow, others), first, Segments(knots, rows)
 
 
 def full_problem(
@@ -32,15 +82,29 @@ def full_problem(
     start: Floats,
     inertial: tuple[bool, ...],
     shape: Floats,
+    *,
+    in_any_flow: Factory | None = None,
     **known: Any,
 ) -> Problem:
-    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`."""
+    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`.
+
+    `field` is that of simple shear, `in_any_flow` that of any other linear flow; without it these
+    are refused.
+    """
+    if in_any_flow is None:
+        form.require_flow(scene)
+    field, flow, segments = in_its_flow(scene, field, in_any_flow or field, 2 + len(shape))
+    if segments is not None:
+        start, inertial = (*start, 0.0), (*inertial, False)
     # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the
     # inertial rows.
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
+    shape = *shape, *flow
     explicit = (1.0, scene.torque_factor, *shape) if scene.stokes > 0 else None
     implicit = MassForm(mass, (scene.stokes, 1.0, *shape)) if scene.torque_factor > 0 else None
-    return Problem(form.name, field, start, scene.time, explicit, implicit, **known)
+    return Problem(
+        form.name, field, start, scene.time, explicit, implicit, segments=segments, **known
+    )
 
 
 def velocity_in_shear(ops: Operations) -> Callable:

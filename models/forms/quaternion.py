@@ -69,10 +69,16 @@ class Quaternion(Form):
     def problem(self, scene: Scene) -> Problem:
         start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
         inertial, shape = (False,) * 4 + (True,) * 3, motion.body_parameters(scene)
-        factory = field if scene.flow is None else field_in_any_flow
         return motion.full_problem(
-            self, scene, factory, start, inertial, shape, invariant=motion.norm_drift
+            self,
+            scene,
+            field,
+            start,
+            inertial,
+            shape,
+            in_any_flow=field_in_any_flow,
+            invariant=motion.norm_drift,
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:])
+        return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:7])

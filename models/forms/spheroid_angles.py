@@ -129,14 +129,13 @@ class SpheroidAngles(Form):
         start, inertial = (*angles[:2], dtheta, dphi, w3), (False, False, True, True, True)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
         shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
-        factory = field
-        if scene.flow is not None:
-            factory, shape = field_in_any_flow, (*shape, *scene.flow.numbers)
-        return full_problem(self, scene, factory, start, inertial, shape, periodic=(1,))
+        return full_problem(
+            self, scene, field, start, inertial, shape, in_any_flow=field_in_any_flow, periodic=(1,)
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
-        theta, phi, dtheta, dphi, spin = states.T
+        theta, phi, dtheta, dphi, spin = states[:, :5].T
         st, ct, sf, cf = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
         nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
         across = np.stack([-sf * ct, cf * ct, st], axis=1)

@@ -278,6 +278,9 @@ PARTS_IN_ANY_FLOW = replace(
 )
 
 
+_PARTS: dict[Factory, Parts] = {field: PARTS, field_in_any_flow: PARTS_IN_ANY_FLOW}
+
+
 def parameters(spheroid: Spheroid) -> tuple[float, float, float, float]:
     """Shape parameters of `field`."""
     axial = spheroid.axial_damping * spheroid.inertia_ratio
@@ -309,18 +312,24 @@ class SpheroidAxis(Form):
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
         inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
-        factory, parts = field, PARTS
-        if scene.flow is not None:
-            factory, parts = field_in_any_flow, PARTS_IN_ANY_FLOW
-            shape = *shape, *scene.flow.numbers
-        return full_problem(
-            self, scene, factory, start, inertial, shape, invariant=axis_drift, parts=parts
+        problem = full_problem(
+            self,
+            scene,
+            field,
+            start,
+            inertial,
+            shape,
+            in_any_flow=field_in_any_flow,
+            invariant=axis_drift,
         )
+        # Along a track the slow part has no closed flow.
+        return replace(problem, parts=_PARTS.get(problem.field))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = states[:, :3] * spheroid.equatorial_inertia
-        direction = states[:, 3:] / np.linalg.norm(states[:, 3:], axis=1, keepdims=True)
+        axis = states[:, 3:6]
+        direction = axis / np.linalg.norm(axis, axis=1, keepdims=True)
         axial = np.sum(momentum * direction, axis=1)
         across = momentum - axial[:, None] * direction
         energy = (
