@@ -197,8 +197,10 @@ def first_available(names: tuple[str, ...]) -> Solver:
 
 
 def splits(scene: Scene) -> bool:
-    """Whether splitting takes fewer steps than Runge-Kutta: a spheroid at large St."""
+    """Whether splitting takes fewer steps than Runge-Kutta: a spheroid at large St in a constant flow."""
     spheroid = scene.ellipsoid.symmetry_axis is not None
+    if scene.flow is not None and scene.flow.varies:
+        return False
     return spheroid and SPLITTING_FROM <= scene.stokes < inf
 
 

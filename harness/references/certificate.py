@@ -78,7 +78,7 @@ def certify(
         if form.averaged:
             ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
         else:
-            ratio = _other_form(scene, (other, solver), seen[start], seen[stop], stop - start)
+            ratio = _other_form(scene, (other, solver), seen[start], seen[stop], (start, stop))
         if ratio is not None:
             agreed += 1
             worst = np.maximum(worst, ratio)
@@ -108,7 +108,7 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
         return form.name, first_available(*_UNRELATED)
     spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
     if scene.stokes == 0:
-        if scene.ellipsoid.kind != "triaxial":
+        if scene.flow is None and scene.ellipsoid.kind != "triaxial":
             return "jeffery", "exact"
         if find_solver("ida").available:
             return "euler-angles", "ida"
@@ -127,7 +127,11 @@ def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodySta
 
 
 def _other_form(
-    scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
+    scene: Scene,
+    by: tuple[str, str],
+    before: Observables,
+    after: Observables,
+    piece: tuple[float, float],
 ) -> float | None:
     """Ratio of difference to own error of a piece solved again; None where it cannot be solved."""
     # Euler angles are taken about the three body axes in turn, from the one farthest from their
@@ -142,7 +146,8 @@ def _other_form(
     for axis in axes:
         x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
         body = Ellipsoid((x, y, z))
-        turned = replace(scene, ellipsoid=body, time=length)
+        whole = replace(scene, ellipsoid=body)
+        turned = whole.later(piece[0], scene.start, piece[1] - piece[0])
         starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *SIGNS))
         try:
             problems = [form.problem(replace(turned, start=start)) for start in starts]
