@@ -11,7 +11,8 @@ import polhode
 from polhode.harness.commands.show import scene_text
 from polhode.harness.ensembles.sweep import parse_sweep
 from polhode.harness.references.reference import reference
-from polhode.models.files.scene_file import parse_scene, scene_table
+from polhode.models.files.scene_file import parse_scene, read_scene, scene_table
+from polhode.models.files.track_file import track_text
 from polhode.models.flow import Flow
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
@@ -124,3 +125,108 @@ def test_the_command_refuses_a_form_of_shear_in_one_line(here: Run, tmp_path):
     assert "not simple shear" in done.stderr
     assert "use 'quaternion'" in done.stderr
     assert here("solve", "scene.toml", "--samples", "3", "--tolerance", "1e-8").returncode == 0
+
+
+# --- along a track --------------------------------------------------------------------------------
+
+
+def track(count=31, time=60.0):
+    """A track that changes smoothly from one planar flow to another."""
+    times = np.linspace(0.0, time, count)
+    gradients = [
+        np.array(Flow.planar(0.3 * np.sin(0.2 * each)).gradient) + 0.2 * np.sin(0.5 * each) * TWIST
+        for each in times
+    ]
+    return Flow.track(times, gradients)
+
+
+TWIST = np.array([[0.0, 0.0, 1.0], [0.3, 0.2, 0.0], [0.0, -1.0, -0.2]])
+TRACK = replace(PLANAR, flow=track())
+
+
+def test_a_track_is_read_from_a_file_beside_the_scene(tmp_path):
+    table = scene_table(PLANAR) | {"flow": {"track": "track.csv"}}
+    text = scene_text(table)
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "track.csv").write_text(track_text(TRACK.flow), encoding="utf-8")
+    assert read_scene(tmp_path / "scene.toml") == TRACK
+    assert parse_scene(tomllib.loads(scene_text(scene_table(TRACK)))) == TRACK
+
+
+HEAD = "t,A11,A12,A13,A21,A22,A23,A31,A32,A33"
+REST = ",0,1,0,0,0,0,0,0,0"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "track.csv', expected a file: there is none"),
+        ("", "got the columns , expected t,A11,A12"),
+        ("t,A11\n0,0", "got the columns t,A11, expected t,A11,A12"),
+        (f"{HEAD}\n0{REST}\n1,0,1,0", "track.csv:3: got 4 columns, expected 10"),
+        (f"{HEAD}\n0{REST}\n1,0,x,0,0,0,0,0,0,0", "track.csv:3: got 1,0,x,0,0,0,0,0,0,0, expected"),
+        (f"{HEAD}\n0{REST}\n0{REST}", "got t = 0.0 after 0.0, expected finite times that increase"),
+        (f"{HEAD}\n0{REST}\n9{REST}", "got times from 0 to 9, expected the run, 0 to 60"),
+        (
+            f"{HEAD}\n0{REST}\n99,1,0,0,0,0,0,0,0,0",
+            "flow.track at t = 99: got the trace 1, expected",
+        ),
+        (
+            f"{HEAD}\n0{REST}\n99,nan,0,0,0,0,0,0,0,0",
+            "flow.track at t = 99: got nan, expected finite",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_track_is_said_in_one_line(here: Run, tmp_path, text, words):
+    table = scene_table(PLANAR) | {"flow": {"track": "track.csv"}}
+    (tmp_path / "scene.toml").write_text(scene_text(table), encoding="utf-8")
+    if text is not None:
+        (tmp_path / "track.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match="track") as refusal:
+        read_scene(tmp_path / "scene.toml")
+    assert words in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+    if text is None:
+        done = here("solve", "scene.toml", "--samples", "3")
+        assert done.returncode == 2
+        assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_two_ways_to_give_a_flow_are_refused():
+    flow = {"gradient": [[0.0, 1.0, 0.0], [0.0] * 3, [0.0] * 3], "track": "track.csv"}
+    with pytest.raises(ValueError, match="flow: got gradient and track, expected one of"):
+        parse_scene(TABLE | {"flow": flow})
+
+
+@pytest.mark.parametrize("stokes", [0.0, 1.0, 1e3])
+def test_stated_errors_bound_those_of_runs_along_tracks(stokes):
+    scene = replace(TRACK, stokes=stokes)
+    known = reference(scene, "quaternion", 61)
+    found = polhode.solve(scene, error=1e-6, samples=61)
+    apart = np.max(np.abs(found.observables.slow - known.observables.slow))
+    assert apart / max(scene.ellipsoid.inertia) < found.error.slow.high < 1e-6
+
+
+def test_dense_output_restart_and_events_along_a_track():
+    whole = polhode.solve(TRACK, error=1e-10, samples=31, events=["lz"])
+    moments = whole.events["lz"]
+    assert len(moments.times)
+    np.testing.assert_allclose(moments.angular_momentum[:, 2], 0.0, atol=1e-12)
+    times = np.array([0.7, 21.3, 59.9])
+    direct = polhode.solve(TRACK, error=1e-10, times=[0.0, *times, 60.0])
+    np.testing.assert_allclose(
+        whole(times).angular_momentum, direct.angular_momentum[1:4], atol=1e-9
+    )
+    rest = whole.restart(21.3)
+    assert rest.time == pytest.approx(38.7)
+    again = polhode.solve(rest, error=1e-10)
+    np.testing.assert_allclose(again.angular_momentum[-1], whole.angular_momentum[-1], atol=1e-8)
+    assert whole.equations.state_of(TRACK)[-1] == "t"
+
+
+def test_pick_ranks_methods_along_a_track():
+    for scene in (TRACK, replace(TRACK, ellipsoid=Ellipsoid((1.0, 1.0, 2.0)), stokes=1e4)):
+        row = polhode.pick(scene, 1e-6).ranking[0]
+        found = polhode.solve(scene, form=row.form, solver=row.solver, tolerance=row.tolerance)
+        assert found.success
+        assert found.error.slow.high < 1e-5
