@@ -1,6 +1,6 @@
 """Where the particles of an ensemble start: distributions of orientation and motion, drawn from a seed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Annotated, Any, Literal, Self
@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, ValidationError, WrapValidator, model_validator
 
 from polhode.models.files.scene_file import FourVector, Table, Vector
-from polhode.models.flow import Flow, jeffery_spin
+from polhode.models.flow import jeffery_spin
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
@@ -65,9 +65,13 @@ class Starts(Table):
         ellipsoid: Ellipsoid,
         seed: np.random.SeedSequence,
         particles: int,
-        flow: Flow | None = None,
+        flow: Sequence[Any] | None = None,
     ) -> "Drawn":
-        """Draw starts; the same seed gives the same orientations and directions whatever ellipsoid and flow."""
+        """Draw starts; the same seed gives the same orientations and directions whatever ellipsoid and flow.
+
+        `flow` holds the numbers of the flow at the start (`polhode.models.flow.Flow.numbers`), each
+        one for all particles or an array of one for each; by default it is simple shear.
+        """
         random = np.random.default_rng(seed)
         four = random.standard_normal((particles, 4))
         q = four if self.orientation == "isotropic" else np.tile(self.orientation, (particles, 1))
@@ -79,17 +83,18 @@ class Starts(Table):
         ellipsoid: Ellipsoid,
         rotation: np.ndarray,
         random: np.random.Generator,
-        flow: Flow | None,
+        flow: Sequence[Any] | None,
     ) -> np.ndarray:
         """Angular velocities in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
         if self.motion == "rest":
             return np.zeros((len(rotation), 3))
         if self.motion == "fluid" and flow is not None:
-            return rotation @ np.array(flow.numbers[:3])
+            spin = np.broadcast_to(np.array(flow[:3]).T, (len(rotation), 3))
+            return np.einsum("nij,nj->ni", rotation, spin)
         if self.motion == "fluid":
             return -0.5 * rotation[:, :, 2]
         if self.motion == "jeffery":
-            return jeffery_spin(ellipsoid, rotation, None if flow is None else flow.numbers)
+            return jeffery_spin(ellipsoid, rotation, flow)
         assert self.angular_momentum is not None
         inertia = np.array(ellipsoid.inertia)
         momentum = np.tile(np.array(self.angular_momentum) * inertia.max(), (len(rotation), 1))

@@ -4,7 +4,7 @@ import warnings
 from functools import partial
 from math import hypot, inf, isfinite, pi
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -105,12 +105,15 @@ class FlowTable(Table):
     times: Annotated[list[Finite], Field(min_length=2)] | None = None
     gradients: list[NineVector] | None = None
 
+    # What may be given together.
+    ways: ClassVar[tuple[str, ...]] = ("gradient", "track", "times + gradients")
+
     @model_validator(mode="after")
     def _one_way(self) -> "FlowTable":
         given = self.model_fields_set
-        if given not in ({"gradient"}, {"track"}, {"times", "gradients"}):
+        if given not in [set(way.split(" + ")) for way in self.ways]:
             got = " and ".join(sorted(given)) or "neither"
-            raise ValueError(f"got {got}, expected one of gradient, track, times + gradients")
+            raise ValueError(f"got {got}, expected one of {', '.join(self.ways)}")
         return self
 
     def flow(self, folder: Path = Path()) -> Flow:
@@ -186,7 +189,7 @@ def scene_table(scene: Scene) -> dict[str, Any]:
     table = {"stokes": scene.stokes, "time": scene.time, "shape": shape, "start": start}
     if scene.flow is not None:
         table["flow"] = flow_table(scene.flow)
-    return _plain(table)
+    return plain(table)
 
 
 def flow_table(flow: Flow) -> dict[str, Any]:
@@ -197,8 +200,8 @@ def flow_table(flow: Flow) -> dict[str, Any]:
     return {"times": flow.knots, "gradients": rows}
 
 
-def _plain(value: Any) -> Any:
-    """The same of plain floats, whatever numbers there were, in lists; -0.0 becomes 0.0."""
+def plain(value: Any) -> Any:
+    """The same in plain floats, whatever numbers there were, in lists; -0.0 becomes 0.0."""
     if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    return [_plain(each) for each in value] if isinstance(value, tuple) else float(value) + 0.0
+        return {name: plain(each) for name, each in value.items()}
+    return [plain(each) for each in value] if isinstance(value, tuple) else float(value) + 0.0

@@ -13,8 +13,8 @@ from polhode.harness.ensembles.sweep import parse_sweep
 from polhode.harness.references.reference import reference
 from polhode.models.files.scene_file import parse_scene, read_scene, scene_table
 from polhode.models.files.track_file import track_text
-from polhode.models.flow import Flow
-from polhode.models.scene import EulerStart, Scene
+from polhode.models.flow import Flow, jeffery_spin
+from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 START = EulerStart((1.0, 0.5, 0.2), (1.0, 1.0, -1.0))
@@ -116,6 +116,48 @@ def test_a_sweep_in_a_flow_has_full_equations_and_no_attractors():
     problem = ensemble.problem
     starts = drawn.states(ensemble.form, ensemble.ellipsoid)
     np.testing.assert_allclose(starts[0], problem.start, atol=1e-14)
+
+
+@pytest.mark.parametrize("stokes", [0.0, 5.0])
+def test_a_sweep_takes_one_track_for_each_particle(tmp_path, stokes):
+    tracks = [track(), track(count=11)]
+    for number, each in enumerate(tracks):
+        path = tmp_path / f"{number}.csv"
+        path.write_text(track_text(each), encoding="utf-8")
+    table = {
+        "name": "tracks",
+        "title": "one track for each particle",
+        "shapes": [[1.0, 1.0, 0.3]],
+        "stokes": [stokes],
+        "time": 20.0,
+        "start": {"motion": "jeffery"},
+        "flow": {"tracks": tmp_path.name},
+        "particles": 6,
+        "block": 4,
+        "samples": 11,
+    }
+    (ensemble,) = parse_sweep(table, tmp_path.parent).ensembles
+    statistics = ensemble.run(0)
+    statistics.merge(ensemble.run(1))
+    assert statistics.particles == 6
+    assert not statistics.failures
+    energies = []
+    for number in range(6):
+        block, place = divmod(number, 4)
+        drawn = ensemble.draw(block, 4 if block == 0 else 2)
+        start = BodyStart(
+            tuple(drawn.quaternion[place].tolist()), tuple(drawn.angular_velocity[place].tolist())
+        )
+        scene = Scene(ensemble.ellipsoid, stokes, start, 20.0, tracks[number % 2])
+        assert scene.angular_velocity == pytest.approx(
+            jeffery_spin(scene.ellipsoid, scene.initial_rotation[None], tracks[number % 2].numbers)[
+                0
+            ]
+        )
+        found = polhode.solve(scene, error=1e-9, samples=11)
+        energies.append(found.energy / max(scene.ellipsoid.inertia))
+    mean = np.mean(energies, axis=0)
+    np.testing.assert_allclose(statistics.slow[:, -1] / 6, mean, atol=1e-6)
 
 
 def test_the_command_refuses_a_form_of_shear_in_one_line(here: Run, tmp_path):
