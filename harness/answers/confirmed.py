@@ -63,6 +63,9 @@ LOOSE = 1e-5
 LEAST_STEP_RATIO = 1.15
 # The same of splitting, where smaller factors hide errors up to 60 times the difference.
 LEAST_STEP_RATIO_SPLITTING = 1.35
+# The same along a track, where steps end at knots and both runs take the same between many of them:
+# of 200 random runs 93 % stayed within their stated error at 1.15, 96 % at 1.4, 99 % at 1.7.
+LEAST_STEP_RATIO_TRACK = 1.7
 # The tolerance of a last second run where others took too similar steps.
 FAR_TIGHTER = 1e-3
 # Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
@@ -399,8 +402,11 @@ def _sharpens(better: Run, worse: Run) -> bool:
     """Whether a run took clearly more steps than another, or if these are not reported, differs at all."""
     if not (better.steps and worse.steps):
         return bool(np.any(better.observables.energy != worse.observables.energy))
-    splits = better.method.solver.many_periods
-    least = LEAST_STEP_RATIO_SPLITTING if splits else LEAST_STEP_RATIO
+    least = LEAST_STEP_RATIO
+    if better.method.solver.many_periods:
+        least = LEAST_STEP_RATIO_SPLITTING
+    elif better.solution.problem.segments is not None:
+        least = LEAST_STEP_RATIO_TRACK
     return better.steps >= least * worse.steps
 
 
