@@ -59,7 +59,7 @@ RUNS, RUN_STEPS, RUN_KNOTS, RUN_ROWS = 400, 600, 30, 11
 RUN_TIME = 30.0
 
 
-def random_gradient(random: np.random.Generator) -> np.ndarray:
+def random_gradient(random: np.random.Generator) -> Any:
     """A gradient of trace zero whose entries have the variance 1/3."""
     gradient = random.normal(size=(3, 3)) / sqrt(3)
     return gradient - np.eye(3) * np.trace(gradient) / 3
@@ -172,8 +172,8 @@ def _from_eigenvector(scene: Scene, ratio: float) -> float:
     assert scene.flow is not None
     gradient = np.array(scene.flow.gradient)
     operator = 0.5 * (gradient - gradient.T) + anisotropy(ratio) * 0.5 * (gradient + gradient.T)
-    values, vectors = np.linalg.eig(operator)
-    expected = vectors[:, np.argmax(values.real)].real
+    found: Any = np.linalg.eig(operator)
+    expected = found.eigenvectors[:, np.argmax(found.eigenvalues.real)].real
     end = _run(scene).rotation[-1, 2]
     return float(np.linalg.norm(np.cross(end, expected)))
 
@@ -190,7 +190,7 @@ def extension(quick: bool = False) -> Iterator[Record]:
             yield {"ratio": ratio, "stokes": stokes, "aligns": where, "angle": float(angle)}
 
 
-def source(time: Any) -> np.ndarray:
+def source(time: Any) -> Any:
     """A gradient that changes smoothly, shape (..., 3, 3), of which tracks are made."""
     phase = np.asarray(time)[..., None, None]
     steady = np.array(Flow.planar(0.2).gradient)
@@ -317,14 +317,13 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
     return gradient
 
 
-def stated(quick: bool = False, *, quiet: bool = True) -> Iterator[Record]:
+def stated(quick: bool = False) -> Iterator[Record]:
     """Errors of random runs against long double, over those that they state."""
     scenes = random_scenes(16 if quick else RUNS)
     alone = [scene for _, scene in scenes]
     truth = _by_long_double(alone, _gradients(alone), RUN_STEPS, RUN_ROWS)
     random = np.random.default_rng(12)
-    progress = tqdm(scenes, disable=quiet or None, unit="run", leave=False)
-    for number, (name, scene) in enumerate(progress):
+    for number, (name, scene) in enumerate(scenes):
         requested = float(10 ** random.uniform(-9, -3))
         found = solve_scene(scene, form=name, error=requested, samples=RUN_ROWS)
         row: Record = {"form": name, "track": bool(scene.flow and scene.flow.varies)}
@@ -350,3 +349,9 @@ TABLES: dict[str, Callable[[bool], Iterator[Record]]] = {
     "knots": knots,
     "stated": stated,
 }
+
+
+def measure_all(*, quick: bool = False, quiet: bool = False) -> dict[str, list[Record]]:
+    """All tables of the page; with `quick` a few rows of each."""
+    progress = tqdm(TABLES.items(), disable=quiet or None, unit="table", leave=False)
+    return {name: list(rows(quick)) for name, rows in progress}
