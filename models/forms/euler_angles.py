@@ -7,9 +7,9 @@ import numpy as np
 
 from polhode.models.form import Form
 from polhode.models.forms.motion import (
-    angular_acceleration,
-    body_parameters,
+    driven_acceleration,
     full_problem,
+    parameters_of,
     velocity_in_any_flow,
     velocity_in_shear,
 )
@@ -44,7 +44,7 @@ def guarded_sine(ops: Operations):
 def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
     """Rates of (θ, φ, ψ, θ̇, φ̇, ψ̇) (`fth`–`fps`, solved for the accelerations); p as in `motion`."""
     sin, cos = ops.sin, ops.cos
-    sine, acceleration = ops.use(guarded_sine), ops.use(angular_acceleration)
+    sine, acceleration = ops.use(guarded_sine), ops.use(driven_acceleration)
     axes_of, velocity_of = ops.use(axes), ops.use(velocity)
 
     def rhs(y, p):
@@ -141,7 +141,7 @@ class EulerAngles(Form):
         if isinstance(start, EulerStart) and scene.stokes > 0:
             rates = start.rates
         start = *start.angles, *rates
-        inertial, shape = (False,) * 3 + (True,) * 3, body_parameters(scene)
+        inertial, shape = (False,) * 3 + (True,) * 3, parameters_of(scene)
         return full_problem(
             self,
             scene,

@@ -17,16 +17,23 @@ from polhode.models.form import Form
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Factory, Floats, MassForm, Problem, Segments
 from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
 
 # Numbers of a flow (`polhode.models.flow.Flow.numbers`).
 NUMBERS = 8
 
 
-def body_parameters(scene: Scene) -> tuple[float, ...]:
-    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic, damping rates, in shear the shares."""
+def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
+    """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic (`eulg`), damping rates, shares."""
+    return *gyration(ellipsoid), *ellipsoid.damping, *shares(ellipsoid)
+
+
+def parameters_of(scene: Scene) -> tuple[float, ...]:
+    """Shape parameters in the scene's flow: `body_parameters`, without the shares where it is not simple shear."""
     ellipsoid = scene.ellipsoid
-    in_shear = shares(ellipsoid) if scene.flow is None else ()
-    return *gyration(ellipsoid), *ellipsoid.damping, *in_shear
+    if scene.flow is None:
+        return body_parameters(ellipsoid)
+    return *gyration(ellipsoid), *ellipsoid.damping
 
 
 @dataclass(frozen=True)
@@ -124,8 +131,8 @@ def velocity_in_any_flow(ops: Operations) -> Callable:
     return velocity
 
 
-def angular_acceleration(ops: Operations) -> Callable:
-    """Mass times ω̇ in body axes (`govg`), from ω and Jeffery's angular velocity."""
+def driven_acceleration(ops: Operations) -> Callable:
+    """Mass times ω̇ in body axes (`govg`), from ω and Jeffery's angular velocity, in whatever flow."""
 
     def acceleration(w, jeffery, p):
         alpha, beta = p[0], p[1]
@@ -138,6 +145,12 @@ def angular_acceleration(ops: Operations) -> Callable:
         )
 
     return acceleration
+
+
+def angular_acceleration(ops: Operations) -> Callable:
+    """Mass times ω̇ in simple shear, from the flow and gradient directions in body axes and ω."""
+    velocity, acceleration = ops.use(velocity_in_shear), ops.use(driven_acceleration)
+    return lambda x, y, w, p: acceleration(w, velocity(x, y, p), p)
 
 
 def directions(ops: Operations) -> Callable:
