@@ -174,7 +174,7 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
     axes.set_xlim(-1.0, 0.6)
     axes.set_xlabel("α of the flow u = (y, αx, 0): -1 rotates, 0 shears")
     axes.set_ylabel("period of the axis over 1/γ̇")
-    axes.set_title("The axis turns left of the dots and aligns beyond", loc="left", fontsize=10)
+    axes.set_title("The axis turns left of the dotted line, aligns right", loc="left", fontsize=10)
     axes.legend(title="points: measured\nlines: theory", fontsize=9, title_fontsize=9)
     axes.grid(True, linewidth=0.4, alpha=0.5)
 

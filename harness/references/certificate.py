@@ -78,7 +78,8 @@ def certify(
         if form.averaged:
             ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
         else:
-            ratio = _other_form(scene, (other, solver), seen[start], seen[stop], (start, stop))
+            later = scene.later(start, scene.start, stop - start)
+            ratio = _other_form(later, (other, solver), seen[start], seen[stop], stop - start)
         if ratio is not None:
             agreed += 1
             worst = np.maximum(worst, ratio)
@@ -131,7 +132,7 @@ def _other_form(
     by: tuple[str, str],
     before: Observables,
     after: Observables,
-    piece: tuple[float, float],
+    length: float,
 ) -> float | None:
     """Ratio of difference to own error of a piece solved again; None where it cannot be solved."""
     # Euler angles are taken about the three body axes in turn, from the one farthest from their
@@ -146,8 +147,7 @@ def _other_form(
     for axis in axes:
         x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
         body = Ellipsoid((x, y, z))
-        whole = replace(scene, ellipsoid=body)
-        turned = whole.later(piece[0], scene.start, piece[1] - piece[0])
+        turned = replace(scene, ellipsoid=body, time=length)
         starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *SIGNS))
         try:
             problems = [form.problem(replace(turned, start=start)) for start in starts]
