@@ -143,6 +143,16 @@ class Flow:
         values = c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
         return list(values.T)
 
+    def gradient_at(self, time: float) -> np.ndarray:
+        """The gradient at a time, shape (3, 3)."""
+        if not self.varies:
+            return np.array(self.gradient)
+        values = [float(number[0]) for number in self.numbers_at(np.array([time]))]
+        h1, h2, h3, s11, s22, s23, s31, s12 = values
+        strain = np.array([[s11, s12, s31], [s12, s22, s23], [s31, s23, 0.0]])
+        rotation = np.array([[0.0, -h3, h2], [h3, 0.0, -h1], [-h2, h1, 0.0]])
+        return strain - np.eye(3) * (s11 + s22) / 3 + rotation
+
     @cached_property
     def numbers(self) -> tuple[float, ...]:
         """Half the vorticity h₁, h₂, h₃ and the strain S₁₁ - S₃₃, S₂₂ - S₃₃, S₂₃, S₃₁, S₁₂, as fields take them.

@@ -3,14 +3,19 @@
 import tomllib
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from commandline import Run
 
 import polhode
 from polhode.harness.commands.show import scene_text
+from polhode.harness.common.store import read_export
 from polhode.harness.ensembles.sweep import parse_sweep
+from polhode.harness.flows.measure import AS_SHEAR
+from polhode.harness.pages.figures.motion import body
 from polhode.harness.references.reference import reference
+from polhode.models.catalogue import form
 from polhode.models.files.scene_file import parse_scene, read_scene, scene_table
 from polhode.models.files.track_file import track_text
 from polhode.models.flow import Flow, jeffery_spin
@@ -272,3 +277,77 @@ def test_pick_ranks_methods_along_a_track():
         found = polhode.solve(scene, form=row.form, solver=row.solver, tolerance=row.tolerance)
         assert found.success
         assert found.error.slow.high < 1e-5
+
+
+def test_a_study_takes_scenes_in_flows_and_along_tracks(tmp_path, here: Run):
+    (tmp_path / "track.csv").write_text(track_text(track(count=13, time=12.0)), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        """\
+name = "small"
+title = "A small study"
+samples = 11
+max_seconds = 5.0
+tolerances = [1e-5, 1e-8]
+forms = ["quaternion", "averaged"]
+solvers = ["cyrk-vern8", "taylor"]
+[[scenes]]
+name = "planar"
+stokes = 5.0
+time = 12.0
+shape.semi_axes = [1.0, 0.8, 0.5]
+start.euler_angles = [1.0, 0.5, 0.2]
+start.euler_rates = [1.0, 1.0, -1.0]
+flow.gradient = [[0.0, 1.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.0, 0.0]]
+[[scenes]]
+name = "track"
+stokes = 5.0
+time = 12.0
+shape.semi_axes = [1.0, 0.8, 0.5]
+start.euler_angles = [1.0, 0.5, 0.2]
+start.euler_rates = [1.0, 1.0, -1.0]
+flow.track = "track.csv"
+""",
+        encoding="utf-8",
+    )
+    done = here("bench", "study.toml", "--out", "out", "--quiet")
+    assert done.returncode == 0, done.stderr
+    records = list(read_export(tmp_path / "out" / "records.jsonl"))
+    assert len(records) == 8
+    for record in records:
+        assert record["form"] == "quaternion"
+        assert record["status"] == "reached_end"
+        assert record["slow_error"] < 100 * record["tolerance"]
+
+
+def test_work_precision_takes_problems_along_tracks():
+    problem = form("quaternion").problem(replace(TRACK, time=10.0))
+    study = polhode.WorkPrecision(
+        problem, solvers=["cyrk-vern8", "taylor", "cvode-bdf"], tolerances=[1e-5, 1e-8]
+    )
+    frame = study.frame
+    assert (frame["status"] == "reached_end").all()
+    assert (frame["error"] < 100 * frame["tolerance"]).all()
+
+
+@pytest.mark.parametrize("name", ["quaternion", "euler-angles"])
+def test_shear_by_the_equations_of_any_flow_agrees_within_stated_errors(name):
+    shear = replace(PLANAR, flow=None)
+    pair = [
+        polhode.solve(each, form=name, error=1e-7, samples=31)
+        for each in (shear, replace(shear, flow=AS_SHEAR))
+    ]
+    slow = np.max(np.abs(pair[0].observables.slow - pair[1].observables.slow))
+    slow = slow / max(shear.ellipsoid.inertia)
+    assert slow <= sum(each.error.slow.high for each in pair) + 1e-14
+
+
+def test_a_picture_shows_the_arrows_of_the_flow():
+    flow = Flow(((0.5, 1.0, 0.3), (-0.2, -0.8, 0.1), (0.4, 0.0, 0.3)))
+    steady = Flow.track([0.0, 1.0], [flow.gradient, flow.gradient])
+    np.testing.assert_allclose(steady.gradient_at(0.4), flow.gradient, atol=1e-15)
+    figure, axes = plt.subplots()
+    drawn = body(axes, np.array([1.0, 0.8, 0.5]), np.eye(3), flow.gradient_at(0.0))
+    tips = np.array([each.xy for each in drawn.texts])
+    plain = body(figure.add_subplot(), np.array([1.0, 0.8, 0.5]), np.eye(3))
+    assert np.max(np.abs(tips - [each.xy for each in plain.texts])) > 0.1
+    plt.close(figure)
