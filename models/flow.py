@@ -84,7 +84,7 @@ class Flow:
         Between the times, the knots, it is the cubic spline through them: its error falls as the
         fourth power of their distance, and its second derivative is continuous.
         """
-        knots = _checked_knots(times)
+        knots, gradients = _checked_knots(times), _listed(gradients)
         if len(gradients) != len(knots):
             raise ValueError(
                 f"flow.track: got {len(gradients)} gradients at {len(knots)} times, expected one at each"
@@ -173,9 +173,17 @@ class Flow:
         return 0.5 * float(np.max(np.linalg.norm(matrices, axis=(1, 2))))
 
 
+def _listed(given: Any) -> list[Any]:
+    """What a sequence holds; ValueError of anything else."""
+    try:
+        return list(given)
+    except TypeError:
+        raise ValueError(f"flow.track: got {given!r:.60}, expected a sequence") from None
+
+
 def _checked_knots(times: Any) -> tuple[float, ...]:
     """Times of a track in Python's numbers; raises ValueError unless they are finite and increase."""
-    knots = tuple(times)
+    knots = _listed(times)
     for knot in knots:
         require_numbers("flow.track", knot)
     knots = tuple(map(float, knots))
