@@ -19,6 +19,7 @@ from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.ivp import check_samples, increasing
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import FORMS, form as find_form
+from polhode.models.flow import Flow
 from polhode.models.form import Form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -149,6 +150,7 @@ def _methods(
     equations = find_form(form) if form is not None else None
     method = find_solver(solver) if solver is not None else None
     if equations:
+        equations.require_flow(scene)
         equations.check(scene)
         if want == "orientation" and equations.orientation_of(scene) == "none":
             got = f"got 'orientation' for form {FORMS.name_of(equations)!r}, which gives none"
@@ -301,6 +303,9 @@ def as_scene(scene: SceneLike) -> Scene:
 
 def _in_doubles(given: Any) -> Any:
     """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
+    if given is None or isinstance(given, Flow):
+        # A flow holds Python numbers, and may hold many.
+        return given
     if hasattr(given, "__dataclass_fields__"):
         parts = {name: getattr(given, name) for name in given.__dataclass_fields__}
         others = {

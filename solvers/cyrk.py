@@ -43,6 +43,7 @@ from polhode.solvers.contract import (
     Settings,
     Solver,
     Status,
+    change,
 )
 from polhode.solvers.event_search import LOOK_GROWTH, looks
 from polhode.solvers.machine_code.address import address_of
@@ -184,6 +185,7 @@ class CyrkSolver(Solver):
     tolerances = ("atol", "atol 0", "rtol vector")
     limits = ("max_step", "first_step")
     seeks_events = True
+    takes_segments = True
     method: ClassVar[str]
 
     def load(self) -> None:
@@ -201,10 +203,11 @@ class CyrkSolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         calls = np.zeros(1, dtype=np.int64)
-        call = self._call(problem, settings, calls)
+        call, count = self._call(problem, settings, calls), len(problem.parameters or ())
 
         def integrate(record: Record) -> Outcome:
-            if not call.begins(record.start, self.switching):
+            change(call.parameters, count, record)
+            if not (record.goes_on or call.begins(record.start, self.switching)):
                 return Status.NON_FINITE, "rates at the start are too large beside the tolerance"
             calls[0] = 0
             outcome = _run(call, record)

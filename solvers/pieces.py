@@ -25,6 +25,7 @@ from polhode.solvers.contract import (
     Work,
 )
 from polhode.solvers.event_search import EventFailedError, EventSearch
+from polhode.solvers.segments import by_segments
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
 # it would lose.
@@ -133,6 +134,8 @@ class Run:
         settings = self.settings if same else self.settings.at(tolerance)
         with spent_on("compilation"):
             integrate = self.method.prepare(piece.problem, settings)
+        if piece.problem.segments is not None:
+            integrate = by_segments(integrate, piece.problem)
         self.prepared = piece.problem, tolerance, integrate
         self.began += perf_counter() - before
         return integrate

@@ -11,7 +11,7 @@ from polhode.models.libraries import installed
 from polhode.models.once import OncePerThread, once
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, change
 from polhode.solvers.event_search import LOOK_GROWTH, looks
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -181,23 +181,28 @@ class Bound:
             integrator.state[:], integrator.pars[:] = start, self.parameters.astype(number)
             return
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
-        parameters = [*self.parameters.astype(number), *self.units.astype(number)]
+        given, behind = len(self.parameters), len(self.parameters) + self.variables
+        integrator.pars[:given] = self.parameters.astype(number)
+        integrator.pars[given:behind] = self.units.astype(number)
         if self.timed:
             self.offset = start[-1] - number.type(time)
-            parameters.append(self.offset)
-        integrator.pars[:] = np.array(parameters, dtype=number)
+            integrator.pars[behind] = self.offset
 
     def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
         """What the integrator's rows mean, shape (n, d)."""
         if self.units is None:
             return rows
         rows = rows * self.units.astype(rows.dtype)
-        if self.timed:
-            rows = np.column_stack([rows, times[: len(rows)] + self.offset])
-        return rows
+        if not self.timed:
+            return rows
+        whole = np.empty((len(rows), rows.shape[1] + 1), rows.dtype)
+        whole[:, :-1] = rows
+        whole[:, -1] = times[: len(rows)] + self.offset
+        return whole
 
     def propagate(self, record: Record) -> Outcome:
         """Run from the record's start over its times."""
+        change(self.parameters, len(self.parameters), record)
         self.begin(record.times[0], record.start)
         if record.events:
             return propagate_with_events(self.integrator, record, self.states, self.max_step)
@@ -229,6 +234,7 @@ class Taylor(Solver):
     tolerances = ("atol",)
     limits = ("max_step",)
     seeks_events = True
+    takes_segments = True
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         return self._bound(problem, settings).propagate

@@ -8,6 +8,7 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.contract import Record
+from polhode.solvers.segments import by_segments
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, Precision, extends_precision
 
@@ -58,7 +59,10 @@ def extended_run(
     rows = np.empty((len(times), problem.dimension), dtype=number)
     rows[0] = np.array(problem.start).astype(number)
     most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
-    status, message = bound.propagate(Record(times, rows, deadline, most))
+    integrate = bound.propagate
+    if problem.segments is not None:
+        integrate = by_segments(integrate, problem)
+    status, message = integrate(Record(times, rows, deadline, most))
     if not status.success:
         raise ReferenceFailedError(
             f"the reference of form {problem.name!r} ended with {status}: {message}", status

@@ -375,4 +375,7 @@ def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, 
         "runs": (SPHEROIDS, OTHERS, AGAINST) if long else extended,
         "heyoka": version_of("heyoka"),
     }
+    if problem.segments is not None:
+        segments = problem.segments
+        content["segments"] = [segments.times.tobytes().hex(), segments.values.tobytes().hex()]
     return digest(content)

@@ -17,7 +17,7 @@ import numpy as np
 
 from polhode.models.once import once
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status, change
 from polhode.solvers.machine_code.address import address_of
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, compile_file
@@ -42,6 +42,7 @@ class Memory:
         self.flushed_to_zero = FlushedToZero()
         d = problem.dimension
         self.mass, values = posed(problem, self.implicit)
+        self.count = len(values)
         # The arrays live as long as what points to them.
         self.data, self.start = np.array([*values, *self.mass]), np.array(problem.start)
         self.slope, self.residual, self.differential = (
@@ -115,6 +116,7 @@ class Memory:
     def begin(self, record: Record) -> None:
         """Start from a record's first row, which IDA makes consistent; RuntimeError where it cannot."""
         time = float(record.times[0])
+        change(self.data, self.count, record)
         self.library("N_VSetArrayPointer", address_of(record.rows), self.state)
         if self.implicit:
             self.slope[:] = 0.0
