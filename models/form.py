@@ -14,6 +14,10 @@ from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 Orientation = Literal["full", "axis", "none"]
 
 
+# What a start by L and E alone lacks where no averaged form takes it.
+_WAY_OUT = "give a start with angles or a quaternion"
+
+
 class FormNotValidError(ValueError):
     """A scene lies outside a form's validity: the `condition` that failed, the `form`, the one to use `instead`."""
 
@@ -102,10 +106,10 @@ class Form(ABC):
         """The scene's start; raises FormNotValidError if it gives L and E alone."""
         if isinstance(scene.start, SlowStart):
             averages = 0 < scene.stokes < inf and any(scene.start.angular_momentum)
-            raise self.refuse(
-                "the start gives L and E but no orientation",
-                averaged_form(scene) if averages else "",
-            )
+            why = "the start gives L and E but no orientation"
+            if averages:
+                raise self.refuse(why, averaged_form(scene))
+            raise self.refuse(f"{why}: {_WAY_OUT}", "")
         return scene.start
 
     def require_flow(self, scene: Scene) -> None:
@@ -128,8 +132,10 @@ class Form(ABC):
             why, instead = "the start has L = 0, where averaging does not apply", full_form(scene)
         else:
             return
-        # No form follows a start without orientation where none averages.
-        raise self.refuse(why, "" if isinstance(scene.start, SlowStart) else instead)
+        if isinstance(scene.start, SlowStart):
+            # No form follows a start without orientation where none averages.
+            raise self.refuse(f"{why}: {_WAY_OUT}", "")
+        raise self.refuse(why, instead)
 
     def slow_problem(
         self,

@@ -181,11 +181,12 @@ def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tup
 
 @once()
 def system_in_units(
-    factory: Factory, dimension: int, parameters: int, *, timed: bool
+    factory: Factory, dimension: int, parameters: int, *, timed: bool, paced: bool = False
 ) -> list[tuple[Any, Any]]:
     """As `traced_system`, of ``y[i] / unit[i]``; a field of time gets heyoka's own, which is no variable then.
 
-    Behind p, ``heyoka.par`` holds the units and, with `timed`, the time of the field at heyoka's 0.
+    Behind p, ``heyoka.par`` holds the units and, with `timed`, the time of the field at heyoka's 0,
+    and with `paced` the unit of heyoka's time.
     """
     heyoka = load_heyoka()
     trace(factory, dimension, parameters)
@@ -194,10 +195,14 @@ def system_in_units(
     values = list(names) if variables > 1 else [names]
     units = [heyoka.par[parameters + i] for i in range(variables)]
     state = [unit * value for unit, value in zip(units, values, strict=True)]
+    pace = heyoka.par[parameters + variables + timed] if paced else None
     if timed:
-        state.append(heyoka.time + heyoka.par[parameters + variables])
+        time = heyoka.time if pace is None else pace * heyoka.time
+        state.append(time + heyoka.par[parameters + variables])
     rates = factory(_heyoka_operations())(state, [heyoka.par[i] for i in range(parameters)])
     scaled = [rate / unit for rate, unit in zip(rates, units, strict=False)]
+    if pace is not None:
+        scaled = [pace * rate for rate in scaled]
     return list(zip(values, scaled, strict=True))
 
 

@@ -197,9 +197,12 @@ class CyrkSolver(Solver):
 
     @property
     def note(self) -> str | None:
-        """Whose Jacobian an implicit method uses."""
-        differenced = self.available and "exact" in self.jacobians and self.lacks("exact")
-        return "available, with finite differences: no C++ entry found" if differenced else None
+        """Which way an implicit method gets its Jacobian."""
+        if not self.available or "exact" not in self.jacobians:
+            return None
+        if self.lacks("exact"):
+            return "available, Jacobian by finite differences: no C++ entry found"
+        return "available, exact Jacobian through the C++ entry"
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         calls = np.zeros(1, dtype=np.int64)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
+from math import inf
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from polhode.models import long_double
 from polhode.models.libraries import installed
 from polhode.models.once import OncePerThread, once
+from polhode.models.operations import FLOAT
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, change
@@ -20,6 +22,16 @@ Precision = Literal["double", "long double", "quadruple"]
 CHUNK = 10_000
 # Components up to which every operation is compiled in place.
 _MAX_UNROLLED = 50
+# Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
+# the range of double precision, which ends at 308: rates may be faster or slower than the time says.
+_MAX_EXPONENT = 200.0
+# Steps at one unit of time where coefficients would leave that range: a rate may change by a
+# factor of 1e8 in so many.
+_PACED_STEPS = 16
+# So many of these pieces later the steps must have doubled, or the run is given up if it has more
+# than so many pieces ahead.
+_PACED_PIECES = 40
+_MAX_PIECES_AHEAD = 1e8
 # Steps before the first look for events; from look to look there are more of them, up to `CHUNK`.
 _FIRST_LOOK = 64
 
@@ -38,6 +50,7 @@ def _compiled(
     precision: Precision = "double",
     in_units: bool = False,
     timed: bool = False,
+    paced: bool = False,
 ) -> Any:
     """heyoka's integrator of a field, of which every thread has a copy."""
     # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
@@ -50,7 +63,7 @@ def _compiled(
         # heyoka has no such type where the compiler has none.
         number = heyoka.real128
     if in_units:
-        system = system_in_units(factory, dimension, parameters, timed=timed)
+        system = system_in_units(factory, dimension, parameters, timed=timed, paced=paced)
     else:
         system = traced_system(factory, dimension, parameters)
     start = np.zeros(len(system), number)
@@ -156,19 +169,23 @@ class Bound:
         precision: Precision = "double",
         units: np.ndarray | None = None,
         max_step: float = np.inf,
+        *,
+        paced: bool = False,
     ) -> None:
         self.timed, self.max_step = problem.timed, max_step
         self.variables = problem.dimension - self.timed
         if units is not None:
             units = np.broadcast_to(units, problem.dimension)[: self.variables]
             units = np.exp2(np.round(np.log2(units)))
-        if self.timed and units is None:
+        if (self.timed or paced) and units is None:
             units = np.ones(self.variables)
-        self.units = None if units is None or (not self.timed and (units == 1).all()) else units
+        plain = units is None or (not self.timed and not paced and (units == 1).all())
+        self.units = None if plain else units
+        self.pace = 1.0 if paced else None
         self.parameters = parameter_array(problem)
         self.integrator = taylor_integrator(
             *(problem.field, problem.dimension, len(self.parameters), tolerance, precision),
-            *(self.units is not None, self.timed),
+            *(self.units is not None, self.timed, paced),
         )
         self.offset = 0.0
 
@@ -187,6 +204,8 @@ class Bound:
         if self.timed:
             self.offset = start[-1] - number.type(time)
             integrator.pars[behind] = self.offset
+        if self.pace is not None:
+            integrator.pars[behind + self.timed] = self.pace
 
     def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
         """What the integrator's rows mean, shape (n, d)."""
@@ -207,6 +226,82 @@ class Bound:
         if record.events:
             return propagate_with_events(self.integrator, record, self.states, self.max_step)
         return propagate(self.integrator, record, self.states, self.max_step)
+
+
+def _own_units(
+    problem: Problem, state: np.ndarray, units: np.ndarray, most: float
+) -> tuple[float, float]:
+    """The state's size in its units, and the time in which it changes by that size, `most` at most: powers of two."""
+    variables = len(units)
+    size = float(np.max(np.abs(state[:variables] / units))) or 1.0
+    try:
+        rates = problem.field(FLOAT)(state.tolist(), problem.parameters)
+    except (ArithmeticError, ValueError):
+        rates = np.zeros(variables)
+    with np.errstate(all="ignore"):
+        rate = float(np.max(np.abs(np.array(rates, dtype=float)[:variables] / units))) / size
+        time = min(most, 1 / rate) if rate > 0 else most
+        size, time = np.exp2(np.floor(np.log2([size, time]))).tolist()
+    return size, time
+
+
+def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
+    """Go on from the last row filled, in units of state and time that follow the run.
+
+    No coefficient of the series then leaves its range. The tolerance is relative where the state is
+    below its units: an absolute one would let a step leave the series' radius there.
+    """
+    outcome = load_heyoka().taylor_outcome
+    integrator, work, units = bound.integrator, record.work, bound.units
+    assert units is not None, "bound in units"
+    steps = work.steps or 0
+    time, end = float(record.times[record.filled - 1]), float(record.times[-1])
+    state = record.rows[record.filled - 1].astype(float)
+    pieces: list[float] = []
+    length = _PACED_STEPS
+    while record.filled < len(record.times):
+        size, bound.pace = _own_units(problem, state, units, end - time)
+        bound.units = units * min(1.0, size)
+        bound.begin(0.0, state)
+        grid = np.concatenate([[0.0], (record.times[record.filled :] - time) / bound.pace])
+        result = integrator.propagate_grid(
+            grid,
+            max_steps=min(record.chunk(length), record.max_steps - steps),
+            max_delta_t=bound.max_step / bound.pace,
+        )
+        reason, steps = result[0], steps + result[3]
+        work.steps = steps
+        reached = bound.pace * float(integrator.time)
+        after = bound.states(integrator.state.copy()[None], np.array([reached]))[0]
+        if reason in (outcome.time_limit, outcome.step_limit) and result[3] > 1:
+            slower = _own_units(problem, after, units, inf)[1] / bound.pace
+            if integrator.order * np.log10(max(slower, 1.0)) > _MAX_EXPONENT:
+                # Coefficients may have vanished on the way: again, step by step.
+                length = 1
+                continue
+        length = _PACED_STEPS
+        rows = bound.states(result[-1][1:], bound.pace * grid[1:])
+        finite = np.isfinite(rows).all(axis=1)
+        record.put(rows if finite.all() else rows[: int(np.argmin(finite))])
+        if reason == outcome.time_limit:
+            continue
+        if reason != outcome.step_limit:
+            return (
+                Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW,
+                str(reason),
+            )
+        before, time, state = time, time + reached, after
+        if time == before:
+            return Status.STEP_UNDERFLOW, f"stalled at t = {time!r}"
+        record.now = time
+        pieces = [*pieces[-_PACED_PIECES:], time - before]
+        grown = len(pieces) <= _PACED_PIECES or pieces[-1] > 2 * pieces[0]
+        if not grown and end - time > _MAX_PIECES_AHEAD * pieces[-1]:
+            step = pieces[-1] / max(1, result[3])
+            return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {time!r}"
+        if stopped := record.stopped or record.crawls(steps, time):
+            return stopped
+    return Status.REACHED_END, ""
 
 
 class Taylor(Solver):
@@ -237,11 +332,31 @@ class Taylor(Solver):
     takes_segments = True
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        return self._bound(problem, settings).propagate
+        bound = self._bound(problem, settings)
+        order = bound.integrator.order
 
-    def _bound(self, problem: Problem, settings: Settings) -> Bound:
+        def integrate(record: Record) -> Outcome:
+            duration = float(record.times[-1] - record.times[0])
+            # In a long time coefficients of slow rates vanish, and with them the error that they
+            # show; those of fast rates overflow, as does a state that becomes infinite.
+            outcome = None
+            # Parameters that change, along a track, do so in moderate times.
+            as_it_is = bool(record.events) or record.changed is not None
+            if as_it_is or order * np.log10(duration) < _MAX_EXPONENT:
+                outcome = bound.propagate(record)
+                if as_it_is or outcome[0] is not Status.NON_FINITE:
+                    return outcome
+            paced = self._bound(problem, settings, paced=True)
+            again = propagate_paced(problem, paced, record)
+            return outcome if outcome and not again[0].success else again
+
+        return integrate
+
+    def _bound(self, problem: Problem, settings: Settings, *, paced: bool = False) -> Bound:
         units = None if settings.atol == settings.rtol else settings.atols() / settings.tolerance
-        return Bound(problem, settings.tolerance, units=units, max_step=settings.max_step)
+        return Bound(
+            problem, settings.tolerance, units=units, max_step=settings.max_step, paced=paced
+        )
 
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray

@@ -8,12 +8,15 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, where
+from polhode.harness.analysis.in_full import HYBRID
 from polhode.harness.references.uncertainty import known, least_known, uncertainty_of
 from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
-Side = Literal["implicit", "explicit", "averaged"]
+Side = Literal["implicit", "explicit", "tailored", "averaged"]
+# Of solvers that know St.
+_KNOWS_STOKES = "polhode"
 # Errors of a page's tables.
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 # Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise
@@ -39,12 +42,14 @@ class Method(NamedTuple):
         """Which kind of method it is."""
         if find_form(self.form).averaged:
             return "averaged"
+        if self.form == HYBRID or find_solver(self.solver).family == _KNOWS_STOKES:
+            return "tailored"
         return "implicit" if find_solver(self.solver).implicit else "explicit"
 
     @property
     def label(self) -> str:
-        """What sets it apart on a map: averaged forms by their name, since any solver will do, others by solver."""
-        return self.form if self.side == "averaged" else self.solver
+        """What sets it apart on a map: the name of a form that averages, since any solver will do, or the solver."""
+        return self.form if self.side == "averaged" or self.form == HYBRID else self.solver
 
 
 def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:
@@ -233,5 +238,7 @@ def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[
 
 def usual_form(found: Sequence[Cell]) -> str:
     """The full form that wins most cells."""
-    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"]
+    forms = [
+        cell.winner.form for cell in found if cell.winner and cell.winner.label != cell.winner.form
+    ]
     return max(dict.fromkeys(forms), key=forms.count, default="")

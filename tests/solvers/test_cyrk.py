@@ -139,8 +139,16 @@ def test_without_the_entry_the_library_differences(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("polhode.solvers.cyrk.entry_with_jacobian", lambda: None)
     method = find_solver("cyrk-radau")
     assert method.settings(1e-6).jacobian == "difference"
-    assert method.note == "available, with finite differences: no C++ entry found"
+    assert method.note == "available, Jacobian by finite differences: no C++ entry found"
     with pytest.raises(ValueError, match="jacobian: got 'exact', expected CyRK's C\\+\\+ entry"):
         method.settings(1e-6, jacobian="exact")
     assert solve(_stiff_spheroid(1e-2), method, 1e-5).success
     assert find_solver("cyrk-vern8").note is None
+
+
+@needs_the_entry
+@pytest.mark.parametrize("name", ["cyrk-radau", "cyrk-bdf", "cyrk-lsoda"])
+def test_the_list_of_solvers_says_which_way_the_jacobian_goes(name):
+    method = find_solver(name)
+    assert method.note == "available, exact Jacobian through the C++ entry"
+    assert method.settings(1e-6).jacobian == "exact"

@@ -19,6 +19,7 @@ NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
     "explicit": ("Oscillatory middle", "explicit methods"),
+    "tailored": ("Made for large St", "full solution at large St"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
 # In inches: a cell, what stands beside both maps, an entry of the legend; lines of a cell, in rows.
@@ -165,7 +166,7 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
     ink = "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.4 else "black"
     lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else factor(cell.lead)
     texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
-    if cell.winner.side != "averaged" and cell.winner.form != usual:
+    if cell.winner.label != cell.winner.form and cell.winner.form != usual:
         texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
     gap = LINE if len(texts) < 3 else 0.3
     for k, (line, size) in enumerate(texts):

@@ -103,6 +103,24 @@ def test_winners_leads_and_ties(table: pd.DataFrame):
     assert sides == ["implicit", "explicit", "averaged"]
 
 
+@pytest.mark.parametrize(
+    ("form", "solver", "side", "label"),
+    [
+        ("hybrid", "cyrk-dop853", "tailored", "hybrid"),
+        ("spheroid-axis", "splitting", "tailored", "splitting"),
+        ("spheroid-axis", "splitting-extended", "tailored", "splitting-extended"),
+        ("spheroid-axis", "stroboscopic", "tailored", "stroboscopic"),
+        ("spheroid-axis", "taylor", "explicit", "taylor"),
+        ("quaternion", "cyrk-bdf", "implicit", "cyrk-bdf"),
+        ("euler-top", "exact", "explicit", "exact"),
+        ("averaged-second-order", "cyrk-dop853", "averaged", "averaged-second-order"),
+    ],
+)
+def test_methods_made_for_large_stokes_numbers_have_a_band_of_their_own(form, solver, side, label):
+    method = Method(form, solver)
+    assert (method.side, method.label) == (side, label)
+
+
 def test_a_hybrid_run_that_averaged_nothing_is_one_of_the_full_form():
     """Its errors and its work are those of a full run at another tolerance, or its plan says so."""
     full = [

@@ -2,12 +2,13 @@
 
 import json
 from dataclasses import replace
+from math import inf, pi
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from polhode import BodyStart, Ellipsoid, EulerStart, Scene, SceneSolution, solve
+from polhode import BodyStart, Ellipsoid, EulerStart, Scene, SceneSolution, pick, solve
 from polhode.harness.answers import confirmed
 from polhode.harness.answers.statement import UNKNOWN, factors
 from polhode.harness.references.errors import errors
@@ -203,6 +204,34 @@ def test_a_start_by_l_and_e_is_averaged_and_states_its_error():
     bare = replace(scene, start=SlowStart((lx, ly, lz), float(scene.initial.energy[0])))
     found = solve(bare, error=1e-2)
     assert (found.form, found.error.kind, found.error.advice) == ("averaged", "estimate", "")
+
+
+@pytest.mark.parametrize("stokes", [0.0, inf])
+def test_a_start_by_l_and_e_that_nothing_averages_is_told_what_it_lacks(stokes):
+    bare = replace(named_scene("paper"), stokes=stokes, start=SlowStart((0.1, 0.05, -0.2), 0.08))
+    for answer in (solve, pick):
+        with pytest.raises(ValueError, match="give a start with angles or a quaternion") as refused:
+            answer(bare)
+        assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("off", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("form", ["euler-top", "quaternion"])
+def test_a_torque_free_racket_states_its_error(form, off):
+    """About the middle axis, from which it flips; the closed form says how far the run is off."""
+    scene = replace(
+        named_scene("top"),
+        ellipsoid=Ellipsoid((1.0, 0.8, 0.5)),
+        start=BodyStart((0.5, 0.5, 0.5, 0.5), (off, 1.0, off)),
+        time=200.0,
+    )
+    found = solve(scene, form=form, solver="taylor", tolerance=1e-11)
+    assert found.error.slow.high < 1e-9
+    # Next to the unstable rotation the bound may be half a turn, but there is one.
+    assert found.error.orientation.high <= pi
+    exact = solve(scene, form="euler-top", solver="exact", tolerance=1e-11)
+    off_exact = np.abs(found.rotation - exact.rotation).max()
+    assert off_exact <= 2 * found.error.orientation.high + exact.error.orientation.high
 
 
 def test_a_closed_form_has_rounding_alone():
