@@ -31,7 +31,7 @@ from polhode.solvers.catalogue import SOLVERS
 
 ROOT = Path(__file__).parents[1]
 REPORTS = ROOT / "reports"
-NUMBERS = {3: "three", 10: "ten", 11: "eleven", 12: "twelve"}
+NUMBERS = {3: "three", 10: "ten", 11: "eleven", 12: "twelve", 20: "twenty"}
 
 pytestmark = pytest.mark.skipif(not REPORTS.is_dir(), reason="no committed pages here")
 
@@ -197,9 +197,30 @@ def test_the_pages_of_solvers_on_equal_footing_follow_from_the_data():
 
 def test_readme_says_what_there_is():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    assert f" in {NUMBERS[len(FORMS)]} forms" in readme
+    assert (
+        f" runs {NUMBERS[len(FORMS)]} forms of the equations by {NUMBERS[len(SOLVERS)]} solvers"
+        in readme
+    )
     own = [name for name in SOLVERS if SOLVERS.find(name).family == "polhode"]
     assert f" and {NUMBERS[len(own)]} of its own " in readme
+
+
+def test_readme_says_what_was_found_on_the_paper_and_on_the_map():
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    paper = re.search(r"\n(\d+ items: [^.]*)\.", text("paper/README.md"))
+    assert paper
+    assert paper[1] in readme
+    said = re.search(
+        r"explicit solvers lead by (\S+) times in the median .*? by (\S+) times", readme
+    )
+    assert said, "what it says of leads has changed"
+    line = re.search(
+        r"- The ellipsoid, orientation: .*?explicit solvers win .*?by (\S+) × in the median"
+        r".*?methods made for large St win .*?by (\S+) × in the median",
+        text("regimes/README.md"),
+    )
+    assert line
+    assert said.groups() == line.groups()
 
 
 def test_readme_says_how_long_the_runs_of_the_map_last():
@@ -219,7 +240,7 @@ def test_readme_says_how_long_the_runs_of_the_map_last():
 def test_readme_says_up_to_which_stokes_number_implicit_methods_win():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     said = re.search(
-        r"implicit methods win at every error up to St = (\S+), at loose ones up to St = (\S+)\)",
+        r"implicit methods win at every error up to St = (\S+), at loose ones up to St = (\S+)\.",
         readme,
     )
     assert said, "what it says of implicit methods has changed"
