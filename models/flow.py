@@ -281,12 +281,13 @@ def jeffery_angular_velocity(ops: Operations) -> Callable:
 def jeffery_in_any_flow(ops: Operations) -> Callable:
     """Jeffery's angular velocity in body axes, in any linear flow.
 
-    Of the columns x, y, z of t_ij, (c² - b²)/(b² + c²) and cyclic (`gyration`), and the flow's
-    numbers. With the strain rate in body axes S' = t S tᵀ it is ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²),
-    which is (b² G₃₂ - c² G₂₃)/(b² + c²) with the gradient G in body axes.
+    Of multiples x, y, z of the columns of t_ij, the scale that makes columns of them, (c² - b²)/(b² +
+    c²) and cyclic (`gyration`), and the flow's numbers. With the strain rate in body axes S' = t S tᵀ
+    it is ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²), which is (b² G₃₂ - c² G₂₃)/(b² + c²) with the gradient
+    G in body axes.
     """
 
-    def spin(x, y, z, g, f):
+    def spin(x, y, z, scale, g, f):
         h1, h2, h3, s11, s22, s23, s31, s12 = f
         # S times the second and the third body axis.
         u1 = s11 * x[1] + s12 * y[1] + s31 * z[1]
@@ -298,10 +299,12 @@ def jeffery_in_any_flow(ops: Operations) -> Callable:
         strain23 = x[1] * v1 + y[1] * v2 + z[1] * v3
         strain31 = x[0] * v1 + y[0] * v2 + z[0] * v3
         strain12 = x[0] * u1 + y[0] * u2 + z[0] * u3
+        # Last, since a processor has it late: it is a quotient.
+        square = scale * scale
         return (
-            h1 * x[0] + h2 * y[0] + h3 * z[0] - g[0] * strain23,
-            h1 * x[1] + h2 * y[1] + h3 * z[1] - g[1] * strain31,
-            h1 * x[2] + h2 * y[2] + h3 * z[2] - g[2] * strain12,
+            scale * (h1 * x[0] + h2 * y[0] + h3 * z[0]) - g[0] * square * strain23,
+            scale * (h1 * x[1] + h2 * y[1] + h3 * z[1]) - g[1] * square * strain31,
+            scale * (h1 * x[2] + h2 * y[2] + h3 * z[2]) - g[2] * square * strain12,
         )
 
     return spin
@@ -317,7 +320,7 @@ def jeffery_spin(
     x, y, z = (rotation[:, :, column].T for column in range(3))
     if numbers is None:
         return np.stack(jeffery_angular_velocity(ARRAYS)(x, y, shares(ellipsoid)), axis=1)
-    return np.stack(jeffery_in_any_flow(ARRAYS)(x, y, z, gyration(ellipsoid), numbers), axis=1)
+    return np.stack(jeffery_in_any_flow(ARRAYS)(x, y, z, 1.0, gyration(ellipsoid), numbers), axis=1)
 
 
 def dissipation(

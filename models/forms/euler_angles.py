@@ -80,11 +80,11 @@ def _directions(ops: Operations) -> Callable:
 
 
 def _space_axes(ops: Operations) -> Callable:
-    """All three space axes in body axes."""
+    """All three space axes in body axes, and their scale."""
     directions = ops.use(_directions)
 
     def of(st, ct, sf, cf, ss, cs):
-        return *directions(st, ct, sf, cf, ss, cs), (st * ss, st * cs, ct)
+        return *directions(st, ct, sf, cf, ss, cs), (st * ss, st * cs, ct), 1.0
 
     return of
 

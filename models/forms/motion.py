@@ -121,12 +121,12 @@ def velocity_in_shear(ops: Operations) -> Callable:
 
 
 def velocity_in_any_flow(ops: Operations) -> Callable:
-    """Jeffery's angular velocity in a linear flow, from the space axes in body axes and p."""
+    """Jeffery's angular velocity in a linear flow, from multiples of the space axes in body axes, their scale and p."""
     jeffery = ops.use(jeffery_in_any_flow)
 
-    def velocity(x, y, z, p):
+    def velocity(x, y, z, scale, p):
         flow = (p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
-        return jeffery(x, y, z, (p[2], p[3], p[4]), flow)
+        return jeffery(x, y, z, scale, (p[2], p[3], p[4]), flow)
 
     return velocity
 
@@ -179,19 +179,19 @@ def directions(ops: Operations) -> Callable:
 
 
 def space_axes(ops: Operations) -> Callable:
-    """All three space axes in body axes, the columns of t_ij, of a quaternion of any norm, as `directions`."""
-    flow_and_gradient = ops.use(directions)
+    """All three space axes in body axes times |q|², of a quaternion of any norm, and 1/|q|²."""
 
     def of(q0, q1, q2, q3):
-        flow, gradient = flow_and_gradient(q0, q1, q2, q3)
         scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-        double = 2 * scale
-        vorticity = (
-            double * (q1 * q3 - q0 * q2),
-            double * (q2 * q3 + q0 * q1),
-            scale * (q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3),
+        x2, x3 = q1 * q2 - q0 * q3, q1 * q3 + q0 * q2
+        y1, y3 = q1 * q2 + q0 * q3, q2 * q3 - q0 * q1
+        z1, z2 = q1 * q3 - q0 * q2, q2 * q3 + q0 * q1
+        return (
+            (q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, x2 + x2, x3 + x3),
+            (y1 + y1, q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, y3 + y3),
+            (z1 + z1, z2 + z2, q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3),
+            scale,
         )
-        return flow, gradient, vorticity
 
     return of
 
