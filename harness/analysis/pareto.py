@@ -238,5 +238,7 @@ def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[
 
 def usual_form(found: Sequence[Cell]) -> str:
     """The full form that wins most cells."""
-    forms = [cell.winner.form for cell in found if cell.winner and cell.winner.label != cell.winner.form]
+    forms = [
+        cell.winner.form for cell in found if cell.winner and cell.winner.label != cell.winner.form
+    ]
     return max(dict.fromkeys(forms), key=forms.count, default="")
