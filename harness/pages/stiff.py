@@ -24,6 +24,18 @@ from polhode.solvers.contract import Status
 ERRORS = (1e-4, 1e-6, 1e-8)
 # The error of the figure.
 SHOWN_ERROR = 1e-6
+# What the shared records leave out: there are 1500 of them.
+LEFT_OUT = (
+    "key",
+    "errors",
+    "model_orientation_error",
+    "model_slow_error",
+    "solver_orientation_error",
+    "solver_slow_error",
+    "solver_slow_uncertainty",
+    "statistics_distance",
+    "statistics_uncertainty",
+)
 # Of the figure: 838 pixels wide at the resolution at which figures are saved.
 _SIZE = (838 / 150, 3.4)
 _ANGLES = ("euler-angles", "spheroid-angles")
@@ -84,7 +96,11 @@ class Run:
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its figure and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    export(records, folder / "records.jsonl")
+    shared = [
+        {name: value for name, value in record.items() if name not in LEFT_OUT}
+        for record in records
+    ]
+    export(shared, folder / "records.jsonl")
     runs = [Run.of(record) for record in records]
     save(figure(runs), folder, "stiff")
     first = [_winner_cells(found) for found in winners(runs)]
@@ -177,7 +193,7 @@ def winners(runs: Sequence[Run]) -> list[Winner]:
 
 def _winner_cells(winner: Winner) -> list[str]:
     run, other = winner.run, winner.other
-    lead = "alone" if other is None else f"× {winner.lead:.2g}"
+    lead = "alone" if other is None else f"× {winner.lead:.3g}"
     if winner.tied:
         lead = f"tie ({lead})"
     place = [winner.scene, short(winner.stokes), short(winner.error)]
@@ -199,6 +215,7 @@ class Pair:
     solver: str
     beside: str
     ratios: list[float]
+    longest: Run | None  # The first one's run with the largest ratio.
     only_first: int  # Runs that only the first choice gets through.
     only_second: int
 
@@ -215,12 +232,16 @@ def gains(runs: Sequence[Run], choice: str, names: tuple[str, str]) -> list[Pair
     for (solver, own, *_), found in by_way.items():
         if set(names) <= set(found):
             first, second = (found[name] for name in names)
-            pair = pairs.setdefault((solver, own), Pair(solver, own, [], 0, 0))
+            pair = pairs.setdefault((solver, own), Pair(solver, own, [], None, 0, 0))
+            longest = pair.longest
             if first.reached and second.reached:
-                pair.ratios.append(second.seconds / first.seconds)
+                ratio = second.seconds / first.seconds
+                if ratio > max(pair.ratios, default=0.0):
+                    longest = first
+                pair.ratios.append(ratio)
             one = pair.only_first + (first.reached and not second.reached)
             two = pair.only_second + (second.reached and not first.reached)
-            pairs[solver, own] = Pair(solver, own, pair.ratios, one, two)
+            pairs[solver, own] = Pair(solver, own, pair.ratios, longest, one, two)
     return sorted(pairs.values(), key=lambda pair: (rank(pair.solver), pair.beside))
 
 
@@ -298,12 +319,8 @@ def answers(runs: Sequence[Run]) -> dict[str, Any]:
     for winner in found:
         won.setdefault(winner.run.solver, []).append(winner)
     order = sorted(won, key=lambda name: -len(won[name]))
-    exact = [
-        ratio for pair in gains(runs, "jacobian", ("exact", "difference")) for ratio in pair.ratios
-    ]
-    compiled = [
-        ratio for pair in gains(runs, "backend", ("compiled", "numba")) for ratio in pair.ratios
-    ]
+    jacobians = gains(runs, "jacobian", ("exact", "difference"))
+    backends = gains(runs, "backend", ("compiled", "numba"))
     by_python = [winner.run.backend != "compiled" for winner in found]
     return {
         "count": len(found),
@@ -322,9 +339,28 @@ def answers(runs: Sequence[Run]) -> dict[str, Any]:
         else None,
         "exact_wins": percent(sum(winner.run.jacobian == "exact" for winner in found) / len(found)),
         "by_python": sum(by_python),
-        "exact": (median(exact), min(exact), max(exact)) if exact else None,
-        "compiled": (median(compiled), min(compiled), max(compiled)) if compiled else None,
+        "exact": _span(jacobians),
+        "compiled": _span(backends),
+        "worst": _worst(jacobians),
+        "only_exact": sum(pair.only_first for pair in jacobians),
+        "only_differenced": sum(pair.only_second for pair in jacobians),
     }
+
+
+def _span(pairs: Sequence[Pair]) -> tuple[float, float, float] | None:
+    """Median, least and largest ratio; None if there is none."""
+    ratios = [ratio for pair in pairs for ratio in pair.ratios]
+    return (median(ratios), min(ratios), max(ratios)) if ratios else None
+
+
+def _worst(pairs: Sequence[Pair]) -> str:
+    """The run with the largest ratio, in words."""
+    pair = max(pairs, key=lambda pair: max(pair.ratios, default=0.0), default=None)
+    if pair is None or pair.longest is None:
+        return ""
+    run = pair.longest
+    place = f"{run.scene} in {run.form} at St = {short(run.stokes)}"
+    return f"{run.solver}, {place}, tolerance {short(run.tolerance)}"
 
 
 def figure(runs: Sequence[Run]) -> Figure:
