@@ -15,7 +15,7 @@ SEED    ?= 1
 MINUTES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all check lint format docs benchmark benchmark-compare cold-start torture report everything clean
+.PHONY: help setup bench test test-all test-versions check lint format docs benchmark benchmark-compare cold-start torture report everything clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -37,6 +37,9 @@ test: lint ## the checks and the tests; types are checked beside the tests
 # Half a minute of a processor, spent once for the same files.
 build/types: $(READY) $(shell find polhode models solvers harness typings -name '*.py*' -not -name '*.pyc' 2>/dev/null)
 	$(BIN)/basedpyright && mkdir -p build && touch $@
+
+test-versions: $(READY) ## the tests under each Python that is found, oldest and newest versions (10 minutes each)
+	cd tests && ../$(BIN)/python -m versions $(VERSIONS)
 
 test-all: check ## the checks, then all tests, the slow ones too
 	$(BIN)/pytest

@@ -13,13 +13,13 @@ from polhode.harness.answers.confirmed import advised, confirm, meet
 from polhode.harness.answers.pick import pick as recommend
 from polhode.harness.answers.recommendation import Recommendation
 from polhode.harness.answers.request import check_answerable, check_request, check_tolerance
-from polhode.harness.answers.rules import Method, first_tolerance, method_for, methods_for, steps_of
+from polhode.harness.answers.rules import Method, first_tolerance, method_for, methods_for
 from polhode.harness.answers.runs import Runner
-from polhode.harness.common.text import duration
 from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.ivp import check_samples, increasing
 from polhode.harness.solution import SceneSolution
 from polhode.models.catalogue import FORMS, form as find_form
+from polhode.models.flow import Flow
 from polhode.models.form import Form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -32,11 +32,6 @@ from polhode.solvers.solve import Solution
 SceneLike = Scene | str | PathLike[str]
 FormLike = str | Form | None
 SolverLike = str | Solver | None
-
-# Seconds of a run that nobody expects unasked.
-PATIENCE = 30.0
-# Of a step of a compiled explicit method, with what a row costs.
-SECONDS_PER_STEP = 4e-7
 
 
 @dataclass(frozen=True)
@@ -65,16 +60,6 @@ class Plan:
     def _times(self) -> np.ndarray:
         """Times of the run: of the output, after the start."""
         return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])
-
-    @property
-    def long(self) -> str:
-        """How long a run that is left to choose will take, if long."""
-        if not self.requested:
-            return ""
-        seconds = SECONDS_PER_STEP * steps_of(self.scene, self.methods[0], self.tolerance)
-        if seconds < PATIENCE:
-            return ""
-        return f"it is expected to take about {duration(seconds)}; Ctrl-C keeps what is finished"
 
     def run(
         self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()
@@ -165,6 +150,7 @@ def _methods(
     equations = find_form(form) if form is not None else None
     method = find_solver(solver) if solver is not None else None
     if equations:
+        equations.require_flow(scene)
         equations.check(scene)
         if want == "orientation" and equations.orientation_of(scene) == "none":
             got = f"got 'orientation' for form {FORMS.name_of(equations)!r}, which gives none"
@@ -317,6 +303,9 @@ def as_scene(scene: SceneLike) -> Scene:
 
 def _in_doubles(given: Any) -> Any:
     """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
+    if given is None or isinstance(given, Flow):
+        # A flow holds Python numbers, and may hold many.
+        return given
     if hasattr(given, "__dataclass_fields__"):
         parts = {name: getattr(given, name) for name in given.__dataclass_fields__}
         others = {

@@ -79,6 +79,9 @@ def separatrix(solution: SceneSolution) -> np.ndarray:
 def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     """Distance of L and E, over I_max, from the nearest stable state, less that within which it counts as arrived."""
     scene, form = solution.scene, solution.equations
+    if scene.flow is not None:
+        expected = "simple shear, whose stable states are known"
+        raise ValueError(f"event 'settled': got {scene.flow.words}, expected {expected}")
     states = attractors(scene.ellipsoid, scene.stokes, ARRIVED, circling=not form.averaged)
     if not states:
         raise ValueError(

@@ -144,7 +144,9 @@ def solve_ivp(
     wanted = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
     # A run has its start and its end besides.
     before, behind = bool(wanted[0] > 0), bool(wanted[-1] < problem.end)
-    times = np.concatenate([[0.0] * before, wanted, [problem.end] * behind])
+    times = wanted
+    if before or behind:
+        times = np.concatenate([[0.0] * before, wanted, [problem.end] * behind])
     note = ""
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
@@ -260,6 +262,9 @@ def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, 
 
 def check_tolerance(name: str, given: Any) -> None:
     """Raise ValueError unless it is a finite positive number or several."""
+    # NumPy would take a few microseconds to say so.
+    if isinstance(given, float) and 0 < given < inf:
+        return
     try:
         numbers = np.array(given, dtype=float)
     except (TypeError, ValueError):

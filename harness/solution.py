@@ -255,7 +255,7 @@ class SceneSolution(LikeSolveIvp):
         require_numbers("t", last)
         start = start_from(self.scene.ellipsoid, self(last).observables)
         time = self.scene.time - last or self.scene.time if time is None else time
-        return replace(self.scene, start=start, time=time)
+        return self.scene.later(last, start, time)
 
 
 def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]) -> None:

@@ -39,13 +39,13 @@ class Form(ABC):
     """One way to write the equations of motion for a scene.
 
     1. `check` refuses a scene outside the form's validity; it says why, and which form to use
-    instead. 2. `problem` turns a scene into an initial value problem: field, parameters, start,
-    end. 3. `observe` maps the states of a solution to observables, the same for every form. 4. A
-    form keeps no data of its own: everything comes from the scene, so that forms pickle and compare
-    by name. 5. The vector field is a factory at the top of the form's module, over generic numbers,
-    in mass form: the rows of
-       the angular velocity carry the mass ``p[0]`` (alpha) and the torque the factor ``p[1]``
-       (beta), so that (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the implicit one.
+    instead. A form that knows simple shear alone calls `require_flow` there. 2. `problem` turns a
+    scene into an initial value problem: field, parameters, start, end. 3. `observe` maps the states
+    of a solution to observables, the same for every form. 4. A form keeps no data of its own:
+    everything comes from the scene, so that forms pickle and compare by name. 5. The vector field
+    is a factory at the top of the form's module, over generic numbers, in mass form: the rows of
+    the angular velocity carry the mass ``p[0]`` (alpha) and the torque the factor ``p[1]`` (beta),
+    so that (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the implicit one.
     """
 
     required: ClassVar[tuple[str, ...]] = ("name", "state", "orientation")
@@ -55,6 +55,8 @@ class Form(ABC):
     state: ClassVar[tuple[str, ...]]
     orientation: ClassVar[Orientation]
     averaged: ClassVar[bool] = False
+    # Whether its equations hold in every linear flow; those of other forms are derived for shear.
+    any_flow: ClassVar[bool] = False
     # Costs more than the quaternion form, for the same errors or, near a pole of its angles, larger
     # ones.
     angles: ClassVar[bool] = False
@@ -66,6 +68,7 @@ class Form(ABC):
     def takes(self, scene: Scene) -> bool:
         """Whether this form accepts a scene."""
         try:
+            self.require_flow(scene)
             self.check(scene)
         except FormNotValidError:
             return False
@@ -89,8 +92,9 @@ class Form(ABC):
         return self.orientation
 
     def state_of(self, scene: Scene) -> tuple[str, ...]:
-        """Names of the components of a scene's states."""
-        return self.state
+        """Names of the components of a scene's states; along a track the time is the last one."""
+        along_track = scene.flow is not None and scene.flow.varies
+        return (*self.state, "t") if along_track else self.state
 
     def known_axes(self, scene: Scene) -> tuple[int, ...]:
         """Body axes (0, 1, 2) whose directions, the rows of the rotation matrix, `observe` gives."""
@@ -108,8 +112,18 @@ class Form(ABC):
             raise self.refuse(f"{why}: {_WAY_OUT}", "")
         return scene.start
 
+    def require_flow(self, scene: Scene) -> None:
+        """Raise FormNotValidError where the flow is not simple shear and the form knows shear alone."""
+        if scene.flow is None or self.any_flow:
+            return
+        # No form of the full equations takes a start without orientation.
+        instead = "" if isinstance(scene.start, SlowStart) else full_form(scene)
+        condition = f"{scene.flow.words} is not simple shear, which it is derived for"
+        raise self.refuse(condition, instead)
+
     def require_slow_motion(self, scene: Scene, rest: bool = False) -> None:
-        """Raise FormNotValidError at St = 0 and inf, and unless `rest` at L = 0, where there is nothing to average."""
+        """Raise FormNotValidError in other flows than shear, at St = 0 and inf, and unless `rest` at L = 0."""
+        self.require_flow(scene)
         if scene.stokes == 0:
             why, instead = "St = 0 has no slow variables", "jeffery"
         elif scene.torque_factor == 0:

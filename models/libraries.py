@@ -7,16 +7,16 @@ from importlib.util import find_spec
 # What pip installs, where the import has another name.
 _PACKAGES = {
     "CyRK": "cyrk",
-    "PIL": "pillow",
+    "PIL": "'polhode[figures]'",
     "distributed": "'polhode[dask]'",
+    "markdown_it": "'polhode[site]'",
+    "matplotlib": "'polhode[figures]'",
     "pyarrow": "'polhode[data]'",
     "sksundae": "scikit-sundae",
     "xarray": "'polhode[data]'",
 }
 # Libraries whose absence is told in a line: what pip installs with polhode, and its extras.
-KNOWN_LIBRARIES = frozenset(
-    {*_PACKAGES, "heyoka", "llvmlite", "matplotlib", "numba", "pandas", "scipy"}
-)
+KNOWN_LIBRARIES = frozenset({*_PACKAGES, "heyoka", "llvmlite", "numba", "pandas", "scipy"})
 
 
 class MissingLibraryError(ImportError):

@@ -298,14 +298,11 @@ def place_of(error: BaseException, *skipped: str) -> str:
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    try:
-        found = (
-            tuple(np.array(values, dtype=float, ndmin=1).tolist())
-            if np.ndim(values) == 1 and not _is_complex(values)
-            else None
-        )
-    except (TypeError, ValueError):
-        found = None
+    found = None
+    with suppress(TypeError, ValueError):
+        array = np.asarray(values)
+        if array.ndim == 1 and array.dtype.kind != "c":
+            found = tuple(array.astype(float).tolist())
     if found is None or not all(map(math.isfinite, found)):
         expected = f"a sequence of finite numbers{_way_out(name, values)}"
         raise ValueError(f"{name}: got {in_one_line(values)}, expected {expected}")

@@ -73,6 +73,17 @@ class Parts:
     restored: Callable[[Any], Sequence[Any]] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Parameters of a field of time that change at given times: how a table in time is read.
+
+    From each time to the next the last parameters of both forms have one row of values.
+    """
+
+    times: np.ndarray  # shape (n + 1,), increasing, on the clock that is the state's last component
+    values: np.ndarray  # shape (n, k)
+
+
 @dataclass(frozen=True)
 class Piece:
     """One piece of a run: a problem of its own, from where the run stands to a time of the run.
@@ -135,6 +146,8 @@ class Problem:
     course : callable, optional
         ``course(time, state, tolerance) -> Piece``: how to go on from a state of the run. A run of
         several pieces, of which `field` is the exact one; without it a run is one piece.
+    segments : Segments, optional
+        How the last parameters change on the way; solvers take steps that end there.
     """
 
     name: str
@@ -150,6 +163,7 @@ class Problem:
     time_unit: float = 1.0
     parts: Parts | None = None
     course: Course | None = None
+    segments: Segments | None = None
 
     @classmethod
     def from_function(

@@ -1,13 +1,13 @@
 """A scene: all physics of one question, no numerics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import frexp, hypot, inf, isfinite, isinf, ldexp
 
 import numpy as np
 
 from polhode.models import rotation
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import Flow, jeffery_angular_velocity, jeffery_spin, shares
 from polhode.models.observables import (
     Observables,
     angular_velocity,
@@ -117,6 +117,9 @@ class Scene:
     start : EulerStart, BodyStart or SlowStart
     time : float
         Duration in units of the inverse shear rate, finite and positive.
+    flow : Flow, optional
+        The ambient flow; by default simple shear, which has equations of its own. Shear's own
+        gradient means the same and becomes None.
 
     Raises
     ------
@@ -129,8 +132,13 @@ class Scene:
     stokes: float
     start: Start
     time: float
+    flow: Flow | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.flow, Flow | None):
+            raise ValueError(f"flow: got {self.flow!r:.60}, expected a Flow")
+        if self.flow is not None and self.flow == Flow.shear():
+            object.__setattr__(self, "flow", None)
         if not isinstance(self.ellipsoid, Ellipsoid):
             raise ValueError(f"ellipsoid: got {self.ellipsoid!r:.60}, expected an Ellipsoid")
         if not isinstance(self.start, Start):
@@ -145,6 +153,11 @@ class Scene:
             )
         if not LEAST <= self.time < inf:
             raise ValueError(f"time: got {self.time}, expected a finite number from {LEAST:g} on")
+        if self.flow is not None and not self.flow.covers(self.time):
+            begin, end = self.flow.knots[0], self.flow.knots[-1]
+            raise ValueError(
+                f"flow.track: got times from {begin:g} to {end:g}, expected the run, 0 to {self.time:g}"
+            )
         if 0 < self.stokes < inf and not 0 < self.slow_time < inf:
             raise ValueError(
                 f"time: got {self.time} at St = {self.stokes}, expected a finite t/St above 0"
@@ -161,6 +174,11 @@ class Scene:
                 raise ValueError(
                     f"start: got L² / 2E = {ratio}, expected a value from {low} to {high}"
                 )
+
+    def later(self, elapsed: float, start: Start, time: float) -> "Scene":
+        """The scene that goes on after some time from a start, for another time."""
+        flow = self.flow if self.flow is None else self.flow.after(elapsed)
+        return replace(self, start=start, time=time, flow=flow)
 
     @property
     def slow_time(self) -> float:
@@ -181,6 +199,10 @@ class Scene:
             )
         if self.stokes > 0:
             return self.start.angular_velocity
+        if self.flow is not None:
+            spin = jeffery_spin(self.ellipsoid, self.initial_rotation[None], self.flow.numbers)
+            w1, w2, w3 = spin[0].tolist()
+            return w1, w2, w3
         columns = self.initial_rotation.T.tolist()
         return jeffery_angular_velocity(FLOAT)(columns[0], columns[1], shares(self.ellipsoid))
 

@@ -23,20 +23,21 @@ def require_numbers(name: str, given: Any, count: int = 0) -> None:
         # By index, as they are read later on: those of a set have none, those of an iterator are
         # read once.
         found = [given[i] for i in range(len(given))] if count else [given]
-        if (
-            len(
-                [
-                    float(each)
-                    for each in found
-                    if isinstance(each, Real) and not isinstance(each, bool)
-                ]
-            )
-            == len(found)
-            == max(1, count)
-        ):
+        if len(found) == max(1, count) and all(map(_is_number, found)):
             return
     expected = f"{count} numbers" if count else "a number"
     raise ValueError(f"{name}: got {given!r:.60}, expected {expected} of double precision")
+
+
+def _is_number(given: Any) -> bool:
+    """Whether it is a real number; OverflowError if double precision does not hold it."""
+    if isinstance(given, float):
+        return True
+    # An int is found among numbers.Real by its slower way.
+    if isinstance(given, bool) or not isinstance(given, (int, Real)):
+        return False
+    float(given)
+    return True
 
 
 @dataclass(frozen=True)

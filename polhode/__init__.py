@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from polhode.harness.ivp import solve_ivp
     from polhode.harness.solution import SceneSolution
     from polhode.harness.work_precision import WorkPrecision
+    from polhode.models.flow import Flow
     from polhode.models.problem import Problem
     from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
     from polhode.models.shape import Ellipsoid
@@ -30,6 +31,7 @@ __all__ = [
     "BodyStart",
     "Ellipsoid",
     "EulerStart",
+    "Flow",
     "Problem",
     "Scene",
     "SceneSolution",
@@ -41,6 +43,7 @@ __all__ += ["__version__", "pick", "solve", "solve_ivp"]
 _HOMES = {"pick": "harness.api", "solve": "harness.api", "solve_ivp": "harness.ivp"}
 _HOMES |= {"SceneSolution": "harness.solution", "WorkPrecision": "harness.work_precision"}
 _HOMES |= {"Ellipsoid": "models.shape", "Problem": "models.problem"}
+_HOMES |= {"Flow": "models.flow"}
 _HOMES |= dict.fromkeys(("BodyStart", "EulerStart", "Scene", "SlowStart"), "models.scene")
 
 

@@ -123,8 +123,8 @@ def c_jacobian(factory: Factory, dimension: int, parameters: int) -> MachineCode
     return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=0)
 
 
-def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tuple[Callback, Any]:
-    """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them."""
+def array_callback(problem: Problem, backend: Backend, values: Any) -> tuple[Callback, Any]:
+    """The field as ``callback(y, p, out)`` of a back end, and the parameters as it wants them, an array or a list."""
     if problem.plain:
         raise ValueError(f"{problem.name}: a function in plain Python has the time: `plain_rates`")
     if backend == "numba":
@@ -134,7 +134,7 @@ def array_callback(problem: Problem, backend: Backend, values: np.ndarray) -> tu
     def callback(y: np.ndarray, p: Any, out: np.ndarray) -> None:
         out[:] = field(y.tolist(), p)
 
-    return callback, values.tolist()
+    return callback, values.tolist() if isinstance(values, np.ndarray) else values
 
 
 def plain_rates(problem: Problem) -> Callable[[float, np.ndarray], Any]:

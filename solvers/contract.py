@@ -160,6 +160,9 @@ class Record:
     events: EventSearch | None = None  # what to look for at every step
     # Times and states of steps, where a solver is to note them (SciPy's methods).
     taken: list[tuple[float, np.ndarray]] | None = None
+    # The last parameters here, where they change on the way (`polhode.models.problem.Segments`).
+    changed: np.ndarray | None = None
+    goes_on: bool = False  # whether the start is the end of a segment before
 
     @property
     def reached(self) -> float:
@@ -254,6 +257,12 @@ Integrator = Callable[[Record], Outcome]
 NO_RATES: Outcome = Status.NON_FINITE, "rates at the start are no numbers"
 
 
+def change(parameters: Any, count: int, record: Record) -> None:
+    """Give the last of so many parameters, in an array or a list, the values of a record, if it has any."""
+    if record.changed is not None:
+        parameters[count - len(record.changed) : count] = record.changed
+
+
 def _tolerance(
     name: str, given: float | Sequence[float], *, zero: bool = False
 ) -> float | tuple[float, ...]:
@@ -327,6 +336,8 @@ class Solver(ABC):
     tolerances: ClassVar[tuple[str, ...]] = ()
     # Of `max_step` and `first_step`, those that the library has.
     limits: ClassVar[tuple[str, ...]] = ()
+    # Whether it takes the parameters of its record, where these change on the way.
+    takes_segments: ClassVar[bool] = False
     # Whether it looks for the record's events at every step; of others, rows are looked through.
     seeks_events: ClassVar[bool] = False
     # Whether it notes its own steps where the record asks for them.
@@ -345,8 +356,9 @@ class Solver(ABC):
         for library in self.also_needs:
             if not installed(library):
                 return how_to_install(library)
-        if any(self.lacks(backend) is None for backend in self.backends):
-            return None
+        for backend in self.backends:
+            if self.lacks(backend) is None:
+                return None
         needed = self.choices_need.get(self.backends[0])
         return how_to_install(needed) if needed else self.lacks(self.backends[0])
 
@@ -433,6 +445,9 @@ class Solver(ABC):
         if problem.plain and "python" not in self.backends:
             reason = getattr(problem.field, "plain_reason", "")
             condition = f"{reason}; or a solver that calls Python: {_CALL_PYTHON}"
+            raise SolverNotValidError(condition, self.name)
+        if problem.segments is not None and not self.takes_segments:
+            condition = f"{problem.name!r} has a flow that changes in time; use solver 'cyrk-vern8'"
             raise SolverNotValidError(condition, self.name)
         if problem.parameters is None:
             condition = f"{problem.name!r} has no explicit form at St = 0; use solver 'ida' or form 'jeffery'"

@@ -21,6 +21,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
+from itertools import cycle
 from math import hypot, inf, nan
 from pathlib import Path
 from types import SimpleNamespace
@@ -42,8 +43,10 @@ from polhode.solvers.contract import (
     Settings,
     Solver,
     Status,
+    change,
 )
 from polhode.solvers.event_search import LOOK_GROWTH, looks
+from polhode.solvers.machine_code.address import address_of
 from polhode.solvers.machine_code.llvm import MachineCode
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
@@ -148,8 +151,9 @@ class _Vector(ctypes.Structure):
     @classmethod
     def of(cls, array: np.ndarray) -> "_Vector":
         """A vector that is good for as long as the array."""
-        begin = array.ctypes.data
-        return cls(begin, begin + array.nbytes, begin + array.nbytes)
+        begin = address_of(array)
+        end = begin + array.nbytes
+        return cls(begin, end, end)
 
 
 def _announce() -> None:
@@ -181,6 +185,7 @@ class CyrkSolver(Solver):
     tolerances = ("atol", "atol 0", "rtol vector")
     limits = ("max_step", "first_step")
     seeks_events = True
+    takes_segments = True
     method: ClassVar[str]
 
     def load(self) -> None:
@@ -201,10 +206,11 @@ class CyrkSolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         calls = np.zeros(1, dtype=np.int64)
-        call = self._call(problem, settings, calls)
+        call, count = self._call(problem, settings, calls), len(problem.parameters or ())
 
         def integrate(record: Record) -> Outcome:
-            if not call.begins(record.start, self.switching):
+            change(call.parameters, count, record)
+            if not (record.goes_on or call.begins(record.start, self.switching)):
                 return Status.NON_FINITE, "rates at the start are too large beside the tolerance"
             calls[0] = 0
             outcome = _run(call, record)
@@ -220,7 +226,7 @@ class CyrkSolver(Solver):
         if self.implicit and settings.jacobian == "exact":
             jacobian = c_jacobian(problem.field, problem.dimension, len(parameters))
         if settings.count:
-            parameters = np.append(parameters, np.array([calls.ctypes.data]).view(float))
+            parameters = np.append(parameters, np.array([address_of(calls)]).view(float))
         return Call(code, method_number(self.method), parameters, settings, calls, jacobian)
 
     def bare_call(
@@ -266,23 +272,26 @@ class Call:
         self.rtol = np.array(settings.rtol, dtype=float, ndmin=1)
         same = settings.atol == settings.rtol
         self.atol = self.rtol if same else np.array(settings.atol, dtype=float, ndmin=1)
-        # As the library takes them; ctypes takes as long as a step to ask an array for its address.
-        rtol_address = self.rtol.ctypes.data
-        atol_address = rtol_address if same else self.atol.ctypes.data
+        # As the library takes them.
+        rtol_address = address_of(self.rtol)
+        atol_address = rtol_address if same else address_of(self.atol)
         self.tolerances = rtol_address, self.rtol.size, atol_address, self.atol.size
-        self.parameters_address = parameters.ctypes.data
+        self.parameters_address = address_of(parameters)
 
     def begins(self, state: np.ndarray, switching: bool = False) -> bool:
         """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
         rates = np.empty_like(state)
         with self.flushed_to_zero:
             _FIELD(self.code.address)(
-                rates.ctypes.data, 0.0, state.ctypes.data, self.parameters_address
+                address_of(rates), 0.0, address_of(state), self.parameters_address
             )
-        with np.errstate(all="ignore"):
-            scaled = rates / (self.atol + self.rtol * np.abs(state))
-        norm = hypot(*scaled.tolist())
-        return norm < (inf if switching else LARGEST_NORM)
+        # One tolerance counts for all components. In NumPy it would take twice as long.
+        rtols, atols = cycle(self.rtol.tolist()), cycle(self.atol.tolist())
+        scaled = []
+        for rate, y in zip(rates.tolist(), state.tolist(), strict=True):
+            scale = next(atols) + next(rtols) * abs(y)
+            scaled.append(rate / scale if scale else inf)
+        return hypot(*scaled) < (inf if switching else LARGEST_NORM)
 
     def __call__(
         self,
@@ -297,11 +306,11 @@ class Call:
         """Run; the pointer returned is to be freed by ``library.c_free``."""
         if self.jacobian is None:
             return self.library.c_numba_cysolve_ivp(
-                *(self.code.address, start, end, state.ctypes.data, state.size),
+                *(self.code.address, start, end, address_of(state), state.size),
                 # Expected size: the library's guess; extra outputs.
                 *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
                 # Dense output is used, and kept where a run is to be looked through.
-                *(max_steps, MAX_RAM_MB, dense, times.ctypes.data, times.size),
+                *(max_steps, MAX_RAM_MB, dense, address_of(times), times.size),
                 # No function before the right-hand side, no events.
                 *(None, None, 0),
                 *self.tolerances,
@@ -382,7 +391,7 @@ def _look_through(
     def between(times: np.ndarray) -> np.ndarray:
         times = np.ascontiguousarray(times, dtype=float)
         states = np.full((len(times), dimension), nan)
-        library.c_call_vec(whole, times.ctypes.data, len(times), states.ctypes.data)
+        library.c_call_vec(whole, address_of(times), len(times), address_of(states))
         for i in np.flatnonzero(times > steps[count - 1]).tolist():
             after = int(np.searchsorted(steps, times[i]))
             share = (times[i] - steps[after - 1]) / (steps[after] - steps[after - 1])

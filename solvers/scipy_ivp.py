@@ -18,7 +18,16 @@ from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
 from polhode.solvers.catalogue import methods
 from polhode.solvers.compile import array_callback, exact_jacobian, parameter_array, plain_rates
-from polhode.solvers.contract import NO_RATES, Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.contract import (
+    NO_RATES,
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    Status,
+    change,
+)
 from polhode.solvers.structure import bands_of, dense, jacobian_of, packed, pattern_of
 from polhode.solvers.unwarned import UNWARNED
 
@@ -64,6 +73,7 @@ class ScipySolver(Solver):
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
     seeks_events = True
+    takes_segments = True
     shows_steps = True
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
@@ -72,10 +82,12 @@ class ScipySolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         method = getattr(load_methods(), self.method)
-        fun, options = self.bind(problem, settings)
+        fun, options, held = self.bind(problem, settings)
 
         def integrate(record: Record) -> Outcome:
             calls = 0
+            for parameters in held:
+                change(parameters, len(parameters), record)
 
             def counted(t: float, y: np.ndarray) -> np.ndarray:
                 nonlocal calls
@@ -105,8 +117,10 @@ class ScipySolver(Solver):
 
         return integrate
 
-    def bind(self, problem: Problem, settings: Settings) -> tuple[Callback, dict[str, Any]]:
-        """The field as ``fun(t, y)``, and the options of SciPy's solver class."""
+    def bind(
+        self, problem: Problem, settings: Settings
+    ) -> tuple[Callback, dict[str, Any], list[Any]]:
+        """The field as ``fun(t, y)``, the options of SciPy's solver class, and the parameters that both read."""
         options: dict[str, Any] = {
             "rtol": settings.rtol,
             "atol": settings.atols(),
@@ -116,7 +130,7 @@ class ScipySolver(Solver):
         if problem.plain:
             if self.implicit:
                 options |= self._jacobian_options(problem)
-            return plain_rates(problem), options
+            return plain_rates(problem), options, []
         values = parameter_array(problem)
         callback, parameters = array_callback(problem, settings.backend, values)
         dimension = problem.dimension
@@ -130,7 +144,7 @@ class ScipySolver(Solver):
         if self.implicit and settings.jacobian == "exact":
             jacobian = exact_jacobian(problem.field, dimension, len(values))
             options["jac"] = lambda t, y: jacobian(y, values)
-        return fun, options
+        return fun, options, [values, parameters]
 
     def _jacobian_options(self, problem: Problem) -> dict[str, Any]:
         """What the user knows of the Jacobian, as SciPy's classes take it."""
@@ -152,7 +166,7 @@ class ScipySolver(Solver):
     ) -> Callable[[], object] | None:
         from scipy.integrate import solve_ivp
 
-        fun, options = self.bind(problem, settings)
+        fun, options, _ = self.bind(problem, settings)
         start, span = np.array(problem.start), (times[0], times[-1])
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
 
@@ -181,18 +195,16 @@ class _Step:
         return self.interpolant(times).T
 
 
-def _failure_of_step(stepper: Any) -> Outcome | None:
-    """Take a step; how it failed, or None."""
-    try:
-        message = stepper.step()
-    except (ArithmeticError, ValueError) as error:
-        # A field's own errors are not the state's.
-        known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
-        if not known and "infs or NaNs" not in str(error):
-            raise
-        return Status.NON_FINITE, str(error)
-    if stepper.status != "failed":
-        return None
+def _failure_of(error: ArithmeticError | ValueError) -> Outcome:
+    """How a step failed that raised an error; raises a field's own ones again."""
+    known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
+    if not known and "infs or NaNs" not in str(error):
+        raise error
+    return Status.NON_FINITE, str(error)
+
+
+def _failed(stepper: Any, message: str | None) -> Outcome:
+    """How a step failed that the stepper says has failed."""
     status = Status.STEP_UNDERFLOW if np.isfinite(stepper.y).all() else Status.NON_FINITE
     return status, message or ""
 
@@ -202,13 +214,20 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     times, work, events, taken = record.times, record.work, record.events, record.taken
     work.steps, interpolated, stalled, filled = 0, 0, 0, record.filled
     count, next_row = len(times), float(times[filled]) if filled < len(times) else inf
-    if not np.isfinite(getattr(stepper, "f", 0.0)).all():
+    rates = getattr(stepper, "f", None)
+    if rates is not None and not np.isfinite(rates).all():
         # An explicit method would look for a first step without end.
         return NO_RATES, 0
     steps, before = 0, stepper.t
-    while stepper.status == "running":
-        if failure := _failure_of_step(stepper):
-            return failure, interpolated
+    running = stepper.status == "running"
+    while running:
+        try:
+            message = stepper.step()
+        except (ArithmeticError, ValueError) as error:
+            return _failure_of(error), interpolated
+        running = stepper.status == "running"
+        if not running and stepper.status == "failed":
+            return _failed(stepper, message), interpolated
         steps += 1
         work.steps = steps
         reached = record.now = stepper.t
@@ -236,7 +255,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             interpolated += step.interpolant is not None
         if ended:
             return (Status.REACHED_END, ""), interpolated
-        if stepper.status == "running":
+        if running:
             if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
                 return crawling, interpolated
             if steps >= record.max_steps or record.expired:

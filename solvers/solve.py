@@ -289,9 +289,8 @@ def _per_component(
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
     """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
     # NumPy would take a microsecond to say so.
-    one_number = isinstance(rtol, float)
-    if one_number and atol is None and not problem.timed:
-        return rtol, None
+    if not problem.timed and isinstance(rtol, float) and (atol is None or isinstance(atol, float)):
+        return rtol, atol
     components = problem.dimension - problem.timed
     given: Any
     for name, given in (("rtol", rtol), ("atol", atol)):
@@ -302,7 +301,8 @@ def _per_component(
         return rtol, atol
     absolute = np.broadcast_to(rtol if atol is None else atol, components).tolist()
     duration = max(problem.end, problem.start[-1])
-    return ([*rtol, 1.0] if np.ndim(rtol) else rtol), [*absolute, max(1.0, duration)]
+    relative = [*np.ravel(rtol).tolist(), 1.0] if np.ndim(rtol) else rtol
+    return relative, [*absolute, max(1.0, duration)]
 
 
 def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:

@@ -7,11 +7,13 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from polhode.models import long_double
+from polhode.models.libraries import installed
 from polhode.models.once import OncePerThread, once
 from polhode.models.operations import FLOAT
 from polhode.models.problem import Factory, Problem
 from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, change
 from polhode.solvers.event_search import LOOK_GROWTH, looks
 
 Precision = Literal["double", "long double", "quadruple"]
@@ -34,6 +36,11 @@ _MAX_PIECES_AHEAD = 1e8
 _FIRST_LOOK = 64
 
 
+def extends_precision() -> bool:
+    """Whether there are runs in extended precision: by heyoka, in x86's long double."""
+    return installed("heyoka") and long_double.IS_X86
+
+
 @once()
 def _compiled(
     factory: Factory,
@@ -49,7 +56,12 @@ def _compiled(
     # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
     # up to half a minute of compilation.
     heyoka = load_heyoka()
-    number = {"double": float, "long double": np.longdouble, "quadruple": heyoka.real128}[precision]
+    number: Any = float
+    if precision == "long double":
+        number = np.longdouble
+    elif precision == "quadruple":
+        # heyoka has no such type where the compiler has none.
+        number = heyoka.real128
     if in_units:
         system = system_in_units(factory, dimension, parameters, timed=timed, paced=paced)
     else:
@@ -186,25 +198,30 @@ class Bound:
             integrator.state[:], integrator.pars[:] = start, self.parameters.astype(number)
             return
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
-        parameters = [*self.parameters.astype(number), *self.units.astype(number)]
+        given, behind = len(self.parameters), len(self.parameters) + self.variables
+        integrator.pars[:given] = self.parameters.astype(number)
+        integrator.pars[given:behind] = self.units.astype(number)
         if self.timed:
             self.offset = start[-1] - number.type(time)
-            parameters.append(self.offset)
+            integrator.pars[behind] = self.offset
         if self.pace is not None:
-            parameters.append(self.pace)
-        integrator.pars[:] = np.array(parameters, dtype=number)
+            integrator.pars[behind + self.timed] = self.pace
 
     def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
         """What the integrator's rows mean, shape (n, d)."""
         if self.units is None:
             return rows
         rows = rows * self.units.astype(rows.dtype)
-        if self.timed:
-            rows = np.column_stack([rows, times[: len(rows)] + self.offset])
-        return rows
+        if not self.timed:
+            return rows
+        whole = np.empty((len(rows), rows.shape[1] + 1), rows.dtype)
+        whole[:, :-1] = rows
+        whole[:, -1] = times[: len(rows)] + self.offset
+        return whole
 
     def propagate(self, record: Record) -> Outcome:
         """Run from the record's start over its times."""
+        change(self.parameters, len(self.parameters), record)
         self.begin(record.times[0], record.start)
         if record.events:
             return propagate_with_events(self.integrator, record, self.states, self.max_step)
@@ -312,6 +329,7 @@ class Taylor(Solver):
     tolerances = ("atol",)
     limits = ("max_step",)
     seeks_events = True
+    takes_segments = True
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         bound = self._bound(problem, settings)
@@ -322,9 +340,11 @@ class Taylor(Solver):
             # In a long time coefficients of slow rates vanish, and with them the error that they
             # show; those of fast rates overflow, as does a state that becomes infinite.
             outcome = None
-            if record.events or order * np.log10(duration) < _MAX_EXPONENT:
+            # Parameters that change, along a track, do so in moderate times.
+            as_it_is = bool(record.events) or record.changed is not None
+            if as_it_is or order * np.log10(duration) < _MAX_EXPONENT:
                 outcome = bound.propagate(record)
-                if record.events or outcome[0] is not Status.NON_FINITE:
+                if as_it_is or outcome[0] is not Status.NON_FINITE:
                     return outcome
             paced = self._bound(problem, settings, paced=True)
             again = propagate_paced(problem, paced, record)

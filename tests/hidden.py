@@ -21,7 +21,10 @@ LIBRARIES = {
     "matplotlib": "matplotlib",
     "PIL": "pillow",
     "scipy": "scipy",
+    "markdown_it": "markdown-it-py",
 }
+# The extra that brings a library.
+EXTRAS = {"matplotlib": "figures", "PIL": "figures", "markdown_it": "site"}
 PAGES = frozenset({"pandas", "matplotlib", "PIL", "scipy"})
 # Commands, and the libraries that each cannot do without.
 QUICK_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
@@ -67,7 +70,7 @@ LONG_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
     ("accuracy", "--order", "hybrid", "--quick", "--quiet", "--out", "hybrid"): PAGES,
     ("equal-error", "--quick", "--quiet", "--out", "equal"): PAGES | {"llvmlite"},
     ("throughput", "--out", "throughput"): PAGES | {"llvmlite", "heyoka"},
-    ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES,
+    ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES | {"markdown_it"},
     ("doctor",): frozenset(),
 }
 SWEEP = """\
@@ -108,11 +111,14 @@ class Answer(NamedTuple):
 
 
 def python(
-    library: str, folder: Path, *words: str, seconds: float = 600.0
+    library: str, folder: Path, *words: str, seconds: float = 600.0, narrow: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Python in a folder, without a library, as if it were not installed."""
+    """Python in a folder, without a library, as if it were not installed; narrow, with a long double that is double."""
     path = os.pathsep.join([str(HIDING), *filter(None, [os.environ.get("PYTHONPATH")])])
     hidden = {"PYTHONPATH": path, "WITHOUT": f"{library},{LIBRARIES[library]}"}
+    if narrow:
+        # What is cached here was computed in extended precision.
+        hidden |= {"NARROW": "1", "POLHODE_CACHE": str(folder / "narrow")}
     return subprocess.run(
         [sys.executable, "-P", *words],
         cwd=folder,
@@ -141,6 +147,8 @@ def written(folder: Path) -> None:
 
 def not_installed(library: str) -> str:
     """How a line ends that says what is missing."""
+    if library in EXTRAS:
+        return f"{library} is not installed: pip install 'polhode[{EXTRAS[library]}]'"
     return f"{LIBRARIES[library]} is not installed: pip install {LIBRARIES[library]}"
 
 

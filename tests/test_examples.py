@@ -8,6 +8,7 @@ import runpy
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commandline import SCRIPT, importing
 
@@ -144,6 +145,20 @@ def test_ice_crystal(example):
     assert stokes[0] == pytest.approx(14.277, rel=1e-4)
     chosen = re.findall(r"1e-2: ([\w-]+) by", out)
     assert not chosen[0].startswith("averaged")
+
+
+def test_turbulent_track(example, tmp_path: Path):
+    names, out = example("turbulent_track")
+    assert "fibre.toml: reached_end" in out
+    assert names["FIBRE"].reynolds < 0.3
+    # Inertia keeps a grain from following the fluid's fluctuations.
+    assert 0.06 < names["RESULTS"]["fibre"] < 0.2
+    assert names["RESULTS"]["grain"] < names["RESULTS"]["fibre"]
+    gradients = names["turbulent_gradients"](np.linspace(0.0, 3000.0, 20_000), 5)
+    strain = (gradients + gradients.swapaxes(1, 2)) / 2
+    assert np.mean(np.sum(strain**2, axis=(1, 2))) == pytest.approx(0.5, rel=0.3)
+    assert np.abs(np.trace(gradients, axis1=1, axis2=2)).max() < 1e-12
+    assert (tmp_path / "track.csv").exists()
 
 
 def test_every_example_is_run():

@@ -15,7 +15,7 @@ from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_st
 from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.common.store import read_export
-from polhode.harness.pages import ensembles, footing, problems, stiff
+from polhode.harness.pages import ensembles, flows, footing, problems, stiff
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
@@ -149,6 +149,23 @@ def test_pages_on_the_paper_follow_from_the_data(tmp_path: Path, monkeypatch: py
     for name in names:
         made = re.sub("Made by older code.*\n\n", "", (tmp_path / name).read_text(encoding="utf-8"))
         assert made == text(f"paper/{name}"), name
+
+
+def test_the_page_of_linear_flows_follows_from_the_data():
+    assert text("flows/README.md") == flows.page(REPORTS / "flows", "polhode flows")
+
+
+def test_linear_flows_reach_what_they_are_to():
+    found = flows.read_tables(REPORTS / "flows")
+    assert found["fields"]["apart"].max() < 1e-14
+    ratios = found["costs"].set_index(["form", "solver"])["ratio"]
+    for (_, solver), ratio in ratios.items():
+        assert ratio < (1.5 if solver == "taylor" else 1.2)
+    assert found["orbits"]["apart"].max() < 1e-10
+    knots = found["knots"].set_index("solver")["knot_us"]
+    assert knots[["cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor"]].max() < 20
+    counts = flows.bounded(found["stated"])
+    assert counts[["slow", "angle"]].sum().min() >= 0.975 * counts["runs"].sum()
 
 
 def test_the_page_of_the_classical_problems_follows_from_the_data(

@@ -6,6 +6,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hidden import (
     LIBRARIES,
@@ -181,6 +182,52 @@ def test_references_without_heyoka_keep_their_stated_uncertainty(tmp_path: Path)
         assert precision == "double"
         assert 0 < max(errors) <= uncertainty < 1e-7, name
     assert growth_of_neighbours == pytest.approx(growth, abs=0.01)
+
+
+# As on a Mac, and on ARM under Linux.
+NARROW = """
+import json
+import polhode
+from polhode.models.catalogue import FORMS, form
+from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.solve import solve
+problem = form("spheroid-axis").problem(named_scene("spheroid"))
+statuses = {
+    name: solve(problem, name, 1e-4, max_steps=10).status for name in SOLVERS if name != "exact"
+}
+for name in FORMS:
+    scene = named_scene("spheroid" if "spheroid" in name else "paper")
+    if form(name).takes(scene):
+        form(name).problem(scene)
+found = polhode.solve("paper", error=1e-6, samples=11)
+assert found.success, found
+polhode.pick("spheroid", error=1e-4)
+print(json.dumps([statuses, found.error.slow.high]))
+"""
+
+
+@pytest.mark.parametrize("library", ["heyoka", "CyRK"])
+def test_where_long_double_is_double_all_else_works(library: str, tmp_path: Path):
+    done = python(library, tmp_path, "-c", NARROW, narrow=True)
+    assert done.returncode == 0, done.stderr
+    statuses, high = json.loads(done.stdout)
+    assert statuses["splitting-extended"] == "adapter_missing"
+    assert "crashed" not in statuses.values()
+    assert 0 < high < 1e-6
+
+
+def test_references_in_double_keep_their_stated_uncertainty(tmp_path: Path):
+    code = REFERENCES.replace("INPUT", repr(json.dumps([[1000.0, 100.0, "quaternion"]])))
+    found = []
+    for narrow in (False, True):
+        done = python("PIL", tmp_path, "-c", code, narrow=narrow)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout)[0]["1000.0 quaternion"])
+    (exact, _, _), (slow, uncertainty, precision) = found
+    assert precision == "double"
+    error = np.abs(np.array(slow) - np.array(exact)).max()
+    assert 0 < error <= uncertainty < 1e-7
 
 
 def test_records_have_no_version_of_what_is_not_installed(tmp_path: Path):

@@ -92,13 +92,14 @@ class Method(NamedTuple):
 
 
 def rotations(scene: Scene) -> float:
-    """Estimate the rotations of a run before it: the start's own spin until damping ends it, then the shear's."""
+    """Estimate the rotations of a run before it: the start's own spin until damping ends it, then the flow's."""
+    rate = _SHEAR if scene.flow is None else scene.flow.rate
     if isinstance(scene.start, SlowStart):
-        return _SHEAR * scene.time / (2 * pi)
+        return rate * scene.time / (2 * pi)
     speed = float(np.linalg.norm(scene.angular_velocity))
     damped = damping_times(scene)
     lasting = (1 - exp(-damped)) / damped if damped > 0 else 1.0
-    return scene.time * (_SHEAR + max(0.0, speed - _SHEAR) * lasting) / (2 * pi)
+    return scene.time * (rate + max(0.0, speed - rate) * lasting) / (2 * pi)
 
 
 def stiff(scene: Scene) -> bool:
@@ -196,8 +197,10 @@ def first_available(names: tuple[str, ...]) -> Solver:
 
 
 def splits(scene: Scene) -> bool:
-    """Whether splitting takes fewer steps than Runge-Kutta: a spheroid at large St."""
+    """Whether splitting takes fewer steps than Runge-Kutta: a spheroid at large St in a constant flow."""
     spheroid = scene.ellipsoid.symmetry_axis is not None
+    if scene.flow is not None and scene.flow.varies:
+        return False
     return spheroid and SPLITTING_FROM <= scene.stokes < inf
 
 

@@ -23,7 +23,6 @@ from polhode.harness.references.extended import unlike_runs
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.hybrid.form import Hybrid
-from polhode.models.libraries import installed
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
@@ -35,6 +34,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
+from polhode.solvers.taylor import extends_precision
 
 # The constants of `hybrid` were chosen on starts of SEED; errors are measured on those of HELD_OUT,
 # so many of each.
@@ -137,7 +137,7 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             samples,
             REFERENCE_TOLERANCES,
             DOUBLE,
-            *([] if installed("heyoka") else ["without heyoka"]),
+            *([] if extends_precision() else ["without heyoka"]),
         ]
     )
     found = cache.load(key)

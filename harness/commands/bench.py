@@ -1,4 +1,4 @@
-"""What measures: `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput`."""
+"""What measures: `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput`, `flows`."""
 
 import os
 from dataclasses import asdict, replace
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-# What pages are made with: asked for before anything is measured.
-PAGE_LIBRARIES = ("pandas", "matplotlib", "PIL", "scipy")
+# What pages are made with, asked for before anything is measured.
+PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
 # Modules of `pages` by what a study names.
 PAGES = {
     "costs": "bench",
@@ -394,6 +394,27 @@ def throughput(out: Path) -> None:
     with bad_input():
         make_folder(out)
     click.echo(f"{write_page(measure(), out)}")
+
+
+@command(needs=(*PAGE_LIBRARIES, "llvmlite", "heyoka"))
+@options.out_folder("reports/flows")
+@options.quick
+@click.option(
+    "--page-only", is_flag=True, help="Write the page anew from the tables in the folder."
+)
+@options.quiet
+def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
+    """Measure scenes in linear flows other than shear: cost, closed orbits, tracks, stated errors."""
+    from polhode.harness.common.machine import here
+    from polhode.harness.flows.measure import measure_all
+    from polhode.harness.pages.flows import write_page, write_tables
+
+    with bad_input():
+        make_folder(out)
+        if not page_only:
+            write_tables(measure_all(quick=quick, quiet=quiet), here(), out)
+        page = write_page(out, "polhode flows" + " --quick" * quick)
+    click.echo(f"{page}")
 
 
 def _engine(workers: int | None, address: str | None) -> Any:

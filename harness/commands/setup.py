@@ -242,7 +242,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
 
 
-@command(needs=("pandas", "matplotlib", "PIL", "scipy"))
+@command(needs=("markdown_it", "matplotlib", "PIL", "pandas", "scipy"))
 @click.option(
     "--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages."
 )

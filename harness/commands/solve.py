@@ -15,7 +15,7 @@ from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands.show import scene_text
 from polhode.harness.common.files import PartialFile, dumps, write_file
-from polhode.harness.common.progress import Progress
+from polhode.harness.common.progress import Progress, expectation
 from polhode.harness.common.text import aligned, duration, fitting, short
 from polhode.models.catalogue import form as find_form
 from polhode.models.spent import SPENT, spent_on
@@ -115,8 +115,8 @@ def solve(
             click.get_current_context().call_on_close(_say_times)
         at = "at" if given["tolerance"] else "from"
         say(f"{what.form.name} by {what.solver.name} {at} tolerance {short(what.tolerance)}")
-        for note in _notes(what, given["tolerance"]):
-            say(f"note: {note}")
+        if given["tolerance"] and _given("error"):
+            say("note: the --tolerance given governs the run: --error is only for choosing one")
         solution = _run(what, target, beside, progress, omega)
     if restart:
         with bad_input():
@@ -165,14 +165,6 @@ def _given(option: str) -> bool:
     return source is not ParameterSource.DEFAULT
 
 
-def _notes(what: "Plan", tolerance: float | None) -> list[str]:
-    """What the user should know before the run: that the error has no say, and that the run is long."""
-    notes = []
-    if tolerance and _given("error"):
-        notes.append("the --tolerance given governs the run: --error is only for choosing one")
-    return [*notes, what.long] if what.long else notes
-
-
 def _empty(what: "Plan", solution: "SceneSolution") -> list[str]:
     """Which columns stay empty, and what would fill them."""
     form = solution.equations
@@ -211,8 +203,18 @@ def _run(
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
-        end = record.unit * float(record.times[-1])
-        progress.begin(f"solving by {what.solver.name}", lambda: record.reached / end)
+        end, last = record.unit * float(record.times[-1]), float(what.times[-1])
+
+        def share() -> float:
+            return record.reached / end
+
+        def note(seconds: float) -> str:
+            if end >= last:
+                return expectation(share(), seconds)
+            # The pieces that follow may take any time.
+            return f"it has come to t = {record.reached:.3g} of {last:.3g}"
+
+        progress.begin(f"solving by {what.solver.name}", share, note)
 
     progress.begin("compiling")
     try:

@@ -1,13 +1,22 @@
-"""One line on a terminal about work that takes longer than two seconds: what, how far, and the time remaining."""
+"""What is said of work that takes longer than two seconds.
+
+On a terminal, one line that is rewritten: what, how far, and the time remaining. Anywhere, once, a
+note on a long run.
+"""
 
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from threading import Event, Thread
 from time import time
 from typing import IO, Any
 
+from polhode.harness.common.text import duration
+
 # Seconds before anything is shown, and between two looks.
 PATIENCE, INTERVAL = 2.0, 0.2
+# Seconds after which a note is made of a long run, and those from which on it is long.
+NOTE_AFTER, LONG = 3.0, 30.0
 # Less of the work done says nothing about the rest.
 TOO_EARLY = 1e-3
 EVERY_LOOK: dict[str, Any] = {
@@ -20,17 +29,38 @@ EVERY_LOOK: dict[str, Any] = {
 UNKNOWN, KNOWN = "{desc}: {elapsed}", "{desc}: {percentage:.0f} %, {remaining} left"
 
 
+def expectation(done: float, seconds: float) -> str:
+    """How long a run will take of which a share is done after so many seconds; empty if that is not long."""
+    if not done > 0:
+        return f"it has hardly begun after {duration(seconds)}"
+    expected = seconds / done
+    return f"it is expected to take about {duration(expected)}" if expected >= LONG else ""
+
+
 class Progress:
-    """A line on `stream`, by default standard error, rewritten by a thread of its own; none if that is no terminal."""
+    """What is said on `stream`, by default standard error, by a thread of its own."""
 
     def __init__(self, quiet: bool = False, stream: IO[str] | None = None) -> None:
         self._stream, self._quiet = stream or sys.stderr, quiet
         self._stop, self._thread = Event(), Thread(target=self._watch, daemon=True)
+        self._noting_since: float | None = None
         self.begin("")
 
-    def begin(self, what: str, fraction: Callable[[], float] | None = None) -> None:
-        """Begin a piece of the work; `fraction` returns how much of it is done, from 0 to 1, if `advance` does not."""
-        self._done, self._piece = 0.0, (what, fraction, time())
+    def begin(
+        self,
+        what: str,
+        fraction: Callable[[], float] | None = None,
+        note: Callable[[float], str] | None = None,
+    ) -> None:
+        """Begin a piece of the work.
+
+        `fraction` returns how much of it is done, from 0 to 1, if `advance` does not; `note`, of the
+        seconds since it began, what is to be said of a long run, or nothing.
+        """
+        now = time()
+        self._done, self._piece = 0.0, (what, fraction, note, now)
+        if note and self._noting_since is None:
+            self._noting_since = now
 
     def advance(self, done: float) -> None:
         """Set how much of the piece is done, from 0 to 1."""
@@ -38,8 +68,13 @@ class Progress:
 
     def _watch(self) -> None:
         shown = bar = None
+        noted = False
         while not self._stop.wait(INTERVAL):
-            what, fraction, began = piece = self._piece
+            what, fraction, note, began = piece = self._piece
+            if note and not noted and time() - (self._noting_since or began) > NOTE_AFTER:
+                noted = self._say(note(time() - began), bar)
+            if not self._stream.isatty():
+                continue
             if bar is None or piece is not shown:
                 from tqdm import tqdm
 
@@ -60,9 +95,20 @@ class Progress:
         if bar:
             bar.close()
 
+    def _say(self, note: str, bar: Any) -> bool:
+        """Write a note on a line of its own, if there is one; whether there was."""
+        if not note:
+            return False
+        if bar:
+            bar.clear()
+        # Who listens may have gone.
+        with suppress(OSError, ValueError):
+            print(f"note: {note}; Ctrl-C keeps what is finished", file=self._stream, flush=True)
+        return True
+
     def __enter__(self) -> "Progress":
         # A process without a console has no standard error.
-        if not self._quiet and self._stream is not None and self._stream.isatty():
+        if not self._quiet and self._stream is not None:
             self._thread.start()
         return self
 

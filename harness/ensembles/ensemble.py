@@ -1,7 +1,7 @@
 """Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite
 from numbers import Integral
@@ -22,6 +22,8 @@ from polhode.harness.ensembles.hybrid import (
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
+from polhode.models.files.scene_file import flow_table, plain
+from polhode.models.flow import Flow
 from polhode.models.libraries import version_of
 from polhode.models.observables import angular_velocity
 from polhode.models.once import once
@@ -33,6 +35,7 @@ from polhode.solvers.catalogue import available_like
 from polhode.solvers.contract import Status, installed
 from polhode.solvers.ensembles.adaptive_steps import run_adaptive
 from polhode.solvers.ensembles.equal_steps import TAYLOR, Plan, plan, run
+from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
@@ -92,6 +95,9 @@ class Ensemble:
     )
     bins: int = 64  # of each histogram
     radius: float = 0.05
+    flow: Flow | None = None  # of all particles; simple shear by default
+    # One for each particle in turn, from the first one again behind the last, in place of `flow`.
+    tracks: tuple[Flow, ...] = ()
 
     def __post_init__(self) -> None:
         for name, (least, most) in BOUNDS.items():
@@ -139,6 +145,8 @@ class Ensemble:
             if (least := least_of(self)) == inf:
                 return f"{available_like(SOLVER)}, error {scientific(self.tolerance)}"
             return f"averaged, where |L| falls below {least:.2g} I_max full or {available_like(SOLVER)}"
+        if self.along_tracks:
+            return f"{available_like(SOLVER)}, one by one"
         chosen = plan_of(self)
         if chosen is not None:
             return f"{chosen.method}, error {scientific(chosen.error)}"
@@ -151,7 +159,9 @@ class Ensemble:
 
     @cached_property
     def attractors(self) -> tuple[Attractor, ...]:
-        """The stable states that particles can be said to arrive at (`polhode.models.theory.fixed_points`)."""
+        """The stable states of simple shear that particles can arrive at (`polhode.models.theory.fixed_points`)."""
+        if self.any_scene.flow is not None:
+            return ()
         return attractors(
             self.ellipsoid, self.stokes, self.radius, circling=self.equations != "averaged"
         )
@@ -177,8 +187,11 @@ class Ensemble:
     @property
     def content(self) -> Record:
         """The ensemble as plain data, types coerced, with the schema and the versions that it depends on."""
+        flows = self.tracks or (self.any_scene.flow,)
+        tables = [plain(flow_table(flow)) for flow in flows if flow is not None]
         return {
             "schema": SCHEMA,
+            **({"flow": tables} if tables else {}),
             "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
             "starts": dict(self.starts),
             "equations": self.equations,
@@ -205,9 +218,28 @@ class Ensemble:
 
     def draw(self, index: int, particles: int) -> Drawn:
         """Starts of the first particles of a block."""
-        return self.starts.draw(
-            self.ellipsoid, np.random.SeedSequence(self.seed, spawn_key=(index,)), particles
-        )
+        seed = np.random.SeedSequence(self.seed, spawn_key=(index,))
+        flow = self.any_flow.numbers if self.any_flow else None
+        if self.tracks:
+            flows = [self.flow_of(index * self.block + i) for i in range(particles)]
+            flow = list(np.array([each.numbers for each in flows]).T)
+        return self.starts.draw(self.ellipsoid, seed, particles, flow)
+
+    @property
+    def any_flow(self) -> Flow | None:
+        """The flow of the very first particle."""
+        return self.tracks[0] if self.tracks else self.flow
+
+    @property
+    def along_tracks(self) -> bool:
+        """Whether the flow changes on the way."""
+        return self.any_flow is not None and self.any_flow.varies
+
+    def flow_of(self, particle: int) -> Flow:
+        """The track of a particle of the ensemble."""
+        flow = self.tracks[particle % len(self.tracks)] if self.tracks else self.flow
+        assert flow is not None, "an ensemble along tracks"
+        return flow
 
     @cached_property
     def any_scene(self) -> Scene:
@@ -217,9 +249,8 @@ class Ensemble:
             drawn.quaternion[0].tolist(),
             drawn.angular_velocity[0].tolist(),
         )
-        return Scene(
-            self.ellipsoid, self.stokes, BodyStart((q0, q1, q2, q3), (w1, w2, w3)), self.time
-        )
+        start = BodyStart((q0, q1, q2, q3), (w1, w2, w3))
+        return Scene(self.ellipsoid, self.stokes, start, self.time, self.any_flow)
 
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
@@ -228,6 +259,8 @@ class Ensemble:
             self.problem,
             self.draw(index, particles).states(self.form, self.ellipsoid),
         )
+        if self.along_tracks:
+            starts = np.column_stack([starts, np.zeros(particles)])
         times, statistics = (
             np.linspace(0.0, problem.end, self.samples),
             Statistics.empty(self.layout),
@@ -237,10 +270,17 @@ class Ensemble:
             random = np.random.default_rng(
                 np.random.SeedSequence(self.seed, spawn_key=(index, first))
             )
-            states, statuses = self.states(starts[first : first + at_once], times, random)
+            some = starts[first : first + at_once]
+            numbers = index * self.block + first + np.arange(len(some))
+            if self.along_tracks:
+                states, statuses = self._run_along_tracks(some, times, numbers)
+            else:
+                states, statuses = self.states(some, times, random)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
-            self._observe(finished if success.all() else finished[success], statistics)
+            self._observe(
+                finished if success.all() else finished[success], statistics, numbers[success]
+            )
         return statistics
 
     def states(
@@ -256,8 +296,20 @@ class Ensemble:
             return run(self.problem, starts, times, self.tolerance, chosen)
         return run_batches(self.problem, starts, times, self.tolerance * TAYLOR)
 
-    def _observe(self, states: np.ndarray, statistics: Statistics) -> None:
-        """Add states, shape (n, samples, d), to the statistics."""
+    def _run_along_tracks(
+        self, starts: np.ndarray, times: np.ndarray, numbers: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States and statuses, as of `states`, of particles of these numbers, one by one."""
+        equations = find_form(self.form)
+        runs = []
+        for start, number in zip(starts, numbers.tolist(), strict=True):
+            problem = equations.problem(replace(self.any_scene, flow=self.flow_of(number)))
+            runs.append(run_one_by_one(problem, start[None], times, self.tolerance * TAYLOR))
+        states = np.concatenate([found for found, _ in runs], axis=1)
+        return states, np.concatenate([statuses for _, statuses in runs])
+
+    def _observe(self, states: np.ndarray, statistics: Statistics, numbers: np.ndarray) -> None:
+        """Add states, shape (n, samples, d), of particles of these numbers to the statistics."""
         n, samples, d = states.shape
         form, scene, axes = find_form(self.form), self.any_scene, list(self.layout.axes)
         unit, every = max(self.ellipsoid.inertia), (samples - 1) // (self.snapshots - 1)
@@ -265,11 +317,13 @@ class Ensemble:
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
-        at_once = max(1, OBSERVED // samples)
+        at_once = 1 if self.along_tracks else max(1, OBSERVED // samples)
         for first in range(0, n, at_once):
             some = slice(first, first + at_once)
             # Component by component in memory, which NumPy's sums over components need.
             columns = np.moveaxis(states[some], 2, 0).reshape(d, -1)
+            if self.along_tracks:
+                scene = replace(scene, flow=self.flow_of(int(numbers[first])))
             seen = form.observe(scene, columns.T)
             slow = [
                 each.reshape(-1, samples) / unit for each in (*seen.angular_momentum.T, seen.energy)

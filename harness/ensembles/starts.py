@@ -1,6 +1,6 @@
 """Where the particles of an ensemble start: distributions of orientation and motion, drawn from a seed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import hypot, isfinite
 from typing import Annotated, Any, Literal, Self
@@ -15,8 +15,9 @@ from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.shape import Ellipsoid
 
 Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
-"""How particles start: "fluid" turns with the fluid, ω = -½ ẑ; "jeffery" as without inertia, ω = Ω_J; "momentum" has
-the given angular momentum, in space axes, "momentum-isotropic" one of its length in any direction."""
+"""How particles start: "fluid" turns with the fluid, in shear ω = -½ ẑ; "jeffery" as without inertia,
+ω = Ω_J; "momentum" has the given angular momentum, in space axes, "momentum-isotropic" one of its length
+in any direction."""
 
 
 def _either(given: Any, valid: Callable[[Any], Any]) -> Any:
@@ -59,24 +60,41 @@ class Starts(Table):
             raise ValueError(f"got orientation = {q}, expected four numbers, not all zero")
         return self
 
-    def draw(self, ellipsoid: Ellipsoid, seed: np.random.SeedSequence, particles: int) -> "Drawn":
-        """Draw starts; the same seed gives the same orientations and directions whatever the ellipsoid."""
+    def draw(
+        self,
+        ellipsoid: Ellipsoid,
+        seed: np.random.SeedSequence,
+        particles: int,
+        flow: Sequence[Any] | None = None,
+    ) -> "Drawn":
+        """Draw starts; the same seed gives the same orientations and directions whatever ellipsoid and flow.
+
+        `flow` holds the numbers of the flow at the start (`polhode.models.flow.Flow.numbers`), each
+        one for all particles or an array of one for each; by default it is simple shear.
+        """
         random = np.random.default_rng(seed)
         four = random.standard_normal((particles, 4))
         q = four if self.orientation == "isotropic" else np.tile(self.orientation, (particles, 1))
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
-        return Drawn(q, self._velocity(ellipsoid, matrix_from_quaternion(q), random))
+        return Drawn(q, self._velocity(ellipsoid, matrix_from_quaternion(q), random, flow))
 
     def _velocity(
-        self, ellipsoid: Ellipsoid, rotation: np.ndarray, random: np.random.Generator
+        self,
+        ellipsoid: Ellipsoid,
+        rotation: np.ndarray,
+        random: np.random.Generator,
+        flow: Sequence[Any] | None,
     ) -> np.ndarray:
         """Angular velocities in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
         if self.motion == "rest":
             return np.zeros((len(rotation), 3))
+        if self.motion == "fluid" and flow is not None:
+            spin = np.broadcast_to(np.array(flow[:3]).T, (len(rotation), 3))
+            return np.einsum("nij,nj->ni", rotation, spin)
         if self.motion == "fluid":
             return -0.5 * rotation[:, :, 2]
         if self.motion == "jeffery":
-            return jeffery_spin(ellipsoid, rotation)
+            return jeffery_spin(ellipsoid, rotation, flow)
         assert self.angular_momentum is not None
         inertia = np.array(ellipsoid.inertia)
         momentum = np.tile(np.array(self.angular_momentum) * inertia.max(), (len(rotation), 1))

@@ -9,7 +9,7 @@ from itertools import accumulate
 from math import gcd, inf
 from pathlib import Path
 from random import randrange
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field, model_validator
 from tqdm import tqdm
@@ -30,14 +30,34 @@ from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
 from polhode.harness.studies.study import Name, StokesNumbers
-from polhode.models.files.scene_file import Positive, SemiAxes, Table, one_duration
+from polhode.models.files.scene_file import FlowTable, Positive, SemiAxes, Table, one_duration
 from polhode.models.files.toml_file import checked, read_toml
+from polhode.models.files.track_file import read_track
 from polhode.models.form import FormNotValidError
 from polhode.models.problem import ROUNDING
 from polhode.models.shape import Ellipsoid
 
 # Written into every record: side by side, tasks slow each other down.
 NO_TIMES = "no times: tasks may run side by side"
+
+
+class SweepFlowTable(FlowTable):
+    """``[flow]`` of a sweep: that of a scene, or `tracks`, a folder with a CSV file for each particle."""
+
+    tracks: str | None = None
+
+    ways: ClassVar[tuple[str, ...]] = (*FlowTable.ways, "tracks")
+
+    def flows(self, folder: Path) -> dict[str, Any]:
+        """The ensemble's `flow` or `tracks`; particles take the files in the order of their names."""
+        if self.tracks is None:
+            return {"flow": self.flow(folder)}
+        files = sorted((folder / self.tracks).glob("*.csv"))
+        if not files:
+            raise ValueError(
+                f"flow.tracks: got {self.tracks!r}, expected a folder with CSV files: there are none"
+            )
+        return {"tracks": tuple(map(read_track, files))}
 
 
 class SweepTable(Table):
@@ -50,6 +70,7 @@ class SweepTable(Table):
     slow_time: Positive | None = None
     time: Positive | None = None
     start: Starts = Starts()
+    flow: SweepFlowTable | None = None
     equations: Equations | None = None
     tolerance: Annotated[float, Field(ge=ROUNDING, le=1)] | None = None
     # `Ensemble` checks their ranges.
@@ -170,21 +191,25 @@ def surroundings(sweep: Sweep, store: Store) -> list[Record]:
 
 def read_sweep(path: Path | None) -> Sweep:
     """Read a sweep file, or the one that comes with the package; raises as `read_toml` does."""
-    return read_toml(path or Path(__file__).with_name("default_sweep.toml"), parse_sweep)
+    path = path or Path(__file__).with_name("default_sweep.toml")
+    return read_toml(path, partial(parse_sweep, folder=path.parent))
 
 
-def parse_sweep(contents: dict[str, Any]) -> Sweep:
-    """Make a sweep of the contents of a sweep file; raises ValueError as `checked` does."""
+def parse_sweep(contents: dict[str, Any], folder: Path = Path()) -> Sweep:
+    """Make a sweep of the contents of a sweep file, in a folder; raises ValueError as `checked` does."""
     table = checked(SweepTable, contents)
+    flows = table.flow.flows(folder) if table.flow else {}
     ensembles = tuple(
-        _ensemble(table, shape, stokes) for shape in table.shapes for stokes in table.stokes
+        _ensemble(table, shape, stokes, flows) for shape in table.shapes for stokes in table.stokes
     )
     if len({Task(ensemble, 0).key for ensemble in ensembles}) < len(ensembles):
         raise ValueError("shapes, stokes: got the same twice, expected each once")
     return Sweep(table.name, table.title, ensembles)
 
 
-def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
+def _ensemble(
+    table: SweepTable, shape: list[float], stokes: float, flows: dict[str, Any]
+) -> Ensemble:
     time = table.time or (table.slow_time or 0.0) * stokes
     if time in (0, inf):
         raise ValueError(
@@ -193,7 +218,7 @@ def _ensemble(table: SweepTable, shape: list[float], stokes: float) -> Ensemble:
     a, b, c = shape
     own = table.model_dump(include={*BOUNDS, "radius"})
     ensemble, tolerance = (
-        partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **own),
+        partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **own),
         table.tolerance,
     )
     tolerance = tolerance or Ensemble.tolerance

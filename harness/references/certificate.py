@@ -78,7 +78,8 @@ def certify(
         if form.averaged:
             ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
         else:
-            ratio = _other_form(scene, (other, solver), seen[start], seen[stop], stop - start)
+            later = scene.later(start, scene.start, stop - start)
+            ratio = _other_form(later, (other, solver), seen[start], seen[stop], stop - start)
         if ratio is not None:
             agreed += 1
             worst = np.maximum(worst, ratio)
@@ -108,7 +109,7 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
         return form.name, first_available(*_UNRELATED)
     spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
     if scene.stokes == 0:
-        if scene.ellipsoid.kind != "triaxial":
+        if scene.flow is None and scene.ellipsoid.kind != "triaxial":
             return "jeffery", "exact"
         if find_solver("ida").available:
             return "euler-angles", "ida"
@@ -127,7 +128,11 @@ def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodySta
 
 
 def _other_form(
-    scene: Scene, by: tuple[str, str], before: Observables, after: Observables, length: float
+    scene: Scene,
+    by: tuple[str, str],
+    before: Observables,
+    after: Observables,
+    length: float,
 ) -> float | None:
     """Ratio of difference to own error of a piece solved again; None where it cannot be solved."""
     # Euler angles are taken about the three body axes in turn, from the one farthest from their

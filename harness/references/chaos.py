@@ -57,7 +57,7 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
     # v starts in a generic direction and is renormalised after each interval (Benettin et al.,
     # Meccanica 15 (1980) 9).
-    if not installed("heyoka"):
+    if not installed("heyoka") or problem.segments is not None:
         return _growth_of_neighbours(problem, intervals)
     times, parameters = np.linspace(0.0, problem.end, intervals + 1), parameter_array(problem)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
@@ -85,6 +85,9 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
     method = first_available("cyrk-vern8", "dop853")
     state = np.array(problem.start)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
+    if problem.timed:
+        # Neighbours have the same time.
+        direction[-1] = 0.0
     direction /= np.linalg.norm(direction)
     logarithm = np.zeros(intervals + 1)
     for i in range(intervals):

@@ -171,14 +171,15 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     ]
     if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > LARGEST_TURN:
         return None
-    power = dissipation(ellipsoid, rotations[0], omega[0]) - dissipation(
-        ellipsoid, rotations[1], omega[1]
+    times = np.linspace(0.0, scene.time, intervals + 1)
+    flow = None if scene.flow is None else scene.flow.numbers_at(times)
+    power = dissipation(ellipsoid, rotations[0], omega[0], flow) - dissipation(
+        ellipsoid, rotations[1], omega[1], flow
     )
     power, energy = (
         power * scene.torque_factor / unit,
         (found.energy - true.energy).astype(float) / unit,
     )
-    times = np.linspace(0.0, scene.time, intervals + 1)
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine, coarse = (
         _residual(times, energy, power),

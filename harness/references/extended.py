@@ -5,12 +5,12 @@ from time import perf_counter
 
 import numpy as np
 
-from polhode.models.libraries import installed
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.contract import Record
+from polhode.solvers.segments import by_segments
 from polhode.solvers.solve import solve
-from polhode.solvers.taylor import Bound, Precision
+from polhode.solvers.taylor import Bound, Precision, extends_precision
 
 Run = tuple[Precision, float]
 
@@ -59,7 +59,10 @@ def extended_run(
     rows = np.empty((len(times), problem.dimension), dtype=number)
     rows[0] = np.array(problem.start).astype(number)
     most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
-    status, message = bound.propagate(Record(times, rows, deadline, most))
+    integrate = bound.propagate
+    if problem.segments is not None:
+        integrate = by_segments(integrate, problem)
+    status, message = integrate(Record(times, rows, deadline, most))
     if not status.success:
         raise ReferenceFailedError(
             f"the reference of form {problem.name!r} ended with {status}: {message}", status
@@ -100,7 +103,7 @@ def unlike_runs(
             return runs
     reasons = "; ".join(failures) or "no others are installed"
     raise ReferenceFailedError(
-        f"heyoka is not installed, and {len(runs)} of two unlike methods solve {problem.name!r}: {reasons}"
+        f"there is no extended precision here, and {len(runs)} of two unlike methods solve {problem.name!r}: {reasons}"
     )
 
 
@@ -111,7 +114,7 @@ def reference_runs(
 
     Taylor runs in extended precision, or without heyoka those of `unlike_runs`.
     """
-    if installed("heyoka"):
+    if extends_precision():
         tight, loose = (extended_run(problem, times, *run) for run in runs)
     else:
         tight, loose = unlike_runs(problem, times).values()

@@ -25,13 +25,14 @@ from polhode.harness.references.extended import (
 from polhode.harness.references.rotations import rotations
 from polhode.models.catalogue import form as find_form, full_form, reference_form
 from polhode.models.form import Form
-from polhode.models.libraries import installed, version_of
+from polhode.models.libraries import version_of
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
+from polhode.solvers.taylor import extends_precision
 
 # Tight and loose run; their difference, times the safety factor, is the reference's own
 # uncertainty.
@@ -139,7 +140,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
 
         def computed(limit: float) -> dict[str, Any]:
             try:
-                if not installed("heyoka"):
+                if not extends_precision():
                     run = partial(_unlike, scene, shape, problem)
                 elif long:
                     run = partial(_compared, scene)
@@ -374,4 +375,7 @@ def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, 
         "runs": (SPHEROIDS, OTHERS, AGAINST) if long else extended,
         "heyoka": version_of("heyoka"),
     }
+    if problem.segments is not None:
+        segments = problem.segments
+        content["segments"] = [segments.times.tobytes().hex(), segments.values.tobytes().hex()]
     return digest(content)

@@ -3,6 +3,7 @@
 Run times of full forms follow these two numbers, not St alone.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isinf, pi, sqrt
@@ -11,8 +12,10 @@ import numpy as np
 
 from polhode.models.catalogue import averaged_form, form as find_form, reference_form
 from polhode.models.forms import jeffery, quaternion
+from polhode.models.forms.motion import AlongTrack
 from polhode.models.free_top.polhode import mean_speed
-from polhode.models.problem import Problem
+from polhode.models.operations import WithRate
+from polhode.models.problem import Factory, Problem
 from polhode.models.scene import Scene, SlowStart, start_from
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
@@ -149,12 +152,23 @@ def _averaged_angle(scene: Scene) -> float | None:
     return scene.stokes * float(np.sum(weight * speed * fastest * np.exp(s))) * span / 2
 
 
+def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Problem:
+    """The problem with the angle turned as one more component, before the time if that is one."""
+    field, start = full.field, full.start
+    if isinstance(field, AlongTrack):
+        field = replace(field, field=with_angle(field.field))
+        start = *start[:-1], 0.0, start[-1]
+    else:
+        field, start = with_angle(field), (*start, 0.0)
+    return Problem(full.name, field, start, full.end, full.parameters, segments=full.segments)
+
+
 def _angle(scene: Scene) -> float:
     """∫|ω| dt by a loose run of the full equations, from rest only until averages serve."""
     form = find_form(reference_form(scene))
     full = form.problem(scene)
-    turning = jeffery.TURNING if scene.stokes == 0 else quaternion.TURNING
-    problem = Problem(full.name, turning, (*full.start, 0.0), full.end, full.parameters)
+    module = jeffery if scene.stokes == 0 else quaternion
+    problem = _with_angle(full, module.with_angle)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > STIFF_FROM
     longest = min(
@@ -169,10 +183,13 @@ def _angle(scene: Scene) -> float:
             raise ValueError(
                 f"rotations: the loose run ended with {run.status.value}: {run.message}"
             )
-        half, whole = (float(angle) for angle in run.states[1:, -1])
+        half, whole = (float(angle) for angle in run.states[1:, -1 - problem.timed])
         angle = whole + (scene.time - end) * (whole - half) / (end / 2)
         if end == scene.time:
             break
+        if scene.flow is not None:
+            # No averages are known in other flows than shear.
+            continue
         reached = start_from(scene.ellipsoid, form.observe(scene, run.states[-1:, :-1]))
         rest = replace(scene, start=reached, time=scene.time - end)
         if _averages_well(rest) and (further := _averaged_angle(rest)) is not None:

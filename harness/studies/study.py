@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.resources import files
 from math import inf
 from pathlib import Path
@@ -267,11 +268,15 @@ class StudyTable(BaseModel):
 def read_study(path: Path | None, default: str = "bench") -> Study:
     """Read a study file, or the one of the given name that comes with the package; raises as `read_toml` does."""
     own = files("polhode.harness.studies") / f"{default}.toml"
-    return read_toml(path or own, parse_study, where=None if path else f"study {default!r}")
+    parse = partial(parse_study, folder=path.parent) if path else parse_study
+    return read_toml(path or own, parse, where=None if path else f"study {default!r}")
 
 
-def parse_study(contents: dict[str, Any]) -> Study:
-    """The study that a file's contents describe; raises ValueError, in one line, if a key is wrong or nothing fits."""
+def parse_study(contents: dict[str, Any], folder: Path = Path()) -> Study:
+    """The study that a file's contents describe; tracks lie in a folder.
+
+    Raises ValueError, in one line, if a key is wrong or nothing fits.
+    """
     table = checked(StudyTable, contents)
     own: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in table
@@ -280,7 +285,7 @@ def parse_study(contents: dict[str, Any]) -> Study:
     for position, each in enumerate(table.scenes):
         try:
             scenes = [
-                parse_scene({"stokes": stokes, **(each.model_extra or {})})
+                parse_scene({"stokes": stokes, **(each.model_extra or {})}, folder)
                 for stokes in each.stokes
             ]
         except ValueError as error:

@@ -1,13 +1,16 @@
 """Scene files: TOML, checked key by key before a scene is made."""
 
 import warnings
+from functools import partial
 from math import hypot, inf, isfinite, pi
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from polhode.models.files.toml_file import checked, read_toml
+from polhode.models.files.track_file import read_track
+from polhode.models.flow import Flow
 from polhode.models.registry import Question
 from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart, Start
 from polhode.models.shape import Ellipsoid
@@ -15,6 +18,7 @@ from polhode.models.shape import Ellipsoid
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+NineVector = Annotated[list[Finite], Field(min_length=9, max_length=9)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 SemiAxes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 # A quaternion further from unit norm than this was not rounded.
@@ -89,6 +93,41 @@ def one_duration(table: Any) -> Any:
     return table
 
 
+class FlowTable(Table):
+    """``[flow]``: a linear flow other than simple shear, constant or along a track.
+
+    `gradient` is A_ij = ∂u_i/∂x_j; `track` names a CSV file of gradients in time, beside the scene
+    file; `times` and `gradients`, nine numbers each, are the same in place.
+    """
+
+    gradient: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+    track: str | None = None
+    times: Annotated[list[Finite], Field(min_length=2)] | None = None
+    gradients: list[NineVector] | None = None
+
+    # What may be given together.
+    ways: ClassVar[tuple[str, ...]] = ("gradient", "track", "times + gradients")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> "FlowTable":
+        given = self.model_fields_set
+        if given not in [set(way.split(" + ")) for way in self.ways]:
+            got = " and ".join(sorted(given)) or "neither"
+            raise ValueError(f"got {got}, expected one of {', '.join(self.ways)}")
+        return self
+
+    def flow(self, folder: Path = Path()) -> Flow:
+        """The flow; a track's file lies in a folder. Raises ValueError as `Flow` and `read_track` do."""
+        if self.track is not None:
+            return read_track(folder / self.track)
+        if self.times is not None:
+            rows = self.gradients or []
+            return Flow.track(self.times, [(row[:3], row[3:6], row[6:]) for row in rows])
+        assert self.gradient is not None
+        x, y, z = (_triple(row) for row in self.gradient)
+        return Flow((x, y, z))
+
+
 class SceneTable(Table):
     """A whole scene file."""
 
@@ -97,6 +136,7 @@ class SceneTable(Table):
     time: Positive | None = None
     shape: ShapeTable
     start: StartTable
+    flow: FlowTable | None = None
 
     @model_validator(mode="after")
     def _one_duration(self) -> "SceneTable":
@@ -107,8 +147,8 @@ class SceneTable(Table):
             )
         return self
 
-    def scene(self) -> Scene:
-        """The scene; raises ValueError if a duration in slow time overflows."""
+    def scene(self, folder: Path = Path()) -> Scene:
+        """The scene, of a file in a folder; raises ValueError if a duration overflows, or the flow is none."""
         a, b, c = self.shape.semi_axes
         time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
         if not (isfinite(time) and time > 0):
@@ -116,17 +156,19 @@ class SceneTable(Table):
             raise ValueError(
                 f"slow_time: got {got}, expected a finite positive time t = slow_time * stokes"
             )
-        return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time)
+        flow = self.flow.flow(folder) if self.flow else None
+        return Scene(Ellipsoid((a, b, c)), self.stokes, self.start.start(), time, flow)
 
 
 def read_scene(path: str | Path) -> Scene:
     """Read a scene file: TOML, whose keys are those of `SceneTable`; raises as `read_toml` does."""
-    return read_toml(Path(path), parse_scene, where=str(path))
+    parse = partial(parse_scene, folder=Path(path).parent)
+    return read_toml(Path(path), parse, where=str(path))
 
 
-def parse_scene(table: dict[str, Any]) -> Scene:
-    """Make a scene of the contents of a scene file; raises ValueError as `checked` does."""
-    return checked(SceneTable, table).scene()
+def parse_scene(table: dict[str, Any], folder: Path = Path()) -> Scene:
+    """Make a scene of the contents of a scene file, which lies in a folder; raises ValueError as `checked` does."""
+    return checked(SceneTable, table).scene(folder)
 
 
 def _triple(values: list[float]) -> tuple[float, float, float]:
@@ -144,11 +186,22 @@ def scene_table(scene: Scene) -> dict[str, Any]:
         case SlowStart(momentum, energy):
             start = {"angular_momentum": momentum, "energy": energy}
     shape = {"semi_axes": scene.ellipsoid.semi_axes}
-    return _plain({"stokes": scene.stokes, "time": scene.time, "shape": shape, "start": start})
+    table = {"stokes": scene.stokes, "time": scene.time, "shape": shape, "start": start}
+    if scene.flow is not None:
+        table["flow"] = flow_table(scene.flow)
+    return plain(table)
 
 
-def _plain(value: Any) -> Any:
-    """The same of plain floats, whatever numbers there were, in lists; -0.0 becomes 0.0."""
+def flow_table(flow: Flow) -> dict[str, Any]:
+    """Contents of ``[flow]``."""
+    if not flow.varies:
+        return {"gradient": flow.gradient}
+    rows = tuple((*x, *y, *z) for x, y, z in flow.gradients)
+    return {"times": flow.knots, "gradients": rows}
+
+
+def plain(value: Any) -> Any:
+    """The same in plain floats, whatever numbers there were, in lists; -0.0 becomes 0.0."""
     if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    return [_plain(each) for each in value] if isinstance(value, tuple) else float(value) + 0.0
+        return {name: plain(each) for name, each in value.items()}
+    return [plain(each) for each in value] if isinstance(value, tuple) else float(value) + 0.0

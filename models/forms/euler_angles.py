@@ -1,14 +1,21 @@
 """Euler-angle form: the paper's second-order system `fth`–`fps` as six first-order equations."""
 
+from collections.abc import Callable
 from math import sin
 
 import numpy as np
 
 from polhode.models.form import Form
-from polhode.models.forms.motion import angular_acceleration, body_parameters, full_problem
+from polhode.models.forms.motion import (
+    driven_acceleration,
+    full_problem,
+    parameters_of,
+    velocity_in_any_flow,
+    velocity_in_shear,
+)
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import ARRAYS, Field, Operations
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.models.rotation import (
     angular_velocity_from_euler,
     euler_rates_from_angular_velocity,
@@ -34,19 +41,19 @@ def guarded_sine(ops: Operations):
     return sine
 
 
-def field(ops: Operations) -> Field:
+def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
     """Rates of (θ, φ, ψ, θ̇, φ̇, ψ̇) (`fth`–`fps`, solved for the accelerations); p as in `motion`."""
     sin, cos = ops.sin, ops.cos
-    sine, acceleration = ops.use(guarded_sine), ops.use(angular_acceleration)
+    sine, acceleration = ops.use(guarded_sine), ops.use(driven_acceleration)
+    axes_of, velocity_of = ops.use(axes), ops.use(velocity)
 
     def rhs(y, p):
         theta, phi, psi, dtheta, dphi, dpsi = y[0], y[1], y[2], y[3], y[4], y[5]
         st, ct, sf, cf, ss, cs = sine(theta), cos(theta), sin(phi), cos(phi), sin(psi), cos(psi)
-        flow = (cs * cf - sf * ss * ct, -ss * cf - sf * cs * ct, st * sf)
-        gradient = (sf * cs + ss * cf * ct, -sf * ss + cs * cf * ct, -st * cf)
+        axes = axes_of(st, ct, sf, cf, ss, cs)
         across = dphi * st
         omega = (across * ss + dtheta * cs, across * cs - dtheta * ss, dphi * ct + dpsi)
-        a1, a2, a3 = acceleration(flow, gradient, omega, p)
+        a1, a2, a3 = acceleration(omega, velocity_of(*axes, p), p)
         alpha = p[0]
         ddphi = (a1 * ss + a2 * cs + alpha * dtheta * (dpsi - dphi * ct)) / st
         return (
@@ -59,6 +66,37 @@ def field(ops: Operations) -> Field:
         )
 
     return rhs
+
+
+def _directions(ops: Operations) -> Callable:
+    """Flow and gradient directions in body axes, of the angles' sines and cosines."""
+
+    def of(st, ct, sf, cf, ss, cs):
+        flow = (cs * cf - sf * ss * ct, -ss * cf - sf * cs * ct, st * sf)
+        gradient = (sf * cs + ss * cf * ct, -sf * ss + cs * cf * ct, -st * cf)
+        return flow, gradient
+
+    return of
+
+
+def _space_axes(ops: Operations) -> Callable:
+    """All three space axes in body axes."""
+    directions = ops.use(_directions)
+
+    def of(st, ct, sf, cf, ss, cs):
+        return *directions(st, ct, sf, cf, ss, cs), (st * ss, st * cs, ct)
+
+    return of
+
+
+def field(ops: Operations) -> Field:
+    """`_field` in simple shear."""
+    return _field(ops, _directions, velocity_in_shear)
+
+
+def field_in_any_flow(ops: Operations) -> Field:
+    """`_field` in a linear flow."""
+    return _field(ops, _space_axes, velocity_in_any_flow)
 
 
 def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
@@ -90,6 +128,7 @@ class EulerAngles(Form):
     )
     state = ("theta", "phi", "psi", "dtheta", "dphi", "dpsi")
     orientation = "full"
+    any_flow = True
     angles = True
 
     def check(self, scene: Scene) -> None:
@@ -102,11 +141,20 @@ class EulerAngles(Form):
         if isinstance(start, EulerStart) and scene.stokes > 0:
             rates = start.rates
         start = *start.angles, *rates
-        inertial, shape = (False,) * 3 + (True,) * 3, body_parameters(scene.ellipsoid)
-        return full_problem(self, scene, field, start, inertial, shape, periodic=(1, 2))
+        inertial, shape = (False,) * 3 + (True,) * 3, parameters_of(scene)
+        return full_problem(
+            self,
+            scene,
+            field,
+            start,
+            inertial,
+            shape,
+            in_any_flow=field_in_any_flow,
+            periodic=(1, 2),
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:].T, ARRAYS)
+        omega = angular_velocity_from_euler(states[:, :3].T, states[:, 3:6].T, ARRAYS)
         return observe_body(
             scene.ellipsoid, matrix_from_euler(states[:, :3]), np.stack(omega, axis=1)
         )

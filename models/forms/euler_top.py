@@ -29,8 +29,14 @@ class EulerTop(Quaternion):
         if scene.torque_factor > 0:
             raise self.refuse(f"St = {scene.stokes:g} is finite", reference_form(scene))
 
+    def state_of(self, scene: Scene) -> tuple[str, ...]:
+        """Names of the components; without torque they need no time."""
+        return self.state
+
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         quaternion = self.require_orientation(scene).quaternion
         top = TorqueFree(scene.ellipsoid.inertia, quaternion, scene.angular_velocity)
-        return replace(super().problem(scene), closed_form=partial(closed_form, top))
+        # Without torque no flow matters.
+        problem = super().problem(replace(scene, flow=None))
+        return replace(problem, closed_form=partial(closed_form, top))

@@ -7,14 +7,26 @@ from math import hypot, pi
 
 import numpy as np
 
-from polhode.models.flow import jeffery_angular_velocity, jeffery_spin, shares
+from polhode.models.flow import (
+    gyration,
+    jeffery_angular_velocity,
+    jeffery_in_any_flow,
+    jeffery_spin,
+    shares,
+)
 from polhode.models.form import Form
-from polhode.models.forms.motion import directions, norm_drift, quaternion_rates
+from polhode.models.forms.motion import (
+    directions,
+    in_its_flow,
+    norm_drift,
+    quaternion_rates,
+    space_axes,
+)
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.elliptic import PI
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import ARRAYS, Field, Operations, WithRate
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.models.rotation import (
     Quaternion,
     make_third,
@@ -25,7 +37,7 @@ from polhode.models.scene import Scene
 
 
 def turning(ops: Operations) -> Callable:
-    """q̇ = ½ q∘(0, Ω_J), and Ω_J; p = shares of Jeffery's angular velocity, as in `polhode.models.forms.motion`."""
+    """q̇ = ½ q∘(0, Ω_J), and Ω_J, in simple shear; p = shares of Jeffery's angular velocity."""
     directions_of, rates, jeffery = (
         ops.use(directions),
         ops.use(quaternion_rates),
@@ -40,9 +52,29 @@ def turning(ops: Operations) -> Callable:
     return of
 
 
+def turning_in_any_flow(ops: Operations) -> Callable:
+    """As `turning`, in a linear flow; p = `gyration` and the flow's numbers (`polhode.models.flow`)."""
+    axes_of, rates = ops.use(space_axes), ops.use(quaternion_rates)
+    jeffery = ops.use(jeffery_in_any_flow)
+
+    def of(y, p):
+        x, y_, z = axes_of(y[0], y[1], y[2], y[3])
+        flow = (p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10])
+        w1, w2, w3 = jeffery(x, y_, z, (p[0], p[1], p[2]), flow)
+        return rates(y[0], y[1], y[2], y[3], w1, w2, w3), (w1, w2, w3)
+
+    return of
+
+
 def field(ops: Operations) -> Field:
     """q̇ of `turning`."""
     rates = ops.use(turning)
+    return lambda y, p: rates(y, p)[0]
+
+
+def field_in_any_flow(ops: Operations) -> Field:
+    """q̇ of `turning_in_any_flow`."""
+    rates = ops.use(turning_in_any_flow)
     return lambda y, p: rates(y, p)[0]
 
 
@@ -124,19 +156,31 @@ def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
     return np.stack([c * q0 - s * q3, c * q1 + s * q2, c * q2 - s * q1, c * q3 + s * q0], axis=1)
 
 
-def _speed(ops: Operations) -> Callable:
+def _speed(turning: Factory) -> Factory:
     """|Ω_J|."""
-    rates, sqrt = ops.use(turning), ops.sqrt
 
-    def of(y, p):
-        _, (w1, w2, w3) = rates(y, p)
-        return sqrt(w1 * w1 + w2 * w2 + w3 * w3)
+    def speed(ops: Operations) -> Callable:
+        rates, sqrt = ops.use(turning), ops.sqrt
 
-    return of
+        def of(y, p):
+            _, (w1, w2, w3) = rates(y, p)
+            return sqrt(w1 * w1 + w2 * w2 + w3 * w3)
+
+        return of
+
+    return speed
 
 
-# The field with the angle ∫|Ω_J| dt beside the state, which counts the rotations of a run.
-TURNING = WithRate(field, _speed)
+# The fields with the angle ∫|Ω_J| dt beside the state, which counts the rotations of a run.
+_WITH_ANGLE: dict[Factory, WithRate] = {
+    field: WithRate(field, _speed(turning)),
+    field_in_any_flow: WithRate(field_in_any_flow, _speed(turning_in_any_flow)),
+}
+
+
+def with_angle(field: Factory) -> WithRate:
+    """One of this module's fields with the angle ∫|Ω_J| dt beside the state."""
+    return _WITH_ANGLE[field]
 
 
 class Jeffery(Form):
@@ -149,6 +193,7 @@ class Jeffery(Form):
     valid_for = "St = 0, every ellipsoid; closed form (solver 'exact') for spheroids and spheres"
     state = ("q0", "q1", "q2", "q3")
     orientation = "full"
+    any_flow = True
 
     def check(self, scene: Scene) -> None:
         self.require_orientation(scene)
@@ -158,21 +203,27 @@ class Jeffery(Form):
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         start = self.require_orientation(scene).quaternion
-        axes, parameters, closed_form = scene.ellipsoid.scaled_axes, shares(scene.ellipsoid), None
-        if scene.ellipsoid.kind != "triaxial":
+        shape = gyration(scene.ellipsoid)
+        factory, flow, segments = in_its_flow(scene, field, field_in_any_flow, len(shape))
+        parameters = shares(scene.ellipsoid) if scene.flow is None else (*shape, *flow)
+        axes, closed_form = scene.ellipsoid.scaled_axes, None
+        if scene.flow is None and scene.ellipsoid.kind != "triaxial":
             axis = Spheroid.of(scene.ellipsoid).axis
             closed_form = JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start).at
         return Problem(
             self.name,
-            field,
-            start,
+            factory,
+            start if segments is None else (*start, 0.0),
             scene.time,
             parameters,
             closed_form=closed_form,
             invariant=norm_drift,
+            segments=segments,
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""
-        rotation = matrix_from_quaternion(states)
-        return observe_body(scene.ellipsoid, rotation, jeffery_spin(scene.ellipsoid, rotation))
+        rotation = matrix_from_quaternion(states[:, :4])
+        numbers = None if scene.flow is None else scene.flow.numbers_at(states[:, -1])
+        spin = jeffery_spin(scene.ellipsoid, rotation, numbers)
+        return observe_body(scene.ellipsoid, rotation, spin)

@@ -1,30 +1,85 @@
 """What full forms share: the one vector equation (`ultima`), resolved along the body axes, and a quaternion's turning.
 
-Parameters p of a full form: (alpha, beta, *shape), for a triaxial one (alpha, beta, gyro₁₋₃,
-damping₁₋₃, share₁₋₆). Mass alpha stands on the angular velocity, factor beta on the torque: (1,
+Parameters p of a full form: (alpha, beta, *shape), for a triaxial one in simple shear (alpha, beta,
+gyro₁₋₃, damping₁₋₃, share₁₋₆), in any other linear flow (alpha, beta, gyro₁₋₃, damping₁₋₃, flow₁₋₈)
+with the numbers of `polhode.models.flow`. Mass alpha stands on the angular velocity, factor beta on the torque: (1,
 1/St) is the explicit form, (St, 1) the implicit one.
 """
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
-from polhode.models.flow import jeffery_angular_velocity, shares
+from polhode.models.flow import gyration, jeffery_angular_velocity, jeffery_in_any_flow, shares
 from polhode.models.form import Form
-from polhode.models.operations import Operations
-from polhode.models.problem import Factory, Floats, MassForm, Problem
+from polhode.models.operations import Field, Operations
+from polhode.models.problem import Factory, Floats, MassForm, Problem, Segments
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
+
+# Numbers of a flow (`polhode.models.flow.Flow.numbers`).
+NUMBERS = 8
 
 
 def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
     """Shape parameters of `angular_acceleration`: (I₂ - I₃)/I₁ and cyclic (`eulg`), damping rates, shares."""
-    a, b, c = ellipsoid.scaled_axes
-    gyro1 = (c - b) * (c + b) / (b * b + c * c)
-    gyro2 = (a - c) * (a + c) / (c * c + a * a)
-    gyro3 = (b - a) * (b + a) / (a * a + b * b)
-    return gyro1, gyro2, gyro3, *ellipsoid.damping, *shares(ellipsoid)
+    return *gyration(ellipsoid), *ellipsoid.damping, *shares(ellipsoid)
+
+
+def parameters_of(scene: Scene) -> tuple[float, ...]:
+    """Shape parameters in the scene's flow: `body_parameters`, without the shares where it is not simple shear."""
+    ellipsoid = scene.ellipsoid
+    if scene.flow is None:
+        return body_parameters(ellipsoid)
+    return *gyration(ellipsoid), *ellipsoid.damping
+
+
+@dataclass(frozen=True)
+class AlongTrack:
+    """The factory of a field along a track: time is the state's last component.
+
+    The last parameters of `field`, the flow's numbers, are cubics of the time since the last one;
+    their coefficients and that time, 33 numbers, stand in their place.
+    """
+
+    field: Factory
+    others: int  # parameters before those of the flow
+    timed: ClassVar[bool] = True
+
+    def __call__(self, ops: Operations) -> Field:
+        """Bind the field to a kind of number."""
+        rhs, others = ops.use(self.field), self.others
+
+        def along(y, p):
+            since = y[len(y) - 1] - p[others + 4 * NUMBERS]
+            square = since * since
+            cube = square * since
+            numbers = tuple(
+                (p[i] + since * p[i + NUMBERS])
+                + (square * p[i + 2 * NUMBERS] + cube * p[i + 3 * NUMBERS])
+                for i in range(others, others + NUMBERS)
+            )
+            given = tuple(p[i] for i in range(others))
+            return *rhs(y, (*given, *numbers)), 1.0
+
+        return along
+
+
+def in_its_flow(
+    scene: Scene, in_shear: Factory, in_any_flow: Factory, others: int
+) -> tuple[Factory, Floats, Segments | None]:
+    """The field that a scene needs, the parameters of its flow behind so many others, and how these change."""
+    flow = scene.flow
+    if flow is None:
+        return in_shear, (), None
+    if not flow.varies:
+        return in_any_flow, flow.numbers, None
+    knots = np.array(flow.knots)
+    rows = np.column_stack([flow.cubics.reshape(len(knots) - 1, -1), knots[:-1]])
+    first = tuple(rows[flow.segment(0.0)].tolist())
+    return AlongTrack(in_any_flow, others), first, Segments(knots, rows)
 
 
 def full_problem(
@@ -34,25 +89,55 @@ def full_problem(
     start: Floats,
     inertial: tuple[bool, ...],
     shape: Floats,
+    *,
+    in_any_flow: Factory | None = None,
     **known: Any,
 ) -> Problem:
-    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`."""
+    """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`.
+
+    `field` is that of simple shear, `in_any_flow` that of any other linear flow; without it these
+    are refused.
+    """
+    if in_any_flow is None:
+        form.require_flow(scene)
+    field, flow, segments = in_its_flow(scene, field, in_any_flow or field, 2 + len(shape))
+    if segments is not None:
+        start, inertial = (*start, 0.0), (*inertial, False)
     # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the
     # inertial rows.
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
+    shape = *shape, *flow
     explicit = (1.0, scene.torque_factor, *shape) if scene.stokes > 0 else None
     implicit = MassForm(mass, (scene.stokes, 1.0, *shape)) if scene.torque_factor > 0 else None
-    return Problem(form.name, field, start, scene.time, explicit, implicit, **known)
+    return Problem(
+        form.name, field, start, scene.time, explicit, implicit, segments=segments, **known
+    )
 
 
-def angular_acceleration(ops: Operations) -> Callable:
-    """Mass times ω̇ in body axes (`govg`), from the flow and gradient directions in body axes and ω."""
+def velocity_in_shear(ops: Operations) -> Callable:
+    """Jeffery's angular velocity in simple shear, from the flow and gradient directions in body axes and p."""
     jeffery = ops.use(jeffery_angular_velocity)
+    return lambda x, y, p: jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
 
-    def acceleration(x, y, w, p):
+
+def velocity_in_any_flow(ops: Operations) -> Callable:
+    """Jeffery's angular velocity in a linear flow, from the space axes in body axes and p."""
+    jeffery = ops.use(jeffery_in_any_flow)
+
+    def velocity(x, y, z, p):
+        flow = (p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
+        return jeffery(x, y, z, (p[2], p[3], p[4]), flow)
+
+    return velocity
+
+
+def driven_acceleration(ops: Operations) -> Callable:
+    """Mass times ω̇ in body axes (`govg`), from ω and Jeffery's angular velocity, in whatever flow."""
+
+    def acceleration(w, jeffery, p):
         alpha, beta = p[0], p[1]
         w1, w2, w3 = w
-        j1, j2, j3 = jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
+        j1, j2, j3 = jeffery
         return (
             alpha * p[2] * w2 * w3 - beta * p[5] * (w1 - j1),
             alpha * p[3] * w3 * w1 - beta * p[6] * (w2 - j2),
@@ -60,6 +145,12 @@ def angular_acceleration(ops: Operations) -> Callable:
         )
 
     return acceleration
+
+
+def angular_acceleration(ops: Operations) -> Callable:
+    """Mass times ω̇ in simple shear, from the flow and gradient directions in body axes and ω."""
+    velocity, acceleration = ops.use(velocity_in_shear), ops.use(driven_acceleration)
+    return lambda x, y, w, p: acceleration(w, velocity(x, y, p), p)
 
 
 def directions(ops: Operations) -> Callable:
@@ -83,6 +174,24 @@ def directions(ops: Operations) -> Callable:
             double * (q2 * q3 - q0 * q1),
         )
         return flow, gradient
+
+    return of
+
+
+def space_axes(ops: Operations) -> Callable:
+    """All three space axes in body axes, the columns of t_ij, of a quaternion of any norm, as `directions`."""
+    flow_and_gradient = ops.use(directions)
+
+    def of(q0, q1, q2, q3):
+        flow, gradient = flow_and_gradient(q0, q1, q2, q3)
+        scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+        double = 2 * scale
+        vorticity = (
+            double * (q1 * q3 - q0 * q2),
+            double * (q2 * q3 + q0 * q1),
+            scale * (q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3),
+        )
+        return flow, gradient, vorticity
 
     return of
 

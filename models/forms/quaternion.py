@@ -8,30 +8,41 @@ from polhode.models.form import Form
 from polhode.models.forms import motion
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import Field, Operations, WithRate
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import Scene
 
 
-def field(ops: Operations) -> Field:
+def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
     """q̇ = ½ q∘(0, ω) and the vector equation `ultima` in body axes; p as in `polhode.models.forms.motion`."""
-    directions, rates = ops.use(motion.directions), ops.use(motion.quaternion_rates)
-    acceleration = ops.use(motion.angular_acceleration)
+    axes_of, velocity_of = ops.use(axes), ops.use(velocity)
+    rates, acceleration = ops.use(motion.quaternion_rates), ops.use(motion.driven_acceleration)
 
     def rhs(y, p):
-        flow, gradient = directions(y[0], y[1], y[2], y[3])
+        axes = axes_of(y[0], y[1], y[2], y[3])
         turning = rates(y[0], y[1], y[2], y[3], y[4], y[5], y[6])
-        return *turning, *acceleration(flow, gradient, (y[4], y[5], y[6]), p)
+        return *turning, *acceleration((y[4], y[5], y[6]), velocity_of(*axes, p), p)
 
     return rhs
+
+
+def field(ops: Operations) -> Field:
+    """`_field` in simple shear."""
+    return _field(ops, motion.directions, motion.velocity_in_shear)
+
+
+def field_in_any_flow(ops: Operations) -> Field:
+    """`_field` in a linear flow."""
+    return _field(ops, motion.space_axes, motion.velocity_in_any_flow)
 
 
 def _speed(ops: Operations) -> Callable:
     return lambda y, p: ops.sqrt(y[4] * y[4] + y[5] * y[5] + y[6] * y[6])
 
 
-# The field with the angle ∫|ω| dt beside the state, which counts the rotations of a run.
-TURNING = WithRate(field, _speed)
+def with_angle(field: Factory) -> WithRate:
+    """The field with the angle ∫|ω| dt beside the state, which counts the rotations of a run."""
+    return WithRate(field, _speed)
 
 
 class Quaternion(Form):
@@ -50,16 +61,24 @@ class Quaternion(Form):
     valid_for = "every scene; at St = 0 in its implicit form alone"
     state = ("q0", "q1", "q2", "q3", "w1", "w2", "w3")
     orientation = "full"
+    any_flow = True
 
     def check(self, scene: Scene) -> None:
         self.require_orientation(scene)
 
     def problem(self, scene: Scene) -> Problem:
         start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
-        inertial, shape = (False,) * 4 + (True,) * 3, motion.body_parameters(scene.ellipsoid)
+        inertial, shape = (False,) * 4 + (True,) * 3, motion.parameters_of(scene)
         return motion.full_problem(
-            self, scene, field, start, inertial, shape, invariant=motion.norm_drift
+            self,
+            scene,
+            field,
+            start,
+            inertial,
+            shape,
+            in_any_flow=field_in_any_flow,
+            invariant=motion.norm_drift,
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:])
+        return observe_body(scene.ellipsoid, matrix_from_quaternion(states[:, :4]), states[:, 4:7])

@@ -1,5 +1,7 @@
 """Euler-angle form of a spheroid: `fsptho`–`fpsso`, corrected, for oblate and prolate shapes alike."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from polhode.models.form import Form
@@ -8,7 +10,7 @@ from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
 from polhode.models.operations import Field, Operations
-from polhode.models.problem import Problem
+from polhode.models.problem import Factory, Problem
 from polhode.models.rotation import (
     Triple,
     euler_from_quaternion,
@@ -18,28 +20,78 @@ from polhode.models.rotation import (
 from polhode.models.scene import BodyStart, EulerStart, Scene
 
 
-def field(ops: Operations) -> Field:
-    """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ)."""
+def _field(ops: Operations, slip: Factory) -> Field:
+    """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ), and a flow's numbers."""
     # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos
     # θ) while the body turns with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As
     # printed, `fsptho`–`fpsso` have misprints.
-    sin, cos, sine = ops.sin, ops.cos, ops.use(guarded_sine)
+    cos, sine, slip_of = ops.cos, ops.use(guarded_sine), ops.use(slip)
 
     def rhs(y, p):
         theta, phi, dtheta, dphi, spin = y[0], y[1], y[2], y[3], y[4]
         alpha, beta = p[0], p[1]
         st, ct = sine(theta), cos(theta)
         gyration = alpha * (p[2] * spin - dphi * ct)
+        slip_theta, slip_phi, slip_spin = slip_of(st, ct, phi, dtheta, dphi, spin, p)
         return (
             dtheta,
             dphi,
-            -gyration * dphi * st - beta * p[4] * (dtheta + 0.5 * p[5] * st * ct * sin(2 * phi)),
-            (gyration - alpha * dphi * ct) * dtheta / st
-            - beta * p[4] * (dphi + 0.5 + 0.5 * p[5] * cos(2 * phi)),
-            -beta * p[3] * (spin + 0.5 * ct),
+            -gyration * dphi * st - beta * p[4] * slip_theta,
+            (gyration - alpha * dphi * ct) * dtheta / st - beta * p[4] * slip_phi,
+            -beta * p[3] * slip_spin,
         )
 
     return rhs
+
+
+def _slip_in_shear(ops: Operations) -> Callable:
+    """(θ̇, φ̇, ω₃) less those of Jeffery's angular velocity, in simple shear."""
+    sin, cos = ops.sin, ops.cos
+
+    def slip(st, ct, phi, dtheta, dphi, spin, p):
+        return (
+            dtheta + 0.5 * p[5] * st * ct * sin(2 * phi),
+            dphi + 0.5 + 0.5 * p[5] * cos(2 * phi),
+            spin + 0.5 * ct,
+        )
+
+    return slip
+
+
+def _slip_in_any_flow(ops: Operations) -> Callable:
+    """(θ̇, φ̇, ω₃) less those of Jeffery's angular velocity, in a linear flow."""
+    sin, cos = ops.sin, ops.cos
+
+    def slip(st, ct, phi, dtheta, dphi, spin, p):
+        h1, h2, h3 = p[6], p[7], p[8]
+        s11, s22, s23, s31, s12 = p[9], p[10], p[11], p[12], p[13]
+        sf, cf = sin(phi), cos(phi)
+        # The symmetry axis, and across it and the line of nodes (cos φ, sin φ, 0).
+        a1, a2, a3 = st * sf, -st * cf, ct
+        m1, m2, m3 = -sf * ct, cf * ct, st
+        # S times the symmetry axis.
+        u1 = s11 * a1 + s12 * a2 + s31 * a3
+        u2 = s12 * a1 + s22 * a2 + s23 * a3
+        u3 = s31 * a1 + s23 * a2
+        about_nodes = h1 * cf + h2 * sf - p[5] * (m1 * u1 + m2 * u2 + m3 * u3)
+        across = h1 * m1 + h2 * m2 + h3 * m3 + p[5] * (cf * u1 + sf * u2)
+        return (
+            dtheta - about_nodes,
+            dphi - across / st,
+            spin - (h1 * a1 + h2 * a2 + h3 * a3),
+        )
+
+    return slip
+
+
+def field(ops: Operations) -> Field:
+    """`_field` in simple shear."""
+    return _field(ops, _slip_in_shear)
+
+
+def field_in_any_flow(ops: Operations) -> Field:
+    """`_field` in a linear flow."""
+    return _field(ops, _slip_in_any_flow)
 
 
 class SpheroidAngles(Form):
@@ -58,6 +110,7 @@ class SpheroidAngles(Form):
     )
     state = ("theta", "phi", "dtheta", "dphi", "w3")
     orientation = "axis"
+    any_flow = True
     angles = True
 
     def check(self, scene: Scene) -> None:
@@ -76,11 +129,13 @@ class SpheroidAngles(Form):
         start, inertial = (*angles[:2], dtheta, dphi, w3), (False, False, True, True, True)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
         shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
-        return full_problem(self, scene, field, start, inertial, shape, periodic=(1,))
+        return full_problem(
+            self, scene, field, start, inertial, shape, in_any_flow=field_in_any_flow, periodic=(1,)
+        )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
-        theta, phi, dtheta, dphi, spin = states.T
+        theta, phi, dtheta, dphi, spin = states[:, :5].T
         st, ct, sf, cf = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
         nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
         across = np.stack([-sf * ct, cf * ct, st], axis=1)

@@ -1,6 +1,7 @@
 """Spheroid in space axes: angular momentum and symmetry axis. No angle, no singularity, six equations."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,28 +11,28 @@ from polhode.models.forms.motion import full_problem
 from polhode.models.forms.spheroid import Spheroid, axis_drift, axis_rotation, require_spheroid
 from polhode.models.observables import Observables
 from polhode.models.operations import FLOAT, Field, Operations, polynomial
-from polhode.models.problem import Part, Parts, Problem
+from polhode.models.problem import Factory, Part, Parts, Problem
 from polhode.models.scene import Scene
 
 
-def field(ops: Operations) -> Field:
-    """dL/dt and dp̂/dt of `ultima` in space axes; p = (alpha, beta, 8πY_c/I_e, 8π(X_c - Y_c)/I_e, I_e/I_a - 1, Λ)."""
+def _field(ops: Operations, slip: Factory) -> Field:
+    """dL/dt and dp̂/dt of `ultima` in space axes.
+
+    p = (alpha, beta, 8πY_c/I_e, 8π(X_c - Y_c)/I_e, I_e/I_a - 1, Λ), and a flow's numbers.
+    """
     # Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With ω = L/I_e +
-    # (1/I_a - 1/I_e)(L·p̂)p̂, w = ω - Ω_J and Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x,
-    # 0)/2, the torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The state holds L/I_e, of order one like
-    # p̂ whatever the shape, so that one tolerance suits both. Products of two components of p̂ are
-    # divided by |p̂|², which solvers let drift: over 10⁴ time units at St = 100 and tolerance 1e-6
-    # (kappa = 2; RK45, LSODA, DOP853) this takes the error of L and E from 0.1 and more to 1e-3; a
-    # term that restores the norm does no better.
+    # (1/I_a - 1/I_e)(L·p̂)p̂ and w = ω - Ω_J the torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The
+    # state holds L/I_e, of order one like p̂ whatever the shape, so that one tolerance suits both.
+    # Products of two components of p̂ are divided by |p̂|², which solvers let drift: over 10⁴ time
+    # units at St = 100 and tolerance 1e-6 (kappa = 2; RK45, LSODA, DOP853) this takes the error of
+    # L and E from 0.1 and more to 1e-3; a term that restores the norm does no better.
+    slip_of = ops.use(slip)
 
     def rhs(y, p):
         lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
         scale = 1 / (px * px + py * py + pz * pz)
         spin = scale * p[4] * (lx * px + ly * py + lz * pz)
-        half = scale * 0.5 * p[5]
-        wx = lx + spin * px + half * px * pz
-        wy = ly + spin * py - half * py * pz
-        wz = lz + spin * pz + 0.5 - half * (px * px - py * py)
+        wx, wy, wz = slip_of((lx, ly, lz), (px, py, pz), spin, scale, p)
         axial = scale * p[3] * (wx * px + wy * py + wz * pz)
         beta = p[1]
         return (
@@ -44,6 +45,56 @@ def field(ops: Operations) -> Field:
         )
 
     return rhs
+
+
+def _slip_in_shear(ops: Operations) -> Callable:
+    """ω - Ω_J in simple shear: Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x, 0)/2."""
+
+    def slip(momentum, axis, spin, scale, p):
+        (lx, ly, lz), (px, py, pz) = momentum, axis
+        half = scale * 0.5 * p[5]
+        wx = lx + spin * px + half * px * pz
+        wy = ly + spin * py - half * py * pz
+        wz = lz + spin * pz + 0.5 - half * (px * px - py * py)
+        return wx, wy, wz
+
+    return slip
+
+
+def _slip_in_any_flow(ops: Operations) -> Callable:
+    """ω - Ω_J in a linear flow: Ω_J = h + Λ p̂×(S p̂)."""
+
+    def slip(momentum, axis, spin, scale, p):
+        (lx, ly, lz), (px, py, pz) = momentum, axis
+        strained = scale * p[5]
+        ex, ey, ez = _strain_on(axis, (p[9], p[10], p[11], p[12], p[13]))
+        wx = lx + spin * px - p[6] - strained * (py * ez - pz * ey)
+        wy = ly + spin * py - p[7] - strained * (pz * ex - px * ez)
+        wz = lz + spin * pz - p[8] - strained * (px * ey - py * ex)
+        return wx, wy, wz
+
+    return slip
+
+
+def _strain_on(axis: Any, strain: Any) -> tuple[Any, Any, Any]:
+    """S p̂, of S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, where S₃₃ = 0."""
+    px, py, pz = axis
+    s11, s22, s23, s31, s12 = strain
+    return (
+        s11 * px + s12 * py + s31 * pz,
+        s12 * px + s22 * py + s23 * pz,
+        s31 * px + s23 * py,
+    )
+
+
+def field(ops: Operations) -> Field:
+    """`_field` in simple shear."""
+    return _field(ops, _slip_in_shear)
+
+
+def field_in_any_flow(ops: Operations) -> Field:
+    """`_field` in a linear flow."""
+    return _field(ops, _slip_in_any_flow)
 
 
 # sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², nearest to them for 0 <= x <= 3.4²: within
@@ -125,10 +176,58 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     return advance
 
 
-def both(ops: Operations) -> Callable[[Any, Any, Any], Sequence[Any]]:
-    """`rotation`, then `relaxation`, which need not wait for all of it: L·p̂ stays the same."""
+def relaxation_constants_in_any_flow(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
+    """What `relaxation_in_any_flow` needs to know: shares of L's way, alone and times h and Λ S."""
+    to_axial_spin = 1 + p[4]
+    across = -ops.expm1(-p[1] * p[2] * h)
+    along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
+    flow, strain = across - along / to_axial_spin, p[5] * across
+    return (
+        *(across, across - along),
+        *(across * p[6], across * p[7], across * p[8]),
+        *(flow * p[6], flow * p[7], flow * p[8]),
+        *(strain * p[9], strain * p[10]),
+        *(strain * p[11], strain * p[12], strain * p[13]),
+    )
+
+
+def relaxation_in_any_flow(ops: Operations) -> Callable[..., tuple[Any, ...]]:
+    """As `relaxation`, in a linear flow: along p̂ the spheroid rotates with h·p̂."""
+
+    def advance(y, c, before=None, gains=None):
+        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        gx, gy, gz = (lx, ly, lz) if gains is None else gains
+        across = c[0]
+        at = y if before is None else before
+        ex, ey, ez = _strain_on((px, py, pz), (c[8], c[9], c[10], c[11], c[12]))
+        axial = c[1] * (lx * at[3] + ly * at[4] + lz * at[5])
+        axial = axial - (c[5] * px + c[6] * py + c[7] * pz)
+        return (
+            (gx - across * lx + c[2]) + (py * ez - pz * ey) + axial * px,
+            (gy - across * ly + c[3]) + (pz * ex - px * ez) + axial * py,
+            (gz - across * lz + c[4]) + (px * ey - py * ex) + axial * pz,
+            *(px, py, pz),
+        )
+
+    return advance
+
+
+def _both(
+    ops: Operations, relaxation: Callable[[Operations], Callable[..., Sequence[Any]]]
+) -> Callable[..., Sequence[Any]]:
+    """`rotation`, then a relaxation, which need not wait for all of it: L·p̂ stays the same."""
     turn, relax = rotation(ops), relaxation(ops)
     return lambda y, fast, slow, gains=None: relax(turn(y, fast), slow, y, gains)
+
+
+def both(ops: Operations) -> Callable[..., Sequence[Any]]:
+    """`_both` in simple shear."""
+    return _both(ops, relaxation)
+
+
+def both_in_any_flow(ops: Operations) -> Callable[..., Sequence[Any]]:
+    """`_both` in a linear flow."""
+    return _both(ops, relaxation_in_any_flow)
 
 
 def rotation_rate(ops: Operations) -> Callable[[Any, Any], Any]:
@@ -172,6 +271,14 @@ PARTS = Parts(
     both=both,
     restored=restored,
 )
+PARTS_IN_ANY_FLOW = replace(
+    PARTS,
+    slow=Part(relaxation_constants_in_any_flow, relaxation_in_any_flow),
+    both=both_in_any_flow,
+)
+
+
+_PARTS: dict[Factory, Parts] = {field: PARTS, field_in_any_flow: PARTS_IN_ANY_FLOW}
 
 
 def parameters(spheroid: Spheroid) -> tuple[float, float, float, float]:
@@ -193,6 +300,7 @@ class SpheroidAxis(Form):
     valid_for = "spheroids about any body axis, and spheres; at St = 0 in its implicit form alone"
     state = ("Lx/Ie", "Ly/Ie", "Lz/Ie", "px", "py", "pz")
     orientation = "axis"
+    any_flow = True
 
     def check(self, scene: Scene) -> None:
         require_spheroid(self, scene, "quaternion")
@@ -204,14 +312,24 @@ class SpheroidAxis(Form):
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
         inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
-        return full_problem(
-            self, scene, field, start, inertial, shape, invariant=axis_drift, parts=PARTS
+        problem = full_problem(
+            self,
+            scene,
+            field,
+            start,
+            inertial,
+            shape,
+            in_any_flow=field_in_any_flow,
+            invariant=axis_drift,
         )
+        # Along a track the slow part has no closed flow.
+        return replace(problem, parts=_PARTS.get(problem.field))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = states[:, :3] * spheroid.equatorial_inertia
-        direction = states[:, 3:] / np.linalg.norm(states[:, 3:], axis=1, keepdims=True)
+        axis = states[:, 3:6]
+        direction = axis / np.linalg.norm(axis, axis=1, keepdims=True)
         axial = np.sum(momentum * direction, axis=1)
         across = momentum - axial[:, None] * direction
         energy = (

@@ -73,6 +73,7 @@ class Tumbling(Form):
         return Observables(momentum, energy, scene.initial_rotation @ turned)
 
     def _plane(self, scene: Scene) -> Plane:
+        self.require_flow(scene)
         self.require_orientation(scene)
         rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid
         x, y, rate = (

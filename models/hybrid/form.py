@@ -34,6 +34,7 @@ class Hybrid(Form):
 
     def check(self, scene: Scene) -> None:
         """Refuse spheres, St = 0 and inf, starts without orientation, and times without end."""
+        self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
                 "a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene)

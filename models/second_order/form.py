@@ -53,6 +53,7 @@ class SecondOrder(Form):
 
     def check(self, scene: Scene) -> None:
         """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and runs with windows."""
+        self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
                 "a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene)

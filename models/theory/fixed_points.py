@@ -98,7 +98,7 @@ class Attractor:
 def attractors(
     ellipsoid: Ellipsoid, stokes: float, radius: float, *, circling: bool
 ) -> tuple[Attractor, ...]:
-    """Attractors that are distinct from the other fixed points.
+    """Attractors in simple shear that are distinct from the other fixed points.
 
     `radius` is the distance beyond `circle` that still counts as arrived; `circling` says whether
     the equations hold the motion about the fixed point, which averaged ones do not. None at St = 0

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from polhode.models import long_double
 from polhode.models.operations import ARRAYS, FLOAT
 from polhode.models.problem import Parts, Problem
 from polhode.solvers.compile import parameter_array
@@ -215,9 +216,6 @@ class SplittingExtended(Splitting):
     @property
     def why_not(self) -> str | None:
         """What is missing, NumPy's long double of x86 processors besides the library; None if nothing is."""
-        wide = np.finfo(np.longdouble).nmant == 63
-        return (
-            super().why_not
-            if wide
-            else "x86's long double of 80 bits is missing, on this machine or in NumPy"
-        )
+        if not long_double.IS_X86:
+            return "x86's long double of 80 bits is missing, on this machine or in NumPy"
+        return super().why_not

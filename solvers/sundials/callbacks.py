@@ -14,7 +14,7 @@ import numpy as np
 
 from polhode.models.problem import Problem
 from polhode.solvers.compile import array_callback, exact_jacobian, plain_rates
-from polhode.solvers.contract import UNLIMITED, Outcome, Record, Settings, Status
+from polhode.solvers.contract import UNLIMITED, Outcome, Record, Settings, Status, change
 from polhode.solvers.sundials.consistent import consistent, full, times
 from polhode.solvers.sundials.jacobians import jacobian_options
 from polhode.solvers.sundials.library import FAILURES, posed
@@ -67,7 +67,7 @@ class _StoppedError(Exception):
     """A run that is to end: its status, and why."""
 
 
-def rates_of(problem: Problem, settings: Settings, values: np.ndarray) -> Rates:
+def rates_of(problem: Problem, settings: Settings, values: Any) -> Rates:
     """The field as ``rates(t, y, out)``."""
     if problem.plain:
         function = plain_rates(problem)
@@ -87,7 +87,10 @@ class Callbacks:
         self.implicit, self.calls, self.seen = library.__name__ == "IDA", 0, -np.inf
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
-        rates = rates_of(problem, settings, values)
+        # Plain Python reads a list.
+        read = values.tolist() if settings.backend == "python" else values
+        rates = rates_of(problem, settings, read)
+        self.parameters = [values, read]
 
         def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
             self.calls += 1
@@ -149,6 +152,8 @@ class Callbacks:
     def run(self, record: Record, every: bool) -> Outcome:
         """Fill the record's rows, row by row or by every step, which costs more and counts them."""
         self.record, self.calls, self.seen, record.now = record, 0, -np.inf, float(record.times[0])
+        for parameters in self.parameters:
+            change(parameters, len(parameters), record)
         # The wrapper prints the library's errors, NumPy warns of what becomes infinite.
         with quiet(), np.errstate(all="ignore"):
             try:

@@ -17,7 +17,8 @@ import numpy as np
 
 from polhode.models.once import once
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status
+from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Status, change
+from polhode.solvers.machine_code.address import address_of
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, compile_file
 from polhode.solvers.machine_code.tracing import trace
@@ -41,6 +42,7 @@ class Memory:
         self.flushed_to_zero = FlushedToZero()
         d = problem.dimension
         self.mass, values = posed(problem, self.implicit)
+        self.count = len(values)
         # The arrays live as long as what points to them.
         self.data, self.start = np.array([*values, *self.mass]), np.array(problem.start)
         self.slope, self.residual, self.differential = (
@@ -48,7 +50,6 @@ class Memory:
             np.zeros(d),
             (self.mass != 0).astype(float),
         )
-        self.absolute = np.broadcast_to(settings.atols(), d).copy()
         self._owned: list[tuple[str, int, Any]] = []
         finalize(self, _free, library, self._owned)
 
@@ -57,12 +58,9 @@ class Memory:
         self._owned.append(("SUNContext_Free", ctypes.addressof(box), box))
         context = box.value
         library("SUNContext_ClearErrHandlers", context)
-        arrays = (self.start, self.slope, self.residual, self.differential, self.absolute)
-        vectors = [
-            self._own("N_VDestroy", "N_VMake_Serial", d, each.ctypes.data, context)
-            for each in arrays
-        ]
-        self.state, self.rate, self.rest, identity, self.tolerances = vectors
+        arrays = (self.start, self.slope, self.residual, self.differential)
+        vectors = [self._vector(each, context) for each in arrays]
+        self.state, self.rate, self.rest, identity = vectors
         # Vectors made after its image add several others at once: the same numbers, 5 % faster.
         library("N_VEnableFusedOps_Serial", self.state, 1)
         matrix = self._own("SUNMatDestroy", "SUNDenseMatrix", d, d, context)
@@ -73,8 +71,8 @@ class Memory:
 
         self.field = _callback(library, "field", problem.field, d, len(values))
         self._set("Init", self.field.address, 0.0, *self._states)
-        self._set("SetUserData", self.data.ctypes.data)
-        self._set_tolerances(settings)
+        self._set("SetUserData", address_of(self.data))
+        self._set_tolerances(settings, context)
         if settings.max_step < inf:
             self._set("SetMaxStep", settings.max_step)
         if settings.first_step is not None:
@@ -97,12 +95,17 @@ class Memory:
         self._owned.append((free, made, None))
         return made
 
+    def _vector(self, array: np.ndarray, context: int) -> int:
+        """An array, which is to live as long as this object, as the library's vector."""
+        return self._own("N_VDestroy", "N_VMake_Serial", array.size, address_of(array), context)
+
     def _set(self, name: str, *arguments: float) -> None:
         self.library(name, self.address, *arguments)
 
-    def _set_tolerances(self, settings: Settings) -> None:
+    def _set_tolerances(self, settings: Settings, context: int) -> None:
         if isinstance(settings.atol, tuple):
-            self._set("SVtolerances", settings.tolerance, self.tolerances)
+            self.absolute = np.array(settings.atol)
+            self._set("SVtolerances", settings.tolerance, self._vector(self.absolute, context))
         else:
             self._set("SStolerances", settings.tolerance, float(settings.atols()))
 
@@ -113,10 +116,11 @@ class Memory:
     def begin(self, record: Record) -> None:
         """Start from a record's first row, which IDA makes consistent; RuntimeError where it cannot."""
         time = float(record.times[0])
-        self.library("N_VSetArrayPointer", record.rows.ctypes.data, self.state)
+        change(self.data, self.count, record)
+        self.library("N_VSetArrayPointer", address_of(record.rows), self.state)
         if self.implicit:
             self.slope[:] = 0.0
-            self._residual(time, *self._states, self.rest, self.data.ctypes.data)
+            self._residual(time, *self._states, self.rest, address_of(self.data))
             np.divide(-self.residual, self.mass, out=self.slope, where=self.mass > 0)
         self._set("ReInit", time, *self._states)
         if not self.differential.all():
@@ -131,9 +135,9 @@ class Memory:
             self.address,
             self.state,
             self.rate,
-            times.ctypes.data,
-            rows.ctypes.data,
-            self.report.ctypes.data,
+            address_of(times),
+            address_of(rows),
+            address_of(self.report),
         )
         record.filled = self._advance(*pointers, record.filled, len(times), rows.shape[1], most)
         return int(self.report[0])

@@ -22,8 +22,10 @@ SIZE_FIRST = 0.5
 PLAIN_RATIO = 1.1
 PLAIN_FIRST = 0.005
 EVENTS_RATIO = 1.2
-# Repeats of both, one after the other; the fastest of each counts.
+# Repeats of both, one after the other; the fastest of each counts. Short runs are repeated for so
+# many seconds.
 REPEATS = 7
+SHORT_SECONDS = 0.2
 # A run shorter than this, in seconds, is mostly what surrounds it.
 SHORT = 1e-3
 TOLERANCE = 1e-6
@@ -174,7 +176,8 @@ def main() -> int:
         comparison.theirs()
         first = seconds(comparison.ours)
         mine, library = [], []
-        for _ in range(REPEATS):
+        repeats = max(REPEATS, int(SHORT_SECONDS / seconds(comparison.ours)))
+        for _ in range(repeats):
             mine.append(seconds(comparison.ours))
             library.append(seconds(comparison.theirs))
         ratio, extra = min(mine) / min(library), first - min(mine)

@@ -19,8 +19,8 @@ STOKES = (-300.0, 300.0)
 ASPECT = (0.0, 6.0)
 RATE = (-150.0, 30.0)
 TIME = (-300.0, 300.0)
-# What `solve` says before a run of more than seconds.
-ANNOUNCED = re.compile("^note: it is expected to take about", re.MULTILINE)
+# What `solve` says, after a few seconds, of a run that is long.
+ANNOUNCED = re.compile("^note: it (is expected to take|has hardly begun|has come to)", re.MULTILINE)
 # How long an answer may take, in seconds of the processor; a run whose time is announced takes that.
 SECONDS = 5.0
 

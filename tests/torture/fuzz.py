@@ -110,7 +110,7 @@ OPTIONS = (
 SECONDS, ENOUGH, ROOM = 10.0, 2.5, 2**30
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d._]*(?:e[-+]?\d+)?")
 ANSWERED = re.compile(
-    r"^\S+ by \S+ (at|from) tolerance|^note: it is expected to take about", re.MULTILINE
+    r"^\S+ by \S+ (at|from) tolerance|^note: it (is expected to take|has)", re.MULTILINE
 )
 
 

@@ -1,6 +1,7 @@
 """As if libraries were not installed: with this folder on PYTHONPATH, `WITHOUT` names modules and packages to hide.
 
 Imports, `find_spec` and `importlib.metadata` then answer as they do where the libraries are absent.
+With `NARROW` set, NumPy's long double is double, as on a Mac.
 """
 
 import os
@@ -29,3 +30,7 @@ class Hiding(PathFinder):
 
 if HIDDEN:
     sys.meta_path[sys.meta_path.index(PathFinder)] = Hiding
+if os.environ.get("NARROW"):
+    import numpy as np
+
+    np.longdouble, np.clongdouble = np.float64, np.complex128

@@ -9,6 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from polhode.harness.solution import SceneSolution
+from polhode.models.flow import Flow
 from polhode.models.observables import completed
 
 # Okabe and Ito's palette, safe for colour-blind readers.
@@ -25,6 +26,7 @@ ONE_HALF, OTHER_HALF, CAPS, INK = (
     (0.84, 0.37, 0.0),
     "#5b6470",
 )
+_SHEAR = np.array(Flow.shear().gradient)
 
 
 def slow_variables(
@@ -61,17 +63,20 @@ def tumbling(solution: SceneSolution) -> Figure:
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
     # Of a spheroid the form may know the symmetry axis alone.
     known = completed(ellipsoid, solution.rotation)
+    flow = solution.scene.flow or Flow.shear()
     for axes, time, rotation in zip(
         row[0], solution.times, solution.rotation if known is None else known, strict=True
     ):
-        body(axes, semi_axes, rotation)
+        body(axes, semi_axes, rotation, flow.gradient_at(float(time)))
         axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=INK, y=0.0)
     drawing.subplots_adjust(left=0, right=1, bottom=0.02, top=1, wspace=0)
     return drawing
 
 
-def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
-    """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow u = y along x."""
+def body(
+    axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray, gradient: np.ndarray = _SHEAR
+) -> Axes:
+    """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow of a gradient."""
     pole = int(np.argmax(semi_axes))
     polar, around = np.meshgrid(
         np.linspace(0, np.pi, PARALLELS + 1), np.linspace(0, 2 * np.pi, MERIDIANS + 1)
@@ -95,7 +100,8 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
         ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
         axes.plot(ends[:, 0], ends[:, 1], color=INK, linewidth=0.6, alpha=0.5)
         for y in np.linspace(-1.2, 1.2, 7):
-            tail, tip = _project(np.array([[x, y, 0], [x + 0.38 * y, y, 0]]))
+            place = np.array([x, y, 0.0])
+            tail, tip = _project(np.array([place, place + 0.38 * (gradient @ place)]))
             style = {
                 "arrowstyle": "->",
                 "color": INK,

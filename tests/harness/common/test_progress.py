@@ -67,6 +67,32 @@ def test_a_terminal_is_left_clean_and_anything_else_alone():
     assert pipe.getvalue() == quiet.getvalue() == ""
 
 
+@pytest.mark.usefixtures("hasty")
+def test_a_long_run_is_said_to_be_long_once(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(progress, "NOTE_AFTER", 0.05)
+    for terminal in (Terminal(), io.StringIO()):
+        with Progress(stream=terminal) as shown:
+            shown.begin("solving", None, lambda seconds: "")
+            time.sleep(0.15)
+            assert "note" not in terminal.getvalue()
+            shown.begin("solving", None, lambda seconds: "it is long")
+            time.sleep(0.3)
+        said = "note: it is long; Ctrl-C keeps what is finished"
+        assert terminal.getvalue().count(said) == 1
+
+
+@pytest.mark.parametrize(
+    ("done", "words"),
+    [
+        (0.0, "it has hardly begun after 3.0 s"),
+        (1e-4, "it is expected to take about 30000 s"),
+        (0.2, ""),
+    ],
+)
+def test_how_long_a_run_will_take_follows_from_what_is_done(done: float, words: str):
+    assert progress.expectation(done, 3.0) == words
+
+
 def test_nothing_is_shown_at_first():
     terminal = Terminal()
     with Progress(stream=terminal) as shown:

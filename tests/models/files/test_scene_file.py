@@ -231,7 +231,7 @@ MISSPELT = [
     (
         "stokes",
         "viscosity",
-        "viscosity: unknown key, expected one of stokes, .*, start \\(and 1 more\\)$",
+        "viscosity: unknown key, expected one of stokes, .*, start, flow \\(and 1 more\\)$",
     ),
 ]
 

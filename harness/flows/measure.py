@@ -1,0 +1,357 @@
+"""What is measured of scenes in linear flows: one function for each table of the page, rows as plain data."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from math import inf, pi, sqrt
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from polhode.harness.api import solve as solve_scene
+from polhode.harness.common.store import Record
+from polhode.harness.events import Event
+from polhode.harness.flows.space_frame import Bodies, run as integrate
+from polhode.harness.references.errors import orientation_difference
+from polhode.models.catalogue import form as find_form
+from polhode.models.flow import Flow
+from polhode.models.observables import Observables
+from polhode.models.scene import EulerStart, Scene
+from polhode.models.scenes import named_scene
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.compile import compiled_callback
+from polhode.solvers.solve import solve
+
+# Shear's gradient but for a number far below rounding: it has the equations of any flow.
+AS_SHEAR = Flow.planar(1e-300)
+FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jeffery")
+START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
+
+# Random states of each form at which the fields are compared, and shapes among them.
+STATES, SHAPES = 10_000, 100
+
+# Scenes and solvers whose cost is compared, at one tolerance; a run, and how often it is timed.
+COST_TOLERANCE = 1e-9
+COST_TIME, COST_STOKES = 2000.0, 10.0
+COST_ROUNDS = 15
+COSTS = (
+    ("paper", "quaternion", ("cyrk-vern8", "cyrk-dop853", "taylor")),
+    ("spheroid", "spheroid-axis", ("cyrk-vern8", "cyrk-dop853", "taylor", "splitting")),
+    ("spheroid", "spheroid-angles", ("cyrk-vern8", "cyrk-dop853", "taylor")),
+)
+
+# Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them.
+ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+RATIOS = (0.25, 1.5, 2.0, 5.0)
+ORBIT_TOLERANCE = 1e-14
+# Time in which an axis aligns, to rounding, where it does.
+ALIGNING = 400.0
+
+# Knots of tracks: how many a run of so long a time has.
+TRACK_TIME = 20.0
+KNOTS = (10, 20, 40, 80, 160, 320)
+LONG_TRACK_TIME, LONG_TRACK_KNOTS = 100.0, (100, 300, 1000)
+TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
+TRACK_ROUNDS = 7
+
+# Runs whose stated errors are held against long double; equal steps of that, knots and rows.
+RUNS, RUN_STEPS, RUN_KNOTS, RUN_ROWS = 400, 600, 30, 11
+RUN_TIME = 30.0
+
+
+def random_gradient(random: np.random.Generator) -> Any:
+    """A gradient of trace zero whose entries have the variance 1/3."""
+    gradient = random.normal(size=(3, 3)) / sqrt(3)
+    return gradient - np.eye(3) * np.trace(gradient) / 3
+
+
+def fields(quick: bool = False) -> Iterator[Record]:
+    """How far rates by the equations of any flow are from those of shear, over the latter's norm."""
+    random = np.random.default_rng(1)
+    for name in FORMS:
+        worst = 0.0
+        shapes = 5 if quick else SHAPES
+        for _ in range(shapes):
+            axes = 10 ** random.uniform(-1, 0, 3)
+            if name.startswith("spheroid"):
+                axes[1] = axes[0]
+            stokes = 0.0 if name == "jeffery" else float(10 ** random.uniform(-1, 3))
+            scene = Scene(Ellipsoid(tuple(axes.tolist())), stokes, START, 1.0)
+            pair = [find_form(name).problem(each) for each in (scene, _as_shear(scene))]
+            for state in random.normal(size=(STATES // SHAPES, pair[0].dimension)):
+                first, second = (_rates(problem, state) for problem in pair)
+                apart = np.linalg.norm(second - first) / np.linalg.norm(first)
+                worst = max(worst, float(apart))
+        yield {"form": name, "states": shapes * (STATES // SHAPES), "apart": worst}
+
+
+def _as_shear(scene: Scene) -> Scene:
+    return replace(scene, flow=AS_SHEAR)
+
+
+def _rates(problem: Any, state: np.ndarray) -> np.ndarray:
+    parameters, rates = np.array(problem.parameters), np.empty(len(state))
+    compiled_callback(problem.field, len(state), len(parameters))(state, parameters, rates)
+    return rates
+
+
+def costs(quick: bool = False) -> Iterator[Record]:
+    """Time of runs by the equations of any flow over that by those of shear, in turns; the least of some rounds."""
+    for scene_name, name, solvers in COSTS:
+        time = COST_TIME / 10 if quick else COST_TIME
+        scene = replace(named_scene(scene_name), stokes=COST_STOKES, time=time)
+        pair = [find_form(name).problem(each) for each in (scene, _as_shear(scene))]
+        for solver in solvers:
+            runs = [[solve(problem, solver, COST_TOLERANCE) for problem in pair]]
+            runs += [
+                [solve(problem, solver, COST_TOLERANCE) for problem in pair]
+                for _ in range(3 if quick else COST_ROUNDS)
+            ]
+            shear, other = (min(each[i].seconds for each in runs[1:]) for i in range(2))
+            ends = [run.states[-1] for run in runs[0]]
+            yield {
+                "scene": scene_name,
+                "form": name,
+                "solver": solver,
+                "steps": runs[0][0].work.steps,
+                "shear_ms": 1e3 * shear,
+                "flow_ms": 1e3 * other,
+                "ratio": other / shear,
+                "apart": float(np.max(np.abs(ends[1] - ends[0]))),
+            }
+
+
+def anisotropy(ratio: float) -> float:
+    """B = (κ² - 1)/(κ² + 1) of an aspect ratio."""
+    return (ratio**2 - 1) / (ratio**2 + 1)
+
+
+def period(alpha: float, ratio: float) -> float:
+    """4π/√((1-α)² - B²(1+α)²) of the axis in the planar flow of α; inf where it aligns instead."""
+    square = (1 - alpha) ** 2 - (anisotropy(ratio) * (1 + alpha)) ** 2
+    return 4 * pi / sqrt(square) if square > 0 else inf
+
+
+def orbits(quick: bool = False) -> Iterator[Record]:
+    """Spheroids without inertia in planar flows: their period, how well the orbit closes, or how they align."""
+    for ratio in RATIOS[:1] if quick else RATIOS:
+        shape = Ellipsoid((1.0, 1.0, ratio))
+        for alpha in ALPHAS:
+            theory = period(alpha, ratio)
+            flow = Flow.planar(alpha)
+            row = {"ratio": ratio, "alpha": alpha, "theory": theory}
+            if theory == inf:
+                scene = Scene(shape, 0.0, START, ALIGNING, flow)
+                yield row | {"period": inf, "apart": _from_eigenvector(scene, ratio)}
+                continue
+            scene = Scene(shape, 0.0, START, 1.6 * theory, flow)
+            yield row | {"period": _measured_period(scene), "apart": _not_closed(scene, theory)}
+
+
+def _run(scene: Scene, **how: Any) -> Any:
+    return solve_scene(
+        scene, form="jeffery", solver="cyrk-vern8", tolerance=ORBIT_TOLERANCE, estimate=False, **how
+    )
+
+
+def _measured_period(scene: Scene) -> float:
+    """Twice the time between passages of the axis through the plane x = 0, in either sense."""
+    crossing = Event("crossing", lambda solution: solution.rotation[:, 2, 0])
+    times = _run(scene, events=[crossing]).events["crossing"].times
+    return float(times[2] - times[0])
+
+
+def _not_closed(scene: Scene, theory: float) -> float:
+    """Largest difference of the symmetry axis after a period from the start."""
+    end = _run(replace(scene, time=theory)).rotation[-1, 2]
+    return float(np.max(np.abs(end - scene.initial_rotation[2])))
+
+
+def _from_eigenvector(scene: Scene, ratio: float) -> float:
+    """Angle in rad between the axis at the end and the direction of O + B S that grows fastest."""
+    assert scene.flow is not None
+    gradient = np.array(scene.flow.gradient)
+    operator = 0.5 * (gradient - gradient.T) + anisotropy(ratio) * 0.5 * (gradient + gradient.T)
+    found: Any = np.linalg.eig(operator)
+    expected = found.eigenvectors[:, np.argmax(found.eigenvalues.real)].real
+    end = _run(scene).rotation[-1, 2]
+    return float(np.linalg.norm(np.cross(end, expected)))
+
+
+def extension(quick: bool = False) -> Iterator[Record]:
+    """Bodies in axial extension, with and without inertia: the angle between their axis and where it aligns."""
+    for ratio, where in ((3.0, "along"), (0.3, "across")):
+        for stokes in (0.0, 0.5) if quick else (0.0, 0.5, 5.0):
+            scene = Scene(Ellipsoid((1.0, 1.0, ratio)), stokes, START, ALIGNING, Flow.extension())
+            form = "jeffery" if stokes == 0 else "spheroid-axis"
+            found = solve_scene(scene, form=form, tolerance=1e-13, estimate=False)
+            along = min(1.0, abs(float(found.rotation[-1, 2, 0])))
+            angle = np.arccos(along) if where == "along" else np.arcsin(along)
+            yield {"ratio": ratio, "stokes": stokes, "aligns": where, "angle": float(angle)}
+
+
+def source(time: Any) -> Any:
+    """A gradient that changes smoothly, shape (..., 3, 3), of which tracks are made."""
+    phase = np.asarray(time)[..., None, None]
+    steady = np.array(Flow.planar(0.2).gradient)
+    wave = np.array([[0.15, 0.05, -0.2], [0.1, -0.25, 0.15], [0.05, 0.1, 0.1]])
+    return steady + np.sin(1.3 * phase + 0.2) * wave + np.cos(0.7 * phase) * wave.T
+
+
+def _along(count: int, time: float) -> Scene:
+    times = np.linspace(0.0, time, count + 1)
+    shape = Ellipsoid((1.0, 0.8, 0.5))
+    return Scene(shape, 10.0, START, time, Flow.track(times, source(times)))
+
+
+def orders(quick: bool = False) -> Iterator[Record]:
+    """Error of L and E of runs along tracks of the source against its integration in long double."""
+    scene = _along(KNOTS[0], TRACK_TIME)
+    momentum = _by_long_double([scene], lambda time, _: source(time), 200, 2)[0].angular_momentum
+    for count in KNOTS[:3] if quick else KNOTS:
+        found = solve(find_form("quaternion").problem(_along(count, TRACK_TIME)), "taylor", 1e-15)
+        seen = find_form("quaternion").observe(scene, found.states[-1:])
+        error = np.max(np.abs(seen.angular_momentum[-1] - momentum[-1]))
+        unit = max(scene.ellipsoid.inertia)
+        spacing = TRACK_TIME / count
+        yield {"knots": count, "spacing": spacing, "error": float(error) / unit}
+
+
+def knots(quick: bool = False) -> Iterator[Record]:
+    """What a knot costs beyond the same run in a constant flow, by solver."""
+    equations = find_form("quaternion")
+    for solver in TRACK_SOLVERS:
+        for count in LONG_TRACK_KNOTS[:1] if quick else LONG_TRACK_KNOTS:
+            scene = _along(count, LONG_TRACK_TIME)
+            steady = replace(scene, flow=Flow(source(0.0)))
+            pair = [equations.problem(each) for each in (steady, scene)]
+            runs = [
+                [solve(problem, solver, COST_TOLERANCE) for problem in pair]
+                for _ in range(2 if quick else TRACK_ROUNDS)
+            ]
+            constant, track = (min(each[i].seconds for each in runs) for i in range(2))
+            yield {
+                "solver": solver,
+                "knots": count,
+                "steps": runs[0][1].work.steps,
+                "steps_constant": runs[0][0].work.steps,
+                "track_ms": 1e3 * track,
+                "constant_ms": 1e3 * constant,
+                "knot_us": 1e6 * (track - constant) / count,
+            }
+
+
+def _by_long_double(
+    scenes: list[Scene], gradient: Callable[[np.ndarray, int], np.ndarray], steps: int, rows: int
+) -> list[Observables]:
+    """Observables of scenes at equispaced times by the integration in long double."""
+    shapes = [scene.ellipsoid for scene in scenes]
+    inertia = np.array([shape.inertia for shape in shapes])
+    bodies = Bodies(
+        np.array([shape.scaled_axes for shape in shapes]),
+        inertia,
+        np.array([shape.resistance for shape in shapes]),
+        np.array([scene.stokes for scene in scenes]),
+    )
+    rotation, momentum = integrate(
+        bodies,
+        np.array([scene.initial_rotation for scene in scenes]),
+        np.array([scene.angular_velocity for scene in scenes]),
+        gradient,
+        np.array([scene.time for scene in scenes]),
+        steps,
+        rows,
+    )
+    inside = np.einsum("knij,knj->kni", rotation, momentum)
+    energy = np.sum(inside**2 / inertia, axis=2) / 2
+    return [Observables(momentum[:, i], energy[:, i], rotation[:, i]) for i in range(len(scenes))]
+
+
+def random_scenes(count: int) -> list[tuple[str, Scene]]:
+    """Random scenes with the form that solves each: every other one along a track of random gradients."""
+    random = np.random.default_rng(11)
+    names = [name for name in FORMS if name != "jeffery"]
+    found = []
+    for number in range(count):
+        name = names[number % len(names)]
+        axes = 10 ** random.uniform(-1, 0, 3)
+        if name.startswith("spheroid"):
+            axes[1] = axes[0]
+        shape = Ellipsoid(tuple(axes.tolist()))
+        # Damping rates from 0.01 to 3: explicit steps in long double stay stable.
+        stokes = max(shape.damping) / 10 ** random.uniform(-2, 0.5)
+        angles = (random.uniform(0.3, 2.8), *random.uniform(0, 6.28, 2).tolist())
+        start = EulerStart(angles, tuple(random.normal(size=3).tolist()))
+        time = float(random.uniform(0.2, 1.0)) * RUN_TIME
+        # Steady in one half, in the other fluctuating about it.
+        gradients = [random_gradient(random)] * (RUN_KNOTS + 1)
+        flow = Flow(gradients[0])
+        if number % 8 >= len(names):
+            gradients = [each + 0.5 * random_gradient(random) for each in gradients]
+            flow = Flow.track(np.linspace(0.0, time, RUN_KNOTS + 1), gradients)
+        found.append((name, Scene(shape, float(stokes), start, time, flow)))
+    return found
+
+
+def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
+    """Gradients of scenes at times within a step: each entry by SciPy's spline of the nine."""
+    from scipy.interpolate import CubicSpline
+
+    pieces = np.zeros((len(scenes), RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
+    for i, scene in enumerate(scenes):
+        flow = scene.flow
+        assert flow is not None
+        if flow.varies:
+            spline = CubicSpline(np.array(flow.knots), np.array(flow.gradients))
+            pieces[i] = np.moveaxis(spline.c[::-1], 1, 0)
+        else:
+            pieces[i, :, 0] = flow.gradient
+    widths = np.array([scene.time for scene in scenes], dtype=np.longdouble) / RUN_KNOTS
+
+    def gradient(time: np.ndarray, step: int) -> np.ndarray:
+        knot = step * RUN_KNOTS // RUN_STEPS
+        since = (time - knot * widths)[:, None, None]
+        c = pieces[:, knot]
+        return c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
+
+    return gradient
+
+
+def stated(quick: bool = False) -> Iterator[Record]:
+    """Errors of random runs against long double, over those that they state."""
+    scenes = random_scenes(16 if quick else RUNS)
+    alone = [scene for _, scene in scenes]
+    truth = _by_long_double(alone, _gradients(alone), RUN_STEPS, RUN_ROWS)
+    random = np.random.default_rng(12)
+    for number, (name, scene) in enumerate(scenes):
+        requested = float(10 ** random.uniform(-9, -3))
+        found = solve_scene(scene, form=name, error=requested, samples=RUN_ROWS)
+        row: Record = {"form": name, "track": bool(scene.flow and scene.flow.varies)}
+        row |= {"requested": requested, "status": str(found.status)}
+        if not found.success:
+            yield row | {"slow": inf, "slow_high": inf, "angle": inf, "angle_high": inf}
+            continue
+        known = truth[number]
+        slow = np.max(np.abs(found.observables.slow - known.slow)) / max(scene.ellipsoid.inertia)
+        angle = orientation_difference(scene.ellipsoid, found.rotation, known.rotation)
+        row |= {"slow": float(slow), "angle": inf if angle is None else float(np.max(angle))}
+        slow_error, orientation = found.error.slow, found.error.orientation
+        row["slow_high"] = slow_error.high if slow_error else 0.0
+        yield row | {"angle_high": orientation.high if orientation else 0.0}
+
+
+TABLES: dict[str, Callable[[bool], Iterator[Record]]] = {
+    "fields": fields,
+    "costs": costs,
+    "orbits": orbits,
+    "extension": extension,
+    "orders": orders,
+    "knots": knots,
+    "stated": stated,
+}
+
+
+def measure_all(*, quick: bool = False, quiet: bool = False) -> dict[str, list[Record]]:
+    """All tables of the page; with `quick` a few rows of each."""
+    progress = tqdm(TABLES.items(), disable=quiet or None, unit="table", leave=False)
+    return {name: list(rows(quick)) for name, rows in progress}

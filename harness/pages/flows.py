@@ -1,0 +1,191 @@
+"""The page of linear flows: cost beside shear, closed orbits and alignment, tracks, stated errors."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from polhode.harness.common.files import read_file, write_file
+from polhode.harness.common.machine import header
+from polhode.harness.common.store import Record
+from polhode.harness.flows import measure
+from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import fill
+
+TITLE = "Linear flows other than simple shear"
+# Of the figure, in inches.
+_SIZE = (9.0, 4.2)
+
+
+def write_tables(tables: Mapping[str, Sequence[Record]], timed: Record, folder: Path) -> None:
+    """Write the tables of `polhode.harness.flows.measure`, and what is known of when and where, into a folder."""
+    for name, rows in tables.items():
+        write_file(folder / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False), summed=True)
+    write_file(folder / "timed.json", json.dumps(timed, indent=2) + "\n", summed=True)
+
+
+def write_page(folder: Path, command: str) -> Path:
+    """Write the page and its figure from the tables in a folder; the path of the page."""
+    tables = read_tables(folder)
+    save(figure(tables["orbits"], tables["orders"]), folder, "flows")
+    return write_file(folder / "README.md", page(folder, command))
+
+
+def read_tables(folder: Path) -> dict[str, Any]:
+    """The tables of a page, each under its name."""
+    return {name: pd.read_csv(folder / f"{name}.csv") for name in measure.TABLES}
+
+
+def page(folder: Path, command: str) -> str:
+    """The page as Markdown."""
+    tables = read_tables(folder)
+    timed = json.loads(read_file(folder / "timed.json"))
+    return fill(
+        "flows",
+        header=header(TITLE, command, [timed]),
+        findings=findings(tables),
+        fields=_rows(tables["fields"]),
+        costs=_rows(tables["costs"]),
+        orbits=_rows(_by_ratio(tables["orbits"])),
+        extension=_rows(tables["extension"]),
+        orders=_rows(_with_order(tables["orders"])),
+        knots=_rows(tables["knots"]),
+        stated=_rows(bounded(tables["stated"])),
+        measured=measure,
+    )
+
+
+def _rows(table: Any) -> list[dict[str, Any]]:
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+
+
+def findings(tables: Mapping[str, Any]) -> list[str]:
+    """What the tables say, in sentences."""
+    costs, orbits, knots = tables["costs"], tables["orbits"], tables["knots"]
+    cyrk = costs[costs["solver"].str.startswith("cyrk")]
+    taylor = costs[costs["solver"] == "taylor"]
+    closed = orbits[np.isfinite(orbits["theory"])]
+    aligned = orbits[~np.isfinite(orbits["theory"])]
+    spacing, error = np.log(tables["orders"][["spacing", "error"]].to_numpy(float)).T
+    order = np.polyfit(spacing, error, 1)
+    cheap = knots[knots["solver"].str.startswith("cyrk") | (knots["solver"] == "taylor")]
+    dear = knots[~knots.index.isin(cheap.index)]
+    counts = bounded(tables["stated"])
+    runs = counts["runs"].sum()
+    return [
+        f"Given shear's matrix, the equations of any flow give the rates of shear to "
+        f"{tables['fields']['apart'].max():.1e} of their norm, at {tables['fields']['states'].min()} "
+        "random states of each form.",
+        f"A constant gradient takes {cyrk['ratio'].min():.2f} to {cyrk['ratio'].max():.2f} times the "
+        f"time of shear by CyRK, {taylor['ratio'].min():.2f} to {taylor['ratio'].max():.2f} times by "
+        "Taylor's method.",
+        f"{len(closed)} orbits in planar flows close after the period of theory to "
+        f"{closed['apart'].max():.1e}; {len(aligned)} axes beyond the threshold align to "
+        f"{aligned['apart'].max():.1e} rad.",
+        f"Errors along a track fall like the spacing of its knots to the power {order[0]:.1f}.",
+        f"A knot costs {cheap['knot_us'].min():.0f} to {cheap['knot_us'].max():.0f} µs beyond the run "
+        f"in a constant flow by CyRK's explicit methods and Taylor's, {dear['knot_us'].min():.0f} to "
+        f"{dear['knot_us'].max():.0f} µs by the others, which start anew at each.",
+        f"Of {runs} random runs, half of them along tracks, {counts['slow'].sum() / runs:.1%} stay "
+        f"within the error of L and E that they state, {counts['angle'].sum() / runs:.1%} within that "
+        "of the orientation, held against an integration of its own in long double.",
+    ]
+
+
+def bounded(stated: Any) -> pd.DataFrame:
+    """Runs by form and kind of flow, and how many of them stay within the errors that they state."""
+    own = stated.assign(
+        slow=stated["slow"] <= stated["slow_high"],
+        angle=stated["angle"] <= stated["angle_high"],
+        met=stated["slow"] <= stated["requested"],
+        flow=stated["track"].map({True: "track", False: "constant"}),
+    )
+    sums = own.groupby(["form", "flow"], sort=False)[["slow", "angle", "met"]].sum()
+    return sums.assign(runs=own.groupby(["form", "flow"], sort=False).size()).reset_index()
+
+
+def _by_ratio(orbits: Any) -> pd.DataFrame:
+    """One row for each aspect ratio: its threshold, orbits that close, axes that align."""
+    rows = []
+    for ratio, own in orbits.groupby("ratio"):
+        closed = own[np.isfinite(own["theory"])]
+        aligned = own[~np.isfinite(own["theory"])]
+        strain = abs(measure.anisotropy(float(str(ratio))))
+        rows.append(
+            {
+                "ratio": ratio,
+                "threshold": (1 - strain) / (1 + strain),
+                "closed": len(closed),
+                "period": float((closed["period"] / closed["theory"] - 1).abs().max()),
+                "apart": float(closed["apart"].max()),
+                "aligned": len(aligned),
+                "angle": float(aligned["apart"].max()),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _with_order(orders: Any) -> pd.DataFrame:
+    """The rows, each with the power of the spacing since the one before."""
+    fall = np.log(orders["error"]).diff() / np.log(orders["spacing"]).diff()
+    return orders.assign(order=fall)
+
+
+def figure(orbits: Any, orders: Any) -> Figure:
+    """Periods in planar flows with their theory, and errors along tracks against the spacing of knots."""
+    drawn, (left, right) = plt.subplots(1, 2, figsize=_SIZE, layout="constrained")
+    _draw_periods(left, orbits)
+    _draw_orders(right, orders)
+    return drawn
+
+
+def _draw_periods(axes: Axes, orbits: Any) -> None:
+    for number, (ratio, own) in enumerate(orbits.groupby("ratio")):
+        colour = f"C{number}"
+        kappa = float(str(ratio))
+        strain = abs(measure.anisotropy(kappa))
+        threshold = (1 - strain) / (1 + strain)
+        alphas = np.linspace(-1.0, threshold, 2000)[1:-1]
+        axes.plot(
+            alphas,
+            [measure.period(float(alpha), kappa) for alpha in alphas],
+            color=colour,
+            linewidth=1.3,
+        )
+        closed = own[np.isfinite(own["theory"])]
+        axes.plot(
+            closed["alpha"],
+            closed["period"],
+            "o",
+            color=colour,
+            markersize=4,
+            label=f"κ = {kappa:g}",
+        )
+        axes.axvline(threshold, color=colour, linewidth=0.8, linestyle=":")
+    axes.set_yscale("log")
+    axes.set_ylim(5.0, 100.0)
+    axes.set_yticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
+    axes.set_xlim(-1.0, 0.6)
+    axes.set_xlabel("α of the flow u = (y, αx, 0): -1 rotates, 0 shears")
+    axes.set_ylabel("period of the axis over 1/γ̇")
+    axes.set_title("The axis turns left of the dotted line, aligns right", loc="left", fontsize=10)
+    axes.legend(title="points: measured\nlines: theory", fontsize=9, title_fontsize=9)
+    axes.grid(True, linewidth=0.4, alpha=0.5)
+
+
+def _draw_orders(axes: Axes, orders: Any) -> None:
+    spacing, error = orders["spacing"].to_numpy(float), orders["error"].to_numpy(float)
+    axes.loglog(spacing, error, "o-", color="C0", label="a run along the track")
+    promise = error[-1] * (spacing / spacing[-1]) ** 4
+    axes.loglog(spacing, promise, ":", color="black", label="fourth power of the spacing")
+    axes.set_xlabel("spacing of knots over 1/γ̇")
+    axes.set_ylabel("error of L at the end, over $I_{max}$")
+    axes.set_title("A track against the flow that it was taken from", loc="left", fontsize=10)
+    axes.legend(fontsize=9)
+    axes.grid(True, linewidth=0.4, alpha=0.5)

@@ -1,0 +1,55 @@
+"""Tracks: CSV files of the velocity gradient along a particle's path."""
+
+import csv
+from pathlib import Path
+
+from polhode.models.flow import Flow
+
+COLUMNS = ["t", *(f"A{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))]
+
+
+def read_track(path: Path) -> Flow:
+    """The flow of a file with the columns t, A11, A12, … A33; what is wrong is said in one line, with its line.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, its columns are others, or the numbers are no track.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise ValueError(f"flow.track: got {str(path)!r}, expected a file: there is none") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"flow.track: got {str(path)!r}, expected a CSV file: {error}") from None
+    rows = [row for row in csv.reader(text.splitlines()) if row]
+    header = [name.strip() for name in rows[0]] if rows else []
+    if header != COLUMNS:
+        got, expected = ",".join(header), ",".join(COLUMNS)
+        raise ValueError(f"flow.track: {path}: got the columns {got:.60}, expected {expected}")
+    numbers = [_numbers(path, line, row) for line, row in enumerate(rows[1:], 2)]
+    times = [row[0] for row in numbers]
+    try:
+        return Flow.track(times, [(row[1:4], row[4:7], row[7:]) for row in numbers])
+    except ValueError as error:
+        raise ValueError(f"{error} ({path})") from None
+
+
+def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
+    if len(row) != len(COLUMNS):
+        raise ValueError(
+            f"flow.track: {path}:{line}: got {len(row)} columns, expected {len(COLUMNS)}"
+        )
+    try:
+        return [float(cell) for cell in row]
+    except ValueError:
+        got = ",".join(row)
+        raise ValueError(f"flow.track: {path}:{line}: got {got:.60}, expected numbers") from None
+
+
+def track_text(flow: Flow) -> str:
+    """Contents of the file of a track."""
+    lines = [",".join(COLUMNS)]
+    for time, (x, y, z) in zip(flow.knots, flow.gradients, strict=True):
+        lines.append(",".join(repr(number) for number in (time, *x, *y, *z)))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,105 @@
+"""Runs through parameters that change at given times: each step ends there, and keeps its order."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from polhode.models.problem import Problem, Segments
+from polhode.solvers.contract import Integrator, Outcome, Record, Status, Work
+
+# A change closer to a row's time than this share of the run is at that time: no step fits between.
+_CLOSE = 1e-12
+
+
+def by_segments(integrate: Integrator, problem: Problem) -> Integrator:
+    """An integrator of whole runs from one of segments, which takes the parameters of its record."""
+    segments = problem.segments
+    assert segments is not None, "parameters that change"
+    return lambda record: _through(integrate, segments, record)
+
+
+@dataclass
+class _Cut:
+    """The segments of a record: their ends on its clock, the rows up to each, and their parameters."""
+
+    ends: np.ndarray
+    rows: list[int]
+    values: np.ndarray
+    # Time of the state on the clock of the record.
+    offset: float = field(default=0.0)
+
+
+def _cut(segments: Segments, record: Record) -> _Cut:
+    """Where a record is to be cut, in the direction of its times, which may go back."""
+    times = record.times
+    begin, end = float(times[0]), float(times[-1])
+    offset = float(record.start[-1]) - begin
+    knots, values = segments.times - offset, segments.values
+    sign = 1.0 if end > begin else -1.0
+    if sign < 0:
+        # From each segment's end to its beginning.
+        knots, values = -knots[::-1], values[::-1]
+        begin, end = -begin, -end
+    close = _CLOSE * (end - begin)
+    # The outer segments go on beyond the table, whose ends may be rounded.
+    first = int(
+        np.clip(np.searchsorted(knots, begin + close, side="right") - 1, 0, len(values) - 1)
+    )
+    last = int(np.clip(np.searchsorted(knots, end - close, side="left"), first + 1, len(values)))
+    ends = np.append(knots[first + 1 : last], end)
+    wanted = sign * times
+    after = np.clip(np.searchsorted(wanted, ends - close), 0, len(wanted) - 1)
+    ends = np.where(np.abs(wanted[after] - ends) <= close, wanted[after], ends)
+    rows = np.searchsorted(wanted, ends, side="right").tolist()
+    return _Cut(sign * ends, rows, values[first:last], offset)
+
+
+def _through(integrate: Integrator, segments: Segments, record: Record) -> Outcome:
+    """Fill a record's rows, segment by segment."""
+    cut = _cut(segments, record)
+    now, room = float(record.times[0]), np.empty((2, record.rows.shape[1]), record.rows.dtype)
+    state = record.start.copy()
+    done: list[Work] = []
+    steps = 0
+    status, message = Status.REACHED_END, ""
+    for end, upto, values in zip(cut.ends.tolist(), cut.rows, cut.values, strict=True):
+        if done and (record.expired or steps >= record.max_steps):
+            status = Status.TIME_LIMIT if record.expired else Status.STEP_LIMIT
+            message = f"after {steps} steps"
+            break
+        times, rows = np.array((now, end)), room
+        wanted = upto - record.filled
+        if wanted:
+            inner = record.times[record.filled : upto]
+            times = np.concatenate([[now], inner, [] if inner[-1] == end else [end]])
+            rows = np.empty((len(times), len(state)), state.dtype)
+        # The clock in the state is exact at each change.
+        state[-1] = state.dtype.type(cut.offset + now)
+        rows[0] = state
+        piece = Record(times, rows, record.deadline, record.max_steps - steps)
+        piece.unit, piece.events, piece.taken = record.unit, record.events, record.taken
+        piece.changed, piece.goes_on = values, bool(done)
+        status, message = integrate(piece)
+        done.append(piece.work)
+        steps += piece.work.steps or 0
+        if wanted:
+            record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
+        record.now, record.shrunk = piece.now, record.shrunk or piece.shrunk
+        ended = record.events is not None and record.events.ended is not None
+        if not status.success or ended:
+            break
+        state, now = rows[-1].copy(), end
+        record.now = now
+    record.work = _summed(done)
+    return status, message
+
+
+def _summed(done: list[Work]) -> Work:
+    """The work of all segments; a count that is None in one of them is None."""
+    total = Work()
+    for name in vars(total):
+        counts = [getattr(work, name) for work in done]
+        known = [count for count in counts if count is not None]
+        if known and len(known) == len(counts):
+            setattr(total, name, sum(known))
+    return total

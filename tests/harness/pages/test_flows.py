@@ -1,0 +1,31 @@
+"""The page of linear flows, quickly measured: tables, sentences, figure."""
+
+from pathlib import Path
+
+import pytest
+
+from polhode.harness.common.machine import here
+from polhode.harness.flows import measure
+from polhode.harness.pages import flows
+
+
+def test_a_quick_page_is_made_of_its_tables(tmp_path: Path):
+    flows.write_tables(measure.measure_all(quick=True, quiet=True), here(), tmp_path)
+    page = flows.write_page(tmp_path, "polhode flows --quick").read_text(encoding="utf-8")
+    assert page == flows.page(tmp_path, "polhode flows --quick")
+    assert (tmp_path / "flows.png").stat().st_size > 10_000
+    found = flows.read_tables(tmp_path)
+    assert found["fields"]["apart"].max() < 1e-14
+    assert found["orbits"]["apart"].max() < 1e-10
+    counts = flows.bounded(found["stated"])
+    assert counts["runs"].sum() == 16
+    assert "Of 16 random runs" in page
+
+
+@pytest.mark.parametrize(
+    ("alpha", "ratio", "expected"),
+    [(0.0, 1.0, 4 * 3.141592653589793), (-1.0, 5.0, 2 * 3.141592653589793)],
+)
+def test_periods_of_known_motions(alpha: float, ratio: float, expected: float):
+    """A sphere in shear turns at half its rate; in rigid rotation every body turns with the fluid."""
+    assert measure.period(alpha, ratio) == pytest.approx(expected)
