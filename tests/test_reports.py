@@ -15,7 +15,7 @@ from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_st
 from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.common.store import read_export
-from polhode.harness.pages import ensembles, flows, footing, problems
+from polhode.harness.pages import ensembles, flows, footing, problems, stiff
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
@@ -130,6 +130,13 @@ def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Pa
         command,
     )
     assert page.read_text(encoding="utf-8") == text("known-stokes/README.md")
+
+
+def test_the_page_of_the_stiff_side_follows_from_the_data(tmp_path: Path):
+    study = read_study_file(ROOT / "harness" / "studies" / "stiff.toml")
+    records = list(read_export(REPORTS / "stiff" / "records.jsonl"))
+    page = stiff.write_page(study, records, tmp_path, "polhode bench harness/studies/stiff.toml")
+    assert page.read_text(encoding="utf-8") == text("stiff/README.md")
 
 
 def test_pages_on_the_paper_follow_from_the_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

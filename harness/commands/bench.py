@@ -21,7 +21,12 @@ if TYPE_CHECKING:
 # What pages are made with, asked for before anything is measured.
 PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
 # Modules of `pages` by what a study names.
-PAGES = {"costs": "bench", "outcomes": "outcomes", "known-stokes": "known_stokes"}
+PAGES = {
+    "costs": "bench",
+    "outcomes": "outcomes",
+    "known-stokes": "known_stokes",
+    "stiff": "stiff",
+}
 # Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
 # numerics.
 PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}

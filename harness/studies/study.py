@@ -32,8 +32,8 @@ _ONE = {"type": "number", "minimum": 0}
 _ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
 _AS_LIST = BeforeValidator(lambda value: value if isinstance(value, list) else [value])
 StokesNumbers = Annotated[list[Stokes], Field(min_length=1), _AS_LIST, _ONE_OR_MORE]
-Page = Literal["costs", "outcomes", "known-stokes"]
-"""What a page is about: the cheapest run, who gets through, or what solvers gain that know St."""
+Page = Literal["costs", "outcomes", "known-stokes", "stiff"]
+"""What a page is about: the cheapest run, who gets through, what solvers gain that know St, or the stiff side."""
 
 
 class Choice(BaseModel):

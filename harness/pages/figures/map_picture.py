@@ -60,7 +60,7 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
         "fontsize": 9.5,
         "handlelength": 1.3,
         "ncols": len(entries),
-        "columnspacing": 5.0,
+        "columnspacing": 2.0,
     }
     drawing.legend(
         handles=handles,

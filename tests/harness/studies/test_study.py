@@ -189,7 +189,11 @@ def test_a_scene_may_limit_forms_and_solvers():
             ["ida"],
             "got 'ida' in solvers of scene 'paper', expected some of the study's: cyrk-vern8",
         ),
-        ("page", "both", "page: got 'both', expected 'costs', 'outcomes' or 'known-stokes'"),
+        (
+            "page",
+            "both",
+            "page: got 'both', expected 'costs', 'outcomes', 'known-stokes' or 'stiff'",
+        ),
     ],
 )
 def test_limits_that_do_not_fit_are_one_line(path: str, value: Any, message: str):
