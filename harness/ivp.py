@@ -143,7 +143,8 @@ def solve_ivp(
     every_step = t_eval is None and problem.plain and solver.shows_steps
     wanted = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
     # A run has its start and its end besides.
-    before, behind = bool(wanted[0] > 0), bool(wanted[-1] < problem.end)
+    before = bool(wanted[0] > 0)
+    behind = bool(wanted[-1] < problem.end)
     times = wanted
     if before or behind:
         times = np.concatenate([[0.0] * before, wanted, [problem.end] * behind])
@@ -254,7 +255,8 @@ def _words(found: Solution, note: str) -> str:
 def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:
     """The absolute tolerance where none is given, and what is to be said of it."""
     size = max(map(abs, y0)) if len(y0) < _FEW else np.max(np.abs(y0))
-    size, least = float(size), float(np.min(rtol))
+    size = float(size)
+    least = float(np.min(rtol))
     if size > 0:
         return least * size, ""
     return least, f"atol = rtol = {least:g}, as y0 is 0; give atol if the solution is small"

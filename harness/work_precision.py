@@ -47,7 +47,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Of the classical problems.
-TOLERANCES, QUICK = tuple(10.0**-k for k in range(3, 13)), (1e-4, 1e-7, 1e-10)
+TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+QUICK = (1e-4, 1e-7, 1e-10)
 # Errors by name: the largest at any sample, that at the end, the root of the mean square.
 ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
@@ -139,12 +140,19 @@ class WorkPrecision:
             raise ValueError(f"error: got {error!r}, expected one of {', '.join(ERRORS)}")
         if not max_seconds > 0:
             raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
-        self.solvers, self.tolerances, self.samples = solvers, tuple(given), samples
-        self.max_seconds, self.quiet, self.classical = max_seconds, quiet, classical
-        self.atol, self.error, self.relative = atol, error, relative
+        self.solvers = solvers
+        self.tolerances = tuple(given)
+        self.samples = samples
+        self.max_seconds = max_seconds
+        self.quiet = quiet
+        self.classical = classical
+        self.atol = atol
+        self.error = error
+        self.relative = relative
         if classical and atol is None:
             self.atol = classical.atol
-        self.own_reference, self.over = reference, dict(over or {})
+        self.own_reference = reference
+        self.over = dict(over or {})
         began = perf_counter()
         self.problem = frozen(problem) if isinstance(problem, Problem) else problem
         self.trace_seconds = perf_counter() - began
@@ -213,7 +221,8 @@ class WorkPrecision:
 
     def _given(self, reference: Any) -> np.ndarray:
         """States of a reference of one's own, shape (samples, d)."""
-        problem, times = self.one, self.times
+        problem = self.one
+        times = self.times
         states: np.ndarray
         if hasattr(reference, "sol") and callable(reference.sol):
             own = isinstance(getattr(reference, "problem", None), Problem)
@@ -253,7 +262,8 @@ class WorkPrecision:
             return pd.concat(
                 [study.frame.assign(**point) for point, study in self.studies], ignore_index=True
             )
-        rows, setups = [], as_setups(self.solvers, self.one)
+        rows = []
+        setups = as_setups(self.solvers, self.one)
         if any(setup.solver for setup in setups):
             check_field(self.one)
         with Progress(self.quiet) as progress:
@@ -262,7 +272,9 @@ class WorkPrecision:
                 _prepared(one, self.one, loosest, self._atol_of(one, loosest)) for one in setups
             ]
             progress.begin(f"{self.name}: reference")
-            exact, uncertainty, missing = None, None, ""
+            exact = None
+            uncertainty = None
+            missing = ""
             try:
                 exact, uncertainty = self.reference
             except ReferenceFailedError as error:
@@ -391,7 +403,9 @@ class WorkPrecision:
 
     def runner(self, setup: Setup, tolerance: float) -> Callable[..., Any]:
         """One run as ``run(max_seconds, count=, doubt=)``, by a solver or by a function in its place."""
-        problem, times, atol = self.one, self.times, self._atol_of(setup, tolerance)
+        problem = self.one
+        times = self.times
+        atol = self._atol_of(setup, tolerance)
         options = {name: value for name, value in setup.options.items() if name != "atol"}
 
         def run(limit: float = inf, *, count: bool = False, doubt: bool = False) -> Any:
@@ -413,12 +427,14 @@ class WorkPrecision:
             partial(run, count=True, doubt=True),
             lambda one: one.status is Status.TIME_LIMIT,
         )
-        status, message = first.status, first.message
+        status = first.status
+        message = first.message
         error = self.error_of(first.states, exact) if first.success and exact is not None else None
         if error is not None and exact is not None:
             apart = self._apart(first.states, exact)
             if apart > _NO_ACCURACY and uncertainty is not None and uncertainty < _SURE:
-                status, error = Status.FALSE_SUCCESS, None
+                status = Status.FALSE_SUCCESS
+                error = None
                 message = f"off by {apart:.2g} of the state's size"
         timing = None
         if status.success and first.seconds <= self.max_seconds:
@@ -554,7 +570,8 @@ def run_problems(
         for name, solver in pairs
     )
     wanted = {digest(case): case for case in cases}
-    known, found = store.keys(), []
+    known = store.keys()
+    found = []
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
     progress = tqdm(
         wanted.items(), disable=quiet or None, unit="case", desc="problems", leave=False
@@ -600,7 +617,8 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
         method = find_solver(solver)
         return method.available and solver not in one.hopeless and method.takes(one.problem)
 
-    own, methods = names or PROBLEMS, solvers or SOLVERS
+    own = names or PROBLEMS
+    methods = solvers or SOLVERS
     if pairs := [(name, each) for name in own for each in methods if takes(each, PROBLEMS[name])]:
         return pairs
     raise ValueError(

@@ -37,7 +37,8 @@ def jeffery_angular_velocity(ops: Operations) -> Callable:
 
 def jeffery_spin(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray:
     """Jeffery's angular velocity in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
-    flow, gradient = rotation[:, :, 0].T, rotation[:, :, 1].T
+    flow = rotation[:, :, 0].T
+    gradient = rotation[:, :, 1].T
     return np.stack(jeffery_angular_velocity(ARRAYS)(flow, gradient, shares(ellipsoid)), axis=1)
 
 

@@ -38,7 +38,8 @@ class Once(Generic[P, R]):
     """A function whose results are computed once; see `once`."""
 
     def __init__(self, function: Callable[P, R], size: int = MAX_CACHED) -> None:
-        self.function, self.size = function, size
+        self.function = function
+        self.size = size
         self.__wrapped__ = function
         self._entries: dict[tuple[Any, ...], _Entry] = {}
         self._lock = RLock()

@@ -75,7 +75,9 @@ class OwnField:
 
     def rates(self, parameters: Sequence[float]) -> Callable[[float, Any], Any]:
         """The function as ``rates(elapsed, y)`` of the run's time, in plain Python."""
-        function, begin, end = self.function, self.t_start, self.t_end
+        function = self.function
+        begin = self.t_start
+        end = self.t_end
         if self.backwards:
             return lambda t, y: -np.asarray(function(max(begin - t, end), y, *parameters))
         if begin:
@@ -90,7 +92,8 @@ class OwnField:
             return self._called
         if self.recording is None:
             raise UntraceableError(self.plain_reason)
-        recording, backwards = self.recording, self.backwards
+        recording = self.recording
+        backwards = self.backwards
 
         def rhs(y, p):
             time = self._time(ops, y[len(y) - 1]) if self.timed else math.nan
@@ -154,7 +157,8 @@ class _WeakField:
     def __init__(self, field: OwnField, forget: Callable[[Any], None]) -> None:
         kind: Any = WeakMethod if isinstance(field.function, MethodType) else ref
         self._function = kind(field.function, lambda _: forget(self))
-        self._hash, self._rest = hash(field), _REST(field)
+        self._hash = hash(field)
+        self._rest = _REST(field)
 
     def __hash__(self) -> int:
         return self._hash
@@ -180,7 +184,8 @@ def own_field(
     """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
     if not callable(f):
         raise ValueError(f"f: got {in_one_line(f)}, expected a function f(t, y)")
-    start, given = _numbers("y0", y0), _numbers("parameters", parameters)
+    start = _numbers("y0", y0)
+    given = _numbers("parameters", parameters)
     # What is compiled is kept under the function; a method can be a key where its object cannot.
     if not start:
         raise ValueError("y0: got no numbers, expected one per component")

@@ -318,7 +318,8 @@ class Condition(_Protocols):
     def __or__(self, other: Any) -> Any:
         return _one_of(self, other)
 
-    __rand__, __ror__ = __and__, __or__
+    __rand__ = __and__
+    __ror__ = __or__
 
     def __invert__(self) -> "Condition":
         return Condition(lambda a, b: self.choose(b, a))
@@ -542,7 +543,8 @@ def _ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...], named: dict[str, An
 
 def _product(left: Any, right: Any) -> Any:
     """A matrix product, without terms of zeros in a matrix of numbers."""
-    left, right = _plain(left), _plain(right)
+    left = _plain(left)
+    right = _plain(right)
     if left.ndim == 2 and right.ndim == 1 and left.dtype != object:
         return _wrapped(_combined(left, right))
     if left.ndim == 1 and right.ndim == 2 and right.dtype != object:
@@ -579,7 +581,8 @@ def _where_arrays(condition: Any, *choices: Any) -> Any:
 
 
 def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
-    low, high = named.pop("min", low), named.pop("max", high)
+    low = named.pop("min", low)
+    high = named.pop("max", high)
     if any(value is not None for value in named.values()):
         raise _recorder().fail("cannot be compiled")
     x = x if low is None else np.maximum(x, low)

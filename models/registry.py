@@ -14,7 +14,8 @@ from polhode.models.spent import spent_on
 
 T = TypeVar("T")
 # A shorter word is a part of too much; less alike (`difflib`), a word is another one.
-SHORTEST_PART, ALIKE = 3, 0.7
+SHORTEST_PART = 3
+ALIKE = 0.7
 
 
 def hint(word: str, names: Iterable[str]) -> str:
@@ -40,7 +41,10 @@ class NotFoundError(ValueError):
 
     def __init__(self, kind: str, name: str, expected: str, advice: str = "") -> None:
         super().__init__(kind, name, expected, advice)
-        self.kind, self.name, self.expected, self.advice = kind, name, expected, advice
+        self.kind = kind
+        self.name = name
+        self.expected = expected
+        self.advice = advice
 
     def __str__(self) -> str:
         """The message: what was got and what expected."""
@@ -57,7 +61,8 @@ class Catalogue(dict[str, str], Generic[T]):
         super().__init__(targets)
         for name, target in plug_ins(kind + "s").items():
             self.setdefault(name, target)
-        self.kind, self.base = kind, base
+        self.kind = kind
+        self.base = base
         self._made: dict[str, T] = {}
         # Classes whose objects were found complete.
         self._checked: WeakSet[type] = WeakSet()

@@ -22,7 +22,8 @@ from polhode.models.shape import Ellipsoid, require_numbers
 # Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of
 # floating-point numbers.
 LARGEST = 1e30
-LEAST, MOST = 1e-60, 1e60
+LEAST = 1e-60
+MOST = 1e60
 
 
 @dataclass(frozen=True)
@@ -151,8 +152,10 @@ class Scene:
             )
         if isinstance(self.start, SlowStart):
             # Of any rotation L² / 2E lies between the extreme moments of inertia.
-            momentum, twice_energy = hypot(*self.start.angular_momentum), 2 * self.start.energy
-            low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
+            momentum = hypot(*self.start.angular_momentum)
+            twice_energy = 2 * self.start.energy
+            low = min(self.ellipsoid.inertia)
+            high = max(self.ellipsoid.inertia)
             ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
             if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (
                 momentum,

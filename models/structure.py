@@ -54,7 +54,8 @@ class Structure:
             return None
         rows = pattern.indices.astype(int)
         below = rows - np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
-        lower, upper = max(0, int(below.max(initial=0))), max(0, -int(below.min(initial=0)))
+        lower = max(0, int(below.max(initial=0)))
+        upper = max(0, -int(below.min(initial=0)))
         fullest = int(np.bincount(rows, minlength=1).max())
         return (lower, upper) if lower + upper + 1 <= _MAX_DIAGONALS * fullest else None
 
@@ -71,7 +72,8 @@ def structure_of(
     if sparsity is not None:
         sparsity = _matrix("jac_sparsity", sparsity, shape, "that is zero where the Jacobian is")
     if (lower is None) != (upper is None):
-        lower, upper = lower or 0, upper or 0
+        lower = lower or 0
+        upper = upper or 0
     for name, bands in (("lband", lower), ("uband", upper)):
         if bands is not None and not (
             isinstance(bands, int | np.integer) and 0 <= bands < dimension

@@ -126,7 +126,9 @@ def entry_with_jacobian() -> Callable[..., None] | None:
         entry = ctypes.CDLL(str(modules[0]))[_WITH_JACOBIAN]
     except (IndexError, OSError, AttributeError):
         return None
-    pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_size_t
+    pointer = ctypes.c_void_p
+    number = ctypes.c_double
+    size = ctypes.c_size_t
     entry.restype = None
     entry.argtypes = [
         *(pointer, pointer, number, number, pointer),
@@ -162,7 +164,8 @@ def _announce() -> None:
     spec = importlib.util.find_spec("CyRK")
     if spec is None or spec.loader is None:
         raise ModuleNotFoundError("No module named 'CyRK'", name="CyRK")
-    package, loader = importlib.util.module_from_spec(spec), spec.loader
+    package = importlib.util.module_from_spec(spec)
+    loader = spec.loader
 
     def complete(name: str) -> Any:
         vars(package).pop("__getattr__", None)
@@ -228,7 +231,9 @@ class CyrkSolver(Solver):
     ) -> Callable[[], object] | None:
         """CyRK's C entry with these times; its rows stay there."""
         call = self._call(problem, replace(settings, count=False), np.empty(0))
-        start, end, wanted = np.array(problem.start), float(times[-1]), times[1:]
+        start = np.array(problem.start)
+        end = float(times[-1])
+        wanted = times[1:]
         return lambda: call.library.c_free(call(0.0, end, start, wanted, UNLIMITED))
 
 
@@ -280,7 +285,8 @@ class Call:
                 address_of(rates), 0.0, address_of(state), self.parameters_address
             )
         # One tolerance counts for all components. In NumPy it would take twice as long.
-        rtols, atols = cycle(self.rtol.tolist()), cycle(self.atol.tolist())
+        rtols = cycle(self.rtol.tolist())
+        atols = cycle(self.atol.tolist())
         scaled = []
         for rate, y in zip(rates.tolist(), state.tolist(), strict=True):
             scale = next(atols) + next(rtols) * abs(y)
@@ -314,9 +320,11 @@ class Call:
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been asked"
-        result, nothing = ctypes.c_void_p(), _Vector()
+        result = ctypes.c_void_p()
+        nothing = _Vector()
         # All arrays live until the entry returns.
-        vector, reference = _Vector.of, ctypes.byref
+        vector = _Vector.of
+        reference = ctypes.byref
         entry(
             *(reference(result), self.code.address, start, end, reference(vector(state))),
             *(self.method, 0, 0, reference(vector(self.parameters))),
@@ -329,9 +337,15 @@ class Call:
 
 
 def _run(call: Call, record: Record) -> Outcome:
-    library, dimension, work = call.library, len(record.start), record.work
-    end, time, state = float(record.times[-1]), float(record.times[0]), record.start
-    steps, last_step, look = 0, call.first_step, CHUNK
+    library = call.library
+    dimension = len(record.start)
+    work = record.work
+    end = float(record.times[-1])
+    time = float(record.times[0])
+    state = record.start
+    steps = 0
+    last_step = call.first_step
+    look = CHUNK
     if record.events:
         look = _FIRST_LOOK
     while True:
@@ -340,7 +354,8 @@ def _run(call: Call, record: Record) -> Outcome:
         with call.flushed_to_zero:
             result = call(time, end, state, wanted, chunk, last_step, bool(record.events))
         try:
-            size, code = library.c_get_size(result), library.c_get_status(result)
+            size = library.c_get_size(result)
+            code = library.c_get_status(result)
             steps += library.c_get_steps(result)
             work.steps = steps
             if record.events:
@@ -374,7 +389,8 @@ def _look_through(
     call: Call, record: Record, result: Any, time: float, state: np.ndarray, first_step: float
 ) -> float:
     """Look for events in the steps of a chunk and fill its rows; the length of its last whole step."""
-    library, dimension = call.library, len(record.start)
+    library = call.library
+    dimension = len(record.start)
     steps = _array(library.c_get_t_ptr(result), library.c_get_size(result))
     if len(steps) < 2:
         return first_step
@@ -414,7 +430,8 @@ def _interpolated(
     if library.c_get_status(result) > 0:
         return result, len(steps)
     counted = call.calls.copy()
-    again, count = None, 1
+    again = None
+    count = 1
     for share in _SHARES:
         count = max(2, int(share * len(steps)))
         with call.flushed_to_zero:
@@ -430,7 +447,8 @@ def _interpolated(
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
     """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes."""
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
-    start, library = np.array(problem.start), call.library
+    start = np.array(problem.start)
+    library = call.library
     if not call.begins(start):
         return np.zeros(1), start[None]
 
@@ -438,8 +456,10 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
         with call.flushed_to_zero:
             result = call(0.0, end, start, wanted, MOST_STEPS)
         try:
-            size, d = library.c_get_size(result), start.size
-            times, states = library.c_get_t_ptr(result), library.c_get_y_ptr(result)
+            size = library.c_get_size(result)
+            d = start.size
+            times = library.c_get_t_ptr(result)
+            states = library.c_get_y_ptr(result)
             return _array(times, size), _array(states, size * d).reshape(size, d)
         finally:
             library.c_free(result)

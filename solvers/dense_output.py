@@ -34,7 +34,8 @@ class LikeSolveIvp:
 
 def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
     """Times asked of a solution as an array, shape (k,); ValueError unless they are numbers within it."""
-    known, times = solution.times, np.empty((0, 0))
+    known = solution.times
+    times = np.empty((0, 0))
     with suppress(TypeError, ValueError):
         times = np.atleast_1d(np.asarray(t, dtype=float))
     if times.ndim > 1:
@@ -65,7 +66,9 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
     order 8. ValueError if the solver fails between two rows, or if a function of one's own computes
     something else by now.
     """
-    known, settings, problem = solution.times, solution.settings, solution.problem
+    known = solution.times
+    settings = solution.settings
+    problem = solution.problem
     if as_it_stands(problem).field != problem.field:
         raise ValueError(
             "t: the function names values that have changed since the run, expected those of the run"
@@ -74,15 +77,11 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         return problem.closed_form(times)
     # Nor is it traced again for every row.
     problem = frozen(problem)
-    method, how = (
-        solution.method,
-        {"backend": settings.backend, "atol": _of_components(settings.atol, problem)},
-    )
+    method = solution.method
+    how = {"backend": settings.backend, "atol": _of_components(settings.atol, problem)}
     if method.many_periods:
-        method, how = (
-            find_solver(next(name for name in BETWEEN if find_solver(name).available)),
-            {"atol": how["atol"]},
-        )
+        method = find_solver(next(name for name in BETWEEN if find_solver(name).available))
+        how = {"atol": how["atol"]}
     if "max_step" in method.limits:
         how["max_step"] = settings.max_step
     if method.jacobians:

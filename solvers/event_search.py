@@ -140,7 +140,8 @@ class EventSearch:
             event.times.append(time)
             event.states.append(state)
             if event.terminal and len(event.times) >= event.terminal and self.ended is None:
-                self.ended, self.end_state = time, state
+                self.ended = time
+                self.end_state = state
         return self.ended is not None
 
 

@@ -43,7 +43,8 @@ def _followed_by_scipy(
             if not np.isfinite(rates(0.0, start)).all():
                 return alone
             stepper = DOP853(rates, 0.0, start, problem.end, rtol=tolerance, atol=tolerance)
-            times, pieces = [0.0], []
+            times = [0.0]
+            pieces = []
             while stepper.status == "running" and len(pieces) < _MAX_STEPS:
                 stepper.step()
                 if stepper.status == "failed" or not np.isfinite(stepper.y).all():

@@ -63,10 +63,8 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
         divisors = denominators(problem.field, problem.dimension, len(problem.field_parameters))
     if divisors:
         function, count = divisors
-        parameters, values = (
-            np.array(problem.field_parameters, dtype=float),
-            np.empty((len(states), count)),
-        )
+        parameters = np.array(problem.field_parameters, dtype=float)
+        values = np.empty((len(states), count))
         for state, out in zip(np.ascontiguousarray(states), values, strict=True):
             function(state, parameters, out)
         suspects |= (np.sign(values[1:]) * np.sign(values[:-1]) < 0).any(axis=1)
@@ -83,8 +81,10 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
 
 def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str:
     """How the witnesses ended between two rows; empty if one of them did not."""
-    problem, settings = frozen(solution.problem), solution.settings
-    begin, end = float(solution.times[first]), float(solution.times[last])
+    problem = frozen(solution.problem)
+    settings = solution.settings
+    begin = float(solution.times[first])
+    end = float(solution.times[last])
     piece = problem.continued(begin, tuple(solution.states[first].tolist()), end - begin)
     size = float(np.abs(solution.states[: first + 1]).max())
     usual = float(np.clip(settings.tolerance, *_TOLERANCES))

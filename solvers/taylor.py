@@ -76,15 +76,18 @@ def propagate(
     ``states(rows, times)`` are the states that its rows mean.
     """
     outcome = load_heyoka().taylor_outcome
-    number, work = integrator.state.dtype, record.work
-    steps, grid = 0, record.times.astype(number, copy=False)
+    number = integrator.state.dtype
+    work = record.work
+    steps = 0
+    grid = record.times.astype(number, copy=False)
     while True:
         result = integrator.propagate_grid(
             grid,
             max_steps=min(record.chunk(CHUNK), record.max_steps - steps),
             max_delta_t=number.type(max_step),
         )
-        reason, steps = result[0], steps + result[3]
+        reason = result[0]
+        steps = steps + result[3]
         work.steps = steps
         rows = states(result[-1][1:], grid[1:])
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
@@ -112,7 +115,9 @@ def propagate_with_events(
 ) -> Outcome:
     """As `propagate`, with the record's events looked for on the series of every step."""
     outcome = load_heyoka().taylor_outcome
-    steps, look, end = 0, _FIRST_LOOK, float(record.times[-1])
+    steps = 0
+    look = _FIRST_LOOK
+    end = float(record.times[-1])
     while True:
         result = integrator.propagate_until(
             end,
@@ -120,8 +125,10 @@ def propagate_with_events(
             max_delta_t=max_step,
             c_output=True,
         )
-        reason, series = result[0], result[4]
-        steps, record.now = steps + result[3], float(integrator.time)
+        reason = result[0]
+        series = result[4]
+        steps = steps + result[3]
+        record.now = float(integrator.time)
         record.work.steps = steps
         look = min(CHUNK, look * LOOK_GROWTH)
         if series is not None:
@@ -157,7 +164,8 @@ class Bound:
         units: np.ndarray | None = None,
         max_step: float = np.inf,
     ) -> None:
-        self.timed, self.max_step = problem.timed, max_step
+        self.timed = problem.timed
+        self.max_step = max_step
         self.variables = problem.dimension - self.timed
         if units is not None:
             units = np.broadcast_to(units, problem.dimension)[: self.variables]
@@ -174,11 +182,13 @@ class Bound:
 
     def begin(self, time: float, start: np.ndarray) -> None:
         """Set time, state and parameters; the start has any precision up to the integrator's own."""
-        integrator, number = self.integrator, self.integrator.state.dtype
+        integrator = self.integrator
+        number = self.integrator.state.dtype
         start = start.astype(number)
         integrator.time = number.type(time)
         if self.units is None:
-            integrator.state[:], integrator.pars[:] = start, self.parameters.astype(number)
+            integrator.state[:] = start
+            integrator.pars[:] = self.parameters.astype(number)
             return
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
         parameters = [*self.parameters.astype(number), *self.units.astype(number)]
@@ -240,7 +250,8 @@ class Taylor(Solver):
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
     ) -> Callable[[], object] | None:
-        bound, start = self._bound(problem, settings), np.array(problem.start)
+        bound = self._bound(problem, settings)
+        start = np.array(problem.start)
 
         def call() -> object:
             bound.begin(0.0, start)

@@ -59,7 +59,8 @@ def compare(
     before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float
 ) -> Comparison:
     """Compare two frames of records by factors above 1, beyond the scatter of times and what references know."""
-    first, second = _by_identity(before), _by_identity(after)
+    first = _by_identity(before)
+    second = _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
     shared = first.keys() & second.keys()
     if same_machine:
@@ -122,18 +123,21 @@ def _changes(
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
         # How many times as long the sentinel took beside the case itself, where that compares.
-        alone, beside = before.get("sentinel_seconds"), after.get("sentinel_seconds")
+        alone = before.get("sentinel_seconds")
+        beside = after.get("sentinel_seconds")
         pace = (
             max(drift, beside / alone)
             if alone and beside and _machine(before) == _machine(after)
             else drift
         )
-        first, second = before["seconds"], after["seconds"] / pace
+        first = before["seconds"]
+        second = after["seconds"] / pace
         noise = _scatter(before) + _scatter(after) / pace
         if second > slower * first and second - first > max(LEAST_SECONDS, noise):
             changes.append({"what": "seconds", "before": first, "after": second})
     for error in ERRORS:
-        first, second = before.get(error), after.get(error)
+        first = before.get(error)
+        second = after.get(error)
         floor = max(LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
         if first is not None and second is not None and second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
@@ -191,7 +195,8 @@ def benchmark_records(contents: dict[str, Any]) -> list[Record]:
         record = {"key": info["key"], **info["case"], **info["result"], **surroundings}
         record |= {"sentinel_seconds": info["sentinel_seconds"], "date": contents.get("datetime")}
         if "seconds_runs" in info:
-            shortest, longest = benchmark["stats"]["min"], benchmark["stats"]["max"]
+            shortest = benchmark["stats"]["min"]
+            longest = benchmark["stats"]["max"]
             record |= {
                 "seconds": shortest,
                 "seconds_spread": longest - shortest,

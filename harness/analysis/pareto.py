@@ -72,7 +72,8 @@ def cost(points: np.ndarray, target: float) -> float:
         return float("nan")
     if points[0, 0] <= target:
         return float(points[0, 1])
-    sizes, seconds = np.log(np.maximum(points[:, 0], np.finfo(float).tiny)), np.log(points[:, 1])
+    sizes = np.log(np.maximum(points[:, 0], np.finfo(float).tiny))
+    seconds = np.log(points[:, 1])
     return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
 
 
@@ -139,7 +140,8 @@ def cost_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, li
     )
     if len(table.columns) < 2 or table.empty:
         return None
-    first, last = table.columns[0], table.columns[-1]
+    first = table.columns[0]
+    last = table.columns[-1]
     return (
         float(first),
         float(last),
@@ -167,7 +169,8 @@ class Cell:
 
 def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARGETS) -> list[Cell]:
     """Cells of the map of one scene at several St, by St and then by error, a column such as "slow_error"."""
-    found, groups = [], by_stokes(records)
+    found = []
+    groups = by_stokes(records)
     times: Any = costs(groups, targets, error)
     for stokes, runs in groups:
         limit = limit_of(runs, error)

@@ -93,9 +93,11 @@ def _other_in_pieces(runner: Runner, run: Run) -> Run:
     """A second run in pieces: by an unlike solver where the run's own is not the usual one, else looser."""
     usual = first_available(EXPLICIT)
     if run.method.solver.name == usual.name:
-        method, tolerance = run.method, min(1.0, LOOSER_PIECES * run.tolerance)
+        method = run.method
+        tolerance = min(1.0, LOOSER_PIECES * run.tolerance)
     else:
-        method, tolerance = Method(run.method.form, usual), run.tolerance
+        method = Method(run.method.form, usual)
+        tolerance = run.tolerance
     other = runner.run(method, tolerance, MAX_STEPS + 4 * run.steps)
     if not other.success:
         raise NotKnownError(f"a second run ended with {other.solution.status}")
@@ -131,18 +133,21 @@ def oriented(scene: Scene) -> Scene:
     """The scene itself, or one of those that a start by L and E alone stands for: the middle axis across L."""
     if not isinstance(scene.start, SlowStart):
         return scene
-    ellipsoid, momentum = scene.ellipsoid, np.array(scene.start.angular_momentum)
+    ellipsoid = scene.ellipsoid
+    momentum = np.array(scene.start.angular_momentum)
     size = float(np.linalg.norm(momentum))
     if size == 0:
         raise NotKnownError("the start has L = 0 and no orientation")
     first, _, last = ellipsoid.order
-    low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
+    low = ellipsoid.inertia[first]
+    high = ellipsoid.inertia[last]
     share = 1.0
     if low < high:
         share = (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
         share = min(1.0, max(0.0, share))
     body = np.zeros(3)
-    body[first], body[last] = sqrt(share), sqrt(1 - share)
+    body[first] = sqrt(share)
+    body[last] = sqrt(1 - share)
     from scipy.spatial.transform import Rotation
 
     x, y, z, w = Rotation.align_vectors([momentum], [body])[0].as_quat().tolist()

@@ -144,13 +144,15 @@ def meet(
     watch: Watch = None,
 ) -> Answer:
     """Run the methods in turn until one meets an error; the best run of them where none does."""
-    best, smallest = None, inf
+    best = None
+    smallest = inf
     for method in methods:
         answer = _meet(runner, method, error, want, estimate, watch)
         interval = answer.error.wanted(want)
         high = interval.high if interval and answer.solution.success else inf
         if best is None or high < smallest or not best.solution.success:
-            best, smallest = answer, high
+            best = answer
+            smallest = high
         if smallest <= error or not estimate:
             break
     assert best is not None
@@ -180,7 +182,10 @@ class _Search:
     """Runs of a method, each tighter than the one before, and the best of them."""
 
     def __init__(self, runner: Runner, method: Method, error: float, want: str) -> None:
-        self.runner, self.method, self.error, self.want = runner, method, error, want
+        self.runner = runner
+        self.method = method
+        self.error = error
+        self.want = want
         self.in_pairs = _partner(runner, method) is None
         self.previous: Run | None = None  # The last one that others are compared with.
         self.last: Run | None = None
@@ -211,7 +216,8 @@ class _Search:
         if self.high < inf and interval.high > FALLING * self.high:
             self.stalls += 1
         if interval.high < self.high:
-            self.best, self.high = (run, stated_error), interval.high
+            self.best = (run, stated_error)
+            self.high = interval.high
         if interval.high <= self.error or self.stalls >= MAX_STALLS:
             return 1.0
         planned = PLANNED_SHARE * self.error / interval.high
@@ -260,7 +266,8 @@ def _next_run(
 
 def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     """The error of an answer, with advice if it is not confirmed to be below the requested one."""
-    found, interval = answer.error, answer.error.wanted(want)
+    found = answer.error
+    interval = answer.error.wanted(want)
     if not answer.solution.success or (interval and interval.high <= error):
         return found
     head = f"the error asked for, {short(error)},"
@@ -268,7 +275,8 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
         return replace(found, advice=f"{head} is not confirmed: {found.note}")
     sure = "was probably missed" if interval.predicted > error else "may have been missed"
     size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
-    form, full = answer.method.form, full_form(scene)
+    form = answer.method.form
+    full = full_form(scene)
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
     remedy = "no second run could confirm a tighter one"
     if found.kind == "estimate" or form.averaged:
@@ -284,7 +292,8 @@ def confirmation(runner: Runner, run: Run) -> RunError:
     """The error of a run that has ended, from a second one that costs less."""
     if not run.success:
         return RunError(None, None, "the run did not reach its end")
-    began, before = perf_counter(), SPENT.seconds["compilation"]
+    began = perf_counter()
+    before = SPENT.seconds["compilation"]
     try:
         with np.errstate(all="ignore"):
             found = _confirmation(runner, run)
@@ -296,7 +305,8 @@ def confirmation(runner: Runner, run: Run) -> RunError:
 
 def _confirmation(runner: Runner, run: Run) -> RunError:
     if run.method.solver.closed_form:
-        scene, seen = runner.scene, run.observables
+        scene = runner.scene
+        seen = run.observables
         # Without inertia the flow alone turns the body, and L and E follow its orientation.
         apart = of_rounding(scene.ellipsoid, seen, turns(scene, seen), scene.stokes == 0)
         return _stated(runner, "closed form", "exact", run, apart, "closed form: rounding")
@@ -322,7 +332,8 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
 
 def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     """Second runs of a full run, the most telling one first."""
-    method, tolerance = run.method, run.tolerance
+    method = run.method
+    tolerance = run.tolerance
     tighter = max(TIGHTEST, _tighter(method) * tolerance)
     looser = min(1.0, LOOSER * tolerance)
     if partner := _partner(runner, method):
@@ -348,7 +359,9 @@ def _tighter(method: Method) -> float:
 
 def _partner(runner: Runner, method: Method) -> Method | None:
     """An unlike method, by which a second run tells more or costs less; None where there is none."""
-    solver, form, scene = method.solver, method.form, runner.scene
+    solver = method.solver
+    form = method.form
+    scene = runner.scene
     if solver.name in SPLITTING:
         return None
     if form.angles or not _is_ours(form):

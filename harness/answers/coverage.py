@@ -204,7 +204,8 @@ def measured(sort: str, seed: int, index: int) -> list[Record]:
 
 def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Record:
     """What a run states, and its true errors."""
-    scene, to_error = case.scene, GROUPS[case.group].to_error
+    scene = case.scene
+    to_error = GROUPS[case.group].to_error
     try:
         answer = _answer(case, to_error)
     except ValueError as refusal:
@@ -227,7 +228,8 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
     }
     ends = stated.at(np.linspace(0.0, 1.0, SAMPLES)).along
     for want, largest in off.largest.items():
-        interval, along = stated.wanted(want), getattr(ends, want)
+        interval = stated.wanted(want)
+        along = getattr(ends, want)
         row[want] = largest
         row[f"{want}_uncertainty"] = uncertainty[want]
         row[f"{want}_stated"] = interval and [interval.low, interval.predicted, interval.high]
@@ -293,7 +295,8 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
 def _stiff(random: np.random.Generator) -> Scene:
     """Damping so fast that stability holds explicit methods back."""
-    ellipsoid, start = Ellipsoid(_axes(random, random.random() < 0.4)), _start(random)
+    ellipsoid = Ellipsoid(_axes(random, random.random() < 0.4))
+    start = _start(random)
     stokes = float(10 ** random.uniform(-4.0, -1.0))
     damping_times = 10 ** random.uniform(4.4, 5.3)
     return Scene(ellipsoid, stokes, start, float(damping_times * stokes / max(ellipsoid.damping)))
@@ -308,7 +311,8 @@ def _spheroids(random: np.random.Generator) -> Scene:
 
 def _turning(random: np.random.Generator, spheroid: bool) -> Scene:
     """Large St and thousands of rotations, where averaging applies."""
-    ellipsoid, start = Ellipsoid(_axes(random, spheroid)), _start(random)
+    ellipsoid = Ellipsoid(_axes(random, spheroid))
+    start = _start(random)
     stokes = float(10 ** random.uniform(3.0, 6.0))
     turns = 10 ** random.uniform(*np.log10([LEAST_AVERAGED_TURNS, MAX_TURNS]))
     whole = Scene(ellipsoid, stokes, start, 2 * stokes)
@@ -324,7 +328,8 @@ def _fast(random: np.random.Generator) -> Scene:
 def _exact(random: np.random.Generator) -> Scene:
     """No torque, or a spheroid without inertia: closed forms."""
     spheroid = random.random() < 0.5
-    ellipsoid, start = Ellipsoid(_axes(random, spheroid)), _start(random)
+    ellipsoid = Ellipsoid(_axes(random, spheroid))
+    start = _start(random)
     time = float(10 ** random.uniform(0.5, 4.0))
     return Scene(ellipsoid, 0.0 if spheroid else inf, start, time)
 
@@ -442,7 +447,8 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]
         for want in WANTS:
             if not (row.get("kind") and row.get(f"{want}_stated")):
                 continue
-            high, apart = row[f"{want}_stated"][2], row[f"{want}_apart"]
+            high = row[f"{want}_stated"][2]
+            apart = row[f"{want}_apart"]
             if want == "orientation" and high >= pi:
                 continue
             # What was added to the difference, for rounding and luck, is not the factor's.

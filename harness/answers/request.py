@@ -22,7 +22,8 @@ class NotAttainableError(ValueError):
 
     def __init__(self, error: float, reason: str) -> None:
         super().__init__(error, reason)
-        self.error, self.reason = error, reason
+        self.error = error
+        self.reason = reason
 
     def __str__(self) -> str:
         """The message: what was requested and the reason."""

@@ -208,9 +208,13 @@ def _hybrid_pays(scene: Scene, error: float, want: str) -> bool:
     if not find_form("hybrid").takes(scene):
         return False
     turns = rotations(scene)
-    kind, pace, most = ("explicit", EXPLICIT_PACE, STEPS_OF_TABLES)
+    kind = "explicit"
+    pace = EXPLICIT_PACE
+    most = STEPS_OF_TABLES
     if splits(scene):
-        kind, pace, most = ("splitting", SPLITTING_PACE, STEPS_OF_SPHEROID)
+        kind = "splitting"
+        pace = SPLITTING_PACE
+        most = STEPS_OF_SPHEROID
     tolerance = error / _GROWTH[kind, "slow"].after(turns)
     return pace.per_turn(tolerance) * turns > most
 

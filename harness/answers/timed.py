@@ -98,7 +98,8 @@ def plain_practice(
     if not solver.takes(problem):
         return inf, None
     before: Observables | None = None
-    began, compiling = perf_counter(), SPENT.seconds["compilation"]
+    began = perf_counter()
+    compiling = SPENT.seconds["compilation"]
     for k in range(1, _RUNS + 1):
         tolerance = max(_TIGHTEST, error * 10.0**-k)
         problem = form.problem(scene)

@@ -15,7 +15,8 @@ from polhode.models.shape import Ellipsoid
 
 # St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double
 # takes half a minute: only the paper's own figures are followed to further St.
-STOKES, QUICK = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5), 1e3
+STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
+QUICK = 1e3
 
 AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))

@@ -38,28 +38,33 @@ from polhode.solvers.taylor import extends_precision
 
 # The constants of `hybrid` were chosen on starts of SEED; errors are measured on those of HELD_OUT,
 # so many of each.
-SEED, HELD_OUT, RANDOM, SAMPLES, SOLVER = 15, (20261122, 7771), 120, 201, "cyrk-vern8"
+SEED = 15
+HELD_OUT = (20261122, 7771)
+RANDOM = 120
+SAMPLES = 201
+SOLVER = "cyrk-vern8"
 LEAST_AXIS = 0.15
-STOKES, SLOW_TIMES = (1e4, 1e5, 1e6, 1e7), (0.05, 0.2, 0.5, 1.0, 2.0)
+STOKES = (1e4, 1e5, 1e6, 1e7)
+SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 ERRORS = (1e-4, 1e-6, 1e-8)
 # Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it
 # two unrelated methods in double, whose difference is the truth's uncertainty; and where that takes
 # minutes, no more.
-LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
+LONG_DOUBLE_UP_TO = 1.2e5
+LONGEST = 5.1e6
 DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
 # Speed: random starts at each St, at one slow time and error, against these solvers at the loosest
 # tolerance that does.
-FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = (
-    16,
-    {1e6: 40, 1e7: 12, 1e8: 12},
-    0.5,
-    1e-6,
-    11,
-    3,
-)
+FAST_SEED = 16
+FAST = {1e6: 40, 1e7: 12, 1e8: 12}
+FAST_SLOW_TIME = 0.5
+FAST_ERROR = 1e-6
+FEW = 11
+REPEATS = 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
-KNOWING, KNOWING_TOLERANCES = "splitting", (1e-6, 1e-7, 1e-8, 1e-9)
+KNOWING = "splitting"
+KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the
 # vorticity.
 SETTLED = 0.9
@@ -115,7 +120,8 @@ def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
     draw = np.random.default_rng(seed)
     for i in range(count):
         axes = np.exp(draw.uniform(np.log(LEAST_AXIS), 0.0, 3))
-        quaternion, spin = draw.normal(size=4), draw.normal(size=3)
+        quaternion = draw.normal(size=4)
+        spin = draw.normal(size=3)
         if i % 2:
             axes[(i // 2 % 3 + 1) % 3] = axes[(i // 2 % 3 + 2) % 3]
         stokes = STOKES[i // 2 % len(STOKES)]
@@ -185,7 +191,8 @@ def _measured(
     slow = orientation = mirror = nan
     if run.success:
         found = errors(scene.ellipsoid, run.observables, true)
-        slow, orientation = found.slow, found.orientation or nan
+        slow = found.slow
+        orientation = found.orientation or nan
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
         up = float(true.rotation[-1, axis, 2])
@@ -212,8 +219,10 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
 
 
 def _timed(start: int, scene: Scene) -> Speed:
-    form, times = Hybrid(), np.linspace(0.0, scene.time, SAMPLES)
-    problem, tolerance = form.problem(scene), FAST_ERROR / ERROR_PER_TOLERANCE
+    form = Hybrid()
+    times = np.linspace(0.0, scene.time, SAMPLES)
+    problem = form.problem(scene)
+    tolerance = FAST_ERROR / ERROR_PER_TOLERANCE
     solver_of_windows = available_like(SOLVER)
 
     def seconds(times: np.ndarray) -> float:
@@ -223,11 +232,9 @@ def _timed(start: int, scene: Scene) -> Speed:
         solve(problem, solver_of_windows, tolerance, times)
         return perf_counter() - began
 
-    run, slow, full = (
-        solve(problem, solver_of_windows, tolerance, times),
-        nan,
-        dict[tuple[str, float], float](),
-    )
+    run = solve(problem, solver_of_windows, tolerance, times)
+    slow = nan
+    full = dict[tuple[str, float], float]()
     exact = find_form(full_form(scene)).problem(scene)
     if scene.time <= LONGEST:
         true, *_ = truth(scene)
@@ -295,7 +302,8 @@ def _full(
     scene: Scene, problem: Problem, times: np.ndarray, true: Observables
 ) -> dict[tuple[str, float], float]:
     """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
-    form, found = find_form(full_form(scene)), dict[tuple[str, float], float]()
+    form = find_form(full_form(scene))
+    found = dict[tuple[str, float], float]()
     tried: list[tuple[str, Sequence[float]]] = [(name, FULL_TOLERANCES) for name in FULL_SOLVERS]
     if find_solver(KNOWING).takes(problem):
         tried.append((KNOWING, KNOWING_TOLERANCES))

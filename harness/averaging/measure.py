@@ -21,7 +21,8 @@ from polhode.solvers.solve import solve
 
 SAMPLES = 501
 # What a user would integrate an averaged form with; its error is the column of the solver error.
-SOLVER, TOLERANCE = "taylor", 1e-9
+SOLVER = "taylor"
+TOLERANCE = 1e-9
 
 
 def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], list[Absent]]:
@@ -31,9 +32,11 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
     reason. Raises ReferenceFailedError if there is no certified reference of the full solution.
     """
     whole = subject.scene(stokes)
-    rows, absent = list[AveragingErrors](), list[Absent]()
+    rows = list[AveragingErrors]()
+    absent = list[Absent]()
     for name in (averaged_form(whole), SecondOrder.name):
-        form, head = find_form(name), (subject.name, subject.family, name)
+        form = find_form(name)
+        head = (subject.name, subject.family, name)
         try:
             until = form.reach(whole)
         except FormNotValidError as refusal:
@@ -70,7 +73,8 @@ def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
         (case, stokes) for case in cases for stokes in case.stokes if stokes <= QUICK or not quick
     ]
     tasks.sort(key=lambda task: -task[1])
-    rows, absent = list[AveragingErrors](), list[Absent]()
+    rows = list[AveragingErrors]()
+    absent = list[Absent]()
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         found = pool.map(measure, *zip(*tasks, strict=True))
         shown = tqdm(

@@ -21,7 +21,8 @@ LEAST_POINTS = 4
 SAME_HORIZON = 0.99
 # Slopes are fitted where the error is below this and above so many times the reference's
 # uncertainty.
-LARGEST_ERROR, FLOORS = 1e-2, 100.0
+LARGEST_ERROR = 1e-2
+FLOORS = 100.0
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,8 @@ class Law:
         if i + 1 == len(stokes):
             further = (error[-1] / target) ** (1 / self.order) if self.order > 0 else nan
             return float(stokes[-1] * further), "extrapolated"
-        x, y = np.log10(stokes[i : i + 2]), np.log10(error[i : i + 2])
+        x = np.log10(stokes[i : i + 2])
+        y = np.log10(error[i : i + 2])
         return float(10 ** np.interp(-log10(target), -y, x)), "measured"
 
 

@@ -31,19 +31,25 @@ SAMPLES = 2001
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
 TOLERANCE = 1e-14
 # Resonances want many small steps of these runs; each time is the fastest of so many.
-PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
+PASSAGE_SOLVER = "cyrk-vern8"
+PASSAGE_REPEATS = 3
 # What may be measured alone.
 PARTS = ("orders", "resonances", "cost")
 
 # The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
-SLOW_TIME, FEW, EXPONENTS = 0.5, 11, tuple(range(3, 9))
+SLOW_TIME = 0.5
+FEW = 11
+EXPONENTS = tuple(range(3, 9))
 # St at which first order and the full equations are run too, the full ones to this slow error.
-COMPARED, TARGET = 1e6, 1e-6
-COST_TOLERANCE, TRUE_TOLERANCE = 1e-9, 1e-16
+COMPARED = 1e6
+TARGET = 1e-6
+COST_TOLERANCE = 1e-9
+TRUE_TOLERANCE = 1e-16
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
-REPEATS, FULL_REPEATS = 50, 3
+REPEATS = 50
+FULL_REPEATS = 3
 SECONDS = attrgetter("seconds")
 
 
@@ -92,7 +98,8 @@ def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any
     """What both tables say of a run: errors, first order's, and the form's estimate; and the truth's uncertainty."""
     true, uncertainty = true_observables(scene)
     first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
-    error, estimate = errors(scene.ellipsoid, run.observables, true), SecondOrder().estimate(scene)
+    error = errors(scene.ellipsoid, run.observables, true)
+    estimate = SecondOrder().estimate(scene)
     row = {
         "shape": case.axes,
         "start": case.name,
@@ -118,7 +125,8 @@ def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
 
 def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage:
     """A run through resonances; where it is not to be followed whole, as much of it as the form follows."""
-    scene, form = case.scene(stokes), SecondOrder()
+    scene = case.scene(stokes)
+    form = SecondOrder()
     try:
         if not whole:
             case = replace(case, slow_time=form.reach(scene))
@@ -146,8 +154,11 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
 def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
     """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
     # Of each full solver the loosest tolerance is taken that meets `TARGET`.
-    there, tolerance, name = _spheroid(compared), COST_TOLERANCE, SecondOrder.name
-    full, first = full_form(there), averaged_form(there)
+    there = _spheroid(compared)
+    tolerance = COST_TOLERANCE
+    name = SecondOrder.name
+    full = full_form(there)
+    first = averaged_form(there)
     true = timed_run(there, full, TRUE_TOLERANCE, FEW).observables
     averaged_by = available_like("taylor")
 

@@ -26,7 +26,8 @@ KINDS = {
 }
 # Share of disturbed times from which on earlier results are not replaced; a few times may be
 # anything.
-MOST_DISTURBED, FEW = 0.1, 50
+MOST_DISTURBED = 0.1
+FEW = 50
 # Options that change nothing in what is measured.
 ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(
@@ -151,10 +152,8 @@ def stored(
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError
 
-    path, previous = (
-        folder / f"{name}.sqlite",
-        "previous" if name == "store" else f"previous-{name}",
-    )
+    path = folder / f"{name}.sqlite"
+    previous = "previous" if name == "store" else f"previous-{name}"
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
         if not resume and path.exists():

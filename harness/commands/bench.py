@@ -91,7 +91,8 @@ def _own_problem(wanted: Wanted, page_only: bool) -> None:
     from polhode.harness.work_precision import QUICK, WorkPrecision
     from polhode.models.problem import Problem
 
-    given, filters = str(wanted.study_file), wanted.filters
+    given = str(wanted.study_file)
+    filters = wanted.filters
     if page_only or wanted.resume or any(filters[kind] for kind in ("scenes", "tags", "forms")):
         raise BadInput(f"{given}: got --page-only, --resume or filters, expected --solver at most")
     with bad_input():
@@ -192,7 +193,8 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.harness.studies.study import read_study
     from polhode.solvers.contract import Backend
 
-    problem, found = paper_problem(), {}
+    problem = paper_problem()
+    found = {}
     with stored(out, resume) as store:
         overheads = measure(problem, seconds=0.2 if quick else 2.0)
         firsts = first_runs(problem, [one.solver for one in overheads])
@@ -308,7 +310,8 @@ def accuracy(
         "2": measure_study,
         "hybrid": measure_hybrid,
     }
-    page, out = pages[order], out or options.usual(FOLDERS[order], quick)
+    page = pages[order]
+    out = out or options.usual(FOLDERS[order], quick)
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")

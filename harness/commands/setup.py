@@ -16,13 +16,15 @@ from polhode.harness.commands._study_options import FOLDER, as_json, quiet, to_j
 from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
 
-REPORTS, HERE = Path("reports"), Path(__file__).parent
+REPORTS = Path("reports")
+HERE = Path(__file__).parent
 ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 # Seconds over which the sentinel is watched.
 WATCH = 1.0
 # On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer
 # processes than this wait for each core.
-STEADY, BUSY = 1.05, 0.5
+STEADY = 1.05
+BUSY = 0.5
 
 
 def scene_names(
@@ -145,7 +147,8 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
 
     from polhode.harness.common.timing import sentinel
 
-    times, until = [sentinel()], perf_counter() + seconds
+    times = [sentinel()]
+    until = perf_counter() + seconds
     while perf_counter() < until:
         times.append(sentinel())
     try:

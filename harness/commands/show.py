@@ -12,7 +12,8 @@ from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.text import fitting, on_terminal, scientific, short
 
 # What pictures end in, and the rotations up to the last moment: seconds of a run.
-FORMATS, MOST_ROTATIONS = (".png", ".svg", ".pdf"), 1e5
+FORMATS = (".png", ".svg", ".pdf")
+MOST_ROTATIONS = 1e5
 
 
 # Negative numbers are values here, to be refused as such.

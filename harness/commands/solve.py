@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 # Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for
 # files.
-FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
-WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
+FEW = 11
+SHOWN = ["t", "t2", "Lx", "Ly", "Lz", "E"]
+WANTS = click.Choice(["slow", "orientation"])
+FILE = click.Path(path_type=Path)
 
 
 @command()
@@ -203,7 +205,8 @@ def _run(
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
-        end, last = record.unit * float(record.times[-1]), float(what.times[-1])
+        end = record.unit * float(record.times[-1])
+        last = float(what.times[-1])
 
         def share() -> float:
             return record.reached / end

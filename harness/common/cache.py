@@ -21,7 +21,8 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         content = path.read_bytes()
     except OSError:
         return None
-    checksum, payload = content[:CHECKSUM], content[CHECKSUM:]
+    checksum = content[:CHECKSUM]
+    payload = content[CHECKSUM:]
     if _checksum(key, payload) != checksum:
         say(f"{path}: damaged, or another one renamed; computed anew")
         with suppress(OSError):

@@ -45,7 +45,8 @@ class PartialFile:
         )
         self._private = self.path.with_name(f".{self.path.name}.{secrets.token_hex(8)}.partial")
         self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
-        self._binary, self._summed = "b" * binary, summed and self.atomic
+        self._binary = "b" * binary
+        self._summed = summed and self.atomic
         self._file: IO[Any] | None = None
 
     def open(self) -> IO[Any]:
@@ -82,7 +83,8 @@ class PartialFile:
 
     def _close(self, failure: BaseException | None) -> None:
         """Give the file its name, that of a partial one if the block failed."""
-        file, kept = self.open(), self.partial
+        file = self.open()
+        kept = self.partial
         try:
             # Where the disk is full, closing fails as flushing did.
             with file:
@@ -125,7 +127,8 @@ def open_file(path: Path) -> IO[bytes]:
     """Open a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
     # Once more, if it was replaced between the two.
     for _ in range(2):
-        file, sums = path.open("rb"), _sums(path.parent).get(path.name)
+        file = path.open("rb")
+        sums = _sums(path.parent).get(path.name)
         if not sums or file_digest(file, "sha256").hexdigest() in sums:
             file.seek(0)
             return file

@@ -14,9 +14,11 @@ from typing import IO, Any
 from polhode.harness.common.text import duration
 
 # Seconds before anything is shown, and between two looks.
-PATIENCE, INTERVAL = 2.0, 0.2
+PATIENCE = 2.0
+INTERVAL = 0.2
 # Seconds after which a note is made of a long run, and those from which on it is long.
-NOTE_AFTER, LONG = 3.0, 30.0
+NOTE_AFTER = 3.0
+LONG = 30.0
 # Less of the work done says nothing about the rest.
 TOO_EARLY = 1e-3
 EVERY_LOOK: dict[str, Any] = {
@@ -26,7 +28,8 @@ EVERY_LOOK: dict[str, Any] = {
     "miniters": 0,
     "smoothing": 0,
 }
-UNKNOWN, KNOWN = "{desc}: {elapsed}", "{desc}: {percentage:.0f} %, {remaining} left"
+UNKNOWN = "{desc}: {elapsed}"
+KNOWN = "{desc}: {percentage:.0f} %, {remaining} left"
 
 
 def expectation(done: float, seconds: float) -> str:
@@ -41,8 +44,10 @@ class Progress:
     """What is said on `stream`, by default standard error, by a thread of its own."""
 
     def __init__(self, quiet: bool = False, stream: IO[str] | None = None) -> None:
-        self._stream, self._quiet = stream or sys.stderr, quiet
-        self._stop, self._thread = Event(), Thread(target=self._watch, daemon=True)
+        self._stream = stream or sys.stderr
+        self._quiet = quiet
+        self._stop = Event()
+        self._thread = Thread(target=self._watch, daemon=True)
         self._noting_since: float | None = None
         self.begin("")
 
@@ -58,7 +63,8 @@ class Progress:
         seconds since it began, what is to be said of a long run, or nothing.
         """
         now = time()
-        self._done, self._piece = 0.0, (what, fraction, note, now)
+        self._done = 0.0
+        self._piece = (what, fraction, note, now)
         if note and self._noting_since is None:
             self._noting_since = now
 
@@ -88,7 +94,8 @@ class Progress:
                     delay=PATIENCE,
                     **EVERY_LOOK,
                 )
-                shown, bar.start_t = piece, began
+                shown = piece
+                bar.start_t = began
             done = fraction() if fraction else self._done
             bar.bar_format = KNOWN if done >= TOO_EARLY else UNKNOWN
             bar.update(done - bar.n)

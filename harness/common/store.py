@@ -31,7 +31,8 @@ Record = dict[str, Any]
 Entry = TypeVar("Entry")
 
 # What marks a file as ours: "plhd", and the version of the table.
-APPLICATION, VERSION = 0x706C6864, 2
+APPLICATION = 0x706C6864
+VERSION = 2
 # Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
 MOST_CHECKED_AT_ONCE = 100_000_000
 _TABLE = """
@@ -187,7 +188,8 @@ def export(records: Iterable[Record], path: Path) -> None:
         if path.suffix == ".jsonl":
             file.writelines(dumps(record) + "\n" for record in records)
             return
-        columns, count = dict[str, None](), 0
+        columns = dict[str, None]()
+        count = 0
         for record in records:
             columns |= dict.fromkeys(record)
             count += 1

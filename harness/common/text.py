@@ -19,7 +19,8 @@ from typing import IO, Any
 NARROWEST = 24
 UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.
-PLAIN_FROM, PLAIN_BELOW = Decimal("1e-3"), Decimal("1e5")
+PLAIN_FROM = Decimal("1e-3")
+PLAIN_BELOW = Decimal("1e5")
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:

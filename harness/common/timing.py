@@ -21,13 +21,17 @@ BUDGET = 1.0
 SENTINEL_ROUNDS = 20_000
 # A machine is steady while the sentinel takes at most this many times its quickest; else it is
 # looked at again after so many seconds.
-NEAR, PAUSE = 1.15, 0.02
+NEAR = 1.15
+PAUSE = 0.02
 # A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the
 # fastest run, of at least so many seconds, had the processor for less than this share of it.
-BUSY, JUDGED_FROM, HAD = 1.5, 1e-3, 0.9
+BUSY = 1.5
+JUDGED_FROM = 1e-3
+HAD = 0.9
 # A run that its limit stopped while it lacked the processor is run again, so often at most, with so
 # much to spare.
-AGAIN, MORE = 2, 1.5
+AGAIN = 2
+MORE = 1.5
 
 
 @dataclass(frozen=True)
@@ -87,9 +91,11 @@ def seconds_of(function: Callable[[], object]) -> float:
 
 def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
     """What a call gives, its wall time, and that without waiting for others, in seconds."""
-    before, began = getrusage(RUSAGE_SELF), perf_counter()
+    before = getrusage(RUSAGE_SELF)
+    began = perf_counter()
     value = function()
-    seconds, after = perf_counter() - began, getrusage(RUSAGE_SELF)
+    seconds = perf_counter() - began
+    after = getrusage(RUSAGE_SELF)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     # Who sleeps waits for nobody.
     return value, seconds, used if after.ru_nivcsw > before.ru_nivcsw else seconds
@@ -187,7 +193,8 @@ class Pace:
 
     def seconds(self, record: Mapping[str, Any]) -> float:
         """Wall time of a record at this pace; as timed on another machine, or without a sentinel."""
-        seconds, found = float(record["seconds"]), _sentinel_of(record)
+        seconds = float(record["seconds"])
+        found = _sentinel_of(record)
         comparable = self.sentinel and found and record.get("machine") == self.machine
         return seconds * self.sentinel / found if comparable and self.sentinel else seconds
 

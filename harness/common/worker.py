@@ -91,7 +91,9 @@ class Worker(AbstractContextManager["Worker"]):
     def _once(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float
     ) -> Reply:
-        value, failure, began = None, None, perf_counter()
+        value = None
+        failure = None
+        began = perf_counter()
         try:
             connection = self._connection or self._start()
             began = perf_counter()

@@ -76,7 +76,9 @@ def processes(
             task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else ""
         )
 
-    threads, remaining, pending = ThreadPoolExecutor(count), iter(tasks), set()
+    threads = ThreadPoolExecutor(count)
+    remaining = iter(tasks)
+    pending = set()
     try:
         while True:
             room = (1 + AHEAD) * count - len(pending)
@@ -127,7 +129,8 @@ def dask(
     """Workers of a Dask scheduler, with polhode in the same version."""
     # `task.key` is Dask's key, so that two clients share what is under way.
     with _client(address) as client:
-        remaining, tasks_of = iter(tasks), {}
+        remaining = iter(tasks)
+        tasks_of = {}
         pending = import_module("distributed").as_completed(loop=client.loop)
         try:
             while True:

@@ -50,7 +50,8 @@ MOST_AT_ONCE = 8192
 OBSERVED = 20_000
 # Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little
 # further.
-LEAST_LIMIT, MARGIN = 1.0, 1.05
+LEAST_LIMIT = 1.0
+MARGIN = 1.05
 # The whole numbers of an ensemble, least and most.
 BOUNDS = {
     **dict.fromkeys(("particles", "block"), (1, 10**12)),
@@ -159,7 +160,8 @@ class Ensemble:
     @cached_property
     def layout(self) -> Layout:
         """What is counted."""
-        shape, given = self.ellipsoid, self.starts.angular_momentum
+        shape = self.ellipsoid
+        given = self.starts.angular_momentum
         axes = (
             shape.order
             if shape.kind == "triaxial"
@@ -224,14 +226,10 @@ class Ensemble:
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
-        problem, starts = (
-            self.problem,
-            self.draw(index, particles).states(self.form, self.ellipsoid),
-        )
-        times, statistics = (
-            np.linspace(0.0, problem.end, self.samples),
-            Statistics.empty(self.layout),
-        )
+        problem = self.problem
+        starts = self.draw(index, particles).states(self.form, self.ellipsoid)
+        times = np.linspace(0.0, problem.end, self.samples)
+        statistics = Statistics.empty(self.layout)
         at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
             random = np.random.default_rng(
@@ -259,8 +257,11 @@ class Ensemble:
     def _observe(self, states: np.ndarray, statistics: Statistics) -> None:
         """Add states, shape (n, samples, d), to the statistics."""
         n, samples, d = states.shape
-        form, scene, axes = find_form(self.form), self.any_scene, list(self.layout.axes)
-        unit, every = max(self.ellipsoid.inertia), (samples - 1) // (self.snapshots - 1)
+        form = find_form(self.form)
+        scene = self.any_scene
+        axes = list(self.layout.axes)
+        unit = max(self.ellipsoid.inertia)
+        every = (samples - 1) // (self.snapshots - 1)
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
@@ -303,10 +304,8 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
     """
     if not installed("llvmlite"):
         return None
-    problem, sample = (
-        ensemble.problem,
-        ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid),
-    )
+    problem = ensemble.problem
+    sample = ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid)
     return plan(
         problem, sample, np.linspace(0.0, problem.end, ensemble.samples), ensemble.tolerance
     )

@@ -116,10 +116,8 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
-    start, numbers = (
-        pareto.averaged_wins_from(records, target),
-        [stokes for stokes, _ in by_stokes(records)],
-    )
+    start = pareto.averaged_wins_from(records, target)
+    numbers = [stokes for stokes, _ in by_stokes(records)]
     return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=GAP)
 
 

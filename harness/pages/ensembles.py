@@ -41,7 +41,8 @@ FILES = {
     "arrivals.csv": summary.arrival_rows,
 }
 # Components of a moment, and Stokes numbers from the smallest to the largest.
-DASHES, COLOURS = ("-", "--", ":"), "viridis"
+DASHES = ("-", "--", ":")
+COLOURS = "viridis"
 # 95 % of a normal variable lie within so many standard deviations.
 STANDARD = 1.96
 # Sweeps whose cost is laid out.
@@ -55,7 +56,9 @@ def write_results(
     sweep: Sweep, store: Store, folder: Path, command: str
 ) -> tuple[Path, list[dict[str, Any]]]:
     """Write the page and the CSV files, those with rows; returns the page's path, and a row for each ensemble."""
-    ensembles, pictures, written = [], [], dict[str, csv.DictWriter]()
+    ensembles = []
+    pictures = []
+    written = dict[str, csv.DictWriter]()
     with ExitStack() as files:
         # Of all that the store holds, one task and the statistics of one shape are in memory.
         for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
@@ -181,10 +184,8 @@ def _moments(
             if oriented
             else (slice(None), SLOW_NAMES.index(f"L{name}"))
         )
-        times, label = (
-            np.array(snapshot_times(ensemble)) / unit,
-            f"$p_{name}^2$" if oriented else f"$L_{name}$",
-        )
+        times = np.array(snapshot_times(ensemble)) / unit
+        label = f"$p_{name}^2$" if oriented else f"$L_{name}$"
         name = f"{label}, St = {power(ensemble.stokes)}"
         axes.plot(times, mean[place], color=shade, ls=DASHES[i], label=name)
         band = STANDARD * error[place]
@@ -198,7 +199,8 @@ def _moments(
 
 def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade: Any) -> None:
     """Histograms of L_z at the start, after about a fifth of the run, and at the end."""
-    edges, fifth = ensemble.layout.edges("Lz"), -(-(ensemble.snapshots - 1) // 5)
+    edges = ensemble.layout.edges("Lz")
+    fifth = -(-(ensemble.snapshots - 1) // 5)
     part = percent(fifth / (ensemble.snapshots - 1))
     for snapshot, when, line in ((0, "start", ":"), (fifth, part, "--"), (-1, "end", "-")):
         counts = statistics.histograms[snapshot, SLOW_NAMES.index("Lz"), 1:-1]
@@ -222,7 +224,8 @@ def page(found: Found) -> str:
     """The measured figures as a page."""
     # Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured
     # whole tasks.
-    rows, tasks = [], {(row["shape"], row["equations"]): row for row in found["tasks"]}
+    rows = []
+    tasks = {(row["shape"], row["equations"]): row for row in found["tasks"]}
     for plan in PLANS:
         row = tasks[plan["shape"], plan["equations"]]
         # The number of rotations, and with it the cost of full equations, grows in proportion to
@@ -230,18 +233,14 @@ def page(found: Found) -> str:
         slower = (
             plan["stokes"] / found["settings"]["stokes"] if plan["equations"] == "full" else 1.0
         )
-        count, seconds = (
-            -(-plan["particles"] // BLOCK),
-            plan["particles"] / row["per_second"] * slower,
-        )
+        count = -(-plan["particles"] // BLOCK)
+        seconds = plan["particles"] / row["per_second"] * slower
         rows.append(
             plan
             | {"tasks": count, "mib": count * row["record_bytes"] / 2**20, "hours": seconds / 3600}
         )
-    top, mib = (
-        header("What ensembles cost", "polhode throughput", [found]),
-        (found["memory"]["bytes"] or 0) / 2**20,
-    )
+    top = header("What ensembles cost", "polhode throughput", [found])
+    mib = (found["memory"]["bytes"] or 0) / 2**20
     return fill("throughput", header=top, block=BLOCK, plan=rows, mib=mib, **found)
 
 
@@ -251,7 +250,8 @@ def _speeds(rows: list[Found]) -> Any:
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)
     for (shape, some), shade in zip(shapes, ("#0072B2", "#D55E00"), strict=False):
         for whose, line, name in (("", "o-", "equal steps"), ("taylor_", "s:", "Taylor")):
-            errors, speeds = some[f"{whose}error"], some[f"{whose}per_second"]
+            errors = some[f"{whose}error"]
+            speeds = some[f"{whose}per_second"]
             axes.loglog(errors, speeds, line, color=shade, label=f"{name}, {shape}")
     axes.set(xlabel="largest error of the whole state", ylabel="particles per second and core")
     axes.grid(True, which="both", linewidth=0.4, alpha=0.5)

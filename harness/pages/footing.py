@@ -23,9 +23,11 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-ERRORS, FORMS_ERRORS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10, 1e-12)
+ERRORS = (1e-4, 1e-6, 1e-8)
+FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
 # The solvers of which the page says below which error the first is the faster.
-TAYLOR, VERNER = "taylor", "cyrk-vern8"
+TAYLOR = "taylor"
+VERNER = "cyrk-vern8"
 # Libraries that run without Python in the loop, and what a right-hand side is called in each back
 # end.
 ALONE = ("heyoka", "CyRK", "SUNDIALS")
@@ -118,7 +120,8 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
 
 def _worth(times: Any) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
-    rows, behind = [], {name: [] for name in ALONE}
+    rows = []
+    behind = {name: [] for name in ALONE}
     places = [
         (target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()
     ]

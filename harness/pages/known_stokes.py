@@ -36,7 +36,11 @@ TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASK
 OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the
 # larger St may take.
-REACHED, LONGER, STOKES, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e6, 1e8, 7
+REACHED = (5e-9, 3e-4, 30.0)
+LONGER = 1.3
+STOKES = 1e6
+LARGER = 1e8
+ROUNDS = 7
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -64,7 +68,9 @@ def _splitting(
     table: pd.DataFrame,
 ) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
     """Rows of the table, which targets are met, and all ratios known with their St."""
-    rows, met, ratios = [], [], []
+    rows = []
+    met = []
+    ratios = []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
         known: Any = costs(groups, ERRORS).droplevel(0, axis=1)
@@ -121,7 +127,8 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
 
 def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
     """`_longer`, measured once for the records in the folder."""
-    path, of = folder / "longer.json", digest(read_file(folder / "records.jsonl").decode())
+    path = folder / "longer.json"
+    of = digest(read_file(folder / "records.jsonl").decode())
     if path.exists() and (found := json.loads(read_file(path)))["records"] == of:
         return found["ratio"]
     ratio = _longer(scene, tolerance, samples)
@@ -131,7 +138,8 @@ def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> 
 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:
     """Time of a run at the larger St over that at a scene's own, run in turns."""
-    form, factor = find_form("spheroid-axis"), LARGER / scene.stokes
+    form = find_form("spheroid-axis")
+    factor = LARGER / scene.stokes
     problems = [
         form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k))
         for k in (1.0, factor)

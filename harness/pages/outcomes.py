@@ -87,7 +87,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         for record in records
     )
     export(kept, folder / "records.jsonl")
-    runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
+    runs = _runs(found)
+    stopped = limit(table)
+    solvers = sorted(set(table["solver"]), key=rank)
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
     shares = [
         "✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()
@@ -135,7 +137,8 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
         meaning = Status(status).meaning if status in set(Status) else ""
         kind = "stopped" if status in (Status.TIME_LIMIT, Status.STEP_LIMIT) else "failed"
         return kind, f"{status.replace('_', ' ')}: {run.get('message') or meaning}"
-    error, seconds = run.get("solver_slow_error"), run.get("seconds")
+    error = run.get("solver_slow_error")
+    seconds = run.get("seconds")
     took = f"{duration(seconds)}, " if seconds is not None else ""
     if error is None:
         failure = run.get("reference_failed")

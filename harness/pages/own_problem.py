@@ -24,7 +24,8 @@ from polhode.solvers.contract import Status
 
 def title(study: Any) -> str:
     """Problem and tolerances, as a figure names them."""
-    loosest, tightest = max(study.tolerances), min(study.tolerances)
+    loosest = max(study.tolerances)
+    tightest = min(study.tolerances)
     span = f"{loosest:g}" if loosest == tightest else f"{loosest:g} to {tightest:g}"
     return f"{study.name}, rtol {span}"
 
@@ -78,7 +79,8 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     study.to_csv(folder / "runs.csv")
     study.to_json(folder / "runs.json")
-    settings, frame = study.settings(), study.frame
+    settings = study.settings()
+    frame = study.frame
     record = {name: settings[name] for name in ("machine", "versions")}
     record["date"] = datetime.now(UTC).isoformat()
     lines = header(title(study), command or "WorkPrecision.write", [record])

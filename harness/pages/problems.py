@@ -18,7 +18,8 @@ from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.contract import Status
 
-TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
+TARGETS = (1e-3, 1e-6, 1e-9)
+PROFILED = 1e-6
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:

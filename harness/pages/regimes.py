@@ -110,7 +110,8 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
         ]
         particles.append({"name": name, "axes": scenes[0].ellipsoid.semi_axes, "methods": methods})
     far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
-    apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
+    apart = where(runs, runs["stokes"].isin(far))
+    title = f"The same over t ≥ {short(LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)
     page = fill(
         "regimes",

@@ -25,9 +25,14 @@ from polhode.harness.paper.tables import groups
 Values = str | Callable[[Table], Any]
 
 # Okabe and Ito's palette, safe for colour-blind readers.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#F0E442",
-)  # fmt: skip
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+YELLOW = "#F0E442"
 CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
 # Of the averaged run and of full ones at several St, in turn; the planes have three at most: green
 # is a line of theirs.
@@ -136,7 +141,9 @@ def require_rows(table: Table) -> None:
 def unit_sphere(axes: Any) -> None:
     """Prepare three-dimensional axes for paths on the unit sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
-    x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
+    x = np.cos(u) * np.sin(v)
+    y = np.sin(u) * np.sin(v)
+    z = np.cos(v)
     axes.computed_zorder = False
     axes.plot_wireframe(x, y, z, color="0.85", linewidth=0.4, zorder=0)
     white_panes(axes)

@@ -75,7 +75,9 @@ def joined(values: Iterable[float], spec: str = "g") -> str:
 def maxima(times: np.ndarray, values: np.ndarray, prominence: float | None = None) -> np.ndarray:
     """Times of the maxima of values at even times: the top of the parabola through each and its neighbours."""
     rows, _ = find_peaks(values, prominence=prominence)
-    before, top, after = values[rows - 1], values[rows], values[rows + 1]
+    before = values[rows - 1]
+    top = values[rows]
+    after = values[rows + 1]
     bend = before - 2 * top + after
     # Two equal rows at the top may leave no bend.
     offset = np.divide(before - after, 2 * bend, out=np.zeros(len(rows)), where=bend != 0)

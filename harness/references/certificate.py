@@ -18,7 +18,8 @@ from polhode.solvers.solve import solve
 
 # Pieces of a run, evenly spread over it; so many of them must be decided, none against the
 # reference.
-PIECES, REQUIRED = 24, 20
+PIECES = 24
+REQUIRED = 20
 # Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
 # time for averaged ones: those of low order are slow.
 LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
@@ -36,7 +37,8 @@ TOLERANCES = {
     "ida": (1e-12, 1e-11),
     "exact": (1e-15, 1e-15),
 }
-ULPS, ROUNDING = 10.0, 1e-14
+ULPS = 10.0
+ROUNDING = 1e-14
 # Ways to move the numbers of a start by an ulp, up and down.
 SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
@@ -73,7 +75,9 @@ def certify(
     """
     other, solver = opposite(scene, form)
     seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
-    agreed, back, worst = 0, 0, 0.0
+    agreed = 0
+    back = 0
+    worst = 0.0
     for start, stop, turn in pieces(scene, form, problem.end):
         if form.averaged:
             ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
@@ -119,7 +123,8 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
     """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
-    rotation, ulp = observables.rotation[0].astype(float), np.finfo(float).eps * ulps
+    rotation = observables.rotation[0].astype(float)
+    ulp = np.finfo(float).eps * ulps
     momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
     w1, w2, w3 = (rotation @ momentum / np.array(scene.ellipsoid.inertia)).tolist()
     q0, q1, q2, q3 = (quaternion_from_matrix(rotation) + 0.5 * ulp).tolist()
@@ -194,10 +199,8 @@ def _compare(
     # ulp.
     loose, tight, *moved = runs
     found = errors(ellipsoid, tight, true)
-    own, spread = (
-        errors(ellipsoid, loose, tight),
-        [errors(ellipsoid, other, tight) for other in moved],
-    )
+    own = errors(ellipsoid, loose, tight)
+    spread = [errors(ellipsoid, other, tight) for other in moved]
     rounding = (ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
     slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
     angle = (

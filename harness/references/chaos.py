@@ -59,7 +59,8 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
     # Meccanica 15 (1980) 9).
     if not installed("heyoka"):
         return _growth_of_neighbours(problem, intervals)
-    times, parameters = np.linspace(0.0, problem.end, intervals + 1), parameter_array(problem)
+    times = np.linspace(0.0, problem.end, intervals + 1)
+    parameters = parameter_array(problem)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
     integrator = tangent_integrator(problem.field, problem.dimension, len(parameters))
     integrator.time = 0.0
@@ -101,7 +102,8 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
             ends.append(run.states[-1])
         difference = (ends[1] - ends[0]) / NEIGHBOUR
         length = float(np.linalg.norm(difference))
-        state, direction = ends[0], difference / length
+        state = ends[0]
+        direction = difference / length
         logarithm[i + 1] = logarithm[i] + log(length)
     return Growth(times, logarithm)
 

@@ -16,7 +16,8 @@ SPLIT_LIMIT = 0.3
 # Samples resolve the power if a body turns by less than this, in rad, between two of them, and if
 # half of them give the same residual to this fraction, or to rounding.
 LARGEST_TURN = 0.5
-RESOLVED, ROUNDING = 0.2, 1e-13
+RESOLVED = 0.2
+ROUNDING = 1e-13
 # Fewer intervals than this cannot be halved and still carry a spline.
 LEAST_INTERVALS = 16
 
@@ -53,15 +54,18 @@ def errors(
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
-    each, worst = np.max(difference, axis=0), int(np.argmax(np.max(difference, axis=1)))
+    each = np.max(difference, axis=0)
+    worst = int(np.argmax(np.max(difference, axis=1)))
     slow = Errors(float(np.max(each)), worst, tuple(each.tolist()))
     angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
     if angle is None:
         return slow
-    phase, shape = None, None
+    phase = None
+    shape = None
     if np.max(angle) <= SPLIT_LIMIT:
         along, across = phase_and_shape(ellipsoid, found, true)
-        phase, shape = float(np.max(np.abs(along))), float(np.max(across))
+        phase = float(np.max(np.abs(along)))
+        shape = float(np.max(across))
     balance = None if scene is None else balance_residual(scene, found, true)
     return replace(
         slow, orientation=float(np.max(angle)), phase=phase, shape=shape, balance=balance
@@ -160,7 +164,8 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     intervals = len(found.energy) - 1
     if scene.stokes == 0 or intervals < LEAST_INTERVALS:
         return None
-    ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
+    ellipsoid = scene.ellipsoid
+    unit = max(scene.ellipsoid.inertia)
     known = (completed(ellipsoid, each.rotation) for each in (found, true))
     rotations = [rotation for rotation in known if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
@@ -174,16 +179,12 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     power = dissipation(ellipsoid, rotations[0], omega[0]) - dissipation(
         ellipsoid, rotations[1], omega[1]
     )
-    power, energy = (
-        power * scene.torque_factor / unit,
-        (found.energy - true.energy).astype(float) / unit,
-    )
+    power = power * scene.torque_factor / unit
+    energy = (found.energy - true.energy).astype(float) / unit
     times = np.linspace(0.0, scene.time, intervals + 1)
     even = slice(0, intervals // 2 * 2 + 1, 2)
-    fine, coarse = (
-        _residual(times, energy, power),
-        _residual(times[even], energy[even], power[even]),
-    )
+    fine = _residual(times, energy, power)
+    coarse = _residual(times[even], energy[even], power[even])
     largest = float(np.max(np.abs(fine)))
     return largest if np.max(np.abs(fine[even] - coarse)) <= RESOLVED * largest + ROUNDING else None
 

@@ -16,7 +16,8 @@ Run = tuple[Precision, float]
 # Runs that show what rounding of a start makes of a reference, and runs back over it.
 ROUNDING_RUN: Run = ("long double", 1e-17)
 # Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
-MOST_SLOW_STEPS, MOST_STEPS = 200_000, 50_000_000
+MOST_SLOW_STEPS = 200_000
+MOST_STEPS = 50_000_000
 
 
 # Without heyoka two unlike methods stand for the runs in extended precision, the first two kinds that reach the end:

@@ -42,14 +42,17 @@ SAFETY = 10.0
 # Cost of a run, in units of T: fast rotation makes it more, and so does stability on the stiff
 # side. Quadruple precision, 45 times as slow, is used up to the first number, two moved starts
 # instead of one up to the second.
-QUADRUPLE_UP_TO, TWO_MOVED_UP_TO = 5000.0, 2e5
+QUADRUPLE_UP_TO = 5000.0
+TWO_MOVED_UP_TO = 2e5
 # Length of Taylor's interval of stability at these orders, about.
 STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost.
 ORDINARY = 3.0
 # Above this St runs of more shear times than the second number are known in double precision alone,
 # since extended precision takes hours; beyond the third not at all.
-FREE_UP_TO, EXTENDED_TIME, HORIZON = 1e6, 5e6, 5e7
+FREE_UP_TO = 1e6
+EXTENDED_TIME = 5e6
+HORIZON = 5e7
 # Runs with each number of start and parameters moved by half an ulp, which double precision cannot
 # tell.
 ROUNDING_SEEDS = (1, 2)
@@ -58,14 +61,17 @@ SUSPICIOUS = 1e-9
 # Rotations: up to the first number extended precision is used in limited time, beyond the second
 # one not even two methods in double: the reference's own for spheroids or for other shapes, and the
 # one that it is held against.
-EXTENDED_UP_TO, MOST_ROTATIONS = 2e4, 2e5
-SPHEROIDS, OTHERS = ("splitting-extended", 1e-13), ("taylor", 1e-15)
+EXTENDED_UP_TO = 2e4
+MOST_ROTATIONS = 2e5
+SPHEROIDS = ("splitting-extended", 1e-13)
+OTHERS = ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
 # Where CyRK is missing; SciPy takes no tolerance below 2.2e-14.
 AGAINST_WITHOUT = ("dop853", 1e-13)
 # Over so many shear times that one loses the phase. It confirms the reference, and how well that is
 # known follows from this run, which errs as much as the reference: so many times their distance.
-FURTHER, ALIKE = ("taylor", 1e-16), 3.0
+FURTHER = ("taylor", 1e-16)
+ALIKE = 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
 APART = 1e-4
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
@@ -117,9 +123,11 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     within limited seconds or above St = 1e6, are known in double precision alone, by methods that
     confirm each other. So are all runs where heyoka, which brings extended precision, is missing.
     """
-    shape, long = find_form(form) if isinstance(form, str) else form, False
+    shape = find_form(form) if isinstance(form, str) else form
+    long = False
     if not shape.averaged:
-        shape, long = find_form(reference_form(scene)), _far(scene)
+        shape = find_form(reference_form(scene))
+        long = _far(scene)
         if long and scene.time > HORIZON:
             raise ReferenceFailedError(
                 f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6"
@@ -243,14 +251,13 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
     doubt = 1.0
     if _far(scene):
-        other, doubt = run("quaternion", *FURTHER), ALIKE
+        other = run("quaternion", *FURTHER)
+        doubt = ALIKE
         apart = errors(scene.ellipsoid, other, exact)
     certificate = Certificate("quaternion", against[0], 1, 0, 1.0)
     distance = statistics_distance(scene.ellipsoid, other, exact)
-    slow, orientation = (
-        doubt * apart.slow,
-        None if apart.orientation is None else doubt * apart.orientation,
-    )
+    slow = doubt * apart.slow
+    orientation = None if apart.orientation is None else doubt * apart.orientation
     return Reference(
         reference_form(scene),
         times,
@@ -268,7 +275,8 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
     """Reference of a form without heyoka: two unlike methods in double precision."""
     times = np.linspace(0.0, problem.end, samples)
     (_, states), (other_solver, other_states) = unlike_runs(problem, times, deadline).items()
-    exact, other = form.observe(scene, states), form.observe(scene, other_states)
+    exact = form.observe(scene, states)
+    other = form.observe(scene, other_states)
     size = max(1.0, magnitude(scene.ellipsoid, exact))
     apart = errors(scene.ellipsoid, other, exact)
     meaningful = samples
@@ -296,7 +304,8 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
 
 def _packed(known: Reference) -> dict[str, Any]:
     """A reference as it is kept, of which `cache.keep` makes arrays."""
-    by, orientation = known.certificate, known.orientation_uncertainty
+    by = known.certificate
+    orientation = known.orientation_uncertainty
     return {
         **{
             name: each

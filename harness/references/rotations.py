@@ -40,7 +40,8 @@ NODES = 64
 # Damping times from which on stability may hold an explicit method back, and the share of its
 # steps: where stability asks for more of them, errors do not follow the tolerance; those of
 # Taylor's method, whose order is higher, still do.
-STIFF, HELD = 2e4, 0.4
+STIFF = 2e4
+HELD = 0.4
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,8 @@ def cost_page(reports: Path) -> Page:
     body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
         return Page(COSTS, LEAD, body)
-    groups, rows = [], []
+    groups = []
+    rows = []
     for study, table in studies.items():
         for scene, own in table.groupby("scene_name", sort=False):
             for stokes, runs in by_stokes(own):
@@ -214,7 +215,8 @@ def read_studies(
     folder: Path, columns: Collection[str]
 ) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
-    studies, unreadable = {}, []
+    studies = {}
+    unreadable = []
     # What else stands in `reports`.
     others = ("site", "paper", "accuracy", "pick", "problems")
     folders = [

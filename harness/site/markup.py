@@ -130,8 +130,10 @@ def render(
     tokens = _parser().parse(text)
     found = Rendered("", "")
     if tokens and tokens[0].tag == "h1":
-        found.title, tokens = tokens[1].content, tokens[3:]
-    heading, tables = found.title, 0
+        found.title = tokens[1].content
+        tokens = tokens[3:]
+    heading = found.title
+    tables = 0
     for i, token in enumerate(tokens):
         if token.type == "heading_open":
             heading = tokens[i + 1].content

@@ -23,9 +23,13 @@ from polhode.solvers.contract import SolverNotValidError
 
 # Samples per rotation that make a smooth path, and the fewest and most samples of a page of
 # moderate size.
-PER_ROTATION, FEWEST, MOST = 80, 400, 3000
+PER_ROTATION = 80
+FEWEST = 400
+MOST = 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
-MOMENTS, TURNS, POINTS = 48, 4, 40
+MOMENTS = 48
+TURNS = 4
+POINTS = 40
 TOLERANCE = 1e-10
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
 ALONG = 15.0
@@ -100,13 +104,16 @@ def motion(scene: Scene) -> dict[str, Any]:
 
 def _sentence(solution: SceneSolution, axis: int) -> str:
     """How the body moves, in words: turns, where its axis begins and ends, what becomes of L and E."""
-    scene, rows = solution.scene, solution.rotation[[0, -1], :, 2]
-    name, nearest = "symmetry axis", scene.ellipsoid.symmetry_axis
+    scene = solution.scene
+    rows = solution.rotation[[0, -1], :, 2]
+    name = "symmetry axis"
+    nearest = scene.ellipsoid.symmetry_axis
     if nearest is None:
         nearest = int(np.argmax(np.abs(rows[1])))
         name = f"{('longest', 'middle', 'shortest')[scene.ellipsoid.order.index(nearest)]} axis"
     angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
-    turns, plane = max(1, round(rotations(scene))), _plane(solution)[[0, -1]].T.tolist()
+    turns = max(1, round(rotations(scene)))
+    plane = _plane(solution)[[0, -1]].T.tolist()
     return fill(
         "site-motion-says",
         scene=scene,
@@ -139,7 +146,8 @@ def _averaged(scene: Scene) -> list[float]:
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
     """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
-    ellipsoid, paths = solution.scene.ellipsoid, []
+    ellipsoid = solution.scene.ellipsoid
+    paths = []
     for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int).tolist():
         moment = solution.observables[k : k + 1]
         size = float(np.linalg.norm(moment.angular_momentum))

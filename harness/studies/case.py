@@ -140,7 +140,8 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     is None. Where the motion is chaotic, errors are those up to `meaningful_until`, and
     `statistics_distance` compares the distributions over the whole run.
     """
-    form, ellipsoid = find_form(case.form), case.scene.ellipsoid
+    form = find_form(case.form)
+    ellipsoid = case.scene.ellipsoid
     try:
         full = reference(
             case.scene, reference_form(case.scene), case.samples, case.reference_seconds
@@ -152,13 +153,15 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
         try:
             exact = reference(case.scene, form, case.samples, case.reference_seconds)
         except ReferenceFailedError as error:
-            exact, record = None, {**record, "reference_failed": str(error)}
+            exact = None
+            record = {**record, "reference_failed": str(error)}
     found = form.observe(case.scene, states)
     if record["status"] != Status.REACHED_END:
         so_far = errors(ellipsoid, found, full.observables[: len(states)])
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
-    truth, early = full.observables[:n], found[:n]
+    truth = full.observables[:n]
+    early = found[:n]
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
     distance = (
         None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)

@@ -41,11 +41,13 @@ BEGINNING = 1e-6
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
     """Wall time of one right-hand side as solvers call it: from machine code if "compiled", else from Python."""
-    y, parameters = np.array(problem.start), parameter_array(problem)
+    y = np.array(problem.start)
+    parameters = parameter_array(problem)
     out = np.empty_like(y)
     if backend == "compiled":
         callback = c_callback(problem.field, problem.dimension, len(parameters))
-        loop, pointers = _compiled_loop(), [array.ctypes.data for array in (out, y, parameters)]
+        loop = _compiled_loop()
+        pointers = [array.ctypes.data for array in (out, y, parameters)]
 
         def run(calls: int) -> None:
             loop(callback.address, calls, *pointers)
@@ -56,7 +58,8 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
             for _ in range(calls):
                 evaluate(y, values, out)
 
-    calls, best = 1, 0.0
+    calls = 1
+    best = 0.0
     while best < ENOUGH:
         calls *= 4
         best = seconds_of(partial(run, calls))
@@ -193,7 +196,8 @@ def measure(
         )
         if bare is None:
             continue
-        best, calls = [inf, inf], (bare, lambda name=name: solve(problem, name, tolerance, times))
+        best = [inf, inf]
+        calls = (bare, lambda name=name: solve(problem, name, tolerance, times))
         for call in calls:
             call()
         end = perf_counter() + seconds

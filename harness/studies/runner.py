@@ -45,7 +45,8 @@ class Runner:
 
     def run_batches(self, name: str, batches: list[list[Case]]) -> list[Record]:
         """The same of cases in batches, each of which is timed in interleaved order."""
-        known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
+        known = self.store.keys()
+        wanted = [case.key for batch in batches for case in batch]
         surroundings = {"machine": machine(), "versions": versions()}
         progress = tqdm(
             total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False

@@ -153,7 +153,8 @@ def run_function(
     """Run a solver that is a plain function; whatever it raises is the row's message."""
     assert setup.function is not None
     components = problem.dimension - problem.timed
-    rates, calls = rates_of(problem), 0
+    rates = rates_of(problem)
+    calls = 0
 
     def counted(t: float, y: Any) -> Any:
         nonlocal calls
@@ -165,7 +166,9 @@ def run_function(
     start = np.array(problem.start[:components])
     given = counted if count else rates, span, start, t_eval, rtol, atol
     began = perf_counter()
-    status, message, states = Status.REACHED_END, "", np.empty((0, components))
+    status = Status.REACHED_END
+    message = ""
+    states = np.empty((0, components))
     try:
         states = np.asarray(setup.function(*given, **setup.options), dtype=float)
     except Exception as error:
@@ -182,6 +185,7 @@ def run_function(
             f"{setup.label} returned shape {states.shape}, expected states of shape {expected}"
         )
     elif status.success and not np.isfinite(states).all():
-        status, message = Status.NON_FINITE, "a state is not finite"
+        status = Status.NON_FINITE
+        message = "a state is not finite"
     work = Work(rhs_calls=calls if count and calls else None)
     return FunctionRun(states, status, message, work, seconds)

@@ -128,7 +128,8 @@ def load(key: str) -> np.ndarray | None:
 
 def save(key: str, numbers: np.ndarray) -> None:
     """Keep numbers under a key; a folder that cannot be written is no error."""
-    file, content = _file(key), np.ascontiguousarray(numbers, dtype=float).tobytes()
+    file = _file(key)
+    content = np.ascontiguousarray(numbers, dtype=float).tobytes()
     with suppress(OSError):
         make_private(file.parent)
         private = file.with_suffix(f".{os.getpid()}")

@@ -26,11 +26,9 @@ from polhode.models.scene import Scene
 
 def turning(ops: Operations) -> Callable:
     """q̇ = ½ q∘(0, Ω_J), and Ω_J; p = shares of Jeffery's angular velocity, as in `polhode.models.forms.motion`."""
-    directions_of, rates, jeffery = (
-        ops.use(directions),
-        ops.use(quaternion_rates),
-        ops.use(jeffery_angular_velocity),
-    )
+    directions_of = ops.use(directions)
+    rates = ops.use(quaternion_rates)
+    jeffery = ops.use(jeffery_angular_velocity)
 
     def of(y, p):
         flow, gradient = directions_of(y[0], y[1], y[2], y[3])
@@ -80,8 +78,10 @@ class JefferyOrbit:
         tau = np.concatenate([[start], start + times.astype(np.longdouble) / (ratio + 1 / ratio)])
         half_turns = np.rint(tau / PI)
         rest = (tau - half_turns * PI).astype(float)
-        turns, kappa = half_turns.astype(float), self.aspect_ratio
-        sine, cosine = np.sin(rest), np.cos(rest)
+        turns = half_turns.astype(float)
+        kappa = self.aspect_ratio
+        sine = np.sin(rest)
+        cosine = np.cos(rest)
         # Of half turns four leave a quaternion as it is.
         phi = -(np.mod(turns, 4) * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
@@ -96,7 +96,8 @@ class JefferyOrbit:
     def _spin(self, turns: np.ndarray, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
         """Spin angle ψ, up to a constant, at τ = turns π + rest with |rest| ≤ π/2."""
         s, z, _ = self._ellipse
-        kappa, size = self.aspect_ratio, hypot(z, s)
+        kappa = self.aspect_ratio
+        size = hypot(z, s)
         shape = kappa, (s / size) ** 2, (z / size) ** 2
         integral = 2 * turns * _spin_integral(np.array(1.0), np.array(0.0), *shape)
         integral += _spin_integral(sine, cosine, *shape)
@@ -110,7 +111,8 @@ def _spin_integral(
     from scipy.special import elliprf, elliprj
 
     # Sums of positive terms alone: a thin disc would lose its digits to a difference.
-    x, weight = cosine**2, cosine**2 + (kappa * sine) ** 2
+    x = cosine**2
+    weight = cosine**2 + (kappa * sine) ** 2
     y = along + across * weight
     return sine * elliprf(x, y, 1.0) - 2 * kappa**2 / 3 * sine**3 * elliprj(x, y, 1.0, weight)
 
@@ -126,7 +128,8 @@ def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
 
 def _speed(ops: Operations) -> Callable:
     """|Ω_J|."""
-    rates, sqrt = ops.use(turning), ops.sqrt
+    rates = ops.use(turning)
+    sqrt = ops.sqrt
 
     def of(y, p):
         _, (w1, w2, w3) = rates(y, p)
@@ -158,7 +161,9 @@ class Jeffery(Form):
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         start = self.require_orientation(scene).quaternion
-        axes, parameters, closed_form = scene.ellipsoid.scaled_axes, shares(scene.ellipsoid), None
+        axes = scene.ellipsoid.scaled_axes
+        parameters = shares(scene.ellipsoid)
+        closed_form = None
         if scene.ellipsoid.kind != "triaxial":
             axis = Spheroid.of(scene.ellipsoid).axis
             closed_form = JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start).at

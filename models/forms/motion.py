@@ -50,7 +50,8 @@ def angular_acceleration(ops: Operations) -> Callable:
     jeffery = ops.use(jeffery_angular_velocity)
 
     def acceleration(x, y, w, p):
-        alpha, beta = p[0], p[1]
+        alpha = p[0]
+        beta = p[1]
         w1, w2, w3 = w
         j1, j2, j3 = jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
         return (

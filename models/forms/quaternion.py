@@ -15,7 +15,8 @@ from polhode.models.scene import Scene
 
 def field(ops: Operations) -> Field:
     """q̇ = ½ q∘(0, ω) and the vector equation `ultima` in body axes; p as in `polhode.models.forms.motion`."""
-    directions, rates = ops.use(motion.directions), ops.use(motion.quaternion_rates)
+    directions = ops.use(motion.directions)
+    rates = ops.use(motion.quaternion_rates)
     acceleration = ops.use(motion.angular_acceleration)
 
     def rhs(y, p):
@@ -56,7 +57,8 @@ class Quaternion(Form):
 
     def problem(self, scene: Scene) -> Problem:
         start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
-        inertial, shape = (False,) * 4 + (True,) * 3, motion.body_parameters(scene.ellipsoid)
+        inertial = (False,) * 4 + (True,) * 3
+        shape = motion.body_parameters(scene.ellipsoid)
         return motion.full_problem(
             self, scene, field, start, inertial, shape, invariant=motion.norm_drift
         )

@@ -23,12 +23,20 @@ def field(ops: Operations) -> Field:
     # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos
     # θ) while the body turns with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As
     # printed, `fsptho`–`fpsso` have misprints.
-    sin, cos, sine = ops.sin, ops.cos, ops.use(guarded_sine)
+    sin = ops.sin
+    cos = ops.cos
+    sine = ops.use(guarded_sine)
 
     def rhs(y, p):
-        theta, phi, dtheta, dphi, spin = y[0], y[1], y[2], y[3], y[4]
-        alpha, beta = p[0], p[1]
-        st, ct = sine(theta), cos(theta)
+        theta = y[0]
+        phi = y[1]
+        dtheta = y[2]
+        dphi = y[3]
+        spin = y[4]
+        alpha = p[0]
+        beta = p[1]
+        st = sine(theta)
+        ct = cos(theta)
         gyration = alpha * (p[2] * spin - dphi * ct)
         return (
             dtheta,
@@ -67,13 +75,15 @@ class SpheroidAngles(Form):
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
-        spheroid, given = Spheroid.of(scene.ellipsoid), self.require_orientation(scene)
+        spheroid = Spheroid.of(scene.ellipsoid)
+        given = self.require_orientation(scene)
         w1, w2, w3 = (scene.angular_velocity[(spheroid.axis + shift) % 3] for shift in (1, 2, 3))
         angles = _angles(scene, given)
         dtheta, dphi, _ = euler_rates_from_angular_velocity(angles, (w1, w2, w3))
         if spheroid.axis == 2 and isinstance(given, EulerStart) and scene.stokes > 0:
             dtheta, dphi, _ = given.rates
-        start, inertial = (*angles[:2], dtheta, dphi, w3), (False, False, True, True, True)
+        start = (*angles[:2], dtheta, dphi, w3)
+        inertial = (False, False, True, True, True)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
         shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
         return full_problem(self, scene, field, start, inertial, shape, periodic=(1,))
@@ -81,14 +91,15 @@ class SpheroidAngles(Form):
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
         theta, phi, dtheta, dphi, spin = states.T
-        st, ct, sf, cf = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+        st = np.sin(theta)
+        ct = np.cos(theta)
+        sf = np.sin(phi)
+        cf = np.cos(phi)
         nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
         across = np.stack([-sf * ct, cf * ct, st], axis=1)
         axis = np.stack([st * sf, -st * cf, ct], axis=1)
-        first, second = (
-            spheroid.equatorial_inertia * dtheta,
-            spheroid.equatorial_inertia * dphi * st,
-        )
+        first = spheroid.equatorial_inertia * dtheta
+        second = spheroid.equatorial_inertia * dphi * st
         third = spheroid.axial_inertia * spin
         momentum = first[:, None] * nodes + second[:, None] * across + third[:, None] * axis
         energy = 0.5 * (first * dtheta + second * dphi * st + third * spin)

@@ -25,7 +25,12 @@ def field(ops: Operations) -> Field:
     # term that restores the norm does no better.
 
     def rhs(y, p):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         scale = 1 / (px * px + py * py + pz * pz)
         spin = scale * p[4] * (lx * px + ly * py + lz * pz)
         half = scale * 0.5 * p[5]
@@ -76,13 +81,25 @@ def rotation(ops: Operations) -> Field:
     # neither a root nor a trigonometric function is needed, and l = 0 is nothing special.
 
     def advance(y, c):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         # In the order and in pairs that a processor computes side by side.
-        kx, ky, kz = c[0] * lx, c[0] * ly, c[0] * lz
+        kx = c[0] * lx
+        ky = c[0] * ly
+        kz = c[0] * lz
         x = kx * kx + ky * ky + kz * kz
-        sine, cosine = polynomial(SINE, x), polynomial(COSINE, x)
-        ux, uy, uz = ky * pz - kz * py, kz * px - kx * pz, kx * py - ky * px
-        vx, vy, vz = ky * uz - kz * uy, kz * ux - kx * uz, kx * uy - ky * ux
+        sine = polynomial(SINE, x)
+        cosine = polynomial(COSINE, x)
+        ux = ky * pz - kz * py
+        uy = kz * px - kx * pz
+        uz = kx * py - ky * px
+        vx = ky * uz - kz * uy
+        vy = kz * ux - kx * uz
+        vz = kx * uy - ky * ux
         return (
             *(lx, ly, lz),
             px + sine * ux + cosine * vx,
@@ -98,7 +115,8 @@ def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, 
     to_axial_spin = 1 + p[4]
     across = -ops.expm1(-p[1] * p[2] * h)
     along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
-    strain, flow = 0.5 * p[5] * across, 0.5 * (across - along / to_axial_spin)
+    strain = 0.5 * p[5] * across
+    flow = 0.5 * (across - along / to_axial_spin)
     return across, 0.5 * across, strain, across - along, flow, flow - strain, flow + strain
 
 
@@ -109,9 +127,16 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     # spheroid rotates with the flow.
 
     def advance(y, c, before=None, gains=None):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         gx, gy, gz = (lx, ly, lz) if gains is None else gains
-        across, half, strain = c[0], c[1], c[2]
+        across = c[0]
+        half = c[1]
+        strain = c[2]
         at = y if before is None else before
         # What comes last, p_z, is multiplied and added at once.
         axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5])
@@ -127,7 +152,8 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
 
 def both(ops: Operations) -> Callable[[Any, Any, Any], Sequence[Any]]:
     """`rotation`, then `relaxation`, which need not wait for all of it: L·p̂ stays the same."""
-    turn, relax = rotation(ops), relaxation(ops)
+    turn = rotation(ops)
+    relax = relaxation(ops)
     return lambda y, fast, slow, gains=None: relax(turn(y, fast), slow, y, gains)
 
 
@@ -144,7 +170,9 @@ def relaxation_rate(p: Sequence[float]) -> float:
 
 def forgetting_rate(p: Sequence[float]) -> float:
     """The decay of L_y beside L_z (`lxsmain`–`nsmain`), of a rod that tumbles or a disc that spins: κ → ∞, κ → 0."""
-    across, along, ratio = p[1] * p[2], p[1] * (p[2] + p[3]) * (1 + p[4]), 1 / (1 + p[4])
+    across = p[1] * p[2]
+    along = p[1] * (p[2] + p[3]) * (1 + p[4])
+    ratio = 1 / (1 + p[4])
     return 0.5 * ratio * (across + along) if ratio < 1 else across * (2 / ratio - 1)
 
 
@@ -203,7 +231,8 @@ class SpheroidAxis(Form):
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
-        inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
+        inertial = (True,) * 3 + (False,) * 3
+        shape = parameters(spheroid)
         return full_problem(
             self, scene, field, start, inertial, shape, invariant=axis_drift, parts=PARTS
         )

@@ -59,7 +59,8 @@ class Tumbling(Form):
 
     def problem(self, scene: Scene) -> Problem:
         plane = self._plane(scene)
-        start, shape = (plane.angle, plane.rate), (plane.damping, plane.anisotropy)
+        start = (plane.angle, plane.rate)
+        shape = (plane.damping, plane.anisotropy)
         return full_problem(self, scene, field, start, (False, True), shape, periodic=(0,))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
@@ -69,12 +70,14 @@ class Tumbling(Form):
         zero = np.zeros_like(turn)
         turned = matrix_from_euler(np.stack([zero, turn, zero], axis=1))
         along = plane.inertia * states[:, 1]
-        momentum, energy = np.stack([zero, zero, along], axis=1), 0.5 * along * states[:, 1]
+        momentum = np.stack([zero, zero, along], axis=1)
+        energy = 0.5 * along * states[:, 1]
         return Observables(momentum, energy, scene.initial_rotation @ turned)
 
     def _plane(self, scene: Scene) -> Plane:
         self.require_orientation(scene)
-        rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid
+        rotation = scene.initial_rotation
+        ellipsoid = scene.ellipsoid
         x, y, rate = (
             float(component) for component in rotation.T @ np.array(scene.angular_velocity)
         )
@@ -84,7 +87,8 @@ class Tumbling(Form):
         if (axes := _principal_axes(scene)) is None:
             raise self.refuse("no principal axis lies along the vorticity", full_form(scene))
         upright, first, second = axes
-        a, b = ellipsoid.scaled_axes[first], ellipsoid.scaled_axes[second]
+        a = ellipsoid.scaled_axes[first]
+        b = ellipsoid.scaled_axes[second]
         return Plane(
             angle=atan2(rotation[first, 1], rotation[first, 0]),
             rate=rate,
@@ -96,7 +100,8 @@ class Tumbling(Form):
 
 def _principal_axes(scene: Scene) -> tuple[int, int, int] | None:
     """Body axes along the vorticity, along the angle φ, and the third one, up to symmetry; None if there are none."""
-    rotation, symmetry = scene.initial_rotation, scene.ellipsoid.symmetry_axis
+    rotation = scene.initial_rotation
+    symmetry = scene.ellipsoid.symmetry_axis
     inplane = np.hypot(rotation[:, 0], rotation[:, 1])
     if symmetry is not None and abs(rotation[symmetry, 2]) <= PLANAR:
         return (symmetry + 1) % 3, symmetry, (symmetry + 2) % 3

@@ -46,11 +46,16 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
     spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * EPS / 8) ** (Long(1) / 8)
     while spread > abs(x + y + z) / 3:
         step = np.sqrt(x) * np.sqrt(y) + np.sqrt(y) * np.sqrt(z) + np.sqrt(z) * np.sqrt(x)
-        x, y, z, spread = (x + step) / 4, (y + step) / 4, (z + step) / 4, spread / 4
+        x = (x + step) / 4
+        y = (y + step) / 4
+        z = (z + step) / 4
+        spread = spread / 4
     mean = (x + y + z) / 3
-    x, y = 1 - x / mean, 1 - y / mean
+    x = 1 - x / mean
+    y = 1 - y / mean
     z = -x - y
-    e2, e3 = x * y - z * z, x * y * z
+    e2 = x * y - z * z
+    e3 = x * y * z
     # DLMF (19.36.1), whose first neglected terms have degree 8.
     low = 1 - e2 / 10 + e3 / 14 + e2 * e2 / 24 - 3 * e2 * e3 / 44
     series = low - 5 * e2**3 / 208 + 3 * e3 * e3 / 104 + e2 * e2 * e3 / 16
@@ -66,13 +71,15 @@ def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
     """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs."""
     # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969;
     # DLMF §19.2(iii)).
-    product, mean = kc, Long(1)
+    product = kc
+    mean = Long(1)
     p = np.sqrt(p)
     b = b / p
     while True:
         ratio = product / p
         a, b, p = a + b / p, 2 * (b + a * ratio), p + ratio
-        before, mean = mean, mean + kc
+        before = mean
+        mean = mean + kc
         if abs(before - kc) <= before * _CLOSE:
             return PI / 2 * (b + a * mean) / (mean * (mean + p))
         kc = 2 * np.sqrt(product)
@@ -87,7 +94,8 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
         return np.tanh(u), sech, sech
-    mean, other = Long(1), np.sqrt(m1)
+    mean = Long(1)
+    other = np.sqrt(m1)
     ladder = []
     while True:
         ladder.append((mean, other))
@@ -95,11 +103,13 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
             mean = (mean + other) / 2
             break
         mean, other = (mean + other) / 2, np.sqrt(mean * other)
-    sine, cosine = np.sin(mean * u), np.cos(mean * u)
+    sine = np.sin(mean * u)
+    cosine = np.cos(mean * u)
     # cs(0) is infinite; a sine this small stands for it without overflow.
     sine[sine == 0] = _TINY
     ratio = cosine / sine
-    cs, dn = mean * ratio, np.ones_like(u)
+    cs = mean * ratio
+    dn = np.ones_like(u)
     for upper, lower in reversed(ladder):
         ratio = ratio * cs
         cs = cs * dn
@@ -126,7 +136,8 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
 
 
 def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
-    sine, sine2 = np.sin(PI * u / (2 * k)), np.sin(PI * u / k)
+    sine = np.sin(PI * u / (2 * k))
+    sine2 = np.sin(PI * u / k)
     phase = np.zeros_like(u)
     for sign, distance in ((1, w), (-1, 2 * k_prime - w)):
         while distance < _NEGLIGIBLE * k / PI:
@@ -139,7 +150,8 @@ def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
 
 
 def _phase_theta2(u: LongArray, w: Long, k_prime: Long, k: Long) -> LongArray:
-    angle, stretched = PI * w / (2 * k_prime), PI * u / (2 * k_prime)
+    angle = PI * w / (2 * k_prime)
+    stretched = PI * u / (2 * k_prime)
     phase = np.arctan2(np.cos(angle) * np.tanh(stretched), np.sin(angle)) - PI * u / (2 * k) * (
         1 - w / k_prime
     )

@@ -49,7 +49,8 @@ class Polhode:
         momentum = np.sqrt(rounded(momentum_squared))
         sense = 1 if side >= 0 else -1
         if side == 0 and (a == b or b == c or momentum_squared == 0):
-            zero, one = Long(0), Long(1)
+            zero = Long(0)
+            one = Long(1)
             return cls(
                 order,
                 sense,
@@ -91,7 +92,8 @@ def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
     # nothing is subtracted.
     if m1 == 0:
         return 1 / b
-    kc, p = np.sqrt(m1), 1 + n
+    kc = np.sqrt(m1)
+    p = 1 + n
     return (
         complete_cel(kc, p, Long(1), Long(0)) / a + complete_cel(kc, p, Long(0), p) / b
     ) / complete_k(m1)
@@ -108,12 +110,14 @@ def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     # less on the separatrix itself.
     from scipy.special import ellipj, ellipk
 
-    momentum2, energy2 = np.sum(slow[:, :3] ** 2, axis=1), 2 * slow[:, 3]
+    momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
+    energy2 = 2 * slow[:, 3]
     i1, i2, i3 = sorted(ellipsoid.inertia)
     if i1 == i3:
         return np.sqrt(momentum2) / i1
     greatest = np.full(len(slow), i1 == i2) if i1 == i2 or i2 == i3 else momentum2 > energy2 * i2
-    near, far = np.where(greatest, i3, i1), np.where(greatest, i1, i3)
+    near = np.where(greatest, i3, i1)
+    far = np.where(greatest, i1, i3)
     # Zero up to rounding at the permanent rotations and at rest.
     short = np.maximum((energy2 * near - momentum2) / (near - far), 0)
     long = np.maximum((momentum2 - energy2 * far) / (near - far), 0)

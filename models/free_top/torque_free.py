@@ -126,7 +126,8 @@ class TorqueFree:
         about = np.stack([np.cos(carried / 2), zero, zero, np.sin(carried / 2)], axis=1)
         turn = _product(_product(upright[0] * np.array([1, -1, -1, -1]), about), upright[1:])
         back = np.argsort(order)
-        vector, rates = (signs * turn[:, 1:])[:, back], (signs * omega[1:])[:, back]
+        vector = (signs * turn[:, 1:])[:, back]
+        rates = (signs * omega[1:])[:, back]
         return np.concatenate([turn[:, :1], vector], axis=1), rates
 
 

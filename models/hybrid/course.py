@@ -23,7 +23,8 @@ Array = np.ndarray
 
 # The error of L and E that a tolerance stands for, and the share of it that windows may take,
 # chosen by trial.
-ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
+ERROR_PER_TOLERANCE = 100.0
+WINDOWS = 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with
 # |L||ω| below I_max, by trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
@@ -61,17 +62,17 @@ class HybridCourse:
             found = foreseen(self.here(time, state), max(error - self.spent, error / 10))
             return replace(self, since=time, stretches=found)(time, state, tolerance)
         stretch, *rest = self.stretches
-        end, reason, later = (
-            self.since + stretch.end * stokes,
-            stretch.reason,
-            replace(self, stretches=tuple(rest)),
-        )
+        end = self.since + stretch.end * stokes
+        reason = stretch.reason
+        later = replace(self, stretches=tuple(rest))
         if stretch.second_order:
             try:
                 problem, states = second_order(self.scene, state)
             except NotAveragedError as refusal:
                 more = 2 * np.pi * MORE / speed(self.here(time, state))
-                end, reason, later = time + more, str(refusal), replace(self, stretches=())
+                end = time + more
+                reason = str(refusal)
+                later = replace(self, stretches=())
                 turned = more * wear(self.here(time, state)) / stokes
                 stretch = replace(
                     stretch, end=stretch.start + more / stokes, second_order=False, turned=turned
@@ -84,10 +85,8 @@ class HybridCourse:
         elif stretch.decisive:
             later = replace(self, stretches=())
         own, cost = full_tolerance((stretch, *rest), stokes, tolerance, self.worn)
-        angle, later = (
-            self.angle(end - time, cost),
-            replace(later, spent=self.spent + cost, worn=self.worn + cost),
-        )
+        angle = self.angle(end - time, cost)
+        later = replace(later, spent=self.spent + cost, worn=self.worn + cost)
         return Piece(
             replace(self.full, start=tuple(state.tolist())),
             end,
@@ -136,7 +135,8 @@ def full_tolerance(
     Windows share their error by how long they last, which costs least; those behind have taken
     `worn` of it.
     """
-    first, error = ahead[0], WINDOWS * ERROR_PER_TOLERANCE * tolerance
+    first = ahead[0]
+    error = WINDOWS * ERROR_PER_TOLERANCE * tolerance
     lasting = sum(each.end - each.start for each in ahead if not each.second_order)
     share = (error - worn if worn < error else error / 10) * (first.end - first.start) / lasting
     tolerances = tolerance, *(each for each in FULL if each < tolerance)
@@ -165,7 +165,9 @@ def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array],
 
     Raises NotAveragedError where no slow state belongs to the start.
     """
-    ellipsoid, factor, form = scene.ellipsoid, scene.torque_factor, SecondOrder()
+    ellipsoid = scene.ellipsoid
+    factor = scene.torque_factor
+    form = SecondOrder()
     if ellipsoid.kind == "triaxial":
         start = seen(scene, state)
         entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])

@@ -26,12 +26,15 @@ Array = np.ndarray
 
 # Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in
 # steps of so many.
-PHASES, LEAST_PHASES, STEP_OF_PHASES = 90.0, 24, 8
+PHASES = 90.0
+LEAST_PHASES = 24
+STEP_OF_PHASES = 8
 # Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be
 # separated.
 _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
 _TURNS = _TURNS / np.array([[[3]], [[7]]])
-EVERY_FRAME, SIZES = np.repeat(_TURNS, 2, axis=0), np.tile([1.0, 2.0], len(_TURNS))
+EVERY_FRAME = np.repeat(_TURNS, 2, axis=0)
+SIZES = np.tile([1.0, 2.0], len(_TURNS))
 # Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
 MODES = 24
 
@@ -42,23 +45,22 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
     Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several
     orientations of L: at l = 0, what it gains per l, and that of all modes at l = 1.
     """
-    counts, poses = phases(side, y), len(SIZES)
-    mean, second, rates = (
-        np.empty((6, poses, len(y))),
-        np.empty((4, poses, len(y))),
-        np.empty((2, len(y))),
-    )
+    counts = phases(side, y)
+    poses = len(SIZES)
+    mean = np.empty((6, poses, len(y)))
+    second = np.empty((4, poses, len(y)))
+    rates = np.empty((2, len(y)))
     strengths = np.empty((len(y), MODES, 3, 3))
-    flow, gradient = EVERY_FRAME[:, None, 0], EVERY_FRAME[:, None, 1]
+    flow = EVERY_FRAME[:, None, 0]
+    gradient = EVERY_FRAME[:, None, 1]
     for count in np.unique(counts).tolist():
         here = np.flatnonzero(counts == count)
         polhode = Polhodes(side, y[here], np.zeros(len(here)), count)
         torus = Torus(polhode, SIZES[:, None], np.zeros(len(here)), flow, gradient)
-        mean[..., here], second[..., here] = np.real(torus.spectrum[..., 0, 0]), second_order(torus)
-        rates[:, here], strengths[here] = (
-            (polhode.rate, polhode.precession),
-            _strengths(torus.spectrum[:3]),
-        )
+        mean[..., here] = np.real(torus.spectrum[..., 0, 0])
+        second[..., here] = second_order(torus)
+        rates[:, here] = (polhode.rate, polhode.precession)
+        strengths[here] = _strengths(torus.spectrum[:3])
     numbers, residual = _coefficients(mean, second)
     return dict(zip(NAMES, (*numbers, *rates), strict=True)), residual, strengths
 
@@ -77,8 +79,11 @@ def phases(side: SidedBody, y: Array) -> Array:
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     """Coefficients of first and second order, shape (m,) each, from the means in all poses, and the largest misfit."""
     x, y, z = (EVERY_FRAME[:, i] for i in range(3))
-    over, s0, w0 = 1 / SIZES, x[:, 2] * y[:, 2], z[:, 2] / 2
-    s, w = s0 * over, w0 * over
+    over = 1 / SIZES
+    s0 = x[:, 2] * y[:, 2]
+    w0 = z[:, 2] / 2
+    s = s0 * over
+    w = w0 * over
     flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2].T for sign in (1, -1)]
     turned = [np.stack([-part[1], part[0]]) for part in flow]
     across = [part * over for part in flow]
@@ -105,7 +110,8 @@ def second_order(torus: Torus) -> Array:
     """F₂ of (L in its frame, y), shape (4, ..., m): the mean of the torque's derivative along the generator, U·∂P."""
     p, size, (x, y, tau) = torus.polhode, torus.size[..., None, None], torus.driven
     change, turn = torus.ambient
-    m, back = torus.momentum, torus.rows.swapaxes(0, 1)
+    m = torus.momentum
+    back = torus.rows.swapaxes(0, 1)
     tilted = change[0] - size * turn[1], change[1] + size * turn[0], change[2]
     flows = (cross(over_phases(each), turn) for each in (torus.flow, torus.gradient))
     dm, dx, dy = (times(back, each) for each in (tilted, *flows))
@@ -130,12 +136,12 @@ def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array],
 
     Values have shape (..., m) where the arrays have (...); factors have shape (m,).
     """
-    factors, misfit, largest = list[Array](), 0.0, 0.0
+    factors = list[Array]()
+    misfit = 0.0
+    largest = 0.0
     for columns, values in parts:
-        matrix, wanted = (
-            np.stack([each.ravel() for each in columns], axis=1),
-            values.reshape(columns[0].size, -1),
-        )
+        matrix = np.stack([each.ravel() for each in columns], axis=1)
+        wanted = values.reshape(columns[0].size, -1)
         solution = np.linalg.lstsq(matrix, wanted, rcond=1e-10)[0]
         factors += list(solution)
         misfit = max(misfit, float(np.abs(matrix @ solution - wanted).max()))

@@ -38,10 +38,13 @@ SLIGHT = 1e-12
 
 def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> Array:
     """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times the root mean square."""
-    size, a = np.linalg.norm(momentum, axis=1), np.sqrt(a2)
+    size = np.linalg.norm(momentum, axis=1)
+    a = np.sqrt(a2)
     # Along L the flow's x and y are n_x and n_y, so that across it xy* is -n_x n_y - i n_z.
     x, y, z = momentum.T / size
-    xx, yy, xy = x * x, y * y, -x * y
+    xx = x * x
+    yy = y * y
+    xy = -x * y
     products = (
         (1 - xx) * (1 - yy) / 16,
         (1 - xx) * yy / 4,

@@ -25,21 +25,33 @@ STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha
 FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
 NAMES = (*FIRST, *SECOND, "nu1", "nu2")
-HEAD, SERIES, NODES = 2, len(NAMES), 32
-POLES, POLE = 8, 2 + 2 * len(SECOND)
+HEAD = 2
+SERIES = len(NAMES)
+NODES = 32
+POLES = 8
+POLE = 2 + 2 * len(SECOND)
 # Keeps 0/0 away where a run rests on a resonance.
 TINY = 1e-60
 
 
 def field(ops: Operations) -> Field:
     """Rates of (L/I_max, a, e₁, σ_α, σ_β) in slow time."""
-    root, averaged = ops.sqrt, ops.use(averaged_rates)
+    root = ops.sqrt
+    averaged = ops.use(averaged_rates)
 
     def rhs(y, p):
-        lx, ly, lz, a, ex, ey, ez = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        a = y[3]
+        ex = y[4]
+        ey = y[5]
+        ez = y[6]
         size = root(lx * lx + ly * ly + lz * lz)
         over = 1 / size
-        nx, ny, nz = lx * over, ly * over, lz * over
+        nx = lx * over
+        ny = ly * over
+        nz = lz * over
         found = series((a * a - p[0]) * p[1], p)
         f0, f2, g0, g2, r1, r2, ea, eb = found[: len(FIRST)]
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
@@ -48,7 +60,9 @@ def field(ops: Operations) -> Field:
             for k in range(len(SECOND)):
                 found[len(FIRST) + k] += twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND) + k]
         a1, a2, b1, b2, *across, nu1, nu2 = found[len(FIRST) :]
-        n, f, g = (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2)
+        n = (nx, ny, nz)
+        f = (f0, f2, a1, a2)
+        g = (g0, g2, b1, b2)
         growth, rise, tx, ty, tz = averaged(size, n, f, g, (r1, r2), across)
         s = nx * ny * over
         lost = (ex * tx + ey * ty + ez * tz) * over
@@ -69,14 +83,16 @@ def field(ops: Operations) -> Field:
 
 def regular(x: Any, square: Any) -> tuple[Any, Any]:
     """What stands for 1/x² and 1/x: x³/(x⁴ + w⁴) for the latter, `square` = ±w², less its derivative for the first."""
-    x2, w4 = x * x, square * square + TINY
+    x2 = x * x
+    w4 = square * square + TINY
     over = 1 / (x2 * x2 + w4)
     return x2 * (x2 * x2 - 3 * w4) * over * over, x2 * x * over
 
 
 def series(t: Any, p: Any) -> list[Any]:
     """The Chebyshev series at t."""
-    found, terms = [], polynomials(t, NODES)
+    found = []
+    terms = polynomials(t, NODES)
     for first in range(HEAD, HEAD + SERIES * NODES, NODES):
         total = p[first] + p[first + 1] * t
         for k in range(2, NODES):
@@ -87,7 +103,8 @@ def series(t: Any, p: Any) -> list[Any]:
 
 def polynomials(t: Any, count: int) -> list[Any]:
     """The first Chebyshev polynomials at t."""
-    found, twice = [1 + 0 * t, t], 2 * t
+    found = [1 + 0 * t, t]
+    twice = 2 * t
     while len(found) < count:
         found.append(twice * found[-1] - found[-2])
     return found
@@ -98,12 +115,19 @@ def averaged_rates(ops: Operations) -> Callable[..., Any]:
 
     def averaged(size, n, f, g, r, p):
         over = 1 / size
-        sx, sy, s0 = 0.5 * n[1], 0.5 * n[0], n[0] * n[1]
-        w, s = 0.5 * n[2] * over, s0 * over
+        sx = 0.5 * n[1]
+        sy = 0.5 * n[0]
+        s0 = n[0] * n[1]
+        w = 0.5 * n[2] * over
+        s = s0 * over
         # L'⊥ = n × (S u₁ + W u₂) + S⊥ v₁ + W v₂ with S = (sx, sy, 0) and W = (sx, -sy, 0).
-        u1, u2 = r[0] + over * s * p[2], r[1] + over * s * p[3]
-        v1, v2 = over * (p[0] + p[4] * w), over * (p[1] + p[5] * w)
-        ux, uy, flat = sx * (u1 + u2), sy * (u1 - u2), v1 * s0
+        u1 = r[0] + over * s * p[2]
+        u2 = r[1] + over * s * p[3]
+        v1 = over * (p[0] + p[4] * w)
+        v2 = over * (p[1] + p[5] * w)
+        ux = sx * (u1 + u2)
+        uy = sy * (u1 - u2)
+        flat = v1 * s0
         return (
             f[0] + f[1] * w + over * s * (f[2] + f[3] * w),
             g[0] + g[1] * w + over * s * (g[2] + g[3] * w),

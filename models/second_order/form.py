@@ -142,13 +142,16 @@ def slow_start(
     spheroid: Spheroid, torque_factor: float, exact: Sequence[float]
 ) -> tuple[float, ...] | None:
     """Slow L over I_e and p whose image under the transformation are the exact ones; None if none are found."""
-    slow, left, size = exact, 1.0, max(1.0, hypot(*exact[:3]))
+    slow = exact
+    left = 1.0
+    size = max(1.0, hypot(*exact[:3]))
     for _ in range(START_PASSES):
         image = spheroidal.swung(spheroid, torque_factor, slow[:3], slow[3:])
         excess = [found - wanted for found, wanted in zip(image, exact, strict=True)]
         slow = [found - more for found, more in zip(slow, excess, strict=True)]
         slow[3:] = spheroidal.unit(slow[3:])
-        before, left = left, max(map(abs, excess)) / size
+        before = left
+        left = max(map(abs, excess)) / size
         # Each pass gains the same factor.
         if left * min(1, left / before) <= START_CLOSE:
             return tuple(slow)

@@ -25,7 +25,9 @@ MEANINGLESS = 0.35
 HARMONIC = 2
 # Shares of the error asked for that averaging and kicks left out may cost, the latter together and
 # one alone; by trial.
-SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
+SHARE = 0.5
+LEFT_OUT = 0.3
+ONE = 0.15
 # Kicks of random phases stay below so many times the root of the sum of their squares all along in
 # 97.5 %: 2.5/√2, as a walk's largest distance is beyond one at most twice as often as its last.
 RANDOM = 1.77
@@ -36,17 +38,21 @@ TURNS = 300
 FALLEN = 0.1
 # Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings
 # in a run at most.
-FADING, LONG_AGO = 0.15, 600.0
+FADING = 0.15
+LONG_AGO = 600.0
 # Levels between which windows are chosen: the share of the one before, and the least one's of the
 # largest.
-FALL, LEAST = 0.53, 1e-8
+FALL = 0.53
+LEAST = 1e-8
 # Where a window is looked at, in half widths from its middle.
 INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
 # means little.
 REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
-SEPARATRIX, TOO_SLOW, INACCURATE = 1, 2, 3
+SEPARATRIX = 1
+TOO_SLOW = 2
+INACCURATE = 3
 
 
 @dataclass(frozen=True)
@@ -88,19 +94,24 @@ class Outline:
 @np.errstate(over="ignore", invalid="ignore")
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
-    path, share = path_of(scene), SHARE * budget
-    ahead, kicks = Ahead.of(path, budget), path.kicks
+    path = path_of(scene)
+    share = SHARE * budget
+    ahead = Ahead.of(path, budget)
+    kicks = path.kicks
     if kicks:
         # A window may be narrower than the path's steps.
         halves = [ahead.strong.get(each, each.width) for each in kicks]
         path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
-    times, weight, reasons = path.times, ahead.weight(path.times), [*REASONS]
+    times = path.times
+    weight = ahead.weight(path.times)
+    reasons = [*REASONS]
     # Why averaging means nothing, by number: 0 where it does.
     beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
     why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
     why[~(path.size > TINY)] = TOO_SLOW
     why[(why == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = TOO_SLOW
-    sound, sudden = why == 0, np.zeros(len(times))
+    sound = why == 0
+    sudden = np.zeros(len(times))
     swing, smaller, third = (
         np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third)
     )
@@ -120,7 +131,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     unknown = sound & ~(np.isfinite(held) & np.isfinite(local))
     why[unknown] = INACCURATE
     sound &= ~unknown
-    held, local = np.where(unknown, 0, held), np.where(unknown, 0, local)
+    held = np.where(unknown, 0, held)
+    local = np.where(unknown, 0, local)
     late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / float(times[-1])) * times)
     # Where the phase is wrong, the swing is put back wrongly.
     swung = np.where(sound & (local <= share), swing * path.scale, 0)
@@ -135,7 +147,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     lag = path.lag(np.where(why == 0, swing, 0))
     local = local + HARMONIC * np.minimum(lag, 1) * swing * path.scale
     why[(why == 0) & (local > share)] = INACCURATE
-    drifting, passing = errors + sudden, np.where(why == 0, local + wrong, 0)
+    drifting = errors + sudden
+    passing = np.where(why == 0, local + wrong, 0)
     orientation = pi
     if np.isfinite(path.swing).all():
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
@@ -162,11 +175,13 @@ class Ahead:
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
         """The kicks of a path, where windows are to miss no more than a budget."""
-        found, together = cls(path, {}, {}, []), 0.0
+        found = cls(path, {}, {}, [])
+        together = 0.0
         kicks = sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time)
         if not kicks:
             return found
-        g, last = np.diag([1.0, 1, 0, 0]), path.turned[-1]
+        g = np.diag([1.0, 1, 0, 0])
+        last = path.turned[-1]
         for kick, here in zip(
             kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True
         ):
@@ -176,9 +191,11 @@ class Ahead:
             square = 0.5 * (given.conj() @ g @ given).real
             size = max(kick.size, sqrt(square))
             if size <= ONE * budget and hypot(together, size) <= LEFT_OUT / RANDOM * budget:
-                found.left[kick], together = size, hypot(together, size)
+                found.left[kick] = size
+                together = hypot(together, size)
                 continue
-            g, last = onwards.T @ g @ onwards, here
+            g = onwards.T @ g @ onwards
+            last = here
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
             found.behind.append((kick.time, g, last))
             if kick.width:
@@ -194,7 +211,8 @@ class Ahead:
             until, g, last = (np.array(each) for each in zip(*self.behind, strict=True))
             at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
             before = at >= 0
-            at, onwards = at[before], np.zeros((int(before.sum()), 4, 2))
+            at = at[before]
+            onwards = np.zeros((int(before.sum()), 4, 2))
             onwards[:, [0, 1], [0, 1]] = 1
             onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
             weight[before] = np.sqrt(
@@ -213,7 +231,8 @@ def _stretches(
     weight: Array,
 ) -> Iterator[Stretch]:
     """Stretches of the run; those by second order last a while, unless it is the whole run."""
-    times, turns = path.times, path.summed(path.speed) / (2 * pi * path.torque_factor)
+    times = path.times
+    turns = path.summed(path.speed) / (2 * pi * path.torque_factor)
     # Windows reach from a sound point to a sound point.
     between = np.where(why[:-1] > 0, why[:-1], why[1:])
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
@@ -229,13 +248,12 @@ def _stretches(
             found.append((first, last))
     gained = path.summed(path.wear * weight)
     for first, last in found:
-        here, whole = (
-            slice(first, last + 1),
-            [each for each in dict.fromkeys(between[first:last].tolist()) if each],
-        )
+        here = slice(first, last + 1)
+        whole = [each for each in dict.fromkeys(between[first:last].tolist()) if each]
         if whole:
             reason = "; ".join(dict.fromkeys(reasons[each] for each in whole))
-            decisive, until = SEPARATRIX in whole or TOO_SLOW in whole, last
+            decisive = SEPARATRIX in whole or TOO_SLOW in whole
+            until = last
             while first < last:
                 cut = int(
                     np.searchsorted(gained, gained[last] - FALLEN * (gained[last] - gained[first]))
@@ -244,19 +262,15 @@ def _stretches(
                     TURNS, 2 * FALLEN * (turns[last] - turns[first])
                 )
                 until = cut if cut > first and lasting else last
-                ends, turned = (
-                    (float(times[first]), float(times[until])),
-                    float(gained[until] - gained[first]),
-                )
+                ends = (float(times[first]), float(times[until]))
+                turned = float(gained[until] - gained[first])
                 yield Stretch(
                     *ends, False, reason, decisive=decisive and until == last, turned=turned
                 )
                 first = until
         else:
             error = drifting[here].max() - (drifting[first] if first else 0.0) + passing[here].max()
-            swing, turned = (
-                lag[last] - lag[first] + path.swing[here].max(),
-                gained[last] - gained[first],
-            )
+            swing = lag[last] - lag[first] + path.swing[here].max()
+            turned = gained[last] - gained[first]
             ends = float(times[first]), float(times[last])
             yield Stretch(*ends, True, error=float(error), swing=float(swing), turned=float(turned))

@@ -24,11 +24,14 @@ Array = np.ndarray
 # The solver that follows a path, imported on use, as models know no solvers; its tolerance, by
 # which kicks are where they are said to be. Points of a path, and of a spheroid's, which has no
 # kicks.
-FOLLOWED, TOLERANCE = "polhode.solvers.following:followed", 1e-8
-KICKED, SMOOTH = 240, 100
+FOLLOWED = "polhode.solvers.following:followed"
+TOLERANCE = 1e-8
+KICKED = 240
+SMOOTH = 100
 # |L| over I_max below which a body does not rotate, and what times lie apart at least, over the whole: rates are taken
 # between them.
-TINY, CLOSE = 1e-12, 1e-12
+TINY = 1e-12
+CLOSE = 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
 DEEPEST = tables.MOST - 0.2
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs;
@@ -60,7 +63,8 @@ class Path:
     def of(cls, scene: Scene) -> "Path":
         """The path of a scene with 0 < St < inf."""
         form = find_form(averaged_form(scene))
-        times, slow = np.zeros(1), scene.initial.slow
+        times = np.zeros(1)
+        slow = scene.initial.slow
         # Where L is 0 or along the middle axis, nothing is averaged.
         with suppress(FormNotValidError):
             problem = form.problem(scene)
@@ -68,7 +72,8 @@ class Path:
             times, states = imported(FOLLOWED)(problem, TOLERANCE, points)
             # Times of a short run may lie closer than numbers can.
             apart = np.append(True, np.diff(times) > 0)
-            times, slow = times[apart], form.observe(scene, states).slow[apart]
+            times = times[apart]
+            slow = form.observe(scene, states).slow[apart]
         if times[-1] < scene.slow_time:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
             end = times[-1] + sqrt(RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
@@ -203,7 +208,8 @@ class Path:
 
     def crossings(self) -> list[Kick]:
         """Jumps at L² = 2EI₂, as kicks by the phase α."""
-        inside, unit = np.isfinite(self.a2), max(self.ellipsoid.inertia)
+        inside = np.isfinite(self.a2)
+        unit = max(self.ellipsoid.inertia)
         found = []
         for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
             series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
@@ -215,15 +221,19 @@ class Path:
         return found
 
     def _kicks(self, side: bool, here: Array, table: tables.Table) -> list[Kick]:
-        unit, times, a2 = max(self.ellipsoid.inertia), self.times, self.a2
+        unit = max(self.ellipsoid.inertia)
+        times = self.times
+        a2 = self.a2
         above = a2[here, None] > table.resonances[:, 2]
         at, which = np.nonzero((np.diff(here) == 1)[:, None] & (above[1:] != above[:-1]))
         if not len(at):
             return []
         at = here[at]
         k1, k2, there, slope = table.resonances[which, :4].T
-        share, step = (there - a2[at]) / (a2[at + 1] - a2[at]), times[at + 1] - times[at]
-        when, drift = times[at] + share * step, np.abs(a2[at + 1] - a2[at]) / step
+        share = (there - a2[at]) / (a2[at + 1] - a2[at])
+        step = times[at + 1] - times[at]
+        when = times[at] + share * step
+        drift = np.abs(a2[at + 1] - a2[at]) / step
         slow = self.slow[at] + share[:, None] * (self.slow[at + 1] - self.slow[at])
         size = np.linalg.norm(slow[:, :3], axis=1)
         width = np.sqrt(self.torque_factor / (size * np.abs(slope) * drift))
@@ -232,7 +242,8 @@ class Path:
             series_for(self.ellipsoid, side), slow[:, :3], there, k1.astype(int), k2.astype(int)
         )
         strength, grown, risen = (lasting * each for each in found)
-        h, fall = 2 * slow[:, 3] / size**2, np.exp(-there)
+        h = 2 * slow[:, 3] / size**2
+        fall = np.exp(-there)
         energy = (
             size * h * grown
             + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
@@ -273,18 +284,17 @@ class Path:
     @cached_property
     def rates(self) -> Array:
         """Change of the rates of (α, β), over St, per change of (|L|, E) over I_max, shape (m, 2, 2)."""
-        unit, size, energy = (
-            max(self.ellipsoid.inertia),
-            self.size,
-            self.slow[:, 3] / max(self.ellipsoid.inertia),
-        )
+        unit = max(self.ellipsoid.inertia)
+        size = self.size
+        energy = self.slow[:, 3] / max(self.ellipsoid.inertia)
         rates = np.zeros((len(self.times), 2, 2))
         for side, here, table in self._sides:
             t, (_, width) = 2 * self.a2[here] / tables.MOST - 1, _range(self.ellipsoid, side)
             nu, rise = np.split(tables.evaluated(table.turning, t).T, 2, axis=1)
             # ∂a²/∂E, and ∂a²/∂|L| over it.
             steep = 2 * np.exp(self.a2[here]) / (unit * size[here] ** 2 * width)
-            rise, fall = unit * (size[here] * steep)[:, None] * rise, -2 * energy[here] / size[here]
+            rise = unit * (size[here] * steep)[:, None] * rise
+            fall = -2 * energy[here] / size[here]
             rates[here] = np.stack([unit * nu + fall[:, None] * rise, rise], axis=2)
         return rates
 

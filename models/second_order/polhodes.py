@@ -36,24 +36,24 @@ class SidedBody:
     @classmethod
     def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "SidedBody":
         """The side on which a body angular momentum, shape (3,), lies."""
-        squares, middle = momentum * momentum, ellipsoid.inertia[ellipsoid.order[1]]
+        squares = momentum * momentum
+        middle = ellipsoid.inertia[ellipsoid.order[1]]
         beyond = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
         return cls._of(ellipsoid, beyond, bool(momentum[ellipsoid.order[0 if beyond else 2]] < 0))
 
     @classmethod
     @lru_cache(maxsize=256)
     def _of(cls, ellipsoid: Ellipsoid, beyond: bool, below: bool) -> "SidedBody":
-        inertia, order = np.array(ellipsoid.inertia), list(ellipsoid.order)
+        inertia = np.array(ellipsoid.inertia)
+        order = list(ellipsoid.order)
         if beyond:
             order.reverse()
         axes = np.eye(3)[order]
         axes[1] *= np.linalg.det(axes)
         if below:
             axes[1:] *= -1
-        drag, squares = (
-            8 * pi * np.array(ellipsoid.resistance)[order],
-            np.array(ellipsoid.scaled_axes)[order] ** 2,
-        )
+        drag = 8 * pi * np.array(ellipsoid.resistance)[order]
+        squares = np.array(ellipsoid.scaled_axes)[order] ** 2
         return cls(axes, 1 / inertia[order], drag, squares)
 
     def moduli(self, x: Array, rest: Array) -> tuple[Array, Array, Array]:
@@ -134,7 +134,8 @@ class Polhodes:
     @cached_property
     def _turn(self) -> tuple[Array, Array]:
         """Turn of S about e₃ per α, shape (m,), and χ, shape (m, a)."""
-        z, dz = self.z, self.along
+        z = self.z
+        dz = self.along
         lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
         spectrum = np.fft.fft(lag, axis=1)
         order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
@@ -157,9 +158,12 @@ class Polhodes:
     def beside(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
         steps, weights = np.array(DIFFERENCES).T
-        steps, weights = np.concatenate([steps, -steps]), np.concatenate([weights, -weights]) / STEP
-        y, phase = (self.y + STEP * steps[:, None]).ravel(), np.tile(self.phase, len(steps))
-        near, total = replace(self, y=y, phase=phase), dict[str, Array]()
+        steps = np.concatenate([steps, -steps])
+        weights = np.concatenate([weights, -weights]) / STEP
+        y = (self.y + STEP * steps[:, None]).ravel()
+        phase = np.tile(self.phase, len(steps))
+        near = replace(self, y=y, phase=phase)
+        total = dict[str, Array]()
         for name in ("z", "lead", "rate", "turn"):
             values = getattr(near, name)
             total[name] = np.tensordot(

@@ -15,7 +15,8 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-START_PASSES, START_CLOSE = 60, 1e-14
+START_PASSES = 60
+START_CLOSE = 1e-14
 # States whose places are held in memory together.
 CHUNK = 208
 # Keeps 0/0 away where nothing turns.
@@ -101,7 +102,11 @@ def _slow_start(
     series: Series, torque_factor: float, exact: Array, pose: Array
 ) -> tuple[Array, Array, Place]:
     """Slow L, the e₁ of its frame and its place on the torus, whose image is the exact L and R = `pose`."""
-    momentum, rotation, moved, left, close = exact, pose, np.zeros((2, 3)), 1.0, False
+    momentum = exact
+    rotation = pose
+    moved = np.zeros((2, 3))
+    left = 1.0
+    close = False
     for _ in range(START_PASSES):
         size = sqrt(momentum @ momentum)
         place = _place(series, momentum @ rotation / size)
@@ -112,12 +117,15 @@ def _slow_start(
         q = rotation @ place.body[0].T
         if close:
             return momentum, q[:, 0], place
-        last, moved = moved, np.concatenate(place.swing(q[None], np.array([size]), torque_factor))
+        last = moved
+        moved = np.concatenate(place.swing(q[None], np.array([size]), torque_factor))
         change, turn = np.abs(moved - last).max(axis=1).tolist()
-        before, left = left, max(change / size, turn)
+        before = left
+        left = max(change / size, turn)
         # Each pass gains the same factor.
         close = left * min(1, left / before) < START_CLOSE
-        momentum, rotation = exact - moved[0], rotation_by(-moved[1:])[0] @ pose
+        momentum = exact - moved[0]
+        rotation = rotation_by(-moved[1:])[0] @ pose
     raise NotAveragedError(f"St = {1 / torque_factor:g} is too small for this start")
 
 

@@ -42,7 +42,8 @@ TINY = 1e-300
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
     """Coefficients of the torque over I_e, T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), L in units of I_e."""
     # D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
-    equatorial, axial = spheroid.equatorial_damping, spheroid.axial_damping
+    equatorial = spheroid.equatorial_damping
+    axial = spheroid.axial_damping
     return {
         "D": equatorial,
         "d": axial - equatorial,
@@ -99,9 +100,12 @@ def slow_rates(ops: Operations) -> Callable[..., Any]:
         )
         g = p[4], p[5], p[18] + x * p[19], p[20] + x * p[21]
         r = p[8] + p[9] * x, p[10] + p[11] * x
-        p1, p2 = p[22] + x * (p[23] + x * p[24]), p[25] + x * (p[26] + x * p[27])
-        p3, p4 = p[28] + x * (p[29] + x * p[30]), p[31] + x * (p[32] + x * p[33])
-        p5, p6 = p[34] + x * (p[35] + x * p[36]), p[37] + x * (p[38] + x * p[39])
+        p1 = p[22] + x * (p[23] + x * p[24])
+        p2 = p[25] + x * (p[26] + x * p[27])
+        p3 = p[28] + x * (p[29] + x * p[30])
+        p4 = p[31] + x * (p[32] + x * p[33])
+        p5 = p[34] + x * (p[35] + x * p[36])
+        p6 = p[37] + x * (p[38] + x * p[39])
         return averaged(size, n, f, g, r, (p1, p2, p3, p4, p5, p6))
 
     return rates
@@ -109,20 +113,30 @@ def slow_rates(ops: Operations) -> Callable[..., Any]:
 
 def field(ops: Operations) -> Field:
     """Rates of (L, q, σ) in slow time t₂ = t/St; p as from `parameters`."""
-    sqrt, rates = ops.sqrt, ops.use(slow_rates)
+    sqrt = ops.sqrt
+    rates = ops.use(slow_rates)
 
     def rhs(y, p):
-        lx, ly, lz, qx, qy, qz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        qx = y[3]
+        qy = y[4]
+        qz = y[5]
         size = sqrt(lx * lx + ly * ly + lz * lz)
         over = 1 / size
-        nx, ny, nz = lx * over, ly * over, lz * over
+        nx = lx * over
+        ny = ly * over
+        nz = lz * over
         h = nx * qx + ny * qy + nz * qz
         x = h * h
         growth, rise, tx, ty, tz = rates(size, (nx, ny, nz), x, p)
 
         # n' carries q along: (n × n') × q = n'(n·q) - n(n'·q).
-        kept, lost = h * over, (tx * qx + ty * qy + tz * qz) * over
-        fall, turn = h * rise, nx * ny * over * (p[6] + p[7] * x)
+        kept = h * over
+        lost = (tx * qx + ty * qy + tz * qz) * over
+        fall = h * rise
+        turn = nx * ny * over * (p[6] + p[7] * x)
         return (
             growth * lx + tx,
             growth * ly + ty,
@@ -147,21 +161,30 @@ def generator(
     seen from n.
     """
     D, d, c, k = torque_coefficients(spheroid).values()
-    c8, k8, over = c / 8, k / 8, 1 / dot(momentum, momentum) ** 0.5
+    c8 = c / 8
+    k8 = k / 8
+    over = 1 / dot(momentum, momentum) ** 0.5
     nx, ny, nz = n = over * momentum[0], over * momentum[1], over * momentum[2]
     h, (fx, fy, fz) = dot(n, axis), cross(n, axis)
     ex, ey, ez = plus(axis, -h, n)
     ex, ey, ez = e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
     fx, fy, fz = f = cross(n, e)
-    axis, r2, h4, over2 = plus(e, h, n), dot(e, e) + TINY, 4 * h, over * over
+    axis = plus(e, h, n)
+    r2 = dot(e, e) + TINY
+    h4 = 4 * h
+    over2 = over * over
     # Twice the rate of strain along pairs of n, e and f; of e and f over r2.
-    nn, ne, nf = 2 * nx * ny, nx * ey + ny * ex, nx * fy + ny * fx
-    ee, ef = 2 * ex * ey / r2, (ex * fy + ey * fx) / r2
+    nn = 2 * nx * ny
+    ne = nx * ey + ny * ex
+    nf = nx * fy + ny * fx
+    ee = 2 * ex * ey / r2
+    ef = (ex * fy + ey * fx) / r2
     along = over * (h4 * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn))
     across = over * (c8 * fz - k8 * ne - k8 * h4 * (2 * nn + ee))
     beside = d * h + over * (h4 * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf)
     change = plus(plus((along * nx, along * ny, along * nz), across, e), beside, f)
-    steady, strained = D / 2 * over2, k / 6 * over2 * (h4 * h - 1)
+    steady = D / 2 * over2
+    strained = k / 6 * over2 * (h4 * h - 1)
     tilt = over2 * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz)
     turn = over * d * h + over2 * (c8 * (ez + h4 * nz) - k8 * (5 / 3 * nf + 2 * h * ef))
     turned = plus(
@@ -181,7 +204,8 @@ def swung(
 def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.ndarray:
     """Exact L over I_e and p, shape (n, 6), of states of `field`, shape (n, 7)."""
     turns = states[:, 6] / torque_factor
-    cos, sin = np.cos(turns), np.sin(turns)
+    cos = np.cos(turns)
+    sin = np.sin(turns)
     if 0 < len(states) <= FEW:
         rows = zip(states.tolist(), cos.tolist(), sin.tolist(), strict=True)
         return np.array(
@@ -217,7 +241,9 @@ def orders(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
-    square, flattening, n = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1, unit(momentum)
+    square = dot(momentum, momentum)
+    flattening = 1 / spheroid.inertia_ratio - 1
+    n = unit(momentum)
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
     beside = cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])

@@ -30,11 +30,15 @@ Array = np.ndarray
 # Changes whenever the numbers of a series do.
 VERSION = 4
 # Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
-NODES, PHASES, TERMS = 40, 96, 25
+NODES = 40
+PHASES = 96
+TERMS = 25
 _ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
 DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
-_E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
-_LEVEL, _TURN = np.diag([0.5, 0.5, -1]), np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
+_E = np.array([1, -1j, 0])
+_Z = np.array([0, 0, 1])
+_LEVEL = np.diag([0.5, 0.5, -1])
+_TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
 BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag.
 TURNS = np.array([2, 1, 1, 0, 0, 0])
@@ -42,7 +46,9 @@ TURNS = np.array([2, 1, 1, 0, 0, 0])
 # rate of β + tα with t = (h - ν₂)/ν₁ vanishes.
 RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
 TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
-Y, ALONG, ACROSS = slice(0, 6), slice(12, 18), slice(18, 27)
+Y = slice(0, 6)
+ALONG = slice(12, 18)
+ACROSS = slice(18, 27)
 # Of each the harmonic k₂, whether its coefficients are real or imaginary, how often it counts, and
 # the c that it goes with, those of the conjugates behind the others.
 K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * TURNS[TENSOR]
@@ -64,20 +70,28 @@ _BOTH = (
 # imaginary parts stand among the products with 1/D of these harmonics and 1/D² of the lower ones,
 # what they count, where those of one kind begin.
 _PARTS = np.r_[: len(RATE), Y, ALONG]
-_ALL, _FIRST = SUMMED.shape[1], 1 - int(HARMONICS[0])
-_OVER, _MIRRORED = _ALL * (np.arange(len(_PARTS)) >= len(RATE)), K2[_PARTS] < 0
+_ALL = SUMMED.shape[1]
+_FIRST = 1 - int(HARMONICS[0])
+_OVER = _ALL * (np.arange(len(_PARTS)) >= len(RATE))
+_MIRRORED = K2[_PARTS] < 0
 _REAL = FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
 _IMAG = 1j * _REAL * np.where(_MIRRORED, -1, 1)
 _PLACES = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
 _PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(K2[_PARTS]))[:, None]).ravel()
-_FACTORS, _SOURCES = (_REAL + _IMAG).view(float), SOURCE[_PARTS]
+_FACTORS = (_REAL + _IMAG).view(float)
+_SOURCES = SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of
 # that share.
-FAINT, LEAST_FAINT, MOST_FAINT, ROUNDING = 1e-14, 1e-11, 1e-6, 1e-12
+FAINT = 1e-14
+LEAST_FAINT = 1e-11
+MOST_FAINT = 1e-6
+ROUNDING = 1e-12
 # Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the
 # mean, which has no part.
-CLOSE, TINY, ENDLESS = 0.01, 1e-100, 1e100
+CLOSE = 0.01
+TINY = 1e-100
+ENDLESS = 1e100
 # An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
 # arithmetic on them.
 np.empty(1 << 18)
@@ -114,7 +128,8 @@ class Place:
 
     def moved(self, c: Array, size: Array, torque_factor: float) -> Array:
         """The same in the frame of L, shape (m, 3, 2), of the tensors' c."""
-        series, m = self.series, len(size)
+        series = self.series
+        m = len(size)
         terms = self._needed(
             "rates", TERMS, min(MOST_FAINT, max(LEAST_FAINT, FAINT / torque_factor))
         )
@@ -138,7 +153,8 @@ class Place:
         products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = (np.take(products, _PLACES, axis=1) * _FACTORS).view(complex)
         # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
-        c, ahead = c.copy(), np.exp(1j * self.shape[:, :1])
+        c = c.copy()
+        ahead = np.exp(1j * self.shape[:, :1])
         c[:, :3] *= ahead
         c[:, :1] *= ahead
         summands *= np.concatenate([c, c.conj()], axis=1)[:, _SOURCES]
@@ -151,14 +167,17 @@ class Place:
         )
         (z1, z2, z3), (_, y1, y2, y3) = _columns(self.z), _columns(self.shape)
         i1, i2, i3 = series.side.inverse_inertia.tolist()
-        drawn, u_y = drawn / a, u_y / a
+        drawn = drawn / a
+        u_y = u_y / a
         u_a = (u_a / a - nu1 * growth - rise1 * drawn) / nu1
         h = i1 * z1 * z1 + i2 * z2 * z2 + i3 * z3 * z3
         u_b = -h * growth - (rise2 + (h - nu2) / nu1 * rise1) * drawn
         # The change of n in the body, which S carries across L.
-        x, y = u_a * (i3 - i2) * z2 * z3 + u_y * y1, u_a * (i1 - i3) * z3 * z1 + u_y * y2
+        x = u_a * (i3 - i2) * z2 * z3 + u_y * y1
+        y = u_a * (i1 - i3) * z3 * z1 + u_y * y2
         least = (z1 * x + z2 * y) / (1 + z3) + u_a * (i2 - i1) * z1 * z2 + u_y * y3
-        x, y = x - z1 * least, y - z2 * least
+        x = x - z1 * least
+        y = y - z2 * least
         changes = across.real, across.imag, u_l / size
         turns = (y / size - across.imag) / size, (across.real - x / size) / size, u_b / size**2
         return (torque_factor * np.array([changes, turns])).reshape(2, 3, m).T
@@ -200,14 +219,21 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
     # number does.
     square = 1 / np.maximum(x * x, np.abs(q) + TINY)
-    u, once, twice = q * square, np.empty(x.shape, complex), np.empty(x.shape, complex)
-    u2, over = u * u, x * square
-    once.real, once.imag = over * (1 - 3 * u2), over * u * (15 * u2 - 1)
-    twice.real, twice.imag = square * (1 - 15 * u2), square * u * (105 * u2 - 3)
+    u = q * square
+    once = np.empty(x.shape, complex)
+    twice = np.empty(x.shape, complex)
+    u2 = u * u
+    over = x * square
+    once.real = over * (1 - 3 * u2)
+    once.imag = over * u * (15 * u2 - 1)
+    twice.real = square * (1 - 15 * u2)
+    twice.imag = square * u * (105 * u2 - 3)
     close = u2 > CLOSE**2
     if close.any():
-        x, q = x[close], q[close]
-        root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
+        x = x[close]
+        q = q[close]
+        root = np.sqrt(-0.5j * q)
+        sign = np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
         found = sqrt(pi) * wofz(z)
         once[close] = sign * 0.5j / root * found
@@ -231,7 +257,8 @@ def _powers(angle: Array, count: int) -> Array:
 def coefficients(q: Array, size: Array) -> Array:
     """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|; Q's rows x and y are the flow's."""
     x1, x2, x3, y1, y2, y3 = _columns(q[:, :2].reshape(-1, 6))
-    x, y = x1 + 1j * x2, y1 + 1j * y2
+    x = x1 + 1j * x2
+    y = y1 + 1j * y2
     level = x * y.conjugate()
     c = x * y / 4, x * y3 / 2, x3 * y / 2, level.real, -level.imag, _columns(size)
     return np.array(c, complex).reshape(6, -1).T
@@ -246,11 +273,9 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
     """Q, shape (m, 3, 3), turned about n: columns e₁, n × e₁, n."""
     first = first - np.sum(n * first, axis=1)[:, None] * n
     first = first / np.linalg.norm(first, axis=1)[:, None]
-    cos, sin, second = (
-        np.cos(turn)[:, None],
-        np.sin(turn)[:, None],
-        np.array(cross(tuple(n.T), tuple(first.T))).T,
-    )
+    cos = np.cos(turn)[:, None]
+    sin = np.sin(turn)[:, None]
+    second = np.array(cross(tuple(n.T), tuple(first.T))).T
     return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 
@@ -267,7 +292,8 @@ def modes_at(
 
     |P| of L', then P* of l' and of y', shape (m,) each.
     """
-    size, many = np.linalg.norm(momentum, axis=1), np.arange(len(a2))
+    size = np.linalg.norm(momentum, axis=1)
+    many = np.arange(len(a2))
     c = coefficients(frame_of(momentum), size)
     factors = np.concatenate([c, c.conj()], axis=1)[:, SOURCE] * UNIT
     factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), TERMS, -1)
@@ -286,7 +312,8 @@ def modes_at(
 @once()
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
     """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
-    side, key = side_of(ellipsoid, longest), f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
+    side = side_of(ellipsoid, longest)
+    key = f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
         found = series_of(side)
@@ -299,7 +326,9 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
     p = Polhodes(side, level(DEPTHS**2), np.zeros(NODES), PHASES)
-    z, dz, yz = p.z, p.along, p.beside.z
+    z = p.z
+    dz = p.along
+    yz = p.beside.z
     body = carried(z, p.lead)
     tensors = np.einsum("naik,jil,nalm->jnakm", body, BASIS, body, optimize=True)
     flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)

@@ -41,11 +41,13 @@ _SECOND = slice(NAMES.index("a1"), NAMES.index("nu1"))
 FAINT = 1e-8
 # Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than
 # nodes fit the others.
-NEAR, SPARE = 0.02, 6
+NEAR = 0.02
+SPARE = 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
 # Distance in a² at which the poles of the averages are found, and the a² of those that are none.
-BESIDE, FAR = 5e-4, 1e3
+BESIDE = 5e-4
+FAR = 1e3
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
 WIDTHS = (4.0, 40.0)
 
@@ -209,7 +211,8 @@ def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
 @once()
 def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tuple[float, ...]:
     """Parameters p of `field` on one side."""
-    averaged, unit = table(ellipsoid, longest), max(ellipsoid.inertia)
+    averaged = table(ellipsoid, longest)
+    unit = max(ellipsoid.inertia)
     over = {*SECOND, "ea", "eb"}
     factors = np.array(
         [(torque_factor if name in over else 1.0) / unit ** SCALES[name] for name in NAMES]
@@ -241,13 +244,12 @@ def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> A
         found.poles[:, 2 : 2 + len(SECOND)].T @ twice + found.poles[:, 2 + len(SECOND) :].T @ once
     )
     values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
-    momentum, energy = slow[:, :3], slow[:, 3]
+    momentum = slow[:, :3]
+    energy = slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)
-    n, first, rates = (
-        (momentum / size[:, None]).T,
-        [np.zeros(len(size))] * 2,
-        averaged_rates(ARRAYS),
-    )
+    n = (momentum / size[:, None]).T
+    first = [np.zeros(len(size))] * 2
+    rates = averaged_rates(ARRAYS)
     growth, rise, *across = rates(
         size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:]
     )

@@ -25,7 +25,8 @@ Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 PRECESSIONS = 8
-_UNITS, _UPSIDE = np.eye(3), np.array([[1.0], [1.0], [-1.0]])
+_UNITS = np.eye(3)
+_UPSIDE = np.array([[1.0], [1.0], [-1.0]])
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ class Torus:
 
     def torque(self, momentum: Triple, driven: Triple) -> Triple:
         """The torque in body axes, of L in them and the angular velocity that drives the body."""
-        drag, inverse = self.polhode.side.drag.tolist(), self.polhode.side.inverse_inertia.tolist()
+        drag = self.polhode.side.drag.tolist()
+        inverse = self.polhode.side.inverse_inertia.tolist()
         return tuple(
             d * (w - i * m) for d, w, i, m in zip(drag, driven, inverse, momentum, strict=True)
         )
@@ -97,7 +99,8 @@ class Torus:
     @cached_property
     def turn_beside(self) -> Array:
         """Turn of S about e₃ per y, shape (m, a)."""
-        z, dz = self.polhode.z, self.polhode.beside.z
+        z = self.polhode.z
+        dz = self.polhode.beside.z
         return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (
             1 + z[..., 2]
         )
@@ -106,7 +109,8 @@ class Torus:
     def inverses(self) -> tuple[Array, Array]:
         """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each."""
         # Zero for the mean, for Nyquist modes and for k₁ + k₂ odd.
-        p, nodes = self.polhode, self.polhode.nodes
+        p = self.polhode
+        nodes = self.polhode.nodes
         k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
         k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
         divisor = k1 * p.rate[:, None, None] + k2 * p.precession[:, None, None]
@@ -129,7 +133,9 @@ class Torus:
         """The generator U of (L, y, α, β), shape (6, ..., m, a, b)."""
         p, size, (twice, once) = self.polhode, self.size[..., None, None], self.inverses
         u = self.spectrum * (-1j * once / size)
-        growth, rise, twice = self.spectrum[2] / size, self.spectrum[3], twice / size
+        growth = self.spectrum[2] / size
+        rise = self.spectrum[3]
+        twice = twice / size
         rates = (p.rate, p.beside.rate), (p.precession, p.beside.precession)
         for angle, (rate, change) in zip(u[4:], rates, strict=True):
             angle -= (rate[:, None, None] * growth + change[:, None, None] * rise) * twice
@@ -162,7 +168,8 @@ def times(matrix: Iterable[Triple], v: Triple) -> Triple:
 def carried(z: Array, turn: Array) -> Array:
     """S, shape (..., 3, 3): the least rotation, then a turn about e₃."""
     first, second, third = np.moveaxis(least_rotation(z), -2, 0)
-    cos, sin = np.cos(turn)[..., None], np.sin(turn)[..., None]
+    cos = np.cos(turn)[..., None]
+    sin = np.sin(turn)[..., None]
     rows = cos * first - sin * second, sin * first + cos * second, third
     return np.stack(np.broadcast_arrays(*rows), axis=-2)
 
@@ -180,5 +187,6 @@ def turning(side: SidedBody, x: Triple, y: Triple) -> Triple:
 
 def turned(side: SidedBody, tensor: Callable[[int, int], Any]) -> Triple:
     """`turning` of the components of a tensor x⊗y in body axes."""
-    s, pairs = side.squares.tolist(), ((1, 2), (2, 0), (0, 1))
+    s = side.squares.tolist()
+    pairs = ((1, 2), (2, 0), (0, 1))
     return tuple((s[j] * tensor(k, j) - s[k] * tensor(j, k)) / (s[j] + s[k]) for j, k in pairs)

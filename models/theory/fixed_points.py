@@ -53,7 +53,8 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
             for i, axis in enumerate(ellipsoid.order)
         ]
     else:
-        axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
+        axial = ellipsoid.symmetry_axis
+        equatorial = (ellipsoid.symmetry_axis + 1) % 3
         known = [
             ("symmetry axis", axial, 0.5),
             ("symmetry axis", axial, -0.5),
@@ -74,8 +75,11 @@ def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, f
     of a triaxial ellipsoid only the first two hold, as limits that are approached like 1/log.
     """
     squares = [length * length for length in ellipsoid.scaled_axes]
-    inertia, resistance = ellipsoid.inertia, ellipsoid.resistance
-    along_x, along_y, wobble = 0.0, 0.0, 0.0
+    inertia = ellipsoid.inertia
+    resistance = ellipsoid.resistance
+    along_x = 0.0
+    along_y = 0.0
+    wobble = 0.0
     for other in ((axis + 1) % 3, (axis + 2) % 3):
         third = 3 - axis - other
         share = squares[third] / (squares[axis] + squares[third])
@@ -107,7 +111,8 @@ def attractors(
     """
     if stokes in (0, inf):
         return ()
-    unit, points = max(ellipsoid.inertia), fixed_points(ellipsoid)
+    unit = max(ellipsoid.inertia)
+    points = fixed_points(ellipsoid)
     states: dict[Rotation, np.ndarray] = {
         each.rotation: np.array([0.0, 0.0, each.state[2], -each.state[2] / 4]) / unit
         for each in points
@@ -132,5 +137,6 @@ def circle(ellipsoid: Ellipsoid, stokes: float) -> float:
     # -½ and E = Iω²/2 by half as much; d is the damping rate and Λ the anisotropy of the section
     # across the axis. It is 0 for oblate ones.
     longest, middle, shortest = ellipsoid.order
-    a2, b2 = ellipsoid.scaled_axes[longest] ** 2, ellipsoid.scaled_axes[middle] ** 2
+    a2 = ellipsoid.scaled_axes[longest] ** 2
+    b2 = ellipsoid.scaled_axes[middle] ** 2
     return sqrt(5) / 4 * ellipsoid.damping[shortest] * (a2 - b2) / (a2 + b2) / stokes

@@ -31,7 +31,8 @@ class Separatrix:
     @cached_property
     def _sorted(self) -> tuple[list[float], list[float]]:
         """Inertia and resistance, from the longest axis to the shortest."""
-        body, order = self.ellipsoid, self.ellipsoid.order
+        body = self.ellipsoid
+        order = self.ellipsoid.order
         return [body.inertia[axis] for axis in order], [body.resistance[axis] for axis in order]
 
     @cached_property
@@ -84,7 +85,8 @@ class Separatrix:
         """L_z' where y has the given value, from its value at a start (`lzassol` with the exact y of `time`)."""
         from scipy.integrate import quad
 
-        rate, here = self.decay / self.growth, _passed(complement)
+        rate = self.decay / self.growth
+        here = _passed(complement)
         pushed = quad(
             lambda y: exp(rate * (_passed(y) - here)),
             complement_start,

@@ -31,13 +31,15 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     damping = ellipsoid.damping[axis] / stokes
     slope, equilibrium = _profile(a, b, MOST_NODES)
     guess = _marched(slope, equilibrium, damping)
-    nodes, previous = 32, nan
+    nodes = 32
+    previous = nan
     while nodes <= MOST_NODES:
         every = MOST_NODES // nodes
         period = _collocated_period(slope[::every], equilibrium[::every], damping, guess[::every])
         if abs(period - previous) <= ROUNDOFF * nodes**0.5 * period:
             return period
-        nodes, previous = 2 * nodes, period
+        nodes = 2 * nodes
+        previous = period
     raise ValueError(
         f"semi_axes: {a!r} and {b!r} in the flow-gradient plane, expected a ratio closer to one"
     )
@@ -67,7 +69,8 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
     # The equation contracts everywhere and each step has one positive root, so that this cannot
     # fail.
     steps = (pi / len(slope) * damping * slope).tolist()
-    rates, rate = [], 0.5
+    rates = []
+    rate = 0.5
     for _ in range(2):
         rates = []
         for step, g in zip(steps, equilibrium.tolist(), strict=True):

@@ -35,16 +35,21 @@ _TABLE = tomllib.loads(Path(__file__).with_name("dormand_prince.toml").read_text
     for row in (*_TABLE["stages"], _TABLE["difference"], _TABLE["bends"])
 )
 # Of the step that the error asks for; between these factors a step changes.
-SAFETY, LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 5.0
+SAFETY = 0.9
+LEAST_FACTOR = 0.2
+GREATEST_FACTOR = 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
-FIRST_STEP, LEAST_STEP = 1e-2, 1e-15
+FIRST_STEP = 1e-2
+LEAST_STEP = 1e-15
 # A particle is given up after this many steps over tolerance^(1/5), and this many per relaxation
 # time besides, which stability asks for: three times what the slowest of 20 000 took. Where L
 # shrinks to nothing, averaging breaks down, E loses to the tolerance what L² leaves of it, and
 # steps stay tiny without end.
-MOST_STEPS, STEPS_PER_RELAXATION = 16.0, 4.0
+MOST_STEPS = 16.0
+STEPS_PER_RELAXATION = 4.0
 # Particles under way at once, and the steps after which those that have arrived are replaced.
-AT_ONCE, STEPS = 1024, 8
+AT_ONCE = 1024
+STEPS = 8
 # Square of a relative error that is as good as none.
 NOTHING = 1e-12
 
@@ -63,7 +68,8 @@ def run_adaptive(
         return run_one_by_one(problem, starts, times, tolerance)
     (n, d), end = starts.shape, float(times[-1])
     parameters = parameter_array(problem)
-    code, fill = _stepper(problem.field, d, len(parameters)), _filler(d, width())
+    code = _stepper(problem.field, d, len(parameters))
+    fill = _filler(d, width())
     constants = np.array([tolerance, end, *parameters])
     with np.errstate(all="ignore"):
         rates = np.stack(np.broadcast_arrays(*problem.field(ARRAYS)(starts.T, parameters)), axis=1)
@@ -74,15 +80,16 @@ def run_adaptive(
     states = np.full((n, len(times), d), np.nan)
     states[:, 0] = starts
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(n)
-    due, tried = np.ones(n), np.zeros(n)
-    index, rows, begun = np.arange(0), fresh[:0], 0
+    due = np.ones(n)
+    tried = np.zeros(n)
+    index = np.arange(0)
+    rows = fresh[:0]
+    begun = 0
     while begun < n or len(index):
         more = np.arange(begun, min(n, begun + AT_ONCE - len(index)))
-        index, rows, begun = (
-            np.append(index, more),
-            np.concatenate([rows, fresh[more]]),
-            begun + len(more),
-        )
+        index = np.append(index, more)
+        rows = np.concatenate([rows, fresh[more]])
+        begun = begun + len(more)
         path = code.march(rows, STEPS + 1, constants, 1)
         first = np.arange(len(index)) // width() * path[0].size + np.arange(len(index)) % width()
         counts = np.array([len(index), len(times)], dtype=float)
@@ -90,11 +97,13 @@ def run_adaptive(
         rows = path[:, -1].swapaxes(1, 2).reshape(-1, rows.shape[1])[: len(index)]
         tried[index] += STEPS
         unfinished = due[index] < len(times)
-        vanished, endless = ~(rows[:, -1] > LEAST_STEP * end), tried[index] >= most
+        vanished = ~(rows[:, -1] > LEAST_STEP * end)
+        endless = tried[index] >= most
         statuses[index[unfinished & endless]] = str(Status.STEP_LIMIT)
         statuses[index[unfinished & vanished]] = str(Status.STEP_UNDERFLOW)
         under_way = unfinished & ~vanished & ~endless
-        index, rows = index[under_way], rows[under_way]
+        index = index[under_way]
+        rows = rows[under_way]
     return states.swapaxes(0, 1), statuses
 
 
@@ -109,7 +118,9 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
             row[dimension : 2 * dimension],
             row[3 * dimension :],
         )
-        tolerance, end, p = c[0], c[1], c[2:]
+        tolerance = c[0]
+        end = c[1]
+        p = c[2:]
         left = end - time
         last = wish - left
         h = where(last, left, wish)
@@ -159,8 +170,10 @@ def _filler(dimension: int, wide: int) -> Callable[..., None]:
     path, first, index, times, due, states, counts = program.arguments
     particles, rows = counts.load(2)
     with program.times(particles) as particle:
-        at, whose = path + first[particle], index[particle]
-        place, out = program.cell(due[whose]), states + whose * rows * dimension
+        at = path + first[particle]
+        whose = index[particle]
+        place = program.cell(due[whose])
+        out = states + whose * rows * dimension
         with program.times(STEPS) as step:
             before = at + step * (size * wide)
             after = before + size * wide
@@ -171,7 +184,8 @@ def _filler(dimension: int, wide: int) -> Callable[..., None]:
                 leave(compare("ogt", times[row], arrived))
                 h = arrived - time
                 share = (times[row] - time) / h
-                rest, filled = 1 - share, out + row * dimension
+                rest = 1 - share
+                filled = out + row * dimension
                 for i in range(dimension):
                     y, rate = (before[(i + k * dimension) * wide] for k in (0, 1))
                     new, slope, bend = (after[(i + k * dimension) * wide] for k in (0, 1, 2))

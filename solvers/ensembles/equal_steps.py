@@ -22,18 +22,24 @@ from polhode.solvers.machine_code.lanes import by_particle
 PIECES = 16
 # Share of the sample whose error the chosen steps keep to, and the error aimed at, over the
 # tolerance.
-KEPT, AIM = 0.98, 0.5
+KEPT = 0.98
+AIM = 0.5
 # A reference's error over the tolerance, by comparison with half as many steps, and how often they
 # are doubled.
-SURE, DOUBLINGS = 0.05, 8
+SURE = 0.05
+DOUBLINGS = 8
 # Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave
 # less in doubt.
-ORDER, ROUNDS, SMALLER = 8, 6, 1.15
+ORDER = 8
+ROUNDS = 6
+SMALLER = 1.15
 # Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times
 # this.
-HALVINGS, TAYLOR = 4, 1e-3
+HALVINGS = 4
+TAYLOR = 1e-3
 # Steps are first tried at this angle, in rad, and at this share of a relaxation time.
-ANGLE, RELAXATION = 1.0, 2.0
+ANGLE = 1.0
+RELAXATION = 2.0
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,8 @@ def run(
         finer = by_particle(_march(by, starts[doubtful], times, steps), len(doubtful))
         states[:, doubtful] = finer[:, ::pieces].swapaxes(0, 1)
         still = ~(_apart(finer[..., None], before[..., None]) <= tolerance * by.sure)
-        doubtful, before = doubtful[still], finer[still]
+        doubtful = doubtful[still]
+        before = finer[still]
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
     if len(doubtful):
         found = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
@@ -119,7 +126,8 @@ def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -
     """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
     # An even number of times lies from one check to the next.
     stride = 2 * -(-(len(times) - 1) // (2 * PIECES))
-    rows, wide = 1 + (len(times) - 1) // stride, by.constants(2 * _step(times, steps))
+    rows = 1 + (len(times) - 1) // stride
+    wide = by.constants(2 * _step(times, steps))
     return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[
         : len(starts)
     ]
@@ -162,7 +170,8 @@ class _Reference:
 def _reference(
     problem: Problem, sample: Array, times: Array, tolerance: float, steps: int
 ) -> _Reference | None:
-    by, before = method(RUNGE_KUTTA, problem), None
+    by = method(RUNGE_KUTTA, problem)
+    before = None
     rounding = float(np.finfo(float).eps)
     for _ in range(DOUBLINGS):
         states = _march(by, sample, times, steps)
@@ -170,7 +179,8 @@ def _reference(
             error = _kept(_apart(states, before)) / by.sure
             if error <= SURE * tolerance:
                 return _Reference(states, max(error, rounding))
-        before, steps = states, 2 * steps
+        before = states
+        steps = 2 * steps
     return None
 
 
@@ -197,10 +207,8 @@ def _fitting(
     plans = []
     for each in {min(good), int(np.ceil(SMALLER * min(good)))}:
         states = tried[each] if each in tried else _march(by, sample, times, each)
-        errors, apart = (
-            _apart(reference.states, states)[: len(sample)],
-            _doubt(by, sample, times, each, states),
-        )
+        errors = _apart(reference.states, states)[: len(sample)]
+        apart = _doubt(by, sample, times, each, states)
         wrong = ~(errors <= AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))

@@ -38,7 +38,8 @@ def names(problem: Problem) -> tuple[str, ...]:
 
 def method(name: str, problem: Problem) -> Method:
     """A method for a problem; its machine code is made once in the life of the process."""
-    p, parts = [float(value) for value in problem.parameters or ()], problem.parts
+    p = [float(value) for value in problem.parameters or ()]
+    parts = problem.parts
     if name == RUNGE_KUTTA:
         code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
         return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages, 2.0**6.5)
@@ -63,7 +64,8 @@ def method(name: str, problem: Problem) -> Method:
 @once()
 def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
     zeros = [0.0] * 64
-    fast, slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+    fast = parts.fast.flow(OPERATIONS)
+    slow = parts.slow.flow(OPERATIONS)
     fast_size, slow_size = (len(part.constants(zeros, 0.0)) for part in (parts.fast, parts.slow))
     count = len(scheme.fast)
     begin = fast_size * (count + 2)
@@ -83,8 +85,10 @@ def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
 
 @once()
 def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes, int]:
-    table, rhs = dop853(), field(OPERATIONS)
-    nodes, weights = table.A[: table.N_STAGES].tolist(), table.B.tolist()
+    table = dop853()
+    rhs = field(OPERATIONS)
+    nodes = table.A[: table.N_STAGES].tolist()
+    weights = table.B.tolist()
 
     def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
         slopes = [rhs(y, c[1:])]

@@ -44,10 +44,8 @@ def run_batches(
         together = order[first : first + lanes]
         rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
         if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
-            states[:, together], statuses[together] = (
-                rows[:, : len(together)],
-                str(Status.REACHED_END),
-            )
+            states[:, together] = rows[:, : len(together)]
+            statuses[together] = str(Status.REACHED_END)
             continue
         # One particle's failure stops its whole batch: each of them gets a run of its own.
         for who in together:

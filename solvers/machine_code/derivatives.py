@@ -51,7 +51,8 @@ def _quotient(above: Any, below: Any) -> "Dual":
 
 
 def _power(base: Any, exponent: Any) -> "Dual":
-    x, n = _value(base), _value(exponent)
+    x = _value(base)
+    n = _value(exponent)
     power = x**n
     by_base = n * x ** (n - 1) if isinstance(exponent, Dual) or n != 0 else 0.0
     return _chained(
@@ -66,7 +67,8 @@ class Dual:
     __array_ufunc__ = None
 
     def __init__(self, value: Any, slopes: dict[int, Any]) -> None:
-        self.value, self.slopes = value, slopes
+        self.value = value
+        self.slopes = slopes
 
     __add__, __radd__ = either_side(
         lambda a, b: _chained(_value(a) + _value(b), (a, 1.0), (b, 1.0))
@@ -158,7 +160,8 @@ def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool
     rates = factory(_DUAL)(y, [Dual(each, {}) for each in read(lines, "p", parameters)])
     columns = [[_slopes(rate).get(i, 0.0) for rate in rates] for i in range(dimension)]
     if mass:
-        masses, cj = read(lines, "mass", dimension), Number(lines, "%cj")
+        masses = read(lines, "mass", dimension)
+        cj = Number(lines, "%cj")
         columns = [[-entry for entry in column] for column in columns]
         for i, each in enumerate(masses):
             columns[i][i] = cj * each + columns[i][i]

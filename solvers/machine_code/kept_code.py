@@ -31,7 +31,8 @@ def check(folder: Path) -> bool:
     if not os.access(folder, os.W_OK):
         return False
     try:
-        known, found = _noted(folder), _sums(folder)
+        known = _noted(folder)
+        found = _sums(folder)
         if all(known.get(key, checksum) == checksum for key, checksum in found.items()):
             # Of entries that no process has written down the one that made them was killed.
             _write(folder, known, found)

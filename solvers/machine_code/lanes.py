@@ -61,7 +61,8 @@ def lanes(
     program = Program("march", "states constants counts", attribute=WIDEST_REGISTERS)
     states, given, counts = program.arguments
     steps, rows, groups = counts.load(3)
-    c, y = [splat(each, wide) for each in given.load(constants)], program.room(dimension, wide)
+    c = [splat(each, wide) for each in given.load(constants)]
+    y = program.room(dimension, wide)
     with program.times(groups) as group:
         first = states.of(wide) + group * rows * float(dimension)
         with program.times(rows - 1.0) as row:

@@ -58,7 +58,8 @@ def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
     """Compile definitions for this processor into an engine, which knows the addresses of the functions."""
     # At a lower level of optimization it takes less time. Extended, every double is x86's long
     # double of 80 bits.
-    llvm, text = _llvm(), _DECLARATIONS + text
+    llvm = _llvm()
+    text = _DECLARATIONS + text
     module = llvm.parse_assembly(_extended(text) if extended else text)
     target = llvm.Target.from_default_triple()
     cpu, features = _host()

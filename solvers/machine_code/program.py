@@ -53,7 +53,11 @@ class Program(dict[str, str]):
         arguments = [f"ptr noalias %{each}" for each in arrays.split()]
         arguments += [f"double %{each}" for each in numbers.split()]
         self.head = f"define {linkage} void @{name}({', '.join(arguments)}) {attribute} {{\nstart:"
-        self.name, self.linkage, self.text, self.rooms, self.count = name, linkage, [], [], 0
+        self.name = name
+        self.linkage = linkage
+        self.text = []
+        self.rooms = []
+        self.count = 0
         self.arguments: list[Any] = [Array(self, f"%{each}") for each in arrays.split()]
         self.arguments += [Number(self, f"%{each}") for each in numbers.split()]
 
@@ -110,7 +114,8 @@ class Program(dict[str, str]):
     @contextmanager
     def when(self, condition: str) -> Iterator[None]:
         """Do what follows if a condition holds."""
-        inside, after = self.new(), self.new()
+        inside = self.new()
+        after = self.new()
         self._branch(condition, inside, after, inside)
         yield
         self._begin(after)
@@ -118,7 +123,8 @@ class Program(dict[str, str]):
     @contextmanager
     def repeat(self) -> Iterator[Callable[[str], None]]:
         """Do what follows again and again, until it is left on a condition."""
-        begin, after = self.new(), self.new()
+        begin = self.new()
+        after = self.new()
         self._begin(begin)
 
         def leave(condition: str) -> None:
@@ -174,7 +180,9 @@ class Array:
     """Numbers in memory, by an index that is counted from 0; with lanes, one of each lane at an index."""
 
     def __init__(self, program: Program, pointer: str, lanes: int = 1) -> None:
-        self.program, self.pointer, self.lanes = program, pointer, lanes
+        self.program = program
+        self.pointer = pointer
+        self.lanes = lanes
         self.kind = widened("double", lanes) if lanes > 1 else "double"
 
     def __add__(self, index: Any) -> "Array":
@@ -216,7 +224,8 @@ class Same:
     """Numbers in memory, each of them for all lanes."""
 
     def __init__(self, array: Array, lanes: int) -> None:
-        self.array, self.lanes = array, lanes
+        self.array = array
+        self.lanes = lanes
 
     def __getitem__(self, index: Any) -> Number:
         return splat(self.array[index], self.lanes)

@@ -68,7 +68,8 @@ class Number:
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def __init__(self, lines: dict[str, str], name: str) -> None:
-        self.lines, self.name = lines, name
+        self.lines = lines
+        self.name = name
 
     def emit(self, line: str) -> "Number":
         """The number that a line computes, a new line or an equal one from before."""
@@ -156,7 +157,8 @@ def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False)
     lines: dict[str, str] = {}
     rates = _evaluate(factory, read(lines, "y", dimension), read(lines, "p", parameters))
     if mass:
-        slopes, masses = read(lines, "slope", dimension), read(lines, "mass", dimension)
+        slopes = read(lines, "slope", dimension)
+        masses = read(lines, "mass", dimension)
         rates = [m * slope - rate for m, slope, rate in zip(masses, slopes, rates, strict=True)]
     return written(lines, rates)
 

@@ -27,9 +27,12 @@ class Flows:
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
-        self.parts, self.dimension, self.chains = parts, dimension, chains
+        self.parts = parts
+        self.dimension = dimension
+        self.chains = chains
         self.lanes = width() if number is float else 1
-        self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+        self.fast = parts.fast.flow(OPERATIONS)
+        self.slow = parts.slow.flow(OPERATIONS)
         self.rate = parts.rate(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
@@ -81,13 +84,13 @@ class Flows:
         self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number
     ) -> None:
         """Compute the constants of a step h, in as many lanes as they have."""
-        fast, slow, lanes = self.parts.fast, self.parts.slow, constants.lanes
+        fast = self.parts.fast
+        slow = self.parts.slow
+        lanes = constants.lanes
         mirrored = self.chains == 1 or isinstance(shares, Same)
-        ops, parameters, program = (
-            WIDE if lanes > 1 else OPERATIONS,
-            Same(p, lanes),
-            constants.program,
-        )
+        ops = WIDE if lanes > 1 else OPERATIONS
+        parameters = Same(p, lanes)
+        program = constants.program
         with program.times(stages + 1.0) as i:
             self.row(constants, i).store(fast.constants(parameters, shares[i] * h, ops))
         if self.chains == 1:
@@ -105,15 +108,16 @@ class Flows:
             "spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS
         )
         scheme, p, number, times, rows = program.arguments
-        stages, last, steps, dimension, lanes = (
-            scheme[0],
-            number[0] - 1.0,
-            number[1],
-            self.dimension,
-            float(self.lanes),
-        )
-        y, h = program.room(dimension, self.lanes), program.room(1, self.lanes)
-        constants, entries, lengths = self.constants(program, self.lanes), y.of(1), h.of(1)
+        stages = scheme[0]
+        last = number[0] - 1.0
+        steps = number[1]
+        dimension = self.dimension
+        lanes = float(self.lanes)
+        y = program.room(dimension, self.lanes)
+        h = program.room(1, self.lanes)
+        constants = self.constants(program, self.lanes)
+        entries = y.of(1)
+        lengths = h.of(1)
         with program.times(number[0] / lanes) as i:
 
             def row(k: Number) -> tuple[Number, Array]:

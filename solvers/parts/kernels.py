@@ -27,7 +27,9 @@ BAND = 1.05
 BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of
 # their difference.
-LAW, POINTS, ROUNDING = 6, 8, {float: 1e-13, np.longdouble: 5e-17}
+LAW = 6
+POINTS = 8
+ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
 # How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which
@@ -35,7 +37,8 @@ Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", 
 # time, steps, and the number of times.
 At = IntEnum("At", "BEGIN STEP LOW HIGH SINCE FILLED STEPS CODE UNTIL LIMIT ROWS", start=0)
 
-sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
+sqrt = OPERATIONS.sqrt
+where_positive = OPERATIONS.where_positive
 
 
 @dataclass(frozen=True)
@@ -89,18 +92,20 @@ def _advance(flows: Flows) -> Program:
         "advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS
     )
     scheme, law, p, state, clock, times, rests, rows = program.arguments
-    stages, dimension, kept = scheme[0], flows.dimension, flows.parts.moving[0]
-    constants, number = flows.constants(program), program.room(2)
-    y, at, each = (
-        program.room(dimension),
-        program.room(dimension),
-        program.room(dimension, flows.chains),
-    )
+    stages = scheme[0]
+    dimension = flows.dimension
+    kept = flows.parts.moving[0]
+    constants = flows.constants(program)
+    number = program.room(2)
+    y = program.room(dimension)
+    at = program.room(dimension)
+    each = program.room(dimension, flows.chains)
     rest = program.room(kept)
     rest.store([0.0] * kept)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
-    open_, code = program.cell(0.0), program.cell(float(Code.FINISHED))
+    open_ = program.cell(0.0)
+    code = program.cell(float(Code.FINISHED))
     limit = clock[At.STEPS] + clock[At.LIMIT]
     begin, step, low, high, since, filled, steps = (program.cell(clock[i]) for i in range(At.CODE))
 
@@ -123,8 +128,10 @@ def _advance(flows: Flows) -> Program:
         with program.when(compare("ogt", outside[0], 0.0)):
             close(y)
             open_[0] = 0.0
-            begin[0], since[0] = begin[0] + since[0] * step[0], 0.0
-            low[0], high[0] = speed / BAND, speed * BAND
+            begin[0] = begin[0] + since[0] * step[0]
+            since[0] = 0.0
+            low[0] = speed / BAND
+            high[0] = speed * BAND
             free = law[0] * speed ** (1.0 - law[1])
             step[0] = where_positive(law[2] - free, free, law[2]) / speed
             code[0] = float(Code.NOT_FINITE)
@@ -186,7 +193,8 @@ def _advance(flows: Flows) -> Program:
                     y, flows.row(constants, where_positive(i, i, first)), flows.row(constants, i)
                 )
             open_[0] = 1.0
-        since[0], steps[0] = since[0] + 1.0, steps[0] + 1.0
+        since[0] = since[0] + 1.0
+        steps[0] = steps[0] + 1.0
     close(y)
     state.store(y.load(dimension))
     before = clock[At.FILLED]
@@ -200,16 +208,21 @@ def _advance(flows: Flows) -> Program:
 def _check(flows: Flows, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme p state numbers")
     scheme, p, state, laws = program.arguments
-    setting, out = laws + 2 * LAW, laws + (2 * LAW + 3)
-    dimension, moving, points = flows.dimension, range(*flows.parts.moving), float(POINTS)
-    rows, y = program.room((4 * POINTS + 2) * dimension), program.room(dimension)
+    setting = laws + 2 * LAW
+    out = laws + (2 * LAW + 3)
+    dimension = flows.dimension
+    moving = range(*flows.parts.moving)
+    points = float(POINTS)
+    rows = program.room((4 * POINTS + 2) * dimension)
+    y = program.room(dimension)
     times, rests = (program.room(2 * POINTS + 1) for _ in range(2))
     # From 0 on, since times far from there are rounded to more than is looked for.
     span, whole, rate = setting.load(3)
     times[0] = 0.0
     with program.times(points) as k:
         after = (k + 1.0) * (span / points)
-        times[k + 1.0], times[k + (points + 1.0)] = after, whole - span + after
+        times[k + 1.0] = after
+        times[k + (points + 1.0)] = whole - span + after
     out.store([0.0] * 7)
     with program.times(2.0) as run:
         clock = program.room(len(At))
@@ -221,7 +234,9 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
     size = len(flows.parts.slow_quantities(y))
     before = program.room(size)
     with program.times(2.0) as part:
-        change, middle, most = program.room(size), program.room(len(moving)), out + part + 3.0
+        change = program.room(size)
+        middle = program.room(len(moving))
+        most = out + part + 3.0
         change.store([0.0] * size)
         middle.store([0.0] * len(moving))
 

@@ -11,10 +11,13 @@ from polhode.solvers.contract import Record
 # slow components with errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what
 # accumulates does so no longer than the slow components remember, a time 1/γ. The angle h r is
 # never wider than flows reach.
-ORDER, POWER, COEFFICIENT = 6, 2.0, 6e-7
+ORDER = 6
+POWER = 2.0
+COEFFICIENT = 6e-7
 # What errors are to the law at first, by the strength of the torque squared over the rate at which
 # it is forgotten.
-SCALE, SHARE = 1.4, 0.6
+SCALE = 1.4
+SHARE = 0.6
 # Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
 EXPONENT = 1 - POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
@@ -22,23 +25,33 @@ AIM = 0.2
 # A check takes this share of what is left of the run, within so many turns, against steps smaller
 # by this factor, at so many times within some turns at its beginning and at its end. It takes all
 # of a run of few turns, or of more where they are damped, in proportion.
-CHECKED, LEAST_TURNS, MOST_TURNS = 0.003, 2.0, 500.0
-ALL, DAMPED, MOST_ALL = 4.0, 4.0, 200.0
-FINER, MEAN_OVER = 0.8, 5.0
+CHECKED = 0.003
+LEAST_TURNS = 2.0
+MOST_TURNS = 500.0
+ALL = 4.0
+DAMPED = 4.0
+MOST_ALL = 200.0
+FINER = 0.8
+MEAN_OVER = 5.0
 # No step is a larger share of the run.
 SEEN = 0.4
 # The step stands if the estimated error is within these factors of the one wanted; else the law is
 # scaled, so often, for an error so much of that; where none is estimated the least is taken.
-FITTING, MIDDLE, LEAST, ROUNDS = (0.3, 2.0), 0.8, 1e-6, 4
+FITTING = (0.3, 2.0)
+MIDDLE = 0.8
+LEAST = 1e-6
+ROUNDS = 4
 # Of the errors of steps that are not checked again, where they fall more slowly: where the slow
 # part is not so small.
 LEAST_ORDER = 4
 # A check sees errors from so many times what rounding makes of them; for smaller ones steps are
 # narrowed unseen. No error is aimed at below so many times the rounding of one number.
-CLEAR, LEAST_ERROR = 4.0, 100.0
+CLEAR = 4.0
+LEAST_ERROR = 100.0
 # Another round pays if wider steps cost no more than this share of those at hand, and if the plans
 # differ by a check, which costs as much as so many steps beside its own.
-REWARDING, CHECK = 0.85, 250.0
+REWARDING = 0.85
+CHECK = 250.0
 # Numbers that a check finds.
 FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
@@ -71,7 +84,8 @@ class Planner:
     """Chooses plans for one problem (`splitting.Split`) and one tolerance, from its short runs."""
 
     def __init__(self, problem: Any, tolerance: float) -> None:
-        self.problem, self.error = problem, max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
+        self.problem = problem
+        self.error = max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
         # The error that checked steps are to have, no less than a check sees; what errors are to
         # the law, as far as is known; the plan of checked steps.
         self.seen = self.error
@@ -96,10 +110,13 @@ class Planner:
 
     def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found that a check lets stand, beginning with an old one."""
-        rate, length = self.problem.rate(state), float(record.times[-1]) - now
+        rate = self.problem.rate(state)
+        length = float(record.times[-1]) - now
         # Rows within the first step are the same whatever its length: a check sees nothing there.
         longest = SEEN * length
-        plan, good, bad = old or self.by_law(rate, longest), None, None
+        plan = old or self.by_law(rate, longest)
+        good = None
+        bad = None
         for _ in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
             if bad and bad[1] <= ratio != HOPELESS:
@@ -117,7 +134,8 @@ class Planner:
                     bad[0].step(rate) / good[0].step(rate)
                 )
                 return self.next(plan, ratio, order, rate, longest)
-            before, plan = plan, self.next(plan, ratio, ORDER, rate, longest)
+            before = plan
+            plan = self.next(plan, ratio, ORDER, rate, longest)
             saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
             if saved * length < CHECK or (good and saved * before.step(rate) < 1 - REWARDING):
                 return good[0] if good else self.next(before, ratio, LEAST_ORDER, rate, longest)
@@ -146,7 +164,8 @@ class Planner:
         per turn, counts as well: over their amplitude where that is small and grows, as at a
         saddle. The second number is what rounding makes of it.
         """
-        problem, length = self.problem, float(record.times[-1]) - now
+        problem = self.problem
+        length = float(record.times[-1]) - now
         rate = problem.rate(state)
         turn = 2 * pi / rate
         window = min(length, MOST_TURNS * turn, max(LEAST_TURNS * turn, CHECKED * length))

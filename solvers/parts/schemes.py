@@ -79,10 +79,8 @@ class Parallel(Scheme):
             np.array(each, number).reshape(-1, self.stages) for each in (self.nodes, self.slow)
         )
         slow /= slow.sum(axis=1, keepdims=True)
-        nodes, slow = (
-            np.concatenate([nodes, 1 - nodes[:, ::-1]]),
-            np.concatenate([slow, slow[:, ::-1]]),
-        )
+        nodes = np.concatenate([nodes, 1 - nodes[:, ::-1]])
+        slow = np.concatenate([slow, slow[:, ::-1]])
         fast = np.diff(nodes, axis=1, prepend=0, append=1)
         return np.concatenate(
             [[self.stages], fast.T.ravel(), slow.T.ravel(), np.tile(self.weights, 2)]

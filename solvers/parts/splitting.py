@@ -37,9 +37,11 @@ STRONG = 10.0
 # a tenth more.
 WIDEST = 0.99
 # Plans are made anew after these shares of a run, if that is so many turns at least.
-AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
+AGAIN = (0.1, 0.4)
+LEAST_BETWEEN = 120.0
 # And where the rate has changed by this factor, which widens by another each time.
-WIDTH, WIDER = 2.4, 1.15
+WIDTH = 2.4
+WIDER = 1.15
 
 _FAILED: dict[int, Status] = {
     Code.NOT_FINITE: Status.NON_FINITE,
@@ -54,13 +56,15 @@ class Split:
         assert problem.parts is not None
         self.parts: Parts = problem.parts
         p = parameter_array(problem)
-        self.number, self.epsilon, self.p = number, float(np.finfo(number).eps), p.astype(number)
-        self.address, self.dimension = self.p.ctypes.data, problem.dimension
-        self.strength, self.forgetting = (
-            self.parts.strength(p.tolist()),
-            self.parts.forgetting(p.tolist()),
-        )
-        self.floor, self.speed = SHEAR * self.strength, self.parts.rate(FLOAT)
+        self.number = number
+        self.epsilon = float(np.finfo(number).eps)
+        self.p = p.astype(number)
+        self.address = self.p.ctypes.data
+        self.dimension = problem.dimension
+        self.strength = self.parts.strength(p.tolist())
+        self.forgetting = self.parts.forgetting(p.tolist())
+        self.floor = SHEAR * self.strength
+        self.speed = self.parts.rate(FLOAT)
         means = number is float and self.parts.restored and self.strength < STRONG
         self.scheme = PARALLEL if means else ABA
         self.widest = WIDEST * self.parts.reach / self.scheme.widest
@@ -86,7 +90,8 @@ class Split:
 
     def marks(self, record: Record) -> list[float]:
         """Times at which the plan is made anew in any case."""
-        begin, length = float(record.times[0]), float(record.times[-1] - record.times[0])
+        begin = float(record.times[0])
+        length = float(record.times[-1] - record.times[0])
         # What starts from rest will turn as the shear makes it.
         rate = max(self.rate(record.start), SHEAR * min(1.0, self.strength * length))
         least = LEAST_BETWEEN * 2 * pi / rate
@@ -96,24 +101,33 @@ class Split:
         """Fill the record's rows."""
         if not self.strength > 0:
             return self.free(record)
-        work, marks = record.work, self.marks(record)
+        work = record.work
+        marks = self.marks(record)
         width = WIDTH if marks else inf
-        state, own = record.start.astype(self.number), clock(float(record.times[0]), self.number)
-        times, rows = self.numbers(record.times), self.numbers(record.rows)
-        plan, law, code = None, (), Code.PAUSED
+        state = record.start.astype(self.number)
+        own = clock(float(record.times[0]), self.number)
+        times = self.numbers(record.times)
+        rows = self.numbers(record.rows)
+        plan = None
+        law = ()
+        code = Code.PAUSED
         while code != Code.FINISHED:
             if code in (Code.PAUSED, Code.OUTSIDE):
-                now, rate = now_of(own), self.rate(state)
-                before, plan = plan, self.planner.plan(plan, state, float(now), record)
+                now = now_of(own)
+                rate = self.rate(state)
+                before = plan
+                plan = self.planner.plan(plan, state, float(now), record)
                 if plan is not before:
                     own[: At.FILLED] = clock(now, self.number)[: At.FILLED]
                 own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
-                law, width = plan.law((rate / width, rate * width)), width * WIDER
+                law = plan.law((rate / width, rate * width))
+                width = width * WIDER
             limit = min(record.chunk(CHUNK), record.max_steps - int(own[At.STEPS]))
             code = self.advance(law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])
-            work.steps, record.now = int(own[At.STEPS]), float(now_of(own))
+            work.steps = int(own[At.STEPS])
+            record.now = float(now_of(own))
             if code == Code.STEPS_DONE and (stopped := record.stopped):
                 return stopped
             if code in _FAILED:
@@ -123,21 +137,26 @@ class Split:
     def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
         state, own, times, rows = arrays
-        own[At.LIMIT], own[At.ROWS] = limit, len(times)
-        own_law, rests = np.array(law, self.number), np.empty_like(times)
+        own[At.LIMIT] = limit
+        own[At.ROWS] = len(times)
+        own_law = np.array(law, self.number)
+        rests = np.empty_like(times)
         scheme = self.scheme.addresses[self.number]
         self.kernels.advance(scheme, own_law, self.address, state, own, times, rests, rows)
         return int(own[At.CODE])
 
     def free(self, record: Record) -> Outcome:
         """Fill the record's rows by the fast flow alone, modulo whole turns."""
-        state, times = record.start.astype(self.number), record.times.astype(self.number)
-        rate, turn = self.parts.rate(ARRAYS)(state, self.p), 8 * np.arctan(self.number(1))
+        state = record.start.astype(self.number)
+        times = record.times.astype(self.number)
+        rate = self.parts.rate(ARRAYS)(state, self.p)
+        turn = 8 * np.arctan(self.number(1))
         left = times[1:] - times[0]
         left -= np.floor(left * rate / turn) * (turn / rate) if rate > 0 else 0.0
         pieces = int(turn / self.parts.reach) + 1
         fast = self.parts.fast
-        flow, constants = fast.flow(ARRAYS), fast.constants(self.p, left / pieces, ARRAYS)
+        flow = fast.flow(ARRAYS)
+        constants = fast.constants(self.p, left / pieces, ARRAYS)
         for _ in range(pieces):
             state = flow(state, constants)
         record.put(np.stack(np.broadcast_arrays(*state), axis=1))

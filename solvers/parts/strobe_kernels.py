@@ -12,12 +12,15 @@ from polhode.solvers.parts.flows import Flows
 
 # Turns between a row and the point of whole turns from which it is reached, at most; trials to find
 # that point, after which the row is NaN.
-NEAR, TRIALS = 0.505, 20.0
+NEAR = 0.505
+TRIALS = 20.0
 # Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
-TERMS, WHOLE = 7, 1.5 * 2.0**52
+TERMS = 7
+WHOLE = 1.5 * 2.0**52
 # Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta
 # table.
-MOST_TURNS, TABLE = 3, 16
+MOST_TURNS = 3
+TABLE = 16
 
 
 @dataclass(frozen=True)
@@ -55,11 +58,14 @@ def _turn(flows: Flows) -> Program:
     # leaves one of Strang.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
-    fast, slow, dimension = flows.parts.fast, flows.parts.slow, flows.dimension
+    fast = flows.parts.fast
+    slow = flows.parts.slow
+    dimension = flows.dimension
     states = [program.room(dimension) for _ in range(2)]
     points = [points, points + (dimension + 1)]
     angles = [program.cell(0.0) for _ in range(2)]
-    closing, ends = [flows.constants(program) for _ in range(2)], flows.constants(program)
+    closing = [flows.constants(program) for _ in range(2)]
+    ends = flows.constants(program)
     for y, point in zip(states, points, strict=True):
         y.store(point.load(dimension))
 
@@ -104,7 +110,8 @@ def _turn(flows: Flows) -> Program:
 def _mean(flows: Flows, turn: Program) -> Program:
     program = Program("mean", "scheme p setting weights point out")
     scheme, p, setting, weights, point, out = program.arguments
-    dimension, sides = flows.dimension, [flows.constants(program) for _ in range(2)]
+    dimension = flows.dimension
+    sides = [flows.constants(program) for _ in range(2)]
     size = dimension + 1
     moved, (steps, turns, rows) = program.room(2 * size), setting.load(3)
     with program.times(rows * float(size)) as i:
@@ -116,7 +123,8 @@ def _mean(flows: Flows, turn: Program) -> Program:
     with program.times(turns) as k:
         program.call(turn, scheme, p, *sides, moved, steps, h)
         with program.times(rows) as row:
-            weight, into = weights[row * float(MOST_TURNS) + k], out + row * float(size)
+            weight = weights[row * float(MOST_TURNS) + k]
+            into = out + row * float(size)
             for i in range(size):
                 into[i] = into[i] + weight * (moved[i] - moved[size + i])
     return program
@@ -125,7 +133,8 @@ def _mean(flows: Flows, turn: Program) -> Program:
 def _macro(dimension: int, mean: Program) -> Program:
     program = Program("macro", "scheme p setting weights point table stages ends")
     scheme, p, setting, weights, point, table, stages, ends = program.arguments
-    stage, size = program.cell(setting[3]), float(dimension + 1)
+    stage = program.cell(setting[3])
+    size = float(dimension + 1)
     with program.repeat() as leave:
         s = stage[0]
         leave(compare("oge", s, setting[4]))
@@ -142,8 +151,13 @@ def _macro(dimension: int, mean: Program) -> Program:
 def _rows(flows: Flows) -> Program:
     program = Program("rows", "scheme p setting terms point times rests rows")
     scheme, p, setting, terms, point, times, rests, rows = program.arguments
-    dimension, turns, at = flows.dimension, setting[2], program.room(flows.dimension + 1)
-    size, whole, off, tried = dimension + 1, program.cell(0.0), program.cell(0.0), program.cell(0.0)
+    dimension = flows.dimension
+    turns = setting[2]
+    at = program.room(flows.dimension + 1)
+    size = dimension + 1
+    whole = program.cell(0.0)
+    off = program.cell(0.0)
+    tried = program.cell(0.0)
     with program.times(setting[0]) as j:
         off[0] = turns * (times[j] - point[dimension]) / terms[dimension]
         whole[0] = tried[0] = 0.0
@@ -156,7 +170,8 @@ def _rows(flows: Flows) -> Program:
                     value = (value + terms[k * size + i]) * (1.0 - x if k % 2 else x)
                 at[i] = point[i] + value
             rests[j] = times[j] - at[dimension]
-            off[0], tried[0] = rests[j] * flows.rate(at, p) / (2 * pi), tried[0] + 1.0
+            off[0] = rests[j] * flows.rate(at, p) / (2 * pi)
+            tried[0] = tried[0] + 1.0
             leave(compare("ole", off[0] * off[0], NEAR**2))
             rests[j] = nan
             leave(compare("oge", tried[0], TRIALS))

@@ -16,16 +16,24 @@ from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_ker
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step
 # would be of fewer than so many times its order: it costs fifteen times its order. A stretch is
 # doubled so often while that fails.
-LEAST_TURNS, PAYING, STRETCH, LONGEST = 1000, 20.0, 600.0, 4
+LEAST_TURNS = 1000
+PAYING = 20.0
+STRETCH = 600.0
+LONGEST = 4
 # Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the
 # micro-steps.
-MACRO, AVERAGING, MICRO = 0.1, 0.1, 0.1
+MACRO = 0.1
+AVERAGING = 0.1
+MICRO = 0.1
 # Micro-steps per turn: at first, at least, at most.
-FIRST, FEWEST, MOST = 6, 4, 24
+FIRST = 6
+FEWEST = 4
+MOST = 24
 # Share of the error allowed below which fewer are tried.
 EASY = 0.1
 # Orders of the difference, and what rounding makes of it, which no choice improves.
-ORDERS, ROUNDING = (2, 4, 6), 3e-15
+ORDERS = (2, 4, 6)
+ROUNDING = 3e-15
 # Weights of (Φ^k - Φ^-k) in the central differences, Φ the map of a turn.
 WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
 # Addresses of its rows, by the turns of their differences.
@@ -33,7 +41,10 @@ ROWS = {1 + i: row.ctypes.data for i, row in enumerate(WEIGHTS)}
 # Stages of a macro-step, the field at its end included.
 N = 13
 # Of the macro-steps: order of the error estimate, safety, bounds of a change.
-EXPONENT, SAFETY, SHRINK, GROW = 1 / 8, 0.85, 0.2, 5.0
+EXPONENT = 1 / 8
+SAFETY = 0.85
+SHRINK = 0.2
+GROW = 5.0
 # The first one, in times of relaxation.
 FIRST_STEP = 0.3
 
@@ -53,7 +64,9 @@ def interpolant() -> np.ndarray:
     """Its terms between two points, of their difference and the stages in between."""
     table = dop853()
     terms = np.zeros((3 + len(table.D), 1 + len(table.A)))
-    terms[:3, 0], terms[1, 1], terms[2, [1, N]] = (1.0, -1.0, 2.0), 1.0, -1.0
+    terms[:3, 0] = (1.0, -1.0, 2.0)
+    terms[1, 1] = 1.0
+    terms[2, [1, N]] = -1.0
     terms[3:, 1:] = table.D
     return terms
 
@@ -62,10 +75,14 @@ class Strobe:
     """A problem bound to the machine code of stroboscopic averaging, with splitting for what that cannot do."""
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
-        self.split, self.tolerance = Split(problem, tolerance), tolerance
-        self.p, self.scheme, self.table = self.split.address, ABA.addresses[float], dop853()
+        self.split = Split(problem, tolerance)
+        self.tolerance = tolerance
+        self.p = self.split.address
+        self.scheme = ABA.addresses[float]
+        self.table = dop853()
         # Machine code takes addresses in less time than arrays.
-        self.nodes, self.inner = self.table.A.ctypes.data, 0
+        self.nodes = self.table.A.ctypes.data
+        self.inner = 0
         # Either machine code is compiled beforehand if it is the one needed, and else where it
         # turns out to be.
         _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
@@ -82,10 +99,12 @@ class Strobe:
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
-        begin, end = float(record.times[0]), float(record.times[-1])
+        begin = float(record.times[0])
+        end = float(record.times[-1])
         if not self.pays(record.start, end - begin):
             return self.split.run(record)
-        point, setting = np.append(record.start, begin), Setting()
+        point = np.append(record.start, begin)
+        setting = Setting()
         record.work.steps = record.work.rejected = self.inner = 0
         while record.filled < len(record.times):
             if stopped := record.stopped:
@@ -106,7 +125,8 @@ class Strobe:
 
     def step(self, point: np.ndarray, setting: Setting, record: Record) -> np.ndarray | None:
         """A macro-step and its rows; None where averaging does not pay or does not hold."""
-        rate, left = self.split.rate(point[:-1]), float(record.times[-1] - point[-1])
+        rate = self.split.rate(point[:-1])
+        left = float(record.times[-1] - point[-1])
         period = 2 * pi / rate
         memory = min(left, 1 / self.split.strength) / period
         scale = np.full(len(point), self.tolerance)
@@ -117,7 +137,8 @@ class Strobe:
         order = self.order(fields, horizon)
         if order is None:
             return None
-        stages, end = np.empty((len(self.table.A), len(point))), np.empty(len(point))
+        stages = np.empty((len(self.table.A), len(point)))
+        end = np.empty(len(point))
         stages[0] = fields[ORDERS.index(order)]
         turns = setting.turns or max(FIRST_STEP * memory, 2 * PAYING * order)
         while True:
@@ -135,7 +156,8 @@ class Strobe:
             record.work.rejected = (record.work.rejected or 0) + 1
             turns *= max(SHRINK, factor) if np.isfinite(error) else SHRINK
         setting.turns = turns * min(GROW, factor)
-        record.work.steps, record.work.inner = (record.work.steps or 0) + 1, self.inner
+        record.work.steps = (record.work.steps or 0) + 1
+        record.work.inner = self.inner
         last = int(np.searchsorted(record.times, end[-1], side="right"))
         if last > record.filled:
             numbers[3:5] = N, len(stages)
@@ -157,7 +179,8 @@ class Strobe:
         times: np.ndarray,
     ) -> np.ndarray:
         """Rows within a macro-step."""
-        rows, rests = np.empty((len(times), len(point) - 1)), np.empty(len(times))
+        rows = np.empty((len(times), len(point) - 1))
+        rests = np.empty(len(times))
         terms = interpolant() @ np.vstack([end - point, turns * stages])
         setting = np.array([len(times), 1.0 + int(NEAR * micro), turns])
         self.kernels.rows(self.scheme, self.p, setting, terms, point, times, rests, rows)
@@ -165,7 +188,8 @@ class Strobe:
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
         """Averaged fields of all orders, with as many micro-steps as their error allows."""
-        fields, other = np.empty((len(ORDERS), len(point))), np.empty((1, len(point)))
+        fields = np.empty((len(ORDERS), len(point)))
+        other = np.empty((1, len(point)))
         if setting.easy:
             setting.micro = max(FEWEST, setting.micro - 1)
         while True:

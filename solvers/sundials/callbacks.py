@@ -84,7 +84,9 @@ class Callbacks:
     """A problem bound to one of scikit-sundae's classes, ``CVODE`` or ``IDA``."""
 
     def __init__(self, library: type, problem: Problem, settings: Settings, **options: Any) -> None:
-        self.implicit, self.calls, self.seen = library.__name__ == "IDA", 0, -np.inf
+        self.implicit = library.__name__ == "IDA"
+        self.calls = 0
+        self.seen = -np.inf
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
         rates = rates_of(problem, settings, values)
@@ -148,7 +150,10 @@ class Callbacks:
 
     def run(self, record: Record, every: bool) -> Outcome:
         """Fill the record's rows, row by row or by every step, which costs more and counts them."""
-        self.record, self.calls, self.seen, record.now = record, 0, -np.inf, float(record.times[0])
+        self.record = record
+        self.calls = 0
+        self.seen = -np.inf
+        record.now = float(record.times[0])
         # The wrapper prints the library's errors, NumPy warns of what becomes infinite.
         with quiet(), np.errstate(all="ignore"):
             try:
@@ -196,14 +201,18 @@ class Callbacks:
             record.put(self._to(time, record).y[None])
 
     def _by_steps(self, record: Record) -> Outcome:
-        times, work, end = record.times, record.work, float(record.times[-1])
-        steps, reached = 0, float(times[0])
+        times = record.times
+        work = record.work
+        end = float(record.times[-1])
+        steps = 0
+        reached = float(times[0])
         while True:
             # The first step is guessed from the first time wanted.
             result = self._to(end if steps else times[1], record, "onestep")
             # After an interpolation the library first hands back the step it has.
             advanced = result.t > reached
-            steps, reached = steps + advanced, result.t
+            steps = steps + advanced
+            reached = result.t
             work.steps = steps
             ended = advanced and record.looked_through((reached,), (result.y,), self._between)
             last = int(np.searchsorted(times, reached, side="right"))

@@ -30,7 +30,8 @@ _FIELDS = [text.strip("{}") for text in columns_of("accuracy").values()]
 
 def statements(rows: Sequence[AveragingErrors]) -> list[str]:
     """How good the paper's "good from St ≈ 100" is, and which orders hold."""
-    own, good = laws(rows), []
+    own = laws(rows)
+    good = []
     first = [law for law in own if first_order(law.form)]
     for family, stokes in GOOD_FROM.items():
         there = [
@@ -126,7 +127,8 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
     """One row per case: the St that errors need, and the orders, of first and of second order."""
     found: dict[str, dict[str, str]] = defaultdict(lambda: dict.fromkeys(_FIELDS, "–"))
     for law in laws(rows):
-        row, which = found[law.subject], "first" if first_order(law.form) else "second"
+        row = found[law.subject]
+        which = "first" if first_order(law.form) else "second"
         low, high = law.order_interval
         row |= {
             "case": law.subject,

@@ -48,7 +48,8 @@ def page(study: Study, command: str) -> str:
 
 def findings(study: Study) -> list[str]:
     """What was found, in sentences."""
-    runs, speeds = _judged(study.errors), _compared(study.speed)
+    runs = _judged(study.errors)
+    speeds = _compared(study.speed)
     gains = speeds.dropna(subset=["gain"]).groupby("stokes")
     times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])

@@ -86,7 +86,8 @@ def _promise(axes: Axes, own: Sequence[Line], power: int) -> None:
         np.concatenate([getattr(line, name) for line in own]) for name in ("stokes", "error")
     )
     ends = np.array([stokes.min(), stokes.max()])
-    order, exponent = own[0].order, f"^{power}" if power > 1 else ""
+    order = own[0].order
+    exponent = f"^{power}" if power > 1 else ""
     label = f"{NAMES[order]}, dotted: $\\propto 1/\\mathrm{{St}}{exponent}$"
     heights = np.quantile(errors * stokes**power, 0.9) / ends**power
     axes.loglog(ends, heights, ":", color=COLOURS[order], linewidth=2, label=label)

@@ -15,14 +15,18 @@ from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
 from polhode.harness.pages.tables import fill
 
-NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
+NOBODY = "#FFFFFF"
+UNKNOWN = "#E4E4E4"
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
     "explicit": ("Oscillatory middle", "explicit methods"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
 # In inches: a cell, what stands beside both maps, an entry of the legend; lines of a cell, in rows.
-CELL, BESIDE, ENTRY, LINE = (0.74, 0.43), (0.85, 2.7), 0.192, 0.36
+CELL = (0.74, 0.43)
+BESIDE = (0.85, 2.7)
+ENTRY = 0.192
+LINE = 0.36
 # The legend needs as much width as so many columns.
 LEAST_COLUMNS = 12
 # What a map is about: in sentences, and as its title.

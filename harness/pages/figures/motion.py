@@ -14,17 +14,17 @@ from polhode.models.observables import completed
 # Okabe and Ito's palette, safe for colour-blind readers.
 COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
 # The view: round the gradient axis, then down on it, in rad, as on the page of motions.
-TURN, TILT = 0.45, 0.3
+TURN = 0.45
+TILT = 0.3
 LIGHT = np.array([-0.5, 0.6, 0.62])
-PARALLELS, MERIDIANS = 36, 72
+PARALLELS = 36
+MERIDIANS = 72
 # Share of the parallels that the coloured caps take at each end of the longest axis.
 CAP = 0.14
-ONE_HALF, OTHER_HALF, CAPS, INK = (
-    (0.47, 0.65, 0.80),
-    (0.63, 0.76, 0.88),
-    (0.84, 0.37, 0.0),
-    "#5b6470",
-)
+ONE_HALF = (0.47, 0.65, 0.80)
+OTHER_HALF = (0.63, 0.76, 0.88)
+CAPS = (0.84, 0.37, 0.0)
+INK = "#5b6470"
 
 
 def slow_variables(
@@ -82,7 +82,8 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
     unit = np.roll(unit, pole + 1, axis=-1)
     corners = _project((unit * semi_axes) @ rotation)
     normals = _project((unit / semi_axes) @ rotation)
-    faces, normal = _faces(corners), _faces(normals).sum(axis=1)
+    faces = _faces(corners)
+    normal = _faces(normals).sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     at = np.indices((MERIDIANS, PARALLELS)).reshape(2, -1)
     cap = np.minimum(at[1], PARALLELS - 1 - at[1]) < CAP * PARALLELS
@@ -114,7 +115,8 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
 
 def _faces(points: np.ndarray) -> np.ndarray:
     """Corners of every face of the mesh, shape (faces, 4, 3)."""
-    first, later = slice(None, -1), slice(1, None)
+    first = slice(None, -1)
+    later = slice(1, None)
     corners = [
         points[i, j] for i, j in ((first, first), (first, later), (later, later), (later, first))
     ]
@@ -124,7 +126,8 @@ def _faces(points: np.ndarray) -> np.ndarray:
 def _project(points: np.ndarray) -> np.ndarray:
     """Points in space as right, up and towards the eye."""
     x, y, z = np.moveaxis(points, -1, 0)
-    right, near = cos(TURN) * x - sin(TURN) * z, sin(TURN) * x + cos(TURN) * z
+    right = cos(TURN) * x - sin(TURN) * z
+    near = sin(TURN) * x + cos(TURN) * z
     return np.stack(
         [right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1
     )

@@ -24,9 +24,11 @@ LOOKS: dict[str, tuple[str, Any]] = {
 }
 # Solvers and forms without a look of their own, those outside the catalogue among them: markers in
 # turn.
-OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
+OTHER = "#6B3F1D"
+OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 # Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
-COLOURS, APART = 128, 16
+COLOURS = 128
+APART = 16
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Look:
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Looks of solvers and averaged forms, in the order of `rank`."""
-    ordered, others = sorted(set(names), key=rank), cycle(OTHER_MARKERS)
+    ordered = sorted(set(names), key=rank)
+    others = cycle(OTHER_MARKERS)
     return {
         name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered
     }
@@ -84,7 +87,8 @@ def power(value: float) -> str:
 def few_colours(image: Image.Image) -> Image.Image:
     """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift."""
     counted: Any = image.getcolors(image.width * image.height)
-    left, chosen = np.array([colour for _, colour in sorted(counted, reverse=True)]), []
+    left = np.array([colour for _, colour in sorted(counted, reverse=True)])
+    chosen = []
     while len(left) and len(chosen) < COLOURS:
         chosen.append(left[0])
         left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]

@@ -29,7 +29,8 @@ from polhode.harness.references.uncertainty import KNOWN, known
 from polhode.solvers.contract import Status
 
 # The band under the Pareto front.
-FRONT, FRONT_NAME = "#F7EFA6", "Pareto front"
+FRONT = "#F7EFA6"
+FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
 FEW_LINES = 8
 # Names longer than this, in letters, break at the comma.
@@ -41,16 +42,21 @@ LARGEST_ERROR = 10.0
 DASHES = ("-", "--", ":", "-.")
 # In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800
 # pixels wide.
-PANEL, NAMES, LEGEND = (3.35, 2.9), 1.05, 0.75
+PANEL = (3.35, 2.9)
+NAMES = 1.05
+LEGEND = 0.75
 # What the legend needs of one panel alone.
 LEAST_WIDTH = 6.4
 # Numbers left of a panel that shares no axis.
 TICKS = 0.4
 # Names beside a panel, in points: their size, and the least distance between two.
-LETTERS, APART = 8.5, 10.5
-BEHIND, BEHIND_NAME = "#BDBDBD", "behind the front"
+LETTERS = 8.5
+APART = 10.5
+BEHIND = "#BDBDBD"
+BEHIND_NAME = "behind the front"
 # Factors over the fastest shown, and the one that the sentence is about.
-LARGEST_FACTOR, NEAR = 1000.0, 2.0
+LARGEST_FACTOR = 1000.0
+NEAR = 2.0
 # Methods that the figure names, those that are fast and sure; the others are grey.
 NAMED = 7
 
@@ -102,7 +108,8 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             _grey_out(axes, own, error, look.marker, style["markersize"])
     for form in forms:
         if form not in full:
-            own, look = where(done, done["form"] == form), looks([form])[form]
+            own = where(done, done["form"] == form)
+            look = looks([form])[form]
             cheapest = pareto_front(own, error)
             style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
             axes.plot(*_points(cheapest, error), label=f"{form} form,\ncheapest runs", **style)
@@ -176,7 +183,8 @@ def name_lines(axes: Axes, few: int = 0) -> None:
     lines = axes.get_lines()
     many = len([line for line in lines if not str(line.get_label()).startswith("_")]) > few
     for line in lines:
-        label, points = str(line.get_label()), np.asarray(line.get_xydata())
+        label = str(line.get_label())
+        points = np.asarray(line.get_xydata())
         if many and line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
         elif (
@@ -190,7 +198,8 @@ def name_lines(axes: Axes, few: int = 0) -> None:
     # Names move as little as keeps them apart, in order and beside the panel.
     rooms = np.array([APART * (1 + name.count("\n")) for *_, name in ends])
     middles = np.cumsum(rooms) - rooms / 2
-    lowest, highest = box.y0 / scale - APART / 2, box.y1 / scale + APART / 2 - rooms.sum()
+    lowest = box.y0 / scale - APART / 2
+    highest = box.y1 / scale + APART / 2 - rooms.sum()
     free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
@@ -333,10 +342,12 @@ def profile_lines(
 def sentence(found: pd.DataFrame) -> str:
     """Who is seldom far from the fastest, and who gets there most often."""
     ratios = found.div(found.min(axis=1), axis=0)
-    near, reached = (ratios <= NEAR).mean(), found.notna().mean()
+    near = (ratios <= NEAR).mean()
+    reached = found.notna().mean()
     # Of those that are equally sure it names the one that is fast more often.
     order = near.sort_values(ascending=False, kind="stable").index
-    first, surest = str(order[0]), str(reached.reindex(order).idxmax())
+    first = str(order[0])
+    surest = str(reached.reindex(order).idxmax())
     slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
     shares = {"near": near[first], "reached": reached[surest], "factor": NEAR, "slow": slow}
     return fill("profiles-sentence", count=len(found), first=first, surest=surest, **shares)
@@ -359,10 +370,8 @@ def profiles(found: pd.DataFrame) -> Figure:
             points = np.sort(values.dropna().to_numpy(float))
             points = points[points <= end]
             shares = np.arange(1, len(points) + 1) / len(found)
-            points, shares = (
-                np.append(points, end),
-                np.append(shares, shares[-1] if len(shares) else 0.0),
-            )
+            points = np.append(points, end)
+            shares = np.append(shares, shares[-1] if len(shares) else 0.0)
             style = {} if name in named else {"alpha": 0.5, "zorder": 1}
             axes.step(
                 points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style

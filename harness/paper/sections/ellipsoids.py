@@ -483,7 +483,8 @@ def _kept(slow: np.ndarray) -> np.ndarray:
 def misfits(critical: Table, side: float) -> tuple[float, float]:
     """How far the local critical trajectory is off the averaged one near the singular point, and at its end."""
     kinds = by(by(critical, "side")[side], "kind")
-    local, averaged = kinds[0.0], kinds[1.0]
+    local = kinds[0.0]
+    averaged = kinds[1.0]
     gaps = planes.distances(
         np.column_stack([local.Lz, local.E]), np.column_stack([averaged.Lz, averaged.E])
     )

@@ -301,13 +301,16 @@ class DominantChaos(_Sections):
         low, high = chaos.share.interval
         expected = None
         if low > 0.5:
-            word, words = Word.CONFIRMED, "the greater part"
+            word = Word.CONFIRMED
+            words = "the greater part"
             expected = Range(0.5, 1.0, "the claim: dominant is more than half")
         elif high < 0.5:
-            word, words = Word.CORRECTED, "the lesser part"
+            word = Word.CORRECTED
+            words = "the lesser part"
             expected = Range(0.0, 0.5, "against the claim: dominant is more than half")
         else:
-            word, words = Word.UNDECIDED, "about half"
+            word = Word.UNDECIDED
+            words = "about half"
         growth = data["growth"]
         shares = joined(growth.chaotic / growth.orbits, ".2f")
         sentence = (
