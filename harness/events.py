@@ -14,13 +14,13 @@ from polhode.models.theory.fixed_points import attractors
 
 # The function is looked at so often per step of the run, and between two rows at least; and so
 # often at most.
-LOOKS_PER_STEP = 16
-LOOKS_PER_ROW = 4
-MOST_LOOKS = 1_000_000
+_LOOKS_PER_STEP = 16
+_LOOKS_PER_ROW = 4
+_MOST_LOOKS = 1_000_000
 # SciPy's least.
-RTOL = np.float64(4 * np.finfo(float).eps)
+_RTOL = np.float64(4 * np.finfo(float).eps)
 # Of the largest value: further apart one row's values are not the same but for the order of sums.
-SAME = 1e-9
+_SAME = 1e-9
 # Distance in L and E, over I_max, within which a particle has arrived.
 ARRIVED = 0.05
 
@@ -135,7 +135,7 @@ def happened(solution: Any, event: Event) -> Any:
         alone = float(event.values(looked(t))[0])
         if t < looked.times[i]:
             return alone
-        if abs(alone - values[i]) > SAME * np.nanmax(np.abs(values)):
+        if abs(alone - values[i]) > _SAME * np.nanmax(np.abs(values)):
             got = f"got {alone:g} at t = {t:g} alone, {values[i]:g} among others"
             raise ValueError(
                 f"event {event.name!r}: {got}, expected values that depend on their own row alone"
@@ -151,7 +151,7 @@ def happened(solution: Any, event: Event) -> Any:
         times.append(
             high
             if values[i + 1] == 0
-            else brentq(value, low, high, xtol=1e-300, rtol=RTOL, maxiter=2000)
+            else brentq(value, low, high, xtol=1e-300, rtol=_RTOL, maxiter=2000)
         )
     return looked(np.array(times))
 
@@ -171,6 +171,6 @@ def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSoluti
 def _looks(solution: Any) -> np.ndarray:
     """The solution's times and equispaced ones between each two of them."""
     rows = len(solution.times) - 1
-    wanted = max(LOOKS_PER_ROW * rows, LOOKS_PER_STEP * (solution.work.steps or rows))
-    between = max(1, -(-min(wanted, MOST_LOOKS) // max(rows, 1)))
+    wanted = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))
+    between = max(1, -(-min(wanted, _MOST_LOOKS) // max(rows, 1)))
     return np.interp(np.arange(rows * between + 1) / between, np.arange(rows + 1), solution.times)

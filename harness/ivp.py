@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Numbers of which Python finds the largest in less time than NumPy.
 _FEW = 20
 # A table of more rows would hold gigabytes.
-MOST_SAMPLES = 10_000_000
+_MOST_SAMPLES = 10_000_000
 
 
 # The catalogue's names of SciPy's methods, by SciPy's own.
@@ -278,9 +278,9 @@ def check_tolerance(name: str, given: Any) -> None:
 
 def check_samples(samples: int) -> None:
     """Raise ValueError for what is no number of output times."""
-    if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
+    if not (isinstance(samples, Integral) and 2 <= samples <= _MOST_SAMPLES):
         raise ValueError(
-            f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}"
+            f"samples: got {samples!r}, expected a whole number from 2 to {_MOST_SAMPLES}"
         )
 
 

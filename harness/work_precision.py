@@ -47,13 +47,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Of the classical problems.
-TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 QUICK = (1e-4, 1e-7, 1e-10)
 # Errors by name: the largest at any sample, that at the end, the root of the mean square.
-ERRORS = ("max", "final", "L2")
+_ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
-REFUSED = "refused"
-PLAIN_PYTHON = "plain Python"
+_REFUSED = "refused"
+_PLAIN_PYTHON = "plain Python"
 # An error above this share of the state's size is no accuracy: it is not known, and no success.
 _NO_ACCURACY = 0.1
 # A reference less certain than this contradicts no run.
@@ -136,8 +136,8 @@ class WorkPrecision:
         given = [*tolerances] if np.iterable(tolerances) else []
         if not (given and all(isinstance(each, Real) and each > 0 for each in given)):
             raise ValueError(f"tolerances: got {tolerances!r}, expected positive numbers")
-        if error not in ERRORS:
-            raise ValueError(f"error: got {error!r}, expected one of {', '.join(ERRORS)}")
+        if error not in _ERRORS:
+            raise ValueError(f"error: got {error!r}, expected one of {', '.join(_ERRORS)}")
         if not max_seconds > 0:
             raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
         self.solvers = solvers
@@ -309,7 +309,7 @@ class WorkPrecision:
         return {
             "solver": setup.label,
             "tolerance": tolerance,
-            "status": REFUSED,
+            "status": _REFUSED,
             "message": reason,
             **dict.fromkeys(nothing),
             "trace_seconds": self.trace_seconds,
@@ -477,7 +477,7 @@ def _runs_as(run: Any) -> str:
     if settings is None:
         # It may compile the right-hand side or not.
         return FUNCTION
-    return PLAIN_PYTHON if settings.backend == "python" else "compiled"
+    return _PLAIN_PYTHON if settings.backend == "python" else "compiled"
 
 
 def _timed(run: Callable[[], Any]) -> Timing:
@@ -563,7 +563,7 @@ def run_problems(
     quiet: bool = False,
 ) -> list[Record]:
     """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
-    settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
+    settings = {"tolerances": QUICK if quick else _TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
     pairs = pairs_of(names, solvers)
     cases = (
         {"problem": name, "solver": solver, **settings, "versions": versions()}

@@ -15,9 +15,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Results of one function that are cached; a compiled field takes 0.8 MB.
-MAX_CACHED = 64
+_MAX_CACHED = 64
 # Results for one thread; an integrator of heyoka takes 0.2 to 0.7 MB.
-MAX_CACHED_IN_THREAD = 16
+_MAX_CACHED_IN_THREAD = 16
 
 _clock = count()
 
@@ -37,7 +37,7 @@ class _Entry:
 class Once(Generic[P, R]):
     """A function whose results are computed once; see `once`."""
 
-    def __init__(self, function: Callable[P, R], size: int = MAX_CACHED) -> None:
+    def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED) -> None:
         self.function = function
         self.size = size
         self.__wrapped__ = function
@@ -108,7 +108,7 @@ class Once(Generic[P, R]):
                 self._entries.pop(key, None)
 
 
-def once(size: int = MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
+def once(size: int = _MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
     """Cache a function's results, at most `size` of them, and compute no result twice at the same time.
 
     Arguments are hashable. One that has a method ``weakly(forget)`` is cached as what that returns:
@@ -120,7 +120,7 @@ def once(size: int = MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
 class OncePerThread(Generic[P, R], local):
     """A function whose results are cached for the thread that asks, for objects that hold the state of a run."""
 
-    def __init__(self, function: Callable[P, R], size: int = MAX_CACHED_IN_THREAD) -> None:
+    def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED_IN_THREAD) -> None:
         self.cached = Once(function, size)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:

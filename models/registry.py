@@ -14,8 +14,8 @@ from polhode.models.spent import spent_on
 
 T = TypeVar("T")
 # A shorter word is a part of too much; less alike (`difflib`), a word is another one.
-SHORTEST_PART = 3
-ALIKE = 0.7
+_SHORTEST_PART = 3
+_ALIKE = 0.7
 
 
 def hint(word: str, names: Iterable[str]) -> str:
@@ -27,8 +27,8 @@ def hint(word: str, names: Iterable[str]) -> str:
 def near(word: str, names: Iterable[str]) -> str | None:
     """The name that a mistyped word is nearest to, or the only one that it is a part of; None if none is near."""
     known = list(names)
-    whole = [name for name in known if len(word) >= SHORTEST_PART and word.lower() in name]
-    found = whole if len(whole) == 1 else get_close_matches(word.lower(), known, n=1, cutoff=ALIKE)
+    whole = [name for name in known if len(word) >= _SHORTEST_PART and word.lower() in name]
+    found = whole if len(whole) == 1 else get_close_matches(word.lower(), known, n=1, cutoff=_ALIKE)
     return found[0] if found else None
 
 

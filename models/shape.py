@@ -11,10 +11,10 @@ Kind = Literal["sphere", "prolate", "oblate", "triaxial"]
 Triple = tuple[float, float, float]
 
 # Below it the moments of inertia, of fourth order in the semi-axes, lose digits to underflow.
-LEAST_RATIO = 1e-70
+_LEAST_RATIO = 1e-70
 # Distances from the mean, relative to it, below which the series of `carlson_rd` holds to double
 # precision.
-CARLSON_SPREAD = 1 / 400
+_CARLSON_SPREAD = 1 / 400
 
 
 def require_numbers(name: str, given: Any, count: int = 0) -> None:
@@ -67,8 +67,8 @@ class Ellipsoid:
             if not (isfinite(length) and length > 0):
                 raise ValueError(f"semi_axes: got {length}, expected finite positive numbers")
         ratio = min(self.semi_axes) / max(self.semi_axes)
-        if ratio < LEAST_RATIO:
-            expected = f"shortest / longest of at least {LEAST_RATIO:g}"
+        if ratio < _LEAST_RATIO:
+            expected = f"shortest / longest of at least {_LEAST_RATIO:g}"
             raise ValueError(f"semi_axes: got {[*map(float, self.semi_axes)]}, expected {expected}")
 
     @cached_property
@@ -148,7 +148,7 @@ def carlson_rd(x: float, y: float, z: float) -> float:
     spread = max(abs(mean - x), abs(mean - y), abs(mean - z))
     total = 0.0
     share = 1.0
-    while share * spread > CARLSON_SPREAD * mean:
+    while share * spread > _CARLSON_SPREAD * mean:
         root_x = sqrt(x)
         root_y = sqrt(y)
         root_z = sqrt(z)

@@ -25,8 +25,8 @@ Jacobian = Literal["exact", "difference"]
 # More steps than any run takes.
 UNLIMITED = 10**9
 # Seconds before a deadline from which on it is looked at so many times as often.
-NEAR = 0.05
-OFTEN = 16
+_NEAR = 0.05
+_OFTEN = 16
 
 # A run crawls if its steps are shorter than this share of those before, and more than so many are
 # left: minutes of compiled code. Relaxation oscillations shrink theirs as far, for a few steps.
@@ -176,7 +176,7 @@ class Record:
 
     def chunk(self, usual: int) -> int:
         """Steps until the deadline is looked at again: fewer if it is near."""
-        return usual if self.deadline - perf_counter() > NEAR else max(1, usual // OFTEN)
+        return usual if self.deadline - perf_counter() > _NEAR else max(1, usual // _OFTEN)
 
     @property
     def expired(self) -> bool:

@@ -56,17 +56,17 @@ _FIRST_LOOK = 256
 # Shares of the steps of a chunk that failed, up to which it is run again.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which a solution that is looked at beforehand is given up.
-MOST_STEPS = 2000
-MAX_RAM_MB = 2000
+_MOST_STEPS = 2000
+_MAX_RAM_MB = 2000
 # Of rates over what is tolerated, with a square below infinity.
-LARGEST_NORM = 1.3e154
+_LARGEST_NORM = 1.3e154
 
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
 _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
 # Versions whose C functions have the signatures stated here; of others the package itself is
 # imported.
-KNOWN = ("0.20.",)
+_KNOWN = ("0.20.",)
 
 # The C++ function `baseline_cysolve_ivp` under the name that compilers for Linux give it, with the
 # types of its arguments; another version's, with others, has another name and is not found.
@@ -85,7 +85,7 @@ _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_
 @spent_on("import")
 def load_cyrk() -> Any:
     """The library's C functions, as its bridge to numba names them, without the 0.3 s that numba takes to import."""
-    if version("CyRK").startswith(KNOWN):
+    if version("CyRK").startswith(_KNOWN):
         with suppress(ImportError, AttributeError):
             return SimpleNamespace(**_functions())
     from CyRK.nb import numba_solver
@@ -118,7 +118,7 @@ def entry_with_jacobian() -> Callable[..., None] | None:
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     spec = importlib.util.find_spec("CyRK")
-    if spec is None or spec.origin is None or not version("CyRK").startswith(KNOWN):
+    if spec is None or spec.origin is None or not version("CyRK").startswith(_KNOWN):
         return None
     # The module that `load_cyrk` imports, without importing it: a list of solvers asks, too.
     modules = list(Path(spec.origin).with_name("nb").glob("numba_c_api*.so"))
@@ -291,7 +291,7 @@ class Call:
         for rate, y in zip(rates.tolist(), state.tolist(), strict=True):
             scale = next(atols) + next(rtols) * abs(y)
             scaled.append(rate / scale if scale else inf)
-        return hypot(*scaled) < (inf if switching else LARGEST_NORM)
+        return hypot(*scaled) < (inf if switching else _LARGEST_NORM)
 
     def __call__(
         self,
@@ -310,7 +310,7 @@ class Call:
                 # Expected size: the library's guess; extra outputs.
                 *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
                 # Dense output is used, and kept where a run is to be looked through.
-                *(max_steps, MAX_RAM_MB, dense, address_of(times), times.size),
+                *(max_steps, _MAX_RAM_MB, dense, address_of(times), times.size),
                 # No function before the right-hand side, no events.
                 *(None, None, 0),
                 *self.tolerances,
@@ -328,7 +328,7 @@ class Call:
         entry(
             *(reference(result), self.code.address, start, end, reference(vector(state))),
             *(self.method, 0, 0, reference(vector(self.parameters))),
-            *(max_steps, MAX_RAM_MB, dense, reference(vector(times))),
+            *(max_steps, _MAX_RAM_MB, dense, reference(vector(times))),
             *(None, reference(nothing)),
             *(reference(vector(self.rtol)), reference(vector(self.atol))),
             *(self.max_step, first_step, True, self.jacobian.address),
@@ -454,7 +454,7 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
 
     def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         with call.flushed_to_zero:
-            result = call(0.0, end, start, wanted, MOST_STEPS)
+            result = call(0.0, end, start, wanted, _MOST_STEPS)
         try:
             size = library.c_get_size(result)
             d = start.size

@@ -14,7 +14,7 @@ from polhode.solvers.compile import as_it_stands, frozen
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-BETWEEN = ("cyrk-dop853", "dop853")
+_BETWEEN = ("cyrk-dop853", "dop853")
 
 
 class LikeSolveIvp:
@@ -80,7 +80,7 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
     method = solution.method
     how = {"backend": settings.backend, "atol": _of_components(settings.atol, problem)}
     if method.many_periods:
-        method = find_solver(next(name for name in BETWEEN if find_solver(name).available))
+        method = find_solver(next(name for name in _BETWEEN if find_solver(name).available))
         how = {"atol": how["atol"]}
     if "max_step" in method.limits:
         how["max_step"] = settings.max_step

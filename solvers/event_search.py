@@ -22,7 +22,7 @@ _PLACE = np.float64(4 * np.finfo(float).eps)
 _MAX_ITERATIONS = 300
 # Looks within a step, where its interpolation costs next to nothing: a step of high order is
 # longer than a half period of what it follows.
-LOOKS_WITHIN_STEP = 8
+_LOOKS_WITHIN_STEP = 8
 # Solvers that run many steps in one call look after few of them at first, and after so many times
 # more each time: a terminal event soon after the start costs no more than a few steps.
 LOOK_GROWTH = 4
@@ -147,6 +147,6 @@ class EventSearch:
 
 def looks(steps: np.ndarray) -> np.ndarray:
     """The times of steps, the first one the last look, and equispaced ones within each; without the first."""
-    parts = LOOKS_WITHIN_STEP + 1
+    parts = _LOOKS_WITHIN_STEP + 1
     at = np.arange(1, (len(steps) - 1) * parts + 1) / parts
     return np.interp(at, np.arange(len(steps)), steps)

@@ -28,9 +28,9 @@ from polhode.solvers.event_search import EventFailedError, EventSearch
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
 # it would lose.
-WRAP_AFTER = 100 * pi
+_WRAP_AFTER = 100 * pi
 # Times closer than this share of the run count as the same one.
-CLOSE = 1e-12
+_CLOSE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class Run:
         last = float(self.times[-1])
         if end >= last:
             return last
-        close = CLOSE * last
+        close = _CLOSE * last
         near = float(self.times[self.times.searchsorted(end - close)])
         return near if near <= end + close else end
 
@@ -272,10 +272,10 @@ def wrapped(problem: Problem, times: np.ndarray) -> Course:
     if not problem.periodic or problem.parameters is None:
         return lambda time, state, tolerance: Piece(problem, float(times[-1]))
     columns = list(problem.periodic)
-    most = WRAP_AFTER
+    most = _WRAP_AFTER
     with suppress(ArithmeticError, ValueError):
         rates = problem.field(FLOAT)(problem.start, problem.parameters)
-        most = WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
+        most = _WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
 
     def wrap(states: np.ndarray) -> np.ndarray:
         states[1:, columns] %= 2 * pi

@@ -26,11 +26,11 @@ Callback = Callable[[float, np.ndarray], np.ndarray]
 
 
 # Right-hand sides with which an explicit method chooses its first step.
-START_CALLS = 2
+_START_CALLS = 2
 # Steps that do not advance the time, after which a run has stalled.
-STALLED = 1000
+_STALLED = 1000
 # Steps between two looks at how far a run has come: a second at most.
-LOOK = 5000
+_LOOK = 5000
 
 
 _lsoda_lock = RLock()
@@ -99,7 +99,7 @@ class ScipySolver(Solver):
                 work.factorizations = int(stepper.nlu)
             if self.attempt and work.steps:
                 attempts = (
-                    stepper.nfev - START_CALLS - self.interpolation * interpolated
+                    stepper.nfev - _START_CALLS - self.interpolation * interpolated
                 ) // self.attempt
                 work.rejected = attempts - work.steps
             return outcome
@@ -231,7 +231,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         reached = record.now = stepper.t
         # LSODA takes steps too small to advance the time for no error.
         stalled = stalled + 1 if reached == before else 0
-        if stalled > STALLED:
+        if stalled > _STALLED:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
         before = reached
         if taken is not None:
@@ -254,7 +254,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         if ended:
             return (Status.REACHED_END, ""), interpolated
         if running:
-            if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
+            if steps % _LOOK == 0 and (crawling := record.crawls(steps, reached)):
                 return crawling, interpolated
             if steps >= record.max_steps or record.expired:
                 return record.stopped or (Status.TIME_LIMIT, ""), interpolated

@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 # false; and at each step by so many, up to the limit: norms of quaternions, which fields divide
 # out, drift by 0.6 in 5000 good steps at 1e-4.
 INVARIANT_TOLERANCES = 1e6
-EACH_STEP = 3.0
+_EACH_STEP = 3.0
 INVARIANT_FLOOR = 1e-6
-INVARIANT_CEILING = 0.5
-INVARIANT_LIMIT = 2.0
+_INVARIANT_CEILING = 0.5
+_INVARIANT_LIMIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -377,7 +377,7 @@ def _doubt(solution: Solution, times: np.ndarray) -> str | None:
     if invariant is not None:
         worst = float(np.abs(invariant(solution.states)).max())
         tolerance = solution.settings.tolerance
-        most = min(INVARIANT_LIMIT, max(INVARIANT_CEILING, EACH_STEP * tolerance * (steps or 0)))
+        most = min(_INVARIANT_LIMIT, max(_INVARIANT_CEILING, _EACH_STEP * tolerance * (steps or 0)))
         allowed = min(most, max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance))
         if not worst <= allowed:
             return f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"

@@ -16,7 +16,7 @@ from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.solvers.contract import Status
 
 # What makes two records the same case, whatever the versions they were made with.
-IDENTITY = [
+_IDENTITY = [
     "scene_name",
     "stokes",
     "scene.time",
@@ -28,12 +28,12 @@ IDENTITY = [
     "jacobian",
 ]
 # An error below this says nothing, however well the reference is known.
-LEAST_ERROR = 1e-13
+_LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
-LEAST_SECONDS = 2e-5
-ERRORS = ("slow_error", "orientation_error")
+_LEAST_SECONDS = 2e-5
+_ERRORS = ("slow_error", "orientation_error")
 # Timed cases of which the median ratio tells how much slower another machine is.
-MIN_MACHINE_CASES = 5
+_MIN_MACHINE_CASES = 5
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Comparison:
     are compared after division by it, or by what it took beside the case itself if that is more: a
     slow moment is no regression. On another machine or Python the sentinel does not compare:
     `drift` is then the median ratio of the cases' times, and 1 where fewer than
-    `MIN_MACHINE_CASES` are shared.
+    `_MIN_MACHINE_CASES` are shared.
     """
 
     shared: int
@@ -52,7 +52,7 @@ class Comparison:
     only_after: int
     drift: float
     same_machine: bool
-    regressions: pd.DataFrame  # `IDENTITY`, `what`, `before` and `after`
+    regressions: pd.DataFrame  # `_IDENTITY`, `what`, `before` and `after`
 
 
 def compare(
@@ -68,19 +68,21 @@ def compare(
     else:
         drift = _ratio([(first[case], second[case]) for case in shared])
     worse = [
-        {**dict(zip(IDENTITY, case, strict=False)), **change}
+        {**dict(zip(_IDENTITY, case, strict=False)), **change}
         for case in first
         if case in shared
         for change in _changes(first[case], second[case], drift, slower, less_accurate)
     ]
-    regressions = pd.DataFrame(worse, columns=pd.Index([*IDENTITY, "what", "before", "after"]))
+    regressions = pd.DataFrame(worse, columns=pd.Index([*_IDENTITY, "what", "before", "after"]))
     alone = len(first) - len(shared), len(second) - len(shared)
     return Comparison(len(shared), *alone, drift, same_machine, regressions)
 
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
     """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
-    return {(*(row.get(column) for column in IDENTITY), _scene(row)): row for row in rows_of(table)}
+    return {
+        (*(row.get(column) for column in _IDENTITY), _scene(row)): row for row in rows_of(table)
+    }
 
 
 def _scene(row: Record) -> frozenset[tuple[str, Any]]:
@@ -108,7 +110,7 @@ def _ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
         for before, after in pairs
         if before.get("seconds") and after.get("seconds")
     ]
-    return median(ratios) if len(ratios) >= MIN_MACHINE_CASES else 1.0
+    return median(ratios) if len(ratios) >= _MIN_MACHINE_CASES else 1.0
 
 
 def _changes(
@@ -133,12 +135,12 @@ def _changes(
         first = before["seconds"]
         second = after["seconds"] / pace
         noise = _scatter(before) + _scatter(after) / pace
-        if second > slower * first and second - first > max(LEAST_SECONDS, noise):
+        if second > slower * first and second - first > max(_LEAST_SECONDS, noise):
             changes.append({"what": "seconds", "before": first, "after": second})
-    for error in ERRORS:
+    for error in _ERRORS:
         first = before.get(error)
         second = after.get(error)
-        floor = max(LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
+        floor = max(_LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
         if first is not None and second is not None and second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
     return changes

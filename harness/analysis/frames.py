@@ -36,12 +36,12 @@ RUN_COLUMNS += [
     "scene.time",
     "scene.shape.semi_axes",
 ]
-STOKES = "scene.stokes"
+_STOKES = "scene.stokes"
 # What every record of a run of a scene has.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
 # What a run that fails has not: where every run of a study failed, these columns are there, and
 # empty.
-OF_SUCCESSES = (
+_OF_SUCCESSES = (
     "slow_error",
     "orientation_error",
     "slow_uncertainty",
@@ -57,9 +57,9 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     then.
     """
     kept = (_picked(record, columns) for record in records) if columns else records
-    table = pd.json_normalize(list(kept)).rename(columns={STOKES: "stokes"})
+    table = pd.json_normalize(list(kept)).rename(columns={_STOKES: "stokes"})
     table = table.convert_dtypes(dtype_backend="numpy_nullable")
-    for name in OF_SUCCESSES:
+    for name in _OF_SUCCESSES:
         if name not in table and (name in columns or not columns):
             table[name] = pd.array([pd.NA] * len(table), dtype="Float64")
     return table
@@ -86,7 +86,7 @@ def _picked(record: Record, columns: Collection[str]) -> Record:
     """The values that go into these columns."""
     found = {}
     for name in columns:
-        path = STOKES if name == "stokes" else name
+        path = _STOKES if name == "stokes" else name
         value: Any = record
         for part in path.split("."):
             value = value.get(part) if isinstance(value, dict) else None

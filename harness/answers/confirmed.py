@@ -51,49 +51,49 @@ from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Sta
 from polhode.solvers.solve import Interrupted, Solution
 
 # The tolerance of a tighter run over that of the run before: a third more steps at order 8.
-TIGHTER = 0.1
+_TIGHTER = 0.1
 # The same of splitting, whose steps come in few sizes: 1.5 to 1.8 times the steps.
-TIGHTER_SPLITTING = 1 / 30
+_TIGHTER_SPLITTING = 1 / 30
 # The tolerance of a looser second run over that of the run: 0.65 of its steps at order 8.
-LOOSER = 30.0
+_LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing.
-LOOSE = 1e-5
+_LOOSE = 1e-5
 # The better one of two runs of a method takes at least so many times the steps of the other: at
 # order 6 it errs by as much as they differ, and by more where they are closer.
-LEAST_STEP_RATIO = 1.15
+_LEAST_STEP_RATIO = 1.15
 # The same of splitting, where smaller factors hide errors up to 60 times the difference.
 LEAST_STEP_RATIO_SPLITTING = 1.35
 # The tolerance of a last second run where others took too similar steps.
-FAR_TIGHTER = 1e-3
+_FAR_TIGHTER = 1e-3
 # Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
-SATURATED = 0.03
+_SATURATED = 0.03
 # No run is credited with an error below this share of its tolerance: that would be luck.
-LEAST_ERROR_PER_TOLERANCE = 1e-3
+_LEAST_ERROR_PER_TOLERANCE = 1e-3
 # Runs of a method that look for an error, at most.
-MAX_RUNS = 6
+_MAX_RUNS = 6
 # Where two runs have not met an error, the next one is planned to have this share of it.
-PLANNED_SHARE = 0.3
+_PLANNED_SHARE = 0.3
 # A tolerance is divided by this much at most for that.
-MAX_STRIDE = 1e4
+_MAX_STRIDE = 1e4
 # A tighter run has this share of the difference before; else tolerance no longer sets the errors.
-FALLING = 0.7
+_FALLING = 0.7
 # A search ends when the difference has not fallen so often: once may be chance, near L² = 2EI₂.
-MAX_STALLS = 2
+_MAX_STALLS = 2
 # Steps that a second run may take: so many times those of the run, and an amount that costs little.
 STEP_RATIO = 30
 STEP_FLOOR = 20_000
 # The tightest tolerance of a run that a tighter one confirms.
-LEAST_CONFIRMED = 1e-14
+_LEAST_CONFIRMED = 1e-14
 # An unlike run is tighter by this than equal errors ask for.
-UNLIKE_SHARE = 0.2
+_UNLIKE_SHARE = 0.2
 # Rounding of L and E in a step, in eps of the largest, that steps add up: DOP853 errs by 0.07 a step
 # after 8e4 steps.
-ROUNDING_PER_STEP = 0.1
+_ROUNDING_PER_STEP = 0.1
 # The same of Verner's methods, whose coefficients round in one direction: they err by 0.6 to 0.8.
-ROUNDING_PER_STEP_VERNER = 1.0
-VERNER = ("cyrk-vern8", "cyrk-vern7")
+_ROUNDING_PER_STEP_VERNER = 1.0
+_VERNER = ("cyrk-vern8", "cyrk-vern7")
 # Error per rotation and tolerance of a solver that states none.
-USUAL_ERROR_CONSTANT = 20.0
+_USUAL_ERROR_CONSTANT = 20.0
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _meet(
     if not estimate or method.solver.closed_form or method.form.averaged:
         return confirm(runner, method, tolerance, estimate, watch)
     search = _Search(runner, method, error, want)
-    for _ in range(MAX_RUNS):
+    for _ in range(_MAX_RUNS):
         run = _next_run(runner, method, tolerance, search.previous, watch)
         if run.success and search.previous is None and want == "slow":
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
@@ -208,20 +208,20 @@ class _Search:
                 self.previous = run
                 return _tighter(self.method)
             # The steps hardly changed: the tolerance does not set them yet.
-            return FAR_TIGHTER
+            return _FAR_TIGHTER
         self.previous = run
         interval = stated_error.wanted(self.want)
         if interval is None:
             return _tighter(self.method)
-        if self.high < inf and interval.high > FALLING * self.high:
+        if self.high < inf and interval.high > _FALLING * self.high:
             self.stalls += 1
         if interval.high < self.high:
             self.best = (run, stated_error)
             self.high = interval.high
-        if interval.high <= self.error or self.stalls >= MAX_STALLS:
+        if interval.high <= self.error or self.stalls >= _MAX_STALLS:
             return 1.0
-        planned = PLANNED_SHARE * self.error / interval.high
-        return min(_tighter(self.method), max(1 / MAX_STRIDE, planned))
+        planned = _PLANNED_SHARE * self.error / interval.high
+        return min(_tighter(self.method), max(1 / _MAX_STRIDE, planned))
 
     def _stated(self, run: Run, before: Run | None) -> RunError | None:
         """The error of a run, from a second one by another method, or from the one before."""
@@ -283,7 +283,7 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
         remedy = "no full form takes such a start"
         if find_form(full).takes(scene) and form.name != full:
             remedy = f"do: --form {full}, whose error its tolerance alone sets"
-    elif tighter > LEAST_CONFIRMED:
+    elif tighter > _LEAST_CONFIRMED:
         remedy = f"do: --tolerance {short(tighter)}"
     return replace(found, advice=f"{head} {sure}: it is {size}; {remedy}")
 
@@ -335,26 +335,26 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     method = run.method
     tolerance = run.tolerance
     tighter = max(TIGHTEST, _tighter(method) * tolerance)
-    looser = min(1.0, LOOSER * tolerance)
+    looser = min(1.0, _LOOSER * tolerance)
     if partner := _partner(runner, method):
         unlike = Second("unlike", partner, _equal_error_tolerance(run, partner))
         if steps_of(runner.scene, partner, unlike.tolerance) < _limit(run):
             yield unlike
     stroboscopic = method.solver.many_periods and method.solver.name not in SPLITTING
-    if looser < LOOSE and not stroboscopic:
+    if looser < _LOOSE and not stroboscopic:
         yield Second("looser", method, looser)
     if tighter < tolerance:
         yield Second("sharper", method, tighter)
-    if looser >= LOOSE or stroboscopic:
+    if looser >= _LOOSE or stroboscopic:
         yield Second("looser", method, looser)
-    far = max(TIGHTEST, FAR_TIGHTER * tolerance)
+    far = max(TIGHTEST, _FAR_TIGHTER * tolerance)
     if far < tighter:
         yield Second("sharper", method, far)
 
 
 def _tighter(method: Method) -> float:
     """The tolerance of a tighter run over that of a run by a method."""
-    return TIGHTER_SPLITTING if method.solver.many_periods else TIGHTER
+    return _TIGHTER_SPLITTING if method.solver.many_periods else _TIGHTER
 
 
 def _partner(runner: Runner, method: Method) -> Method | None:
@@ -395,9 +395,9 @@ def _equal_error_tolerance(run: Run, partner: Method) -> float:
     """The tolerance at which a partner errs by a share of what the run does."""
     if partner.solver.closed_form:
         return run.tolerance
-    constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
-    other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
-    ratio = min(1.0, UNLIKE_SHARE * constant / other)
+    constant = getattr(run.method.solver, "error_constant", _USUAL_ERROR_CONSTANT)
+    other = getattr(partner.solver, "error_constant", _USUAL_ERROR_CONSTANT)
+    ratio = min(1.0, _UNLIKE_SHARE * constant / other)
     return max(TIGHTEST, ratio * run.tolerance)
 
 
@@ -413,7 +413,7 @@ def _sharpens(better: Run, worse: Run) -> bool:
     if not (better.steps and worse.steps):
         return bool(np.any(better.observables.energy != worse.observables.energy))
     splits = better.method.solver.many_periods
-    least = LEAST_STEP_RATIO_SPLITTING if splits else LEAST_STEP_RATIO
+    least = LEAST_STEP_RATIO_SPLITTING if splits else _LEAST_STEP_RATIO
     return better.steps >= least * worse.steps
 
 
@@ -422,7 +422,7 @@ def _saturated(runner: Runner, run: Run, other: Run) -> bool:
     ellipsoid = runner.scene.ellipsoid
     size = {"slow": magnitude(ellipsoid, run.observables), "orientation": pi}
     apart = difference(ellipsoid, run.observables, other.observables).largest
-    return any(value > SATURATED * size[want] for want, value in apart.items())
+    return any(value > _SATURATED * size[want] for want, value in apart.items())
 
 
 def _limit(run: Run) -> int:
@@ -441,11 +441,11 @@ def _stated(
 ) -> RunError:
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
-    lucky = 0.0 if run.method.solver.closed_form else LEAST_ERROR_PER_TOLERANCE * run.tolerance
+    lucky = 0.0 if run.method.solver.closed_form else _LEAST_ERROR_PER_TOLERANCE * run.tolerance
     rounded = 0.0
     if family_name in ("explicit", "implicit"):
-        verner = run.method.solver.name in VERNER
-        rounded = run.steps * (ROUNDING_PER_STEP_VERNER if verner else ROUNDING_PER_STEP)
+        verner = run.method.solver.name in _VERNER
+        rounded = run.steps * (_ROUNDING_PER_STEP_VERNER if verner else _ROUNDING_PER_STEP)
     return stated(
         ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note, rounded
     )

@@ -45,9 +45,9 @@ SHARE_NEAR = 0.92
 FAR = 5.0
 # Asking may take so many runs of the choice, or so many seconds; of runs longer than a second, this
 # share of them.
-ASKING_RUNS = 3.0
-ASKING_SECONDS = 0.005
-ASKING_SHARE = 0.1
+_ASKING_RUNS = 3.0
+_ASKING_SECONDS = 0.005
+_ASKING_SHARE = 0.1
 # Seconds that a reference may take.
 _REFERENCE_SECONDS = 120.0
 # Uncertainty of a reference over the error requested, at most.

@@ -15,20 +15,20 @@ from polhode.models.shape import Ellipsoid
 
 # St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double
 # takes half a minute: only the paper's own figures are followed to further St.
-STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
+_STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
 QUICK = 1e3
 
 AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
-GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
+_GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
 # Starts of the second order's cases by name; the others are angular velocities at the orientation
 # TILTED.
-NAMED = {
+_NAMED = {
     "paper": scenes.SPHEROID_START,
     "paper, ψ̇ = -1": scenes.PAPER_START,
     "against": AGAINST,
-    "gentle": GENTLE,
+    "gentle": _GENTLE,
 }
-TILTED = (0.8, 0.3, -0.4, 0.2)
+_TILTED = (0.8, 0.3, -0.4, 0.2)
 _TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 
 
@@ -62,14 +62,14 @@ def paper_cases() -> list[Subject]:
     cases = []
     for name, row in _TABLES["paper"].items():
         scene = scenes.named_scene(row["scene"])
-        stokes = (*STOKES, *row.get("further", ()))
+        stokes = (*_STOKES, *row.get("further", ()))
         cases.append(
             Subject(name, scene.ellipsoid.semi_axes, cast("EulerStart", scene.start), 0.5, stokes)
         )
     for name, (a, b, c) in _TABLES["planes"].items():
         body = Ellipsoid((a, b, c))
         start = scenes.aligned_start(body, -max(body.inertia), pi / 4)
-        cases.append(Subject(f"phase plane {name}", (a, b, c), start, 0.5, STOKES))
+        cases.append(Subject(f"phase plane {name}", (a, b, c), start, 0.5, _STOKES))
     return cases
 
 
@@ -84,7 +84,7 @@ def _case(
     """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it."""
     exponents = np.linspace(lowest, lowest + 2, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
-    made = NAMED[start] if start else BodyStart(TILTED, (*spin,))
+    made = _NAMED[start] if start else BodyStart(_TILTED, (*spin,))
     return Subject(
         name, (*axes,), made, slow_time, tuple(float(f"{10**each:.3g}") for each in exponents)
     )

@@ -14,7 +14,7 @@ from polhode.models.rotation import Triple
 VARIABLES = ("Lx", "Ly", "Lz", "E")
 Each = tuple[float, float, float, float]
 # When and where a study was measured, and of how many runs each time is the fastest.
-TIMED = "timed.json"
+_TIMED = "timed.json"
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def write_study(study: Any, folder: Path) -> None:
     """Write each of a study's tables into a folder, and `timed.json`."""
     for name, kind in _tables(type(study)).items():
         write_table(folder / f"{name}.csv", kind, getattr(study, name), _COLUMNS.get(kind, ()))
-    write_file(folder / TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
+    write_file(folder / _TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
 
 
 def read_study(kind: type[Study], folder: Path) -> Study:
@@ -147,7 +147,7 @@ def read_study(kind: type[Study], folder: Path) -> Study:
         name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows
     }
     made: Any = kind
-    return made(**tables, timed=json.loads(read_file(folder / TIMED)))
+    return made(**tables, timed=json.loads(read_file(folder / _TIMED)))
 
 
 def _tables(kind: type) -> dict[str, type]:

@@ -39,35 +39,35 @@ from polhode.solvers.taylor import extends_precision
 # The constants of `hybrid` were chosen on starts of SEED; errors are measured on those of HELD_OUT,
 # so many of each.
 SEED = 15
-HELD_OUT = (20261122, 7771)
-RANDOM = 120
+_HELD_OUT = (20261122, 7771)
+_RANDOM = 120
 SAMPLES = 201
 SOLVER = "cyrk-vern8"
-LEAST_AXIS = 0.15
+_LEAST_AXIS = 0.15
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 ERRORS = (1e-4, 1e-6, 1e-8)
 # Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it
 # two unrelated methods in double, whose difference is the truth's uncertainty; and where that takes
 # minutes, no more.
-LONG_DOUBLE_UP_TO = 1.2e5
-LONGEST = 5.1e6
-DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
+_LONG_DOUBLE_UP_TO = 1.2e5
+_LONGEST = 5.1e6
+_DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
 # Speed: random starts at each St, at one slow time and error, against these solvers at the loosest
 # tolerance that does.
-FAST_SEED = 16
+_FAST_SEED = 16
 FAST = {1e6: 40, 1e7: 12, 1e8: 12}
 FAST_SLOW_TIME = 0.5
 FAST_ERROR = 1e-6
-FEW = 11
+_FEW = 11
 REPEATS = 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
 KNOWING = "splitting"
-KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
+_KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the
 # vorticity.
-SETTLED = 0.9
+_SETTLED = 0.9
 PARTS = ("errors", "speed")
 
 
@@ -114,12 +114,12 @@ class Speed:
     full_steps: float = nan  # and of the best full solution, if that is by the same solver
 
 
-def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
+def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
     """Random starts, every other one triaxial, over all St and slow times."""
     # Axes are log-uniform, orientations isotropic, angular velocities of three standard normals.
     draw = np.random.default_rng(seed)
     for i in range(count):
-        axes = np.exp(draw.uniform(np.log(LEAST_AXIS), 0.0, 3))
+        axes = np.exp(draw.uniform(np.log(_LEAST_AXIS), 0.0, 3))
         quaternion = draw.normal(size=4)
         spin = draw.normal(size=3)
         if i % 2:
@@ -142,19 +142,19 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             [value.hex() for value in values],
             samples,
             REFERENCE_TOLERANCES,
-            DOUBLE,
+            _DOUBLE,
             *([] if extends_precision() else ["without heyoka"]),
         ]
     )
     found = cache.load(key)
     if found is None:
-        if problem.end <= LONG_DOUBLE_UP_TO:
+        if problem.end <= _LONG_DOUBLE_UP_TO:
             tight, apart = true_observables(scene, samples)
         else:
             times = np.linspace(0.0, problem.end, samples)
             runs = (
-                (solve(problem, *how, times).states for how in DOUBLE)
-                if all(find_solver(name).available for name, _ in DOUBLE)
+                (solve(problem, *how, times).states for how in _DOUBLE)
+                if all(find_solver(name).available for name, _ in _DOUBLE)
                 else unlike_runs(problem, times).values()
             )
             tight, other = (form.observe(scene, states) for states in runs)
@@ -169,7 +169,7 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
     """Runs of the scenes at every error; scenes whose truth takes minutes are left out."""
     rows = []
     for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
-        if scene.time <= LONGEST:
+        if scene.time <= _LONGEST:
             known = truth(scene)
             rows += [_measured(i, scene, error, known) for error in ERRORS]
     return rows
@@ -196,7 +196,7 @@ def _measured(
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
         up = float(true.rotation[-1, axis, 2])
-        if abs(up) > SETTLED and orientation_off < 1 - SETTLED:
+        if abs(up) > _SETTLED and orientation_off < 1 - _SETTLED:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
     axes = ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
     return HybridError(
@@ -211,7 +211,7 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
     scenes = [
         (i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes))
         for stokes, count in FAST.items()
-        for i, scene in enumerate(random_scenes(count, FAST_SEED))
+        for i, scene in enumerate(random_scenes(count, _FAST_SEED))
     ]
     return [
         _timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)
@@ -236,7 +236,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     slow = nan
     full = dict[tuple[str, float], float]()
     exact = find_form(full_form(scene)).problem(scene)
-    if scene.time <= LONGEST:
+    if scene.time <= _LONGEST:
         true, *_ = truth(scene)
         slow = (
             errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
@@ -248,7 +248,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     # before left in caches.
     ways: list[Callable[[], float]] = [
         lambda: seconds(times),
-        lambda: seconds(times[:: SAMPLES // (FEW - 1)]),
+        lambda: seconds(times[:: SAMPLES // (_FEW - 1)]),
     ]
     ways += [
         lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full
@@ -306,7 +306,7 @@ def _full(
     found = dict[tuple[str, float], float]()
     tried: list[tuple[str, Sequence[float]]] = [(name, FULL_TOLERANCES) for name in FULL_SOLVERS]
     if find_solver(KNOWING).takes(problem):
-        tried.append((KNOWING, KNOWING_TOLERANCES))
+        tried.append((KNOWING, _KNOWING_TOLERANCES))
     for solver, tolerances in tried:
         if not find_solver(solver).available:
             continue
@@ -331,7 +331,7 @@ def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Stu
     study = old or Study([], [])
     if part in ("", "errors"):
         scenes = [
-            scene for seed in HELD_OUT for scene in random_scenes(4 if quick else RANDOM, seed)
+            scene for seed in _HELD_OUT for scene in random_scenes(4 if quick else _RANDOM, seed)
         ]
         rows = measure_errors(scenes, quiet)
         study = replace(study, errors=rows, timed={**study.timed, "errors": here()})

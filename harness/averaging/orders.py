@@ -14,15 +14,15 @@ from polhode.models.second_order.form import SecondOrder
 
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
 # The law c/St^order is fitted from this St on, where it has set in, to at least so many St.
-FITTED_FROM = 300.0
+_FITTED_FROM = 300.0
 LEAST_POINTS = 4
 # Runs of a case belong together if none ends before this share of the longest one: a shorter run
 # errs less.
-SAME_HORIZON = 0.99
+_SAME_HORIZON = 0.99
 # Slopes are fitted where the error is below this and above so many times the reference's
 # uncertainty.
-LARGEST_ERROR = 1e-2
-FLOORS = 100.0
+_LARGEST_ERROR = 1e-2
+_FLOORS = 100.0
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class Law:
     @property
     def alike(self) -> tuple[np.ndarray, np.ndarray]:
         """St and errors of the runs that share the longest horizon."""
-        same = np.array(self.until) >= SAME_HORIZON * self.horizon
+        same = np.array(self.until) >= _SAME_HORIZON * self.horizon
         return np.array(self.stokes)[same], np.array(self.error)[same]
 
     @property
     def fitted(self) -> tuple[np.ndarray, np.ndarray]:
-        """St and errors that the order is fitted to: of `alike`, those above `FITTED_FROM`."""
+        """St and errors that the order is fitted to: of `alike`, those above `_FITTED_FROM`."""
         stokes, error = self.alike
-        return stokes[stokes >= FITTED_FROM], error[stokes >= FITTED_FROM]
+        return stokes[stokes >= _FITTED_FROM], error[stokes >= _FITTED_FROM]
 
     @cached_property
     def fit(self) -> tuple[float, tuple[float, float]]:
@@ -129,7 +129,9 @@ def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
         own = [row for row in rows if (row.shape, row.start) == case]
         top = max(row.stokes for row in own)
         slow = [
-            (r.stokes, r.slow) for r in own if FLOORS * r.slow_uncertainty < r.slow < LARGEST_ERROR
+            (r.stokes, r.slow)
+            for r in own
+            if _FLOORS * r.slow_uncertainty < r.slow < _LARGEST_ERROR
         ]
         turned = [(r.stokes, r.orientation) for r in own if r.stokes >= 0.99e-2 * top]
         found.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))

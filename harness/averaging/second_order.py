@@ -31,26 +31,26 @@ SAMPLES = 2001
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
 TOLERANCE = 1e-14
 # Resonances want many small steps of these runs; each time is the fastest of so many.
-PASSAGE_SOLVER = "cyrk-vern8"
+_PASSAGE_SOLVER = "cyrk-vern8"
 PASSAGE_REPEATS = 3
 # What may be measured alone.
 PARTS = ("orders", "resonances", "cost")
 
 # The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
-SLOW_TIME = 0.5
-FEW = 11
-EXPONENTS = tuple(range(3, 9))
+_SLOW_TIME = 0.5
+_FEW = 11
+_EXPONENTS = tuple(range(3, 9))
 # St at which first order and the full equations are run too, the full ones to this slow error.
 COMPARED = 1e6
 TARGET = 1e-6
-COST_TOLERANCE = 1e-9
-TRUE_TOLERANCE = 1e-16
+_COST_TOLERANCE = 1e-9
+_TRUE_TOLERANCE = 1e-16
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
-FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
+_FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
 REPEATS = 50
-FULL_REPEATS = 3
-SECONDS = attrgetter("seconds")
+_FULL_REPEATS = 3
+_SECONDS = attrgetter("seconds")
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
             scene = case.scene(stokes)
         repeats = range(PASSAGE_REPEATS)
         found = min(
-            (timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats),
-            key=SECONDS,
+            (timed_run(scene, form.name, TOLERANCE, SAMPLES, _PASSAGE_SOLVER) for _ in repeats),
+            key=_SECONDS,
         )
     except (FormNotValidError, RuntimeError) as refusal:
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
@@ -151,35 +151,36 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
     )
 
 
-def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
+def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
     """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
     # Of each full solver the loosest tolerance is taken that meets `TARGET`.
     there = _spheroid(compared)
-    tolerance = COST_TOLERANCE
+    tolerance = _COST_TOLERANCE
     name = SecondOrder.name
     full = full_form(there)
     first = averaged_form(there)
-    true = timed_run(there, full, TRUE_TOLERANCE, FEW).observables
+    true = timed_run(there, full, _TRUE_TOLERANCE, _FEW).observables
     averaged_by = available_like("taylor")
 
     def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
         slow = errors(scene.ellipsoid, run.observables, true).slow if scene == there else nan
-        return Cost(name, solver, tolerance, scene.stokes, FEW, run.integration, run.seconds, slow)
+        return Cost(name, solver, tolerance, scene.stokes, _FEW, run.integration, run.seconds, slow)
 
     scenes = [_spheroid(10.0**exponent) for exponent in exponents]
-    rounds = [[timed_run(scene, name, tolerance, FEW) for scene in scenes] for _ in range(REPEATS)]
+    rounds = [[timed_run(scene, name, tolerance, _FEW) for scene in scenes] for _ in range(REPEATS)]
     for scene, *runs in zip(scenes, *rounds, strict=True):
-        yield cost(scene, name, averaged_by, tolerance, min(runs, key=SECONDS))
-    runs = (timed_run(there, first, tolerance, FEW) for _ in range(REPEATS))
-    yield cost(there, first, averaged_by, tolerance, min(runs, key=SECONDS))
-    for solver in filter(lambda name: find_solver(name).available, FULL_SOLVERS):
+        yield cost(scene, name, averaged_by, tolerance, min(runs, key=_SECONDS))
+    runs = (timed_run(there, first, tolerance, _FEW) for _ in range(REPEATS))
+    yield cost(there, first, averaged_by, tolerance, min(runs, key=_SECONDS))
+    for solver in filter(lambda name: find_solver(name).available, _FULL_SOLVERS):
         for tolerance in FULL_TOLERANCES:
-            runs = [timed_run(there, full, tolerance, FEW, solver)]
+            runs = [timed_run(there, full, tolerance, _FEW, solver)]
             if cost(there, full, solver, tolerance, runs[0]).slow <= TARGET:
                 runs += [
-                    timed_run(there, full, tolerance, FEW, solver) for _ in range(FULL_REPEATS - 1)
+                    timed_run(there, full, tolerance, _FEW, solver)
+                    for _ in range(_FULL_REPEATS - 1)
                 ]
-                yield cost(there, full, solver, tolerance, min(runs, key=SECONDS))
+                yield cost(there, full, solver, tolerance, min(runs, key=_SECONDS))
                 break
 
 
@@ -221,4 +222,4 @@ def _known(value: float | None) -> float:
 
 
 def _spheroid(stokes: float) -> Scene:
-    return Scene(Ellipsoid(PROLATE), stokes, SPHEROID_START, SLOW_TIME * stokes)
+    return Scene(Ellipsoid(PROLATE), stokes, SPHEROID_START, _SLOW_TIME * stokes)

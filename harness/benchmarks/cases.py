@@ -43,7 +43,7 @@ _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
 # Of each of the quick suite's runs.
 _QUICK_SECONDS = 0.02
 # What a row is called whose runs reach their end, none of them with the requested error.
-NOT_MET = "error not met"
+_NOT_MET = "error not met"
 
 Method = tuple[str, float, str, str]
 """Name of the scene, St, form and solver."""
@@ -265,8 +265,8 @@ def failure(record: Record) -> str:
 def _missed(record: Record, error: str, target: float) -> str:
     """Why a run that reached its end does not count for an error."""
     if record.get(error) is None:
-        return f"{NOT_MET}: its error is not known"
+        return f"{_NOT_MET}: its error is not known"
     least = least_known(record[uncertainty_of(error)])
     if not least < target:
-        return f"{NOT_MET}: the reference resolves errors above {scientific(least)} alone"
-    return f"{NOT_MET}: the error is {scientific(record[error])} at the best tolerance"
+        return f"{_NOT_MET}: the reference resolves errors above {scientific(least)} alone"
+    return f"{_NOT_MET}: the error is {scientific(record[error])} at the best tolerance"

@@ -16,7 +16,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Solver, Status
 
 # File of the counts beside the tests that ask for them.
-COUNTS_FILE = "work_counts.json"
+_COUNTS_FILE = "work_counts.json"
 # Counts of work that may be stored; those that a library does not report are not.
 _COUNTS = ("rhs_calls", "steps", "jacobians", "factorizations")
 # Another processor rounds a last bit otherwise, and a step more follows: a count may exceed the
@@ -155,7 +155,7 @@ class Measure:
         names = ("solver", "tolerance", "status", "message", "error", "uncertainty", "seconds")
         values = {name: row.get(name) for name in (*names, *_COUNTS)}
         self.benchmark.extra_info["polhode"] = {"problem": problem.name, **values}
-        path = self.request.path.with_name(COUNTS_FILE)
+        path = self.request.path.with_name(_COUNTS_FILE)
         test = self.request.node.nodeid.partition("::")[2]
         update = bool(self.request.config.getoption("polhode_update_counts"))
         fields: dict[str, Any] = {**values, "counts": Counts(path, test, update)}

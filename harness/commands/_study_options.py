@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-KINDS = {
+_KINDS = {
     "scenes": ("--scene", "Only this scene of the study; may be given several times."),
     "tags": ("--tag", "Only scenes with this tag; may be given several times."),
     "forms": ("--form", "Only this form; may be given several times."),
@@ -26,10 +26,10 @@ KINDS = {
 }
 # Share of disturbed times from which on earlier results are not replaced; a few times may be
 # anything.
-MOST_DISTURBED = 0.1
+_MOST_DISTURBED = 0.1
 FEW = 50
 # Options that change nothing in what is measured.
-ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
+_ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(
     "--quick",
     is_flag=True,
@@ -80,7 +80,7 @@ class Wanted:
         from polhode.harness.studies.study import read_study
 
         study = read_study(self.study_file, default)
-        values = [value for kind in KINDS for value in self.filters[kind]]
+        values = [value for kind in _KINDS for value in self.filters[kind]]
         part = study.part(**self.filters) if values else study
         name = "-".join([study.name, *values, *["quick"] * self.quick])
         return replace(part.quick() if self.quick else part, name=name)
@@ -91,11 +91,11 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def wanting(**given: Any) -> Any:
-        filters = {kind: given.pop(kind) for kind in KINDS}
+        filters = {kind: given.pop(kind) for kind in _KINDS}
         own = {each.name: given.pop(each.name) for each in fields(Wanted) if each.name in given}
         return command(Wanted(**own, filters=filters), **given)
 
-    for name, (option, text) in reversed(KINDS.items()):
+    for name, (option, text) in reversed(_KINDS.items()):
         wanting = click.option(option, name, multiple=True, help=text)(wanting)
     out = click.option(
         "--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words."
@@ -116,9 +116,9 @@ def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> No
     from polhode.harness.common.timing import disturbance
 
     count, known = disturbance(records)
-    if anyway or count <= MOST_DISTURBED * max(known, FEW):
+    if anyway or count <= _MOST_DISTURBED * max(known, FEW):
         return
-    what = f"other work disturbed {count} of {known} timed runs, expected at most {percent(MOST_DISTURBED)}"
+    what = f"other work disturbed {count} of {known} timed runs, expected at most {percent(_MOST_DISTURBED)}"
     again = "run it anew on a quiet machine"
     # Times of another machine say nothing of this one.
     if page.exists() and str(machine()["processor"]) in page.read_text(encoding="utf-8"):
@@ -134,7 +134,7 @@ def command_line() -> str:
     words = context.command_path.split()
     for parameter in context.command.params:
         name = parameter.name or ""
-        if name in ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
+        if name in _ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
             continue
         value = context.params[name]
         option = parameter.opts[:1] if isinstance(parameter, click.Option) else []

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Rows shown unless all are asked for, and their columns.
 FEW = 8
-ROWS = {
+_ROWS = {
     "form": "{form}",
     "solver": "{solver}",
     "tolerance": "{tolerance:short}",
@@ -37,7 +37,7 @@ ROWS = {
     "first run": "{first_run_seconds:time}",
 }
 # The first seed of the held-out scenes.
-HELD_OUT_SEED = 4001
+_HELD_OUT_SEED = 4001
 
 
 @command()
@@ -108,13 +108,13 @@ def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> s
     """What `polhode pick` prints of a recommendation: what to run, the rows, and if asked why."""
     shown = found.ranking if everything else found.ranking[:FEW]
     rows = [
-        [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, ROWS), shown, strict=True)
+        [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, _ROWS), shown, strict=True)
     ]
     notes = _notes(found, len(shown), why or everything)
     # The interval is what a narrow terminal goes without.
     parts = [
         fitting(found.summary),
-        on_terminal([*ROWS, ""], rows, spare=(5,)),
+        on_terminal([*_ROWS, ""], rows, spare=(5,)),
         *filter(None, [fitting(notes)]),
     ]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
@@ -162,7 +162,7 @@ def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
 @out_folder("reports/pick")
 @click.option("--scenes", type=click.IntRange(min=1), default=200, help="Held-out scenes.")
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from."
+    "--seed", type=click.IntRange(min=0), default=_HELD_OUT_SEED, help="What they are drawn from."
 )
 @click.option(
     "--errors",

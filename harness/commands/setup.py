@@ -16,15 +16,15 @@ from polhode.harness.commands._study_options import FOLDER, as_json, quiet, to_j
 from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
 
-REPORTS = Path("reports")
-HERE = Path(__file__).parent
-ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
+_REPORTS = Path("reports")
+_HERE = Path(__file__).parent
+_ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 # Seconds over which the sentinel is watched.
-WATCH = 1.0
+_WATCH = 1.0
 # On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer
 # processes than this wait for each core.
-STEADY = 1.05
-BUSY = 0.5
+_STEADY = 1.05
+_BUSY = 0.5
 
 
 def scene_names(
@@ -76,7 +76,7 @@ def doctor(as_json: bool) -> None:
 
 
 def examine() -> dict[str, Any]:
-    """All that `polhode doctor` shows; takes a little longer than `WATCH` seconds."""
+    """All that `polhode doctor` shows; takes a little longer than `_WATCH` seconds."""
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.pages.tables import templates
     from polhode.models.files.kept import cache_folder
@@ -97,10 +97,10 @@ def examine() -> dict[str, Any]:
         "adapters": adapters,
         "caches": [look(name, folder) for name, folder in caches.items()],
         "cold_start": cold_start(),
-        "steadiness": watch_sentinel(WATCH),
+        "steadiness": watch_sentinel(_WATCH),
     }
     advice = (
-        templates(HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
+        templates(_HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
     )
     return found | {"advice": advice.splitlines()}
 
@@ -160,7 +160,7 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
 
 def steady(steadiness: dict[str, float | None]) -> bool:
     """Whether times measured now mean something."""
-    return (steadiness["ratio"] or 1.0) <= STEADY and (steadiness["load"] or 0.0) <= BUSY
+    return (steadiness["ratio"] or 1.0) <= _STEADY and (steadiness["load"] or 0.0) <= _BUSY
 
 
 def _page(found: dict[str, Any]) -> str:
@@ -184,7 +184,7 @@ def _page(found: dict[str, Any]) -> str:
     pieces = [(work, duration(each)) for work, each in found["cold_start"].items()]
     verdict = mark(steady(found["steadiness"]), "steady", "unsteady")
     rows = {"solvers": solvers, "kept": kept, "pieces": pieces, "verdict": verdict}
-    page = templates(HERE).get_template("doctor.md")
+    page = templates(_HERE).get_template("doctor.md")
     return page.render(found | rows, columns=on_terminal, fitting=fitting).rstrip()
 
 
@@ -211,8 +211,8 @@ def export(store: Path, out: Path, asv: bool) -> None:
 @command(needs=("pandas",))
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
-@click.option("--slower", type=ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
-@click.option("--less-accurate", type=ABOVE_ONE, default=3.0, help="The same for the errors.")
+@click.option("--slower", type=_ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
+@click.option("--less-accurate", type=_ABOVE_ONE, default=3.0, help="The same for the errors.")
 @as_json
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""
@@ -247,7 +247,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 
 @command(needs=("markdown_it", "matplotlib", "PIL", "pandas", "scipy"))
 @click.option(
-    "--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages."
+    "--reports", type=FOLDER, default=_REPORTS, help="Folder of the other commands' pages."
 )
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
 @click.option(
@@ -262,7 +262,7 @@ def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool)
     from polhode.models.scenes import find_scene
 
     with bad_input():
-        if reports != REPORTS and not reports.is_dir():
+        if reports != _REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
         own = {name: find_scene(name) for name in scene}
         with tqdm(disable=quiet or None, unit="page", desc="report", leave=False) as progress:

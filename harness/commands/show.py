@@ -12,7 +12,7 @@ from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.text import fitting, on_terminal, scientific, short
 
 # What pictures end in, and the rotations up to the last moment: seconds of a run.
-FORMATS = (".png", ".svg", ".pdf")
+_FORMATS = (".png", ".svg", ".pdf")
 MOST_ROTATIONS = 1e5
 
 
@@ -157,9 +157,9 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.models.scene import SlowStart
     from polhode.models.scenes import find_scene
 
-    if out.suffix not in FORMATS:
+    if out.suffix not in _FORMATS:
         raise BadInput(
-            f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}"
+            f"--out: got {out.name!r}, expected a name that ends in {', '.join(_FORMATS)}"
         )
     with bad_input():
         found = find_scene(scene)

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 # Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for
 # files.
-FEW = 11
-SHOWN = ["t", "t2", "Lx", "Ly", "Lz", "E"]
-WANTS = click.Choice(["slow", "orientation"])
-FILE = click.Path(path_type=Path)
+_FEW = 11
+_SHOWN = ["t", "t2", "Lx", "Ly", "Lz", "E"]
+_WANTS = click.Choice(["slow", "orientation"])
+_FILE = click.Path(path_type=Path)
 
 
 @command()
@@ -58,7 +58,7 @@ FILE = click.Path(path_type=Path)
 )
 @click.option(
     "--want",
-    type=WANTS,
+    type=_WANTS,
     default="slow",
     help="What it is of: L and E over I_max, or orientation, in rad.",
 )
@@ -67,11 +67,11 @@ FILE = click.Path(path_type=Path)
 )
 @click.option(
     "--out",
-    type=FILE,
+    type=_FILE,
     help="CSV or .parquet file, - for standard output; by default a short table.",
 )
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
-@click.option("--restart", type=FILE, help="Scene file to write that goes on from the end.")
+@click.option("--restart", type=_FILE, help="Scene file to write that goes on from the end.")
 @click.option(
     "--estimate/--no-estimate", default=True, help="Confirm the run by a second one, for its error."
 )
@@ -267,8 +267,8 @@ def _table(solution: "SceneSolution") -> str:
     """Some of the rows for the terminal, the first and the last among them, and where the others are."""
     import numpy as np
 
-    table = solution.table()[:, : len(SHOWN)]
-    some = table[np.linspace(0, len(table) - 1, min(FEW, len(table))).round().astype(int)]
+    table = solution.table()[:, : len(_SHOWN)]
+    some = table[np.linspace(0, len(table) - 1, min(_FEW, len(table))).round().astype(int)]
     rows = [["–" if value != value else f"{value:.6g}" for value in row] for row in some.tolist()]
     note = f"{len(rows)} of {len(table)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
-    return f"{aligned(SHOWN, rows)}\n\n{note}"
+    return f"{aligned(_SHOWN, rows)}\n\n{note}"

@@ -11,7 +11,7 @@ from polhode.harness.common.files import write_file
 from polhode.models.files.kept import cache_folder, make_private, say
 
 # Hexadecimal digits of the checksum at the head of a file.
-CHECKSUM = 64
+_CHECKSUM = 64
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
@@ -21,8 +21,8 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         content = path.read_bytes()
     except OSError:
         return None
-    checksum = content[:CHECKSUM]
-    payload = content[CHECKSUM:]
+    checksum = content[:_CHECKSUM]
+    payload = content[_CHECKSUM:]
     if _checksum(key, payload) != checksum:
         say(f"{path}: damaged, or another one renamed; computed anew")
         with suppress(OSError):

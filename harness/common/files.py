@@ -16,9 +16,9 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import IO, Any
 
-STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
+_STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
 SUMS = "SHA256SUMS"
-WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
+_WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
 
 
 class PartialFile:
@@ -37,7 +37,7 @@ class PartialFile:
         if not path.parent.is_dir():
             raise FileNotFoundError(2, "no such folder, expected an existing one", str(path.parent))
         top, *under = path.absolute().parts[1:3]
-        device = path in STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
+        device = path in _STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
         self.path = path.resolve() if path.is_symlink() and not device else path
         self.atomic = not device and (self.path.is_file() or not self.path.exists())
         self.partial = (
@@ -55,7 +55,7 @@ class PartialFile:
             # By its number, standard output is what the caller redirected it to, and goes on from
             # there.
             where = (
-                self._private if self.atomic else 1 if self.path in STANDARD_OUTPUT else self.path
+                self._private if self.atomic else 1 if self.path in _STANDARD_OUTPUT else self.path
             )
             how = ("x" if self.atomic else "w") + self._binary
             try:
@@ -191,7 +191,7 @@ def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
 def loads(text: str) -> Any:
     """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
     return _with(
-        lambda each: WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text)
+        lambda each: _WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text)
     )
 
 

@@ -13,7 +13,7 @@ from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
 from polhode.models.libraries import version_of
 
-PACKAGES = (
+_PACKAGES = (
     "polhode",
     "numpy",
     "scipy",
@@ -26,7 +26,7 @@ PACKAGES = (
     "matplotlib",
 )
 # Seconds between two records beyond which a study stood still.
-PAUSE = 600.0
+_PAUSE = 600.0
 
 
 def machine() -> dict[str, str | int]:
@@ -41,7 +41,7 @@ def machine() -> dict[str, str | int]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    found = {package: version_of(package) for package in PACKAGES}
+    found = {package: version_of(package) for package in _PACKAGES}
     return {package: number for package, number in found.items() if number is not None}
 
 
@@ -84,7 +84,7 @@ def _took(records: Sequence[Mapping[str, Any]]) -> str:
         datetime.fromisoformat(record["date"]) for record in records if record.get("date")
     )
     gaps = [(later - earlier).total_seconds() for earlier, later in pairwise(times)]
-    minutes = sum(gap for gap in gaps if gap < PAUSE) / 60
+    minutes = sum(gap for gap in gaps if gap < _PAUSE) / 60
     return f", made in {minutes:.0f} minutes" if minutes >= 1.5 else ""
 
 

@@ -18,18 +18,18 @@ PATIENCE = 2.0
 INTERVAL = 0.2
 # Seconds after which a note is made of a long run, and those from which on it is long.
 NOTE_AFTER = 3.0
-LONG = 30.0
+_LONG = 30.0
 # Less of the work done says nothing about the rest.
-TOO_EARLY = 1e-3
-EVERY_LOOK: dict[str, Any] = {
+_TOO_EARLY = 1e-3
+_EVERY_LOOK: dict[str, Any] = {
     "position": 0,
     "total": 1.0,
     "mininterval": 0.0,
     "miniters": 0,
     "smoothing": 0,
 }
-UNKNOWN = "{desc}: {elapsed}"
-KNOWN = "{desc}: {percentage:.0f} %, {remaining} left"
+_UNKNOWN = "{desc}: {elapsed}"
+_KNOWN = "{desc}: {percentage:.0f} %, {remaining} left"
 
 
 def expectation(done: float, seconds: float) -> str:
@@ -37,7 +37,7 @@ def expectation(done: float, seconds: float) -> str:
     if not done > 0:
         return f"it has hardly begun after {duration(seconds)}"
     expected = seconds / done
-    return f"it is expected to take about {duration(expected)}" if expected >= LONG else ""
+    return f"it is expected to take about {duration(expected)}" if expected >= _LONG else ""
 
 
 class Progress:
@@ -92,12 +92,12 @@ class Progress:
                     disable=not what,
                     leave=False,
                     delay=PATIENCE,
-                    **EVERY_LOOK,
+                    **_EVERY_LOOK,
                 )
                 shown = piece
                 bar.start_t = began
             done = fraction() if fraction else self._done
-            bar.bar_format = KNOWN if done >= TOO_EARLY else UNKNOWN
+            bar.bar_format = _KNOWN if done >= _TOO_EARLY else _UNKNOWN
             bar.update(done - bar.n)
         if bar:
             bar.close()

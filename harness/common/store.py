@@ -31,10 +31,10 @@ Record = dict[str, Any]
 Entry = TypeVar("Entry")
 
 # What marks a file as ours: "plhd", and the version of the table.
-APPLICATION = 0x706C6864
-VERSION = 2
+_APPLICATION = 0x706C6864
+_VERSION = 2
 # Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
-MOST_CHECKED_AT_ONCE = 100_000_000
+_MOST_CHECKED_AT_ONCE = 100_000_000
 _TABLE = """
 CREATE TABLE IF NOT EXISTS cases (
     key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL, written TEXT NOT NULL, digest TEXT NOT NULL
@@ -68,7 +68,7 @@ class Store(AbstractContextManager["Store"]):
         with alone(self.path.parent):
             run("PRAGMA journal_mode=WAL")
         # Of larger ones each row is checked as it is read.
-        small = self.path.stat().st_size <= MOST_CHECKED_AT_ONCE
+        small = self.path.stat().st_size <= _MOST_CHECKED_AT_ONCE
         if small and run("PRAGMA quick_check").fetchone()[0] != "ok":
             raise DamagedStoreError(f"{self.path}: the store is damaged")
         with self._connection:
@@ -77,16 +77,16 @@ class Store(AbstractContextManager["Store"]):
             application, version = (
                 run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
             )
-            if (tables and "cases" not in tables) or application not in (0, APPLICATION):
+            if (tables and "cases" not in tables) or application not in (0, _APPLICATION):
                 raise DamagedStoreError(f"{self.path}: a database of something else")
-            if tables and version != VERSION:
+            if tables and version != _VERSION:
                 raise DamagedStoreError(
-                    f"{self.path}: got version {version} of the store, expected {VERSION}"
+                    f"{self.path}: got version {version} of the store, expected {_VERSION}"
                 )
             if not tables:
                 run(_TABLE)
-                run(f"PRAGMA application_id = {APPLICATION}")
-                run(f"PRAGMA user_version = {VERSION}")
+                run(f"PRAGMA application_id = {_APPLICATION}")
+                run(f"PRAGMA user_version = {_VERSION}")
 
     def close(self) -> None:
         """Close the file."""

@@ -16,11 +16,11 @@ from string import Formatter
 from typing import IO, Any
 
 # Least width of a column that is wrapped.
-NARROWEST = 24
-UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+_NARROWEST = 24
+_UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.
-PLAIN_FROM = Decimal("1e-3")
-PLAIN_BELOW = Decimal("1e5")
+_PLAIN_FROM = Decimal("1e-3")
+_PLAIN_BELOW = Decimal("1e5")
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -46,9 +46,9 @@ def on_terminal(
         if sum(2 + width for width in _widths(cells)) > room:
             cells = [row[:i] + row[i + 1 :] for row in cells]
     widths = _widths(cells)
-    while (excess := sum(2 + width for width in widths) - room) > 0 and max(widths) > NARROWEST:
+    while (excess := sum(2 + width for width in widths) - room) > 0 and max(widths) > _NARROWEST:
         widest = widths.index(max(widths))
-        widths[widest] = max(NARROWEST, widths[widest] - int(excess))
+        widths[widest] = max(_NARROWEST, widths[widest] - int(excess))
     wrap = partial(textwrap.wrap, break_on_hyphens=False)
     wrapped = [
         [wrap(cell, max(1, width)) for cell, width in zip(row, widths, strict=True)]
@@ -120,7 +120,7 @@ def _plain(number: str) -> str:
     exact = Decimal(number).normalize()
     if not exact.is_finite():
         return number
-    ordinary = exact.is_zero() or PLAIN_FROM <= abs(exact) < PLAIN_BELOW
+    ordinary = exact.is_zero() or _PLAIN_FROM <= abs(exact) < _PLAIN_BELOW
     return f"{exact:f}" if ordinary else f"{exact:e}".replace("e+", "e")
 
 
@@ -141,10 +141,10 @@ def duration(seconds: float | None) -> str:
     if seconds == 0:
         return "0 s"
     # What rounds to 1000 of a unit is 1.0 of the next.
-    size, unit = next((each for each in UNITS if seconds >= 0.9995 * each[0]), UNITS[-1])
+    size, unit = next((each for each in _UNITS if seconds >= 0.9995 * each[0]), _UNITS[-1])
     value = seconds / size
     return (
-        f"{scientific(value) if value >= PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
+        f"{scientific(value) if value >= _PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
     )
 
 

@@ -18,20 +18,20 @@ T = TypeVar("T")
 
 MOST_RUNS = 5
 BUDGET = 1.0
-SENTINEL_ROUNDS = 20_000
+_SENTINEL_ROUNDS = 20_000
 # A machine is steady while the sentinel takes at most this many times its quickest; else it is
 # looked at again after so many seconds.
-NEAR = 1.15
-PAUSE = 0.02
+_NEAR = 1.15
+_PAUSE = 0.02
 # A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the
 # fastest run, of at least so many seconds, had the processor for less than this share of it.
 BUSY = 1.5
-JUDGED_FROM = 1e-3
+_JUDGED_FROM = 1e-3
 HAD = 0.9
 # A run that its limit stopped while it lacked the processor is run again, so often at most, with so
 # much to spare.
 AGAIN = 2
-MORE = 1.5
+_MORE = 1.5
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Timing:
     @property
     def disturbed(self) -> bool:
         """Whether even the fastest run had to wait for the processor."""
-        if not self.processor or self.seconds < JUDGED_FROM:
+        if not self.processor or self.seconds < _JUDGED_FROM:
             return False
         return self.processor[self.runs.index(self.seconds)] < HAD * self.seconds
 
@@ -109,7 +109,7 @@ def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]
     for _ in range(AGAIN):
         if not stopped(value) or had >= HAD * limit:
             break
-        longer = MORE * limit * seconds / max(had, limit / 4)
+        longer = _MORE * limit * seconds / max(had, limit / 4)
         value, seconds, had = with_processor(lambda longer=longer: run(longer))
     return value, stopped(value) and had < HAD * limit
 
@@ -127,7 +127,7 @@ def sentinel() -> float:
 
     def kernel() -> float:
         x = 0.3
-        for _ in range(SENTINEL_ROUNDS):
+        for _ in range(_SENTINEL_ROUNDS):
             x = 3.9 * x * (1.0 - x)
         return x
 
@@ -147,11 +147,11 @@ class Patience:
     def steady(self) -> float:
         """The sentinel's time, once it is near its quickest or patience has run out."""
         found = self._look()
-        while found > NEAR * self._quickest and self._waited < self.share * (
+        while found > _NEAR * self._quickest and self._waited < self.share * (
             perf_counter() - self._began
         ):
             paused = perf_counter()
-            sleep(PAUSE)
+            sleep(_PAUSE)
             found = self._look()
             self._waited += perf_counter() - paused
         return found

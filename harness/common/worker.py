@@ -22,13 +22,13 @@ from typing import Any
 
 # Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
-STARTUP = 120.0
+_STARTUP = 120.0
 # Some 23 days: no system call waits longer at once.
-LONGEST = 2e6
+_LONGEST = 2e6
 # A call whose process is killed from outside this many times is given up.
 ATTEMPTS = 3
 # Signals that no library sends to itself.
-OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
+_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
 
 
 class Failure(StrEnum):
@@ -98,7 +98,7 @@ class Worker(AbstractContextManager["Worker"]):
             connection = self._connection or self._start()
             began = perf_counter()
             connection.send((function, arguments))
-            if connection.poll(min(2 * limit + GRACE, LONGEST)):
+            if connection.poll(min(2 * limit + GRACE, _LONGEST)):
                 value, message = _read(connection.recv_bytes())
                 failure = Failure.RAISED if message else None
             else:
@@ -131,8 +131,8 @@ class Worker(AbstractContextManager["Worker"]):
         self._process = context.Process(target=_serve, args=(remote,), daemon=True)
         with remote:
             self._process.start()
-        if not self._connection.poll(STARTUP):
-            raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
+        if not self._connection.poll(_STARTUP):
+            raise TimeoutError(f"worker: no sign of life after {_STARTUP:g} s")
         self._connection.recv()
         return self._connection
 
@@ -144,7 +144,7 @@ class Worker(AbstractContextManager["Worker"]):
         if code >= 0:
             return Failure.CRASHED, f"ended with exit code {code}"
         return (
-            Failure.LOST if -code in OUTSIDE else Failure.CRASHED,
+            Failure.LOST if -code in _OUTSIDE else Failure.CRASHED,
             f"crashed with {signal.Signals(-code).name}",
         )
 

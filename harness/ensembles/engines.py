@@ -18,7 +18,7 @@ from polhode.models.libraries import how_to_install, installed
 AHEAD = 2
 CONNECT_SECONDS = 30
 # Host and port as Dask reads them.
-ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
 
 class Finished(NamedTuple):
@@ -100,7 +100,7 @@ def processes(
 
 def check_dask(address: str) -> None:
     """Raise ValueError unless a Dask scheduler answers at an address such as ``tcp://host:8786``."""
-    if not ADDRESS.fullmatch(address):
+    if not _ADDRESS.fullmatch(address):
         raise ValueError(f"dask: got {address!r}, expected an address such as tcp://host:8786")
     if not installed("distributed"):
         raise ValueError(f"dask: {how_to_install('distributed')}")

@@ -44,14 +44,14 @@ AVERAGING = 133.0
 SAMPLE = 128
 # Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few
 # times as much.
-HELD = 2_000_000
-MOST_AT_ONCE = 8192
+_HELD = 2_000_000
+_MOST_AT_ONCE = 8192
 # States whose observables are held at once: they stay in the processor's cache.
-OBSERVED = 20_000
+_OBSERVED = 20_000
 # Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little
 # further.
-LEAST_LIMIT = 1.0
-MARGIN = 1.05
+_LEAST_LIMIT = 1.0
+_MARGIN = 1.05
 # The whole numbers of an ensemble, least and most.
 BOUNDS = {
     **dict.fromkeys(("particles", "block"), (1, 10**12)),
@@ -168,12 +168,12 @@ class Ensemble:
             else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
         )
         axes = axes if self.equations != "averaged" else ()
-        momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
+        momentum = max(_LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
         energy = max(
-            LEAST_LIMIT / 2,
+            _LEAST_LIMIT / 2,
             momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0,
         )
-        limits = MARGIN * momentum, MARGIN * energy
+        limits = _MARGIN * momentum, _MARGIN * energy
         return Layout(axes, self.snapshots, self.samples, len(self.attractors), self.bins, *limits)
 
     @property
@@ -230,7 +230,7 @@ class Ensemble:
         starts = self.draw(index, particles).states(self.form, self.ellipsoid)
         times = np.linspace(0.0, problem.end, self.samples)
         statistics = Statistics.empty(self.layout)
-        at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
+        at_once = min(_MOST_AT_ONCE, max(1, _HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
             random = np.random.default_rng(
                 np.random.SeedSequence(self.seed, spawn_key=(index, first))
@@ -266,7 +266,7 @@ class Ensemble:
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
-        at_once = max(1, OBSERVED // samples)
+        at_once = max(1, _OBSERVED // samples)
         for first in range(0, n, at_once):
             some = slice(first, first + at_once)
             # Component by component in memory, which NumPy's sums over components need.

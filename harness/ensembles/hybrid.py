@@ -28,18 +28,18 @@ from polhode.solvers.solve import solve
 SOLVER = "cyrk-vern8"
 # Error asked for times St from which on phases are drawn: the median error of averaging is some
 # 14/St.
-OPEN = 10.0
+_OPEN = 10.0
 # Particles that run both ways, out of so many, and the share of all that may miss the error.
 SAMPLE = 64
 POOL = 4096
-MISSED = 0.025
+_MISSED = 0.025
 # Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`,
 # so long, by trial.
-CLEAR = 1.25
+_CLEAR = 1.25
 FULL = 3e5
 # Their error of the whole state over that of L and E: by trial thousands, as the phases gather what
 # L errs by.
-WHOLE = 100.0
+_WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
 # The error asked for over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
@@ -54,7 +54,7 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     unit = max(scene.ellipsoid.inertia)
     form = find_form(full_form(scene))
     if (
-        tolerance * scene.stokes < OPEN
+        tolerance * scene.stokes < _OPEN
         or not form.observe(scene, starts).angular_momentum.any(axis=1).all()
     ):
         return inf
@@ -81,7 +81,7 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     below = np.argmax(np.cumsum(np.append(0, np.where(missed, 1, -1))))
     above = np.append(shares * missed, 0)
     above[np.argmax(above)] = 0
-    few = np.argmax(np.cumsum(above[::-1])[::-1] <= MISSED)
+    few = np.argmax(np.cumsum(above[::-1])[::-1] <= _MISSED)
     return float(np.append(least[chosen], inf)[max(below, few)])
 
 
@@ -104,7 +104,7 @@ def run_hybrid(
     failed = statuses != str(Status.REACHED_END)
     small = np.flatnonzero(failed | (between.min(axis=0) < least))
     # The place in `grid` from which |L| is large again.
-    clear = len(between) - np.argmax((between[:, small] < CLEAR * least)[::-1], axis=0)
+    clear = len(between) - np.argmax((between[:, small] < _CLEAR * least)[::-1], axis=0)
     soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= FULL)
     lanes = small[soon]
     alone = small[~soon]
@@ -123,7 +123,7 @@ def run_hybrid(
 def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the full equations and statuses."""
     problem = find_form(full_form(scene)).problem(scene)
-    whole = min(0.1, WHOLE * tolerance)
+    whole = min(0.1, _WHOLE * tolerance)
     if not installed("llvmlite"):
         return run_batches(problem, starts, times, whole * TAYLOR)
     return run(problem, starts, times, whole, unplanned(problem, starts, times, whole))

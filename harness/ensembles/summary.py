@@ -19,9 +19,9 @@ from polhode.harness.ensembles.statistics import (
     Statistics,
 )
 
-QUANTILES = (0.1, 0.5, 0.9)
+_QUANTILES = (0.1, 0.5, 0.9)
 # Where the squares of `SECOND` stand in `FOURTH`.
-SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
+_SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
         return np.full_like(sums, np.nan), np.full_like(sums, np.nan)
     # The variance of second moments needs ⟨p_i² p_j²⟩, which is a fourth moment.
     squares = (
-        statistics.fourth[:, :, SQUARES]
+        statistics.fourth[:, :, _SQUARES]
         if name == "second"
         else getattr(statistics, f"{name}_squares")
     )
@@ -155,7 +155,7 @@ def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[st
 def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object]:
     """The ensemble in one row: counts, the fraction arrived at each attractor, quantiles of the transient time."""
     ends = ensemble.attractors
-    quantiles = QUANTILES if ensemble.attractors else ()
+    quantiles = _QUANTILES if ensemble.attractors else ()
     return {
         **ensemble_columns(ensemble),
         "form": ensemble.form,

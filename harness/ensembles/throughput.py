@@ -35,8 +35,8 @@ SETTINGS = SimpleNamespace(
     **tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 )
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
-STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
-LIMIT = 3600.0
+_STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
+_LIMIT = 3600.0
 
 
 def measure() -> dict[str, Any]:
@@ -202,7 +202,7 @@ def memory(particles: int = 100_000) -> dict[str, Any]:
     """Largest memory of a process that runs 10⁵ particles of the full equations, in ten tasks."""
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // 10)
     with Worker() as worker:
-        reply = worker.run(_run_all, ensemble, limit=LIMIT)
+        reply = worker.run(_run_all, ensemble, limit=_LIMIT)
     return {
         "particles": particles,
         "bytes": reply.value,
@@ -266,11 +266,13 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
         "equations": equations,
         "tolerance": SETTINGS.tolerance,
     }
-    return Ensemble(shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, STARTS, **options)
+    return Ensemble(
+        shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, _STARTS, **options
+    )
 
 
 def _starts(ensemble: Ensemble, particles: int, seed: int = 1) -> np.ndarray:
-    drawn = STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
+    drawn = _STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
     return drawn.states(ensemble.form, ensemble.ellipsoid)
 
 

@@ -19,21 +19,21 @@ from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.study import Study
 
 # By the name of their file: error, and label of its axis.
-FIGURES = {
+_FIGURES = {
     "slow": ("slow_error", "slow error over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
 # Ties named in a cell.
-SHOWN = 2
+_SHOWN = 2
 # Columns of the table of scenes, and of that of uncertainties.
-SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
-SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
-NOTHING = "No run gave a result: how each ended stands in runs.csv."
-FULL_ALONE = (
+_SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
+_SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
+_NOTHING = "No run gave a result: how each ended stands in runs.csv."
+_FULL_ALONE = (
     "No form measured averages: the tables show the cheapest ways through the full equations."
 )
 # St further apart than this leave open where between them averaging begins to pay.
-GAP = 10.0 * (1 + 1e-9)
+_GAP = 10.0 * (1 + 1e-9)
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -47,19 +47,19 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         .first()
     )
     groups = runs.groupby("scene_name", sort=False)
-    described = [[_listed(own[column]) for column in SCENES.values()] for _, own in groups]
+    described = [[_listed(own[column]) for column in _SCENES.values()] for _, own in groups]
     page = fill(
         "bench",
         header=header(study.title, command, records),
         verdict=[*verdict(runs), *averaged_costs(runs)]
-        or [FULL_ALONE if len(runs["seconds"].dropna()) else NOTHING],
+        or [_FULL_ALONE if len(runs["seconds"].dropna()) else _NOTHING],
         tie=100 * (pareto.TIE - 1),
         scenes=[
             (scene, _figures(own, scene, i, folder))
             for i, (scene, own) in enumerate(by_scene(runs))
         ],
         profiles=profile_lines(runs, folder),
-        described=markdown([*SCENES], described),
+        described=markdown([*_SCENES], described),
         samples=study.samples,
         uncertainties=known.reset_index().to_dict("records"),
     )
@@ -69,7 +69,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[dict[str, str]]:
     """Save the figures of one scene; the error, its label, the file and the table of winners of each."""
     found = []
-    for name, (error, label) in FIGURES.items():
+    for name, (error, label) in _FIGURES.items():
         if len(runs[error].dropna()):
             # The figures of the first scene have plain names.
             file = f"{name}-{scene}" if place else name
@@ -107,8 +107,8 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     names = [
         each.solver if each.form == form else f"{each.form} by {each.solver}" for each in others
     ]
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    tied = f" = {', '.join(names[:_SHOWN])}{more}" if names else ""
     return (
         f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
     )
@@ -118,7 +118,7 @@ def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
     start = pareto.averaged_wins_from(records, target)
     numbers = [stokes for stokes, _ in by_stokes(records)]
-    return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=GAP)
+    return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=_GAP)
 
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) -> list[str]:

@@ -30,7 +30,7 @@ from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill
 
 # What the page says of them stands in `texts/sweep.md`.
-FILES = {
+_FILES = {
     "moments.csv": summary.moment_rows,
     "voigt.csv": summary.voigt_rows,
     "rates.csv": partial(summary.mean_rows, of="rates", rate=RATES),
@@ -41,13 +41,13 @@ FILES = {
     "arrivals.csv": summary.arrival_rows,
 }
 # Components of a moment, and Stokes numbers from the smallest to the largest.
-DASHES = ("-", "--", ":")
-COLOURS = "viridis"
+_DASHES = ("-", "--", ":")
+_COLOURS = "viridis"
 # 95 % of a normal variable lie within so many standard deviations.
-STANDARD = 1.96
+_STANDARD = 1.96
 # Sweeps whose cost is laid out.
-PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
-BLOCK = 100_000
+_PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
+_BLOCK = 100_000
 
 Found = dict[str, Any]
 
@@ -65,7 +65,7 @@ def write_results(
             found = [(ensemble, gather(ensemble, store)) for ensemble in same]
             for ensemble, statistics in found:
                 ensembles.append(summary.ensemble_row(ensemble, statistics))
-                for name, make in FILES.items():
+                for name, make in _FILES.items():
                     for row in make(ensemble, statistics):
                         if name not in written:
                             file = files.enter_context(PartialFile(folder / name, summed=True))
@@ -77,9 +77,9 @@ def write_results(
     top = header(sweep.title, command, surroundings(sweep, store))
     write_file(
         folder / "README.md",
-        _page(top, ensembles, [name for name in FILES if name in written], pictures),
+        _page(top, ensembles, [name for name in _FILES if name in written], pictures),
     )
-    for name in FILES.keys() - written.keys():
+    for name in _FILES.keys() - written.keys():
         # Of a run by an earlier version.
         (folder / name).unlink(missing_ok=True)
     return folder / "README.md", ensembles
@@ -138,7 +138,7 @@ def _interval(interval: dict[str, float | None], none: str) -> str:
 def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:
     """Ensembles of one shape in a row of panels, a colour for each Stokes number; bands hold 95 %."""
     figure, panels = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
-    shades = mpl.colormaps[COLOURS](np.linspace(0.05, 0.85, len(found)))
+    shades = mpl.colormaps[_COLOURS](np.linspace(0.05, 0.85, len(found)))
     slow = all(
         ensemble.slow_time is not None and np.isfinite(ensemble.stokes) for ensemble, _ in found
     )
@@ -153,7 +153,7 @@ def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:
             times = np.linspace(0.0, ensemble.time, ensemble.samples) / unit
             name = f"{attractor.rotation}, St = {power(ensemble.stokes)}"
             panels[2].plot(
-                times, [each.value for each in shares], color=shade, ls=DASHES[k % 3], label=name
+                times, [each.value for each in shares], color=shade, ls=_DASHES[k % 3], label=name
             )
             ends = [[getattr(each, end) for each in shares] for end in ("low", "high")]
             panels[2].fill_between(times, *ends, color=shade, alpha=0.2, linewidth=0)
@@ -187,8 +187,8 @@ def _moments(
         times = np.array(snapshot_times(ensemble)) / unit
         label = f"$p_{name}^2$" if oriented else f"$L_{name}$"
         name = f"{label}, St = {power(ensemble.stokes)}"
-        axes.plot(times, mean[place], color=shade, ls=DASHES[i], label=name)
-        band = STANDARD * error[place]
+        axes.plot(times, mean[place], color=shade, ls=_DASHES[i], label=name)
+        band = _STANDARD * error[place]
         axes.fill_between(
             times, mean[place] - band, mean[place] + band, color=shade, alpha=0.2, linewidth=0
         )
@@ -222,18 +222,18 @@ def write_page(found: Found, folder: Path) -> Path:
 
 def page(found: Found) -> str:
     """The measured figures as a page."""
-    # Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured
+    # Tasks, bytes in the store and core hours of large sweeps, in blocks of `_BLOCK`, from measured
     # whole tasks.
     rows = []
     tasks = {(row["shape"], row["equations"]): row for row in found["tasks"]}
-    for plan in PLANS:
+    for plan in _PLANS:
         row = tasks[plan["shape"], plan["equations"]]
         # The number of rotations, and with it the cost of full equations, grows in proportion to
         # St.
         slower = (
             plan["stokes"] / found["settings"]["stokes"] if plan["equations"] == "full" else 1.0
         )
-        count = -(-plan["particles"] // BLOCK)
+        count = -(-plan["particles"] // _BLOCK)
         seconds = plan["particles"] / row["per_second"] * slower
         rows.append(
             plan
@@ -241,7 +241,7 @@ def page(found: Found) -> str:
         )
     top = header("What ensembles cost", "polhode throughput", [found])
     mib = (found["memory"]["bytes"] or 0) / 2**20
-    return fill("throughput", header=top, block=BLOCK, plan=rows, mib=mib, **found)
+    return fill("throughput", header=top, block=_BLOCK, plan=rows, mib=mib, **found)
 
 
 def _speeds(rows: list[Found]) -> Any:

@@ -24,16 +24,16 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
 ERRORS = (1e-4, 1e-6, 1e-8)
-FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
+_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
 # The solvers of which the page says below which error the first is the faster.
-TAYLOR = "taylor"
-VERNER = "cyrk-vern8"
+_TAYLOR = "taylor"
+_VERNER = "cyrk-vern8"
 # Libraries that run without Python in the loop, and what a right-hand side is called in each back
 # end.
-ALONE = ("heyoka", "CyRK", "SUNDIALS")
+_ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # What of `Measured` is no record.
-COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
-WAYS: dict[Backend, str] = {
+_COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
+_WAYS: dict[Backend, str] = {
     "python": "plain Python",
     "numba": "compiled, called from Python",
     "compiled": "alone",
@@ -55,7 +55,7 @@ class Measured:
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
     """Write the page, its figures and its data."""
-    kept = {name: getattr(measured, name) for name in COSTS}
+    kept = {name: getattr(measured, name) for name in _COSTS}
     write_file(
         folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True
     )
@@ -79,7 +79,9 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
     times = costs(by_stokes(solvers), ERRORS)
     forms = _ratios(
-        costs(by_stokes(spheroid), FORMS_ERRORS), ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR)
+        costs(by_stokes(spheroid), _FORMS_ERRORS),
+        ("quaternion", _TAYLOR),
+        ("spheroid-axis", _TAYLOR),
     )
     claims, worth = _worth(times)
     calls = [
@@ -92,11 +94,11 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         claims=claims,
         worth=worth,
         measured=measured,
-        ways=WAYS,
+        ways=_WAYS,
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers, times),
         forms=_table(
-            ["St", *map(short, FORMS_ERRORS)],
+            ["St", *map(short, _FORMS_ERRORS)],
             [[short(stokes), *row] for stokes, row in forms.iterrows()],
         ),
         overheads=[
@@ -121,7 +123,7 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
 def _worth(times: Any) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows = []
-    behind = {name: [] for name in ALONE}
+    behind = {name: [] for name in _ALONE}
     places = [
         (target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()
     ]
@@ -131,17 +133,18 @@ def _worth(times: Any) -> tuple[list[str], str]:
         by_library = {
             find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked
         }
-        best = {name: by_library[name] for name in ALONE if name in by_library}
+        best = {name: by_library[name] for name in _ALONE if name in by_library}
         least = min((seconds for _, seconds in best.values()), default=nan)
         for name, (_, seconds) in best.items():
             behind[name].append(seconds / least)
         cells = [
-            f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE
+            f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–"
+            for name in _ALONE
         ]
         rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
     claims = lines_of("footing-claims", shares=shares, places=len(places))
-    return claims, _table(["slow error", "St", *ALONE], rows, 2)
+    return claims, _table(["slow error", "St", *_ALONE], rows, 2)
 
 
 def _finished(table: pd.DataFrame) -> Any:
@@ -164,7 +167,7 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     ]
     done["method"] = done["solver"].str.removeprefix("cyrk-")
     times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(
-        columns=[*WAYS]
+        columns=[*_WAYS]
     )
     return (
         times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio"))
@@ -187,7 +190,7 @@ def _comparable(solver: str, way: str, jacobian: str) -> bool:
 def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Runs by exact Jacobians beside those by finite differences."""
     done = _finished(table)
-    done["way"] = done["backend"].map(WAYS)
+    done["way"] = done["backend"].map(_WAYS)
     exact, differences = (where(done, done["jacobian"] == kind) for kind in ("exact", "difference"))
     pairs = exact.merge(
         differences, on=["stokes", "solver", "way"], suffixes=("", "_by_differences")
@@ -197,18 +200,21 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
 
 def _crossings(table: pd.DataFrame, times: Any) -> str:
     """The error at which Verner's method stops being the faster as it falls, and ratios, by St."""
-    both = where(table, (table["form"] == "quaternion") & table["solver"].isin([TAYLOR, VERNER]))
+    both = where(table, (table["form"] == "quaternion") & table["solver"].isin([_TAYLOR, _VERNER]))
     falling: Any = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
     rows = []
-    for stokes, ratios in _ratios(times, ("quaternion", TAYLOR), ("quaternion", VERNER)).iterrows():
-        own = falling.xs(stokes, level=1).dropna(subset=[TAYLOR])
-        ahead = (own[VERNER] < own[TAYLOR]).to_numpy()
+    for stokes, ratios in _ratios(
+        times, ("quaternion", _TAYLOR), ("quaternion", _VERNER)
+    ).iterrows():
+        own = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
+        ahead = (own[_VERNER] < own[_TAYLOR]).to_numpy()
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
         rows.append(
             [short(stokes), scientific(own.index[stops[0] + 1]) if len(stops) else "none", *ratios]
         )
     return _table(
-        ["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows
+        ["St", "they cross at", *(f"{_TAYLOR} / {_VERNER} at {short(each)}" for each in ERRORS)],
+        rows,
     )
 
 

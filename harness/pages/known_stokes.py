@@ -27,20 +27,20 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+_ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios asked for, by scene, St and slow error.
 _ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8"))[
     "asked"
 ]
-TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
-OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
+_TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
+_OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the
 # larger St may take.
-REACHED = (5e-9, 3e-4, 30.0)
-LONGER = 1.3
-STOKES = 1e6
-LARGER = 1e8
-ROUNDS = 7
+_REACHED = (5e-9, 3e-4, 30.0)
+_LONGER = 1.3
+_STOKES = 1e6
+_LARGER = 1e8
+_ROUNDS = 7
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -58,7 +58,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         slower=[(ratio, stokes) for ratio, stokes in known if ratio < 1],
         stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(
-            ["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))
+            ["scene", "St", *map(short, _ERRORS)], rows, right=range(1, 2 + len(_ERRORS))
         ),
     )
     return write_file(folder / "README.md", page)
@@ -73,16 +73,16 @@ def _splitting(
     ratios = []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
-        known: Any = costs(groups, ERRORS).droplevel(0, axis=1)
+        known: Any = costs(groups, _ERRORS).droplevel(0, axis=1)
         for stokes, _ in groups:
             cells = []
-            for error in ERRORS:
+            for error in _ERRORS:
                 times = known.loc[error, stokes]
-                others = times.drop(OWN, errors="ignore").dropna().sort_values()
+                others = times.drop(_OWN, errors="ignore").dropna().sort_values()
                 ratio = others.min() / times.get("splitting", nan)
                 if not isnan(ratio):
                     ratios.append((float(ratio), stokes))
-                target = TARGETS.get((scene, stokes, error))
+                target = _TARGETS.get((scene, stokes, error))
                 cell = (
                     "–"
                     if isnan(ratio)
@@ -98,19 +98,19 @@ def _splitting(
 
 def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     """What averaging takes for tight errors of both kinds, and over how long a run."""
-    slow, orientation, _ = REACHED
-    runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
+    slow, orientation, _ = _REACHED
+    runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == _STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))
     good: Any = where(
         done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation)
     )
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
-    name = next((each for each in best if each not in OWN), None)
+    name = next((each for each in best if each not in _OWN), None)
     if "stroboscopic" not in best:
         return []
     strobe = where(done, done["solver"] == "stroboscopic")
     scene = next(
-        scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES
+        scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == _STOKES
     )
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
@@ -118,10 +118,10 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     return lines_of(
         "known-stokes-stroboscopic",
         **found,
-        reached=REACHED,
-        stokes=STOKES,
-        larger=LARGER,
-        most=LONGER,
+        reached=_REACHED,
+        stokes=_STOKES,
+        larger=_LARGER,
+        most=_LONGER,
     )
 
 
@@ -139,7 +139,7 @@ def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:
     """Time of a run at the larger St over that at a scene's own, run in turns."""
     form = find_form("spheroid-axis")
-    factor = LARGER / scene.stokes
+    factor = _LARGER / scene.stokes
     problems = [
         form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k))
         for k in (1.0, factor)
@@ -153,6 +153,6 @@ def _longer(scene: Scene, tolerance: float, samples: int) -> float:
         )
 
     first, second = np.min(
-        [[seconds(problem) for problem in problems] for _ in range(ROUNDS)], axis=0
+        [[seconds(problem) for problem in problems] for _ in range(_ROUNDS)], axis=0
     )
     return float(second / first)

@@ -22,11 +22,11 @@ from polhode.solvers.contract import Status
 
 # Solvers that take at least this share of the cases that anybody takes are compared as to who never
 # fails.
-MOST = 0.9
-CASE = ["scene", "St", "form", "tolerance"]
+_MOST = 0.9
+_CASE = ["scene", "St", "form", "tolerance"]
 # What the shared records leave out besides what is empty, for there are thousands: `polhode export`
 # writes all.
-LEFT_OUT = (
+_LEFT_OUT = (
     "key",
     "errors",
     "seconds_runs",
@@ -37,7 +37,7 @@ LEFT_OUT = (
 # A run that reached its end but is further off the exact solution of its own form, in units of
 # I_max or of the slow variables at the start if those are larger, has no digits to trust.
 INACCURATE = 1e-3
-KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
+_KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
@@ -54,14 +54,14 @@ def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
 
 def _surest(runs: Any) -> dict[str, Any]:
     """Which of the solvers that take most cases failed least, by the number taken, where anybody got through."""
-    possible = runs[runs.groupby(CASE)["passed"].transform("any")]
+    possible = runs[runs.groupby(_CASE)["passed"].transform("any")]
     taken = possible.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
-    most = taken[taken["size"] >= MOST * taken["size"].max()]
+    most = taken[taken["size"] >= _MOST * taken["size"].max()]
     missed = most["size"] - most["sum"]
     best = most[missed == missed.min()]
     scenes = set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])
     groups = [(number, [*own.index]) for number, own in best.groupby("size", sort=False)]
-    possible = len(possible.drop_duplicates(CASE))
+    possible = len(possible.drop_duplicates(_CASE))
     return {"possible": possible, "least": missed.min(), "surest": groups, "scenes": sorted(scenes)}
 
 
@@ -83,7 +83,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         summed=True,
     )
     kept = (
-        {name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None}
+        {name: record[name] for name in record.keys() - _LEFT_OUT if record[name] is not None}
         for record in records
     )
     export(kept, folder / "records.jsonl")
@@ -95,7 +95,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         "✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()
     ]
     counts = pd.crosstab(runs["solver"], runs["outcome"]).reindex(
-        index=solvers, columns=[*KINDS], fill_value=0
+        index=solvers, columns=[*_KINDS], fill_value=0
     )
     total: Any = counts.sum(axis=1)
     share = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
@@ -110,7 +110,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         header=header(study.title, command, records),
         sentences=sentences(found, stopped),
         counts=markdown(
-            ["solver", "runs", "got through", *KINDS], surest, right=range(1, 3 + len(KINDS))
+            ["solver", "runs", "got through", *_KINDS], surest, right=range(1, 3 + len(_KINDS))
         ),
         inaccurate=INACCURATE,
         stopped=stopped,
@@ -131,7 +131,7 @@ def limits(records: Sequence[Record]) -> dict[str, float]:
 
 
 def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]:
-    """One of `KINDS`, and the reason in words, of a row of `frames.frame`; `allowed` is one of `limits`."""
+    """One of `_KINDS`, and the reason in words, of a row of `frames.frame`; `allowed` is one of `limits`."""
     status = str(run["status"])
     if status != Status.REACHED_END:
         meaning = Status(status).meaning if status in set(Status) else ""

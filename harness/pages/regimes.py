@@ -22,10 +22,10 @@ from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
 # From this duration on, in shear times, runs have a profile of their own.
-LONG = 5e4
+_LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
-CELL_COLUMNS = [
+_CELL_COLUMNS = [
     "scene",
     "error",
     "St",
@@ -83,7 +83,7 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
             rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
     write_file(
         folder / "cells.csv",
-        pd.DataFrame(rows, columns=CELL_COLUMNS).to_csv(index=False),
+        pd.DataFrame(rows, columns=_CELL_COLUMNS).to_csv(index=False),
         summed=True,
     )
     particles = []
@@ -109,9 +109,9 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
             for method, row in slow.items()
         ]
         particles.append({"name": name, "axes": scenes[0].ellipsoid.semi_axes, "methods": methods})
-    far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
+    far = [scene.stokes for _, scene in study.scenes if scene.time >= _LONG]
     apart = where(runs, runs["stokes"].isin(far))
-    title = f"The same over t ≥ {short(LONG)} alone"
+    title = f"The same over t ≥ {short(_LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)
     page = fill(
         "regimes",

@@ -15,7 +15,7 @@ from polhode.harness.paper.sections import (
     spheroids,
 )
 
-SECTIONS = (
+_SECTIONS = (
     periods.SECTION,
     limits.SECTION,
     spheroids.SECTION,
@@ -30,13 +30,13 @@ SECTIONS = (
 
 def sections() -> tuple[Section, ...]:
     """All sections, in order."""
-    return SECTIONS
+    return _SECTIONS
 
 
 @cache
 def items() -> tuple[Item, ...]:
     """All items, in order."""
-    return tuple(item for section in SECTIONS for item in section.items)
+    return tuple(item for section in _SECTIONS for item in section.items)
 
 
 def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
@@ -46,7 +46,7 @@ def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
     """
     chosen = {}
     groups = {item.name: (item,) for item in items()}
-    groups |= {section.name: section.items for section in SECTIONS}
+    groups |= {section.name: section.items for section in _SECTIONS}
     for name in names:
         if name not in groups:
             raise ValueError(f"item: got {name!r}, expected one of {', '.join(groups)}")

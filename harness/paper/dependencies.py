@@ -20,17 +20,17 @@ from polhode.harness.paper.item import Experiment
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
-PACKAGE = "polhode"
-PAPER = "polhode.harness.paper"
+_PACKAGE = "polhode"
+_PAPER = "polhode.harness.paper"
 # Their entries count one by one, by name.
-CATALOGUES = ("polhode.models.catalogue", "polhode.solvers.catalogue")
+_CATALOGUES = ("polhode.models.catalogue", "polhode.solvers.catalogue")
 # Data that code reads: they count with the module whose name they carry, or that names them.
-DATA_SUFFIXES = (".toml", ".ll", ".json")
+_DATA_SUFFIXES = (".toml", ".ll", ".json")
 # The method of an experiment that makes its data, and those that use them.
-COMPUTATION = "compute"
-PRESENTATION = ("judge", "draw", "expected")
+_COMPUTATION = "compute"
+_PRESENTATION = ("judge", "draw", "expected")
 # The class variable that says when to begin an item, and changes no number of it.
-DURATION = "seconds"
+_DURATION = "seconds"
 
 
 @dataclass
@@ -83,7 +83,7 @@ def files_of(reached: _Reached) -> list[Path]:
         strings = set(_strings(_tree(module)))
         for beside in path.parent.iterdir():
             named = beside.name in strings or beside.stem == path.stem
-            if beside.suffix in DATA_SUFFIXES and named:
+            if beside.suffix in _DATA_SUFFIXES and named:
                 files.add(beside)
     return sorted(files)
 
@@ -122,10 +122,10 @@ def _computing(node: ast.AST) -> ast.AST:
 def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
     """Of an experiment's body the fields that are part of its settings, `compute` and the methods that it calls."""
     methods = {part.name: part for part in body if isinstance(part, ast.FunctionDef)}
-    if not set(PRESENTATION) & set(methods):
+    if not set(_PRESENTATION) & set(methods):
         return body
     used: set[str] = set()
-    waiting = [COMPUTATION]
+    waiting = [_COMPUTATION]
     while waiting:
         name = waiting.pop()
         if name in methods and name not in used:
@@ -143,7 +143,7 @@ def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
 
 def _left_out_of_settings(part: ast.stmt) -> bool:
     """Whether a statement is a field with ``repr=False``, which only judges or draws, or the item's duration."""
-    if isinstance(part, ast.AnnAssign) and ast.unparse(part.target) == DURATION:
+    if isinstance(part, ast.AnnAssign) and ast.unparse(part.target) == _DURATION:
         return True
     value = part.value if isinstance(part, ast.AnnAssign) else None
     if not isinstance(value, ast.Call):
@@ -156,7 +156,7 @@ def _reach(module: str, name: str, reached: _Reached) -> None:
     submodule = f"{module}.{name}"
     if source_of(submodule):
         _reach_module(submodule, reached)
-    elif module.startswith(PAPER):
+    elif module.startswith(_PAPER):
         _reach_definition(module, name, reached)
     else:
         _reach_module(module, reached)
@@ -168,7 +168,7 @@ def _reach_module(module: str, reached: _Reached) -> None:
         return
     reached.modules.add(module)
     tree = _tree(module)
-    if module not in CATALOGUES:
+    if module not in _CATALOGUES:
         reached.strings |= set(_strings(tree))
     else:
         # Strings of functions name entries; those of the table are the table.
@@ -207,7 +207,7 @@ def _imports(module: str) -> dict[str, tuple[str, str]]:
     """Names that a module imports from the package: name to (module, name there)."""
     found: dict[str, tuple[str, str]] = {}
     for node in ast.walk(_tree(module)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == PACKAGE:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == _PACKAGE:
             for alias in node.names:
                 found[alias.asname or alias.name] = (str(node.module), alias.name)
     return found
@@ -223,7 +223,7 @@ def _strings(node: ast.AST) -> Iterator[str]:
 @cache
 def source_of(module: str) -> Path | None:
     """The file of a module of the package; None if there is none of that name."""
-    if module.split(".")[0] != PACKAGE:
+    if module.split(".")[0] != _PACKAGE:
         return None
     try:
         spec = importlib.util.find_spec(module)

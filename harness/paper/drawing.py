@@ -41,8 +41,8 @@ RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"
 NODE = PURPLE
 FORMATS = ("png", "svg")
-RESOLUTION = 150
-STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
+_RESOLUTION = 150
+_STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
 
 
 @contextmanager
@@ -50,7 +50,7 @@ def style() -> Iterator[None]:
     """Matplotlib with the settings of the reproduction, whatever the user's own are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update({**STYLE, "axes.prop_cycle": cycler(color=CYCLE)})  # pyright: ignore
+        mpl.rcParams.update({**_STYLE, "axes.prop_cycle": cycler(color=CYCLE)})  # pyright: ignore
         yield
 
 
@@ -176,7 +176,7 @@ def save(figure: Figure, folder: Path, name: str) -> None:
     for ending in FORMATS:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
-        figure.savefig(drawn, format=ending, dpi=RESOLUTION, metadata=metadata)
+        figure.savefig(drawn, format=ending, dpi=_RESOLUTION, metadata=metadata)
         if ending == "png":
             with Image.open(drawn) as image:
                 drawn = BytesIO()

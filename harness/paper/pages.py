@@ -21,7 +21,7 @@ from polhode.harness.paper.drawing import save, style
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Word
 
 # Verdicts in the order of the index: first what does not hold as it is printed.
-FIRST_WORDS = (
+_FIRST_WORDS = (
     Word.NOT_CONFIRMED,
     Word.CORRECTED,
     Word.UNDECIDED,
@@ -31,10 +31,10 @@ FIRST_WORDS = (
 )
 # Variables that libraries of linear algebra read when they are loaded. Threads of several processes
 # that wait for each other on the same cores took 90 times as long as one thread each.
-THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 # Digits that the pages write of a value without an interval.
-DIGITS = 4
-NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
+_DIGITS = 4
+_NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
 def write_pages(folder: Path, sections: Sequence[Section]) -> None:
@@ -45,7 +45,7 @@ def write_pages(folder: Path, sections: Sequence[Section]) -> None:
     for section in sections:
         parts = [_described(section, item, found[item.name]) for item in section.items]
         write_file(
-            folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts])
+            folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{_NOTICE}\n", *parts])
         )
     write_file(folder / "README.md", _index(sections, found))
 
@@ -98,7 +98,7 @@ def measured(number: Number) -> str:
 
 def last_unit(number: Number) -> float:
     """One unit of the last digit that is written of a value."""
-    sizes = [abs(number.value) * 10.0 ** (1 - DIGITS)]
+    sizes = [abs(number.value) * 10.0 ** (1 - _DIGITS)]
     if number.interval is not None:
         sizes.append(number.interval[1] - number.interval[0])
     largest = max((size for size in sizes if isfinite(size)), default=0.0)
@@ -125,7 +125,7 @@ def reason(number: Number) -> str:
     return number.expected.reason if number.expected else ""
 
 
-def _digits(value: float, count: int = DIGITS) -> str:
+def _digits(value: float, count: int = _DIGITS) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
@@ -147,13 +147,13 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> st
         for item in section.items
     ]
     # Verdicts that say the most first; in the paper's order among each other.
-    order = [*map(str, FIRST_WORDS), *sorted({row[0] for row in rows} - set(FIRST_WORDS))]
+    order = [*map(str, _FIRST_WORDS), *sorted({row[0] for row in rows} - set(_FIRST_WORDS))]
     rows.sort(key=lambda row: order.index(row[0]))
     return fill(
         "paper",
         count=len(found),
         counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
-        notice=NOTICE,
+        notice=_NOTICE,
         remarks=remarks,
         items=markdown(["verdict", "section", "item", "claim", "number"], rows),
         sections=", ".join(f"[{each.title}]({each.name}.md)" for each in sections),
@@ -281,8 +281,8 @@ def _begun(item: Item) -> str:
 @contextmanager
 def _single_threaded_children() -> Iterator[None]:
     """Let processes that are spawned here use one thread for linear algebra: each has a core of its own."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
     try:
         yield
     finally:

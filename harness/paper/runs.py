@@ -16,7 +16,7 @@ from polhode.solvers.solve import solve
 
 TOLERANCE = 1e-12
 # A run takes seconds; a machine that sleeps or does other work may hold it up for minutes.
-MAX_SECONDS = 1000.0
+_MAX_SECONDS = 1000.0
 SOLVER = "taylor"
 
 
@@ -54,7 +54,7 @@ def run_form(
     Where the solver's library is missing, one of the same kind runs it.
     """
     solution = solve(
-        form.problem(scene), available_like(solver), tolerance, times, max_seconds=MAX_SECONDS
+        form.problem(scene), available_like(solver), tolerance, times, max_seconds=_MAX_SECONDS
     )
     if not (solution.success or partial):
         raise RuntimeError(

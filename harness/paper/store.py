@@ -14,7 +14,7 @@ from polhode.models.libraries import version_of
 
 SCHEMA = 1
 DIGITS = 8
-LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
+_LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # What the computation of an item may end with.
 FAILURES = (
     ArithmeticError,
@@ -25,7 +25,7 @@ FAILURES = (
     TypeError,
     ValueError,
 )
-NO_DATA = "Not computed yet"
+_NO_DATA = "Not computed yet"
 Judged = tuple[Data, Verdict, bool, Grid] | str
 
 
@@ -37,7 +37,7 @@ def content_key(item: Item, grid: Grid) -> str:
         "settings": repr(item.experiment),
         "grid": grid,
         "code": code_key(item.experiment),
-        "libraries": {name: version_of(name) for name in LIBRARIES},
+        "libraries": {name: version_of(name) for name in _LIBRARIES},
     }
     return digest(content)
 
@@ -76,12 +76,12 @@ def judged(folder: Path, item: Item) -> Judged:
     """The item's data, verdict, whether today's code made them, and their grid; or, in words, why there is none."""
     found = read(folder, item)
     if found is None:
-        return NO_DATA
+        return _NO_DATA
     try:
         return found[0], item.experiment.judge(found[0]), *found[1:]
     except FAILURES as error:
         # Older code kept other columns, or other rows.
-        return f"The verdict failed ({type(error).__name__}: {error})" if found[1] else NO_DATA
+        return f"The verdict failed ({type(error).__name__}: {error})" if found[1] else _NO_DATA
 
 
 def _table(content: bytes) -> Table:

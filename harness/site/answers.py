@@ -32,13 +32,13 @@ from polhode.solvers.contract import Status
 
 TITLE = "What should I run?"
 # What the page calls the two kinds of error, and the word of `--want`.
-WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
+_WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Letters of a name that may be broken at its hyphens.
-LONG = 12
+_LONG = 12
 
-COSTS = "Cost against accuracy"
-LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
-WORDS = ("form", "solver", "status", "message")
+_COSTS = "Cost against accuracy"
+_LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
+_WORDS = ("form", "solver", "status", "message")
 COLUMNS = (
     "slow_error",
     "orientation_error",
@@ -70,11 +70,11 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
         sure=sure,
         colour=colour,
         factor=factor,
-        long=LONG,
+        long=_LONG,
     )
     data = {
         "particles": particles,
-        "wants": dict(WANTS.values()),
+        "wants": dict(_WANTS.values()),
         "columns": _answers(found, reached),
     }
     return body, {"question-data": data}
@@ -90,7 +90,7 @@ def _answers(
         for stokes in dict.fromkeys(cell.stokes for cell in cells):
             runs = where(known, known["stokes"] == stokes)
             answers = [_answer(cell, runs, error) for cell in cells if cell.stokes == stokes]
-            place = {"particle": name, "want": WANTS[error][0], "St": stokes}
+            place = {"particle": name, "want": _WANTS[error][0], "St": stokes}
             columns.append(place | _there(runs, error) | {"cells": answers})
     return columns
 
@@ -128,18 +128,18 @@ def _map(particle: str, error: str, found: Sequence[Cell]) -> dict[str, Any]:
     ordered = sorted(found, key=lambda cell: (-cell.target, cell.stokes))
     rows = [[*row] for _, row in groupby(ordered, key=lambda cell: cell.target)]
     key = by_side(cell.winner for cell in found if cell.winner)
-    about = {"name": particle, "want": WANTS[error][0], "title": ERRORS[error][1]}
+    about = {"name": particle, "want": _WANTS[error][0], "title": ERRORS[error][1]}
     return about | {"key": key, "rows": rows, "usual": usual_form(found)}
 
 
 def cost_page(reports: Path) -> Page:
     """Every run of every study as a point."""
     studies, unreadable = read_studies(
-        reports, (*WORDS, *COLUMNS, "backend", "jacobian", "inferred", "tags")
+        reports, (*_WORDS, *COLUMNS, "backend", "jacobian", "inferred", "tags")
     )
     body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
-        return Page(COSTS, LEAD, body)
+        return Page(_COSTS, _LEAD, body)
     groups = []
     rows = []
     for study, table in studies.items():
@@ -155,7 +155,7 @@ def cost_page(reports: Path) -> Page:
     # Words stand once: columns hold their places.
     different = dict.fromkeys(word for row in rows for word in row if isinstance(word, str))
     words = {word: i for i, word in enumerate(different)}
-    names = ("group", *WORDS, "tolerance", "inferred", *COLUMNS)
+    names = ("group", *_WORDS, "tolerance", "inferred", *COLUMNS)
     data = {
         "words": list(words),
         "groups": groups,
@@ -176,7 +176,7 @@ def cost_page(reports: Path) -> Page:
         "largest": LARGEST_ERROR,
         "meanings": {str(status): status.meaning for status in Status},
     }
-    return Page(COSTS, LEAD, body, {"cost-data": data}, ("tables.js", "chart.js", "cost.js"))
+    return Page(_COSTS, _LEAD, body, {"cost-data": data}, ("tables.js", "chart.js", "cost.js"))
 
 
 def _row(run: dict[Any, Any]) -> list[Any]:

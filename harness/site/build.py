@@ -32,9 +32,9 @@ from polhode.models.scenes import SCENES
 # By folder of the reports: what the menu calls it, and the command that fills it.
 REPORTS = tomllib.loads(Path(__file__).with_name("reports.toml").read_text("utf-8"))
 # What the opening page takes from the page of the bench, by its own heading.
-SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
+_SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 # What these pictures show is on the page of costs.
-ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
+_ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
 def build(
@@ -68,7 +68,9 @@ def build(
     items = (line for line in texts.get("hard-cases", "").splitlines() if line.startswith("- "))
     asked, data = question(reports / "regimes", next(items, "").removeprefix("- "))
     # Who is robust, who is fast and when averaging pays, from the bench; what the reports lack.
-    parts = {title: section(texts.get("bench", ""), heading) for title, heading in SECTIONS.items()}
+    parts = {
+        title: section(texts.get("bench", ""), heading) for title, heading in _SECTIONS.items()
+    }
     sections = {
         title: render(text, files["bench"], known).body for title, text in parts.items() if text
     }
@@ -113,6 +115,6 @@ def _runs_of(cell: re.Match[str]) -> str:
 def _as_costs(picture: str) -> str:
     return (
         '<p><a href="cost.html">As a diagram, run by run</a></p>'
-        if ON_COSTS.fullmatch(picture)
+        if _ON_COSTS.fullmatch(picture)
         else ""
     )

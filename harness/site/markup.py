@@ -17,12 +17,12 @@ from markupsafe import Markup
 from polhode.harness.pages.tables import templates
 
 # Powers of ten up to which a number is written out.
-PLAIN = 5
+_PLAIN = 5
 # Columns beyond which a table is set smaller in print.
-WIDE = 9
+_WIDE = 9
 FIGURES = "figures"
 # Pages of the site that are no report's.
-OWN = ("index", "cost", "motion")
+_OWN = ("index", "cost", "motion")
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def _number(found: re.Match[str]) -> str:
     """A number that a line does not break: 1.7e+02 as 170, 1e-06 as 1e-6."""
     mantissa, sign, exponent = found.groups()
     digits = len(mantissa.partition(".")[2])
-    if sign != "-" and digits <= int(exponent) <= PLAIN:
+    if sign != "-" and digits <= int(exponent) <= _PLAIN:
         return f"{float(found[0].replace('−', '-')):.0f}"
     return f"<span class=n>{mantissa}e{sign.strip('+')}{exponent}</span>"
 
@@ -109,7 +109,7 @@ class Rendered:
 
 def page_name(path: Path) -> str:
     """Name on the site of `reports/NAME/README.md`: NAME, NAME_ where that is taken; of pages beside it, NAME-STEM."""
-    name = path.parent.name + "_" * (path.parent.name in OWN)
+    name = path.parent.name + "_" * (path.parent.name in _OWN)
     return name if path.stem == "README" else f"{name}-{path.stem}"
 
 
@@ -145,7 +145,7 @@ def render(
             tokens[i + 1].meta["plain"] = True
         elif token.type == "table_open":
             columns = next(j for j, other in enumerate(tokens[i:]) if other.type == "thead_close")
-            wide = sum(other.type == "th_open" for other in tokens[i : i + columns]) > WIDE
+            wide = sum(other.type == "th_open" for other in tokens[i : i + columns]) > _WIDE
             token.attrSet("class", "sort wide" if wide else "sort")
             tables += 1
             token.meta["label"] = f"Table {tables}: {heading}"

@@ -23,16 +23,16 @@ from polhode.solvers.contract import SolverNotValidError
 
 # Samples per rotation that make a smooth path, and the fewest and most samples of a page of
 # moderate size.
-PER_ROTATION = 80
-FEWEST = 400
-MOST = 3000
+_PER_ROTATION = 80
+_FEWEST = 400
+_MOST = 3000
 # The torque-free path, from so many moments, over so many turns, each of so many points.
-MOMENTS = 48
-TURNS = 4
-POINTS = 40
+_MOMENTS = 48
+_TURNS = 4
+_POINTS = 40
 TOLERANCE = 1e-10
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
-ALONG = 15.0
+_ALONG = 15.0
 
 
 def examples() -> dict[str, Scene]:
@@ -60,7 +60,7 @@ def motion(scene: Scene) -> dict[str, Any]:
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
     try:
-        samples = int(min(max(PER_ROTATION * rotations(scene), FEWEST), MOST))
+        samples = int(min(max(_PER_ROTATION * rotations(scene), _FEWEST), _MOST))
         # In the simplest form that has an axis, far more accurate than a screen shows.
         name = simplest(scene)
         problem = form(name).problem(scene)
@@ -120,7 +120,7 @@ def _sentence(solution: SceneSolution, axis: int) -> str:
         turns=turns,
         name=name,
         angles=angles,
-        along=ALONG,
+        along=_ALONG,
         plane=plane,
     )
 
@@ -145,22 +145,22 @@ def _averaged(scene: Scene) -> list[float]:
 
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
-    """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
+    """Paths of the axis without torque, each starting at one of `_MOMENTS` equispaced samples."""
     ellipsoid = solution.scene.ellipsoid
     paths = []
-    for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int).tolist():
+    for k in np.linspace(0, len(solution.times) - 1, _MOMENTS).astype(int).tolist():
         moment = solution.observables[k : k + 1]
         size = float(np.linalg.norm(moment.angular_momentum))
         if size == 0:
             # At rest it stays where it is.
             paths.append(
-                _rounded(np.repeat(moment.rotation[:, axis], TURNS * POINTS + 1, axis=0), 3)
+                _rounded(np.repeat(moment.rotation[:, axis], _TURNS * _POINTS + 1, axis=0), 3)
             )
             continue
         turn = 2 * pi * float(np.median(ellipsoid.inertia)) / size
-        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), TURNS * turn)
+        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), _TURNS * turn)
         free = solve(
-            top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1
+            top, form="euler-top", solver="exact", tolerance=1e-9, samples=_TURNS * _POINTS + 1
         )
         paths.append(_rounded(free.rotation[:, axis], 3))
     return paths

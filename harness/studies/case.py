@@ -27,10 +27,10 @@ from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solutio
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 SCHEMA = 2
 # A run of fewer steps than one per this many rotations cannot be right.
-ROTATIONS_PER_STEP = 20.0
+_ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by
 # itself.
-OSCILLATORY_FROM = 1.0
+_OSCILLATORY_FROM = 1.0
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,11 @@ class Case:
         form = find_form(self.form)
         problem = form.problem(self.scene)
         averages = form.averaged or problem.course or find_solver(self.solver).many_periods
-        if averages or self.scene.stokes < OSCILLATORY_FROM:
+        if averages or self.scene.stokes < _OSCILLATORY_FROM:
             return problem
-        return replace(problem, least_steps=max(1, int(rotations(self.scene) / ROTATIONS_PER_STEP)))
+        return replace(
+            problem, least_steps=max(1, int(rotations(self.scene) / _ROTATIONS_PER_STEP))
+        )
 
     @cached_property
     def times(self) -> np.ndarray:

@@ -29,14 +29,14 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
-# A measurement repeats until it takes this long, in seconds, and is the best of `ROUNDS`.
-ENOUGH = 2e-3
-ROUNDS = 5
+# A measurement repeats until it takes this long, in seconds, and is the best of `_ROUNDS`.
+_ENOUGH = 2e-3
+_ROUNDS = 5
 STARTS = 5
-LIMIT = 60.0
+_LIMIT = 60.0
 TOLERANCE = 1e-8
 # Part of a scene's time whose run shows what a first one takes more.
-BEGINNING = 1e-6
+_BEGINNING = 1e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
@@ -60,10 +60,10 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
 
     calls = 1
     best = 0.0
-    while best < ENOUGH:
+    while best < _ENOUGH:
         calls *= 4
         best = seconds_of(partial(run, calls))
-    return min(best, *(seconds_of(partial(run, calls)) for _ in range(ROUNDS - 1))) / calls
+    return min(best, *(seconds_of(partial(run, calls)) for _ in range(_ROUNDS - 1))) / calls
 
 
 @once()
@@ -122,7 +122,7 @@ def first_seconds(
             with TemporaryDirectory() as folder:
                 problem = find_form(form).problem(scenes[form])
                 run = _fresh(
-                    replace(problem, end=problem.end * BEGINNING, least_steps=0), solver, folder
+                    replace(problem, end=problem.end * _BEGINNING, least_steps=0), solver, folder
                 )
             known[group] = run.library + run.compilation if run else 0.0
         found[form, solver] = known[group]
@@ -141,7 +141,7 @@ def compile_group(solver: str) -> str:
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
     with Worker() as worker:
-        return worker.run(first_run, problem, solver, TOLERANCE, folder, limit=LIMIT).value
+        return worker.run(first_run, problem, solver, TOLERANCE, folder, limit=_LIMIT).value
 
 
 def startup_seconds() -> float:

@@ -21,9 +21,9 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
 # Of a run that is compared with a reference.
-MOST_SAMPLES = 100_000
+_MOST_SAMPLES = 100_000
 # What a study may say of a built-in scene.
-BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
+_BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
 Filter = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
@@ -194,10 +194,10 @@ class StudySceneTable(Choice):
         """A built-in scene with its contents."""
         if not (isinstance(scene, dict) and scene.get("builtin") is True):
             return scene
-        if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
-            expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
+        if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *_BESIDE_BUILTIN}:
+            expected = f"name, builtin and perhaps {', '.join(_BESIDE_BUILTIN)}"
             raise ValueError(f"got {sorted(scene)}, expected {expected}")
-        own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
+        own = {key: value for key, value in scene.items() if key in ("name", *_BESIDE_BUILTIN)}
         known = scene_table(named_scene(str(scene["name"])))
         return {
             name: each for name, each in known.items() if name != "time" or "slow_time" not in own
@@ -210,7 +210,7 @@ class StudyTable(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     name: Name
     title: str
-    samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)] = 501
+    samples: Annotated[int, Field(ge=2, le=_MOST_SAMPLES)] = 501
     max_seconds: Positive = 10.0
     tolerances: Annotated[list[Positive], Field(min_length=1)]
     forms: Annotated[list[str], Field(min_length=1)]

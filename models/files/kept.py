@@ -14,7 +14,7 @@ import numpy as np
 # Environment variable that names the folder for caches.
 CACHE_VARIABLE = "POLHODE_CACHE"
 # Files that may lie in the folder; the oldest half goes when there are more.
-MOST = 200
+_MOST = 200
 
 
 # Links that a path may lead through, as in Linux.
@@ -136,8 +136,8 @@ def save(key: str, numbers: np.ndarray) -> None:
         private.write_bytes(_sum(key, content) + content)
         private.replace(file)
         files = list(file.parent.iterdir())
-        if len(files) > MOST:
-            for old in sorted(files, key=lambda each: each.stat().st_mtime)[: MOST // 2]:
+        if len(files) > _MOST:
+            for old in sorted(files, key=lambda each: each.stat().st_mtime)[: _MOST // 2]:
                 old.unlink()
 
 

@@ -14,10 +14,10 @@ from polhode.models.shape import Ellipsoid
 
 # Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly
 # above 0 in long double, and less elsewhere.
-AGM_STEPS = 6
+_AGM_STEPS = 6
 # Starts nearer than this to L² = 2EI₂ are moved so far off it, whose rates are its own on either
 # side.
-SEPARATRIX_WIDTH = 1e-12
+_SEPARATRIX_WIDTH = 1e-12
 
 
 def mean_squares(ops: Operations):
@@ -43,7 +43,7 @@ def mean_squares(ops: Operations):
         square = m / (16 * mean * mean)
         weight = 1.0
         sn2 = 0.5 + square
-        for _ in range(AGM_STEPS):
+        for _ in range(_AGM_STEPS):
             mean, geometric = 0.5 * (mean + geometric), sqrt(mean * geometric)
             square = m * square * square / (16 * mean * mean)
             weight = 2 * weight
@@ -140,7 +140,7 @@ class Averaged(Form):
         in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)
         # Of a start by L and E alone the axis is not known: no comparison with NaN holds.
-        if 1 - shares[scene.ellipsoid.order[1]] < SEPARATRIX_WIDTH:
+        if 1 - shares[scene.ellipsoid.order[1]] < _SEPARATRIX_WIDTH:
             raise self.refuse(
                 "the start rotates about the middle axis, and lingers there", "quaternion"
             )
@@ -152,8 +152,8 @@ class Averaged(Form):
         middle = sum(each * each for each in momentum) / (
             2 * sorted(scene.ellipsoid.inertia)[1] / unit
         )
-        if abs(energy - middle) < SEPARATRIX_WIDTH * middle:
-            energy = middle * (1 - SEPARATRIX_WIDTH)
+        if abs(energy - middle) < _SEPARATRIX_WIDTH * middle:
+            energy = middle * (1 - _SEPARATRIX_WIDTH)
         start = (*momentum, energy)
         excess = partial(range_excess, least=min(scene.ellipsoid.inertia) / unit)
         return self.slow_problem(scene, field, start, coefficients(scene.ellipsoid), excess)

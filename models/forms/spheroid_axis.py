@@ -53,7 +53,7 @@ def field(ops: Operations) -> Field:
 
 # sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², nearest to them for 0 <= x <= 3.4²: within
 # 2.2e-16 there.
-SINE = (
+_SINE = (
     *(1.0, -0.16666666666666666, 0.008333333333333285, -0.0001984126984125573),
     *(
         2.7557319222422075e-06,
@@ -63,7 +63,7 @@ SINE = (
     ),
     *(2.8107694690976557e-15, -8.169600567855619e-18, 1.7456663177824304e-20),
 )
-COSINE = (
+_COSINE = (
     *(0.5, -0.041666666666666664, 0.0013888888888888868, -2.480158730158138e-05),
     *(2.755731922332951e-07, -2.08767569509105e-09, 1.1470744401720644e-11, -4.779453745482048e-14),
     *(1.5616322922037551e-16, -4.088932806344013e-19, 8.0112940727271335e-22),
@@ -92,8 +92,8 @@ def rotation(ops: Operations) -> Field:
         ky = c[0] * ly
         kz = c[0] * lz
         x = kx * kx + ky * ky + kz * kz
-        sine = polynomial(SINE, x)
-        cosine = polynomial(COSINE, x)
+        sine = polynomial(_SINE, x)
+        cosine = polynomial(_COSINE, x)
         ux = ky * pz - kz * py
         uy = kz * px - kx * pz
         uz = kx * py - ky * px

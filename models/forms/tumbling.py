@@ -16,7 +16,7 @@ from polhode.models.scene import Scene
 
 # Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken
 # for meant.
-PLANAR = 1e-14
+_PLANAR = 1e-14
 
 
 def field(ops: Operations) -> Field:
@@ -81,7 +81,7 @@ class Tumbling(Form):
         x, y, rate = (
             float(component) for component in rotation.T @ np.array(scene.angular_velocity)
         )
-        if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
+        if hypot(x, y) > _PLANAR * max(1.0, abs(rate)):
             condition = f"the angular velocity leaves the vorticity axis by {hypot(x, y):.1e}"
             raise self.refuse(condition, full_form(scene))
         if (axes := _principal_axes(scene)) is None:
@@ -103,12 +103,12 @@ def _principal_axes(scene: Scene) -> tuple[int, int, int] | None:
     rotation = scene.initial_rotation
     symmetry = scene.ellipsoid.symmetry_axis
     inplane = np.hypot(rotation[:, 0], rotation[:, 1])
-    if symmetry is not None and abs(rotation[symmetry, 2]) <= PLANAR:
+    if symmetry is not None and abs(rotation[symmetry, 2]) <= _PLANAR:
         return (symmetry + 1) % 3, symmetry, (symmetry + 2) % 3
     if scene.ellipsoid.kind == "sphere":
         first = int(np.argmax(inplane))
         return (first + 2) % 3, first, (first + 1) % 3
     for axis in range(3) if symmetry is None else (symmetry,):
-        if inplane[axis] <= PLANAR:
+        if inplane[axis] <= _PLANAR:
             return axis, (axis + 1) % 3, (axis + 2) % 3
     return None

@@ -10,7 +10,7 @@ from polhode.models.free_top.elliptic import PI, Long, complete_cel, complete_k,
 from polhode.models.rotation import Triple
 from polhode.models.shape import Ellipsoid
 
-QUARTER_NODES = 32
+_QUARTER_NODES = 32
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     long = np.maximum((momentum2 - energy2 * far) / (near - far), 0)
     parameter = (far - i2) / (i2 - near) * short / np.maximum(long, 1e-300)
     parameter = np.clip(parameter, 0, 1 - 1e-15)[:, None]
-    quarter = (np.arange(QUARTER_NODES) + 0.5) / QUARTER_NODES
+    quarter = (np.arange(_QUARTER_NODES) + 0.5) / _QUARTER_NODES
     sn, cn, dn, _ = ellipj(quarter * ellipk(parameter), parameter)
     squares = (
         (short / far)[:, None] * cn**2

@@ -30,12 +30,12 @@ WINDOWS = 0.5
 PER_RADIAN = 2e-2
 # Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for
 # each one anew.
-AVERAGED_TOLERANCE = 1e-12
+_AVERAGED_TOLERANCE = 1e-12
 FULL = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
 # A run of so few turns costs less than to look ahead.
-SHORT = 1000
+_SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
-MORE = 50
+_MORE = 50
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class HybridCourse:
             try:
                 problem, states = second_order(self.scene, state)
             except NotAveragedError as refusal:
-                more = 2 * np.pi * MORE / speed(self.here(time, state))
+                more = 2 * np.pi * _MORE / speed(self.here(time, state))
                 end = time + more
                 reason = str(refusal)
                 later = replace(self, stretches=())
@@ -80,7 +80,7 @@ class HybridCourse:
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
-                own = stretch.error, angle, AVERAGED_TOLERANCE
+                own = stretch.error, angle, _AVERAGED_TOLERANCE
                 return Piece(problem, end, states, "second order", *own, later, averaged=True)
         elif stretch.decisive:
             later = replace(self, stretches=())
@@ -147,7 +147,7 @@ def full_tolerance(
 
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
     """Stretches of a run for an error asked for."""
-    if speed(scene) * scene.time < 2 * np.pi * SHORT:
+    if speed(scene) * scene.time < 2 * np.pi * _SHORT:
         return (
             Stretch(
                 0.0,

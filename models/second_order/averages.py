@@ -26,14 +26,14 @@ Array = np.ndarray
 
 # Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in
 # steps of so many.
-PHASES = 90.0
-LEAST_PHASES = 24
-STEP_OF_PHASES = 8
+_PHASES = 90.0
+_LEAST_PHASES = 24
+_STEP_OF_PHASES = 8
 # Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be
 # separated.
 _TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
 _TURNS = _TURNS / np.array([[[3]], [[7]]])
-EVERY_FRAME = np.repeat(_TURNS, 2, axis=0)
+_EVERY_FRAME = np.repeat(_TURNS, 2, axis=0)
 SIZES = np.tile([1.0, 2.0], len(_TURNS))
 # Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
 MODES = 24
@@ -51,8 +51,8 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
     second = np.empty((4, poses, len(y)))
     rates = np.empty((2, len(y)))
     strengths = np.empty((len(y), MODES, 3, 3))
-    flow = EVERY_FRAME[:, None, 0]
-    gradient = EVERY_FRAME[:, None, 1]
+    flow = _EVERY_FRAME[:, None, 0]
+    gradient = _EVERY_FRAME[:, None, 1]
     for count in np.unique(counts).tolist():
         here = np.flatnonzero(counts == count)
         polhode = Polhodes(side, y[here], np.zeros(len(here)), count)
@@ -70,15 +70,15 @@ def phases(side: SidedBody, y: Array) -> Array:
     from scipy.special import ellipk, ellipkm1
 
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
-    needed = PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
-    return LEAST_PHASES + STEP_OF_PHASES * np.ceil(
-        np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES
+    needed = _PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
+    return _LEAST_PHASES + _STEP_OF_PHASES * np.ceil(
+        np.maximum(needed - _LEAST_PHASES, 0) / _STEP_OF_PHASES
     ).astype(int)
 
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     """Coefficients of first and second order, shape (m,) each, from the means in all poses, and the largest misfit."""
-    x, y, z = (EVERY_FRAME[:, i] for i in range(3))
+    x, y, z = (_EVERY_FRAME[:, i] for i in range(3))
     over = 1 / SIZES
     s0 = x[:, 2] * y[:, 2]
     w0 = z[:, 2] / 2

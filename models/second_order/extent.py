@@ -17,23 +17,23 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Changes whenever the numbers do, beside those of the series.
-VERSION = 1
+_VERSION = 1
 # The values of a.
 DEPTHS = EVERY[::2]
 # All c that are 1, then those of k > 0 that are i.
-UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
+_UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
 # Polhode phases that means are taken over.
-PHASES = pi / 4 * (np.arange(4) + 0.25)
+_PHASES = pi / 4 * (np.arange(4) + 0.25)
 # A mean over turns about L keeps products of c of the same k: |c₀|², |c₁|², |c₂|², the real and the
 # imaginary part of c₁c₂*, and those of c₃, c₄ and c₅. Of each, two pairs of units that give it, and
 # their shares.
-PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
-OTHERS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
-SHARES = np.array(
+_PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
+_OTHERS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
+_SHARES = np.array(
     [[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]]
 )
 # 1/St at which they are taken.
-SLIGHT = 1e-12
+_SLIGHT = 1e-12
 
 
 def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> Array:
@@ -62,26 +62,26 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
 
 @once()
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
-    """Factors of products of `PAIRS` at the nodes of the series, at |L| = 1: the mean over turns; kept on disk."""
-    key = f"extent of the swing {VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
+    """Factors of products of `_PAIRS` at the nodes of the series, at |L| = 1: the mean over turns; kept on disk."""
+    key = f"extent of the swing {_VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
     found = kept.load(key)
     if found is None:
         kept.save(key, found := squares_of(series_for(ellipsoid, longest)))
-    squares = found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
-    return (squares[:, *PAIRS] * SHARES[0] + squares[:, *OTHERS] * SHARES[1]).T
+    squares = found.reshape(len(DEPTHS), len(_UNITS), len(_UNITS))
+    return (squares[:, *_PAIRS] * _SHARES[0] + squares[:, *_OTHERS] * _SHARES[1]).T
 
 
 def squares_of(series: swing.Series) -> Array:
     """The same from the series of a side, single resonances left out."""
     a2, alpha = (
-        np.repeat(each.ravel(), len(UNITS))
-        for each in np.meshgrid(DEPTHS**2, PHASES, indexing="ij")
+        np.repeat(each.ravel(), len(_UNITS))
+        for each in np.meshgrid(DEPTHS**2, _PHASES, indexing="ij")
     )
     place = Place(series, a2, alpha, series.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
-    units = np.tile(UNITS, (len(DEPTHS) * len(PHASES), 1))
-    moved = place.moved(units, np.ones(len(a2)), SLIGHT) / SLIGHT
-    moved = moved.reshape(len(DEPTHS), len(PHASES), len(UNITS), -1)
-    squares = np.einsum("napk,naqk->npq", moved, moved) / len(PHASES)
+    units = np.tile(_UNITS, (len(DEPTHS) * len(_PHASES), 1))
+    moved = place.moved(units, np.ones(len(a2)), _SLIGHT) / _SLIGHT
+    moved = moved.reshape(len(DEPTHS), len(_PHASES), len(_UNITS), -1)
+    squares = np.einsum("napk,naqk->npq", moved, moved) / len(_PHASES)
     sizes = np.trace(squares, axis1=1, axis2=2)
     padded = np.concatenate([sizes[:1], sizes, sizes[-1:]])
     usual = np.median([padded[:-2], sizes, padded[2:]], axis=0)

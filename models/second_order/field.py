@@ -5,7 +5,7 @@ polhode is from the permanent axis, e₁ ⊥ L is carried along by parallel tran
 is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers stand
 in the parameters p behind each other:
 
-- `HEAD` numbers: middle and reciprocal half width of the table's a²;
+- `_HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
 - for each of `POLES` resonances, where the averages of second order are singular, its a², 1/(St |dD/da²|), and the 10
   functions' residues of second and of first order.
@@ -22,16 +22,16 @@ from polhode.models.operations import Field, Operations
 STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha", "sigma_beta")
 # The functions, in their order: those of first order, those of second order, which alone have
 # poles, and the rates.
-FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
+_FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
-NAMES = (*FIRST, *SECOND, "nu1", "nu2")
-HEAD = 2
-SERIES = len(NAMES)
+NAMES = (*_FIRST, *SECOND, "nu1", "nu2")
+_HEAD = 2
+_SERIES = len(NAMES)
 NODES = 32
 POLES = 8
 POLE = 2 + 2 * len(SECOND)
 # Keeps 0/0 away where a run rests on a resonance.
-TINY = 1e-60
+_TINY = 1e-60
 
 
 def field(ops: Operations) -> Field:
@@ -53,13 +53,13 @@ def field(ops: Operations) -> Field:
         ny = ly * over
         nz = lz * over
         found = series((a * a - p[0]) * p[1], p)
-        f0, f2, g0, g2, r1, r2, ea, eb = found[: len(FIRST)]
+        f0, f2, g0, g2, r1, r2, ea, eb = found[: len(_FIRST)]
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
-        for at in range(HEAD + SERIES * NODES, HEAD + SERIES * NODES + POLES * POLE, POLE):
+        for at in range(_HEAD + _SERIES * NODES, _HEAD + _SERIES * NODES + POLES * POLE, POLE):
             twice, once = regular(a * a - p[at], drift * p[at + 1])
             for k in range(len(SECOND)):
-                found[len(FIRST) + k] += twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND) + k]
-        a1, a2, b1, b2, *across, nu1, nu2 = found[len(FIRST) :]
+                found[len(_FIRST) + k] += twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND) + k]
+        a1, a2, b1, b2, *across, nu1, nu2 = found[len(_FIRST) :]
         n = (nx, ny, nz)
         f = (f0, f2, a1, a2)
         g = (g0, g2, b1, b2)
@@ -84,7 +84,7 @@ def field(ops: Operations) -> Field:
 def regular(x: Any, square: Any) -> tuple[Any, Any]:
     """What stands for 1/x² and 1/x: x³/(x⁴ + w⁴) for the latter, `square` = ±w², less its derivative for the first."""
     x2 = x * x
-    w4 = square * square + TINY
+    w4 = square * square + _TINY
     over = 1 / (x2 * x2 + w4)
     return x2 * (x2 * x2 - 3 * w4) * over * over, x2 * x * over
 
@@ -93,7 +93,7 @@ def series(t: Any, p: Any) -> list[Any]:
     """The Chebyshev series at t."""
     found = []
     terms = polynomials(t, NODES)
-    for first in range(HEAD, HEAD + SERIES * NODES, NODES):
+    for first in range(_HEAD, _HEAD + _SERIES * NODES, NODES):
         total = p[first] + p[first + 1] * t
         for k in range(2, NODES):
             total = total + p[first + k] * terms[k]

@@ -22,12 +22,12 @@ from polhode.models.second_order import (
 from polhode.models.second_order.outline import Outline, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
-START_PASSES = 60
-START_CLOSE = 1e-15
+_START_PASSES = 60
+_START_CLOSE = 1e-15
 # Shares of the time to the first window at which a run is tried to be stopped.
 STOPS = (0.98, 0.9)
 # Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
-MEANINGLESS = 1.0
+_MEANINGLESS = 1.0
 
 
 class SecondOrder(Form):
@@ -74,7 +74,7 @@ class SecondOrder(Form):
             raise self.refuse(
                 f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene)
             )
-        if not found.slow < MEANINGLESS:
+        if not found.slow < _MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
     def orientation_of(self, scene: Scene) -> Orientation:
@@ -145,7 +145,7 @@ def slow_start(
     slow = exact
     left = 1.0
     size = max(1.0, hypot(*exact[:3]))
-    for _ in range(START_PASSES):
+    for _ in range(_START_PASSES):
         image = spheroidal.swung(spheroid, torque_factor, slow[:3], slow[3:])
         excess = [found - wanted for found, wanted in zip(image, exact, strict=True)]
         slow = [found - more for found, more in zip(slow, excess, strict=True)]
@@ -153,7 +153,7 @@ def slow_start(
         before = left
         left = max(map(abs, excess)) / size
         # Each pass gains the same factor.
-        if left * min(1, left / before) <= START_CLOSE:
+        if left * min(1, left / before) <= _START_CLOSE:
             return tuple(slow)
         if not max(map(abs, slow)) < 1e3 * max(map(abs, exact)):
             return None

@@ -20,39 +20,39 @@ from polhode.models.second_order.tables import Kick
 Array = np.ndarray
 
 # Above this rho the expansion in 1/St means nothing.
-MEANINGLESS = 0.35
+_MEANINGLESS = 0.35
 # The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
-HARMONIC = 2
+_HARMONIC = 2
 # Shares of the error asked for that averaging and kicks left out may cost, the latter together and
 # one alone; by trial.
-SHARE = 0.5
-LEFT_OUT = 0.3
-ONE = 0.15
+_SHARE = 0.5
+_LEFT_OUT = 0.3
+_ONE = 0.15
 # Kicks of random phases stay below so many times the root of the sum of their squares all along in
 # 97.5 %: 2.5/√2, as a walk's largest distance is beyond one at most twice as often as its last.
-RANDOM = 1.77
+_RANDOM = 1.77
 # Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
-TURNS = 300
+_TURNS = 300
 # A window is cut where this share of its weighted turning is left, but far more turns, for a looser
 # tolerance.
-FALLEN = 0.1
+_FALLEN = 0.1
 # Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings
 # in a run at most.
-FADING = 0.15
-LONG_AGO = 600.0
+_FADING = 0.15
+_LONG_AGO = 600.0
 # Levels between which windows are chosen: the share of the one before, and the least one's of the
 # largest.
-FALL = 0.53
-LEAST = 1e-8
+_FALL = 0.53
+_LEAST = 1e-8
 # Where a window is looked at, in half widths from its middle.
-INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
+_INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
 # means little.
-REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
-SEPARATRIX = 1
-TOO_SLOW = 2
-INACCURATE = 3
+_REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
+_SEPARATRIX = 1
+_TOO_SLOW = 2
+_INACCURATE = 3
 
 
 @dataclass(frozen=True)
@@ -95,21 +95,21 @@ class Outline:
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
     path = path_of(scene)
-    share = SHARE * budget
+    share = _SHARE * budget
     ahead = Ahead.of(path, budget)
     kicks = path.kicks
     if kicks:
         # A window may be narrower than the path's steps.
         halves = [ahead.strong.get(each, each.width) for each in kicks]
-        path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
+        path = path.at(np.outer(_INSIDE, halves) + [each.time for each in kicks])
     times = path.times
     weight = ahead.weight(path.times)
-    reasons = [*REASONS]
+    reasons = [*_REASONS]
     # Why averaging means nothing, by number: 0 where it does.
     beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
-    why[~(path.size > TINY)] = TOO_SLOW
-    why[(why == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = TOO_SLOW
+    why = np.where(beyond, _SEPARATRIX, np.where(path.swing < _MEANINGLESS, 0, _TOO_SLOW))
+    why[~(path.size > TINY)] = _TOO_SLOW
+    why[(why == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
     sound = why == 0
     sudden = np.zeros(len(times))
     swing, smaller, third = (
@@ -126,14 +126,14 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
             sudden[at] = hypot(sudden[at], ahead.left[each])
     sound = why == 0
     if kicks:
-        sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
+        sudden = _RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
     held = third * np.gradient(times) * weight
     unknown = sound & ~(np.isfinite(held) & np.isfinite(local))
-    why[unknown] = INACCURATE
+    why[unknown] = _INACCURATE
     sound &= ~unknown
     held = np.where(unknown, 0, held)
     local = np.where(unknown, 0, local)
-    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / float(times[-1])) * times)
+    late = np.exp(min(_FADING * min(scene.ellipsoid.damping), _LONG_AGO / float(times[-1])) * times)
     # Where the phase is wrong, the swing is put back wrongly.
     swung = np.where(sound & (local <= share), swing * path.scale, 0)
     level = most = held.max()
@@ -142,11 +142,11 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         wrong = path.phase(errors) * swung
         if not (errors + wrong).max() > share:
             break
-        level = FALL * level if level > LEAST * most else 0.0
-    why[sound & ((held > level) | (local > share))] = INACCURATE
+        level = _FALL * level if level > _LEAST * most else 0.0
+    why[sound & ((held > level) | (local > share))] = _INACCURATE
     lag = path.lag(np.where(why == 0, swing, 0))
-    local = local + HARMONIC * np.minimum(lag, 1) * swing * path.scale
-    why[(why == 0) & (local > share)] = INACCURATE
+    local = local + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
+    why[(why == 0) & (local > share)] = _INACCURATE
     drifting = errors + sudden
     passing = np.where(why == 0, local + wrong, 0)
     orientation = pi
@@ -190,7 +190,7 @@ class Ahead:
             given = onwards[:, :2] @ kick.along
             square = 0.5 * (given.conj() @ g @ given).real
             size = max(kick.size, sqrt(square))
-            if size <= ONE * budget and hypot(together, size) <= LEFT_OUT / RANDOM * budget:
+            if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
                 found.left[kick] = size
                 together = hypot(together, size)
                 continue
@@ -200,7 +200,7 @@ class Ahead:
             found.behind.append((kick.time, g, last))
             if kick.width:
                 found.strong[kick] = kick.window(
-                    ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
+                    _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
                 )
         return found
 
@@ -240,7 +240,7 @@ def _stretches(
     for first, last in pairwise([0, *changes, len(between)]):
         if (
             found
-            and (between[first] or turns[last] - turns[first] < TURNS)
+            and (between[first] or turns[last] - turns[first] < _TURNS)
             and between[found[-1][0]]
         ):
             found[-1] = found[-1][0], last
@@ -252,14 +252,14 @@ def _stretches(
         whole = [each for each in dict.fromkeys(between[first:last].tolist()) if each]
         if whole:
             reason = "; ".join(dict.fromkeys(reasons[each] for each in whole))
-            decisive = SEPARATRIX in whole or TOO_SLOW in whole
+            decisive = _SEPARATRIX in whole or _TOO_SLOW in whole
             until = last
             while first < last:
                 cut = int(
-                    np.searchsorted(gained, gained[last] - FALLEN * (gained[last] - gained[first]))
+                    np.searchsorted(gained, gained[last] - _FALLEN * (gained[last] - gained[first]))
                 )
                 lasting = turns[last] - turns[cut] > max(
-                    TURNS, 2 * FALLEN * (turns[last] - turns[first])
+                    _TURNS, 2 * _FALLEN * (turns[last] - turns[first])
                 )
                 until = cut if cut > first and lasting else last
                 ends = (float(times[first]), float(times[until]))

@@ -26,28 +26,28 @@ Array = np.ndarray
 # kicks.
 FOLLOWED = "polhode.solvers.following:followed"
 TOLERANCE = 1e-8
-KICKED = 240
-SMOOTH = 100
+_KICKED = 240
+_SMOOTH = 100
 # |L| over I_max below which a body does not rotate, and what times lie apart at least, over the whole: rates are taken
 # between them.
 TINY = 1e-12
-CLOSE = 1e-12
+_CLOSE = 1e-12
 # Depth a² at which tables end, less what a first-order path may be wrong by.
-DEEPEST = tables.MOST - 0.2
+_DEEPEST = tables.MOST - 0.2
 # Third-order terms over what rho makes of those of second order, so that estimates bound most runs;
 # chosen by trial.
-MARGIN = 3.6
+_MARGIN = 3.6
 # Of those of first order, over the square of the damping over a radian; by trial, too.
-DAMPED = 0.05
+_DAMPED = 0.05
 # Least speed at which the shear turns a body.
 LEAST_SPEED = 0.5
 # What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
 # square of cot α being this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986).
 # At the end of the tables the elliptic integral 4K is some 15; 4π, which is less, is taken for it.
-SADDLE = 15.0
+_SADDLE = 15.0
 # Square of the slow time, in 1/(St times the slowest damping rate), in which |L| rises from 0 far
 # enough; by trial.
-RISEN = 45.0
+_RISEN = 45.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Path:
         # Where L is 0 or along the middle axis, nothing is averaged.
         with suppress(FormNotValidError):
             problem = form.problem(scene)
-            points = KICKED if scene.ellipsoid.kind == "triaxial" else SMOOTH
+            points = _KICKED if scene.ellipsoid.kind == "triaxial" else _SMOOTH
             times, states = imported(FOLLOWED)(problem, TOLERANCE, points)
             # Times of a short run may lie closer than numbers can.
             apart = np.append(True, np.diff(times) > 0)
@@ -76,7 +76,7 @@ class Path:
             slow = form.observe(scene, states).slow[apart]
         if times[-1] < scene.slow_time:
             # |L| is 0 or falls to it: what is said of it holds until it has risen again.
-            end = times[-1] + sqrt(RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
+            end = times[-1] + sqrt(_RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
             # At large St that takes less than a digit of the time.
             if end > times[-1]:
                 times = np.append(times, min(end, scene.slow_time))
@@ -86,7 +86,7 @@ class Path:
     def at(self, times: Array) -> "Path":
         """The same at further times."""
         every = np.union1d(self.times, times[(times > 0) & (times < self.times[-1])])
-        every = every[np.append(np.diff(every) > CLOSE * every[-1], True)]
+        every = every[np.append(np.diff(every) > _CLOSE * every[-1], True)]
         slow = _interpolated(every, self.times, self.slow)
         return replace(self, times=every, slow=slow)
 
@@ -127,7 +127,7 @@ class Path:
         with np.errstate(all="ignore"):
             h = 2 * self.slow[:, 3] / (max(self.ellipsoid.inertia) * self.size) ** 2
             a2 = -np.log1p(-np.clip((h - axis) / width, 0, 1))
-        return np.where((a2 < DEEPEST) & (self.size > TINY), a2, inf)
+        return np.where((a2 < _DEEPEST) & (self.size > TINY), a2, inf)
 
     @cached_property
     def _sides(self) -> list[tuple[bool, Array, tables.Table]]:
@@ -182,7 +182,7 @@ class Path:
     def smaller(self) -> Array:
         """What terms of third order are over those of second order: rho, or how far L changes in a radian."""
         slow = self.change / np.maximum(self.size, TINY) * self.torque_factor / self.speed
-        return np.hypot(MARGIN * self.swing, slow)
+        return np.hypot(_MARGIN * self.swing, slow)
 
     @cached_property
     def fading(self) -> Array:
@@ -196,7 +196,7 @@ class Path:
         """|L'| or |E'| of third order over I_max; that of second order may vanish where a body settles."""
         damped = max(self.ellipsoid.damping) * self.torque_factor / self.speed
         with np.errstate(invalid="ignore"):
-            third = self.second * self.smaller + DAMPED * self.change * damped**2
+            third = self.second * self.smaller + _DAMPED * self.change * damped**2
         # A rate of infinity times nothing is not known.
         return np.where(np.isnan(third), inf, third)
 
@@ -216,7 +216,7 @@ class Path:
             nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MOST - 1)[0, 0]
             rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit
             taken = rate * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
-            jump = np.array([0, sqrt(2 * SADDLE) * taken / (4 * pi)])
+            jump = np.array([0, sqrt(2 * _SADDLE) * taken / (4 * pi)])
             found.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
         return found
 

@@ -16,8 +16,8 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Step in y of the sixth-order differences by which polhodes are differentiated.
-STEP = 0.02
-DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
+_STEP = 0.02
+_DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 
 
 @dataclass(frozen=True)
@@ -157,10 +157,10 @@ class Polhodes:
     @cached_property
     def beside(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
-        steps, weights = np.array(DIFFERENCES).T
+        steps, weights = np.array(_DIFFERENCES).T
         steps = np.concatenate([steps, -steps])
-        weights = np.concatenate([weights, -weights]) / STEP
-        y = (self.y + STEP * steps[:, None]).ravel()
+        weights = np.concatenate([weights, -weights]) / _STEP
+        y = (self.y + _STEP * steps[:, None]).ravel()
         phase = np.tile(self.phase, len(steps))
         near = replace(self, y=y, phase=phase)
         total = dict[str, Array]()

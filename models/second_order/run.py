@@ -15,12 +15,12 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-START_PASSES = 60
-START_CLOSE = 1e-14
+_START_PASSES = 60
+_START_CLOSE = 1e-14
 # States whose places are held in memory together.
 CHUNK = 208
 # Keeps 0/0 away where nothing turns.
-TINY = 1e-300
+_TINY = 1e-300
 # Matrices of the cross products with unit vectors, as rows.
 _CROSS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
@@ -107,7 +107,7 @@ def _slow_start(
     moved = np.zeros((2, 3))
     left = 1.0
     close = False
-    for _ in range(START_PASSES):
+    for _ in range(_START_PASSES):
         size = sqrt(momentum @ momentum)
         place = _place(series, momentum @ rotation / size)
         if place is None:
@@ -123,7 +123,7 @@ def _slow_start(
         before = left
         left = max(change / size, turn)
         # Each pass gains the same factor.
-        close = left * min(1, left / before) < START_CLOSE
+        close = left * min(1, left / before) < _START_CLOSE
         momentum = exact - moved[0]
         rotation = rotation_by(-moved[1:])[0] @ pose
     raise NotAveragedError(f"St = {1 / torque_factor:g} is too small for this start")
@@ -148,7 +148,7 @@ def _place(series: Series, z: Array) -> Place | None:
 
 def rotation_by(vectors: Array) -> Array:
     """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
-    half = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + TINY
+    half = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + _TINY
     cross = (vectors @ _CROSS).reshape(-1, 3, 3)
     share = np.sin(half) / half
     return np.eye(3) + share * np.cos(half) * cross + 0.5 * share * share * (cross @ cross)

@@ -30,13 +30,13 @@ Polynomial = tuple[float, ...]
 # The components of a vector, numbers or arrays.
 Triple = Sequence[Any]
 # Rows of which Python's floats are faster than arrays.
-FEW = 6
+_FEW = 6
 # How many of the parameters are of first order; they stand first.
-FIRST = 12
+_FIRST = 12
 # Turns about L at which the size of the transformation is looked at, shape (6, 1).
-TURNS = pi / 3 * np.arange(6)[:, None]
+_TURNS = pi / 3 * np.arange(6)[:, None]
 # Keeps 0/0 away where p is along L.
-TINY = 1e-300
+_TINY = 1e-300
 
 
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
@@ -170,7 +170,7 @@ def generator(
     ex, ey, ez = e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
     fx, fy, fz = f = cross(n, e)
     axis = plus(e, h, n)
-    r2 = dot(e, e) + TINY
+    r2 = dot(e, e) + _TINY
     h4 = 4 * h
     over2 = over * over
     # Twice the rate of strain along pairs of n, e and f; of e and f over r2.
@@ -206,7 +206,7 @@ def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.nd
     turns = states[:, 6] / torque_factor
     cos = np.cos(turns)
     sin = np.sin(turns)
-    if 0 < len(states) <= FEW:
+    if 0 < len(states) <= _FEW:
         rows = zip(states.tolist(), cos.tolist(), sin.tolist(), strict=True)
         return np.array(
             [swung(spheroid, torque_factor, row[:3], unit(row[3:6]), *turn) for row, *turn in rows]
@@ -248,9 +248,9 @@ def orders(
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
     beside = cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
     axis = plus([np.sqrt(h2) * each for each in n], np.sqrt((1 - h2) / dot(beside, beside)), beside)
-    change, tilt, _ = generator(spheroid, momentum, axis, np.cos(TURNS), np.sin(TURNS))
+    change, tilt, _ = generator(spheroid, momentum, axis, np.cos(_TURNS), np.sin(_TURNS))
     relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
-    second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
+    second = (0.0,) * _FIRST + parameters(spheroid, torque_factor)[_FIRST:]
     growth, rise, *across = slow_rates(ARRAYS)(np.sqrt(square), n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))
     powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)

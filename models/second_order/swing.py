@@ -1,6 +1,6 @@
 """The near-identity transformation at a place on the torus, from series per shape and side.
 
-With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `BASIS` tensors with
+With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `_BASIS` tensors with
 harmonics e^(-ikβ) and coefficients c, each but those of k = 0 with its conjugate; the drag is one
 more, c = l. Of each the rates are Fourier series in α, whose coefficients, real or imaginary, are
 Chebyshev series in a, regular down to a = 0. They are divided by k₁ν₁ + k₂ν₂ when they are wanted.
@@ -30,68 +30,68 @@ Array = np.ndarray
 # Changes whenever the numbers of a series do.
 VERSION = 4
 # Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
-NODES = 40
-PHASES = 96
-TERMS = 25
-_ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
+_NODES = 40
+_PHASES = 96
+_TERMS = 25
+_ANGLES = pi * (_NODES - 0.5 - np.arange(_NODES)) / _NODES
 DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
 _E = np.array([1, -1j, 0])
 _Z = np.array([0, 0, 1])
 _LEVEL = np.diag([0.5, 0.5, -1])
 _TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
-BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
+_BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag.
-TURNS = np.array([2, 1, 1, 0, 0, 0])
+_TURNS = np.array([2, 1, 1, 0, 0, 0])
 # Parts: a y', a α', L₃' of every tensor, L₁' + iL₂' of each and of the conjugates of three. The
 # rate of β + tα with t = (h - ν₂)/ν₁ vanishes.
 RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
-TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
+_TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
 Y = slice(0, 6)
-ALONG = slice(12, 18)
-ACROSS = slice(18, 27)
+_ALONG = slice(12, 18)
+_ACROSS = slice(18, 27)
 # Of each the harmonic k₂, whether its coefficients are real or imaginary, how often it counts, and
 # the c that it goes with, those of the conjugates behind the others.
-K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * TURNS[TENSOR]
-UNIT = np.where((TENSOR < 4) == (RATE == 1), 1, 1j)
-FACTOR = np.where((RATE < 3) & (TURNS[TENSOR] > 0), 2, 1) * UNIT
-SOURCE = TENSOR + np.where(RATE < 4, 0, 6)
+_K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * _TURNS[_TENSOR]
+_UNIT = np.where((_TENSOR < 4) == (RATE == 1), 1, 1j)
+_FACTOR = np.where((RATE < 3) & (_TURNS[_TENSOR] > 0), 2, 1) * _UNIT
+_SOURCE = _TENSOR + np.where(RATE < 4, 0, 6)
 # The orders k₁ kept of each harmonic: k₁ + k₂ is even; those of -k₂ are the opposite ones of k₂.
-HARMONICS = np.arange(-2, 4)
-ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
-ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
-ORDERS *= np.where(HARMONICS < 0, -1, 1)
+_HARMONICS = np.arange(-2, 4)
+_ORDERS = 2 * np.arange(_TERMS)[:, None] - (_TERMS - 1) + _HARMONICS % 2
+_ORDERS = np.take_along_axis(_ORDERS, np.argsort(np.abs(_ORDERS), axis=0, kind="stable"), axis=0)
+_ORDERS *= np.where(_HARMONICS < 0, -1, 1)
 # Harmonics k₂ >= 0 alone are summed: at -k₁, -k₂ a mode's 1/D is that at k₁, k₂ conjugate and of
 # the other sign, its 1/D² the conjugate alone.
-SUMMED = ORDERS[:, HARMONICS >= 0]
+_SUMMED = _ORDERS[:, _HARMONICS >= 0]
 _BOTH = (
-    np.stack(np.broadcast_arrays(SUMMED, HARMONICS[HARMONICS >= 0])).reshape(2, -1).astype(float)
+    np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[_HARMONICS >= 0])).reshape(2, -1).astype(float)
 )
 # What makes the generator: all parts over D, and those of y and L₃ over D². Where real and
 # imaginary parts stand among the products with 1/D of these harmonics and 1/D² of the lower ones,
 # what they count, where those of one kind begin.
-_PARTS = np.r_[: len(RATE), Y, ALONG]
-_ALL = SUMMED.shape[1]
-_FIRST = 1 - int(HARMONICS[0])
+_PARTS = np.r_[: len(RATE), Y, _ALONG]
+_ALL = _SUMMED.shape[1]
+_FIRST = 1 - int(_HARMONICS[0])
 _OVER = _ALL * (np.arange(len(_PARTS)) >= len(RATE))
-_MIRRORED = K2[_PARTS] < 0
-_REAL = FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
+_MIRRORED = _K2[_PARTS] < 0
+_REAL = _FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
 _IMAG = 1j * _REAL * np.where(_MIRRORED, -1, 1)
 _PLACES = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
-_PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(K2[_PARTS]))[:, None]).ravel()
+_PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(_K2[_PARTS]))[:, None]).ravel()
 _FACTORS = (_REAL + _IMAG).view(float)
-_SOURCES = SOURCE[_PARTS]
+_SOURCES = _SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest times St: over St they are rounding. Bounds of
 # that share.
-FAINT = 1e-14
+_FAINT = 1e-14
 LEAST_FAINT = 1e-11
 MOST_FAINT = 1e-6
-ROUNDING = 1e-12
+_ROUNDING = 1e-12
 # Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the
 # mean, which has no part.
-CLOSE = 0.01
-TINY = 1e-100
-ENDLESS = 1e100
+_CLOSE = 0.01
+_TINY = 1e-100
+_ENDLESS = 1e100
 # An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
 # arithmetic on them.
 np.empty(1 << 18)
@@ -114,7 +114,7 @@ class Place:
     @cached_property
     def shape(self) -> Array:
         """χ and the change of n per y, in body axes, shape (m, 4)."""
-        count = self._needed("shape", PHASES // 2, ROUNDING)
+        count = self._needed("shape", _PHASES // 2, _ROUNDING)
         found = (
             (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
         )
@@ -131,7 +131,7 @@ class Place:
         series = self.series
         m = len(size)
         terms = self._needed(
-            "rates", TERMS, min(MOST_FAINT, max(LEAST_FAINT, FAINT / torque_factor))
+            "rates", _TERMS, min(MOST_FAINT, max(LEAST_FAINT, _FAINT / torque_factor))
         )
         found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
@@ -141,10 +141,10 @@ class Place:
 
         orders = _BOTH[:, : _ALL * terms]
         divisor = nu[:, :2] @ orders
-        divisor[:, 0] = ENDLESS
+        divisor[:, 0] = _ENDLESS
         twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
         waves = _powers(self.alpha, terms + 1)
-        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, SUMMED[:terms]]
+        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, _SUMMED[:terms]]
         over = np.empty((m, terms, _ALL + _FIRST), complex)
         np.multiply(once.reshape(waves.shape), waves, out=over[..., :_ALL])
         np.multiply(
@@ -189,7 +189,7 @@ class Place:
     def _needed(self, name: str, terms: int, faint: float) -> int:
         """How many of the terms of the series of a name matter up to the largest a."""
         node = bisect_left(DEPTHS, float(self.a2.max()) ** 0.5)
-        return _needed(self.series, name, terms, faint)[min(NODES - 1, node)]
+        return _needed(self.series, name, terms, faint)[min(_NODES - 1, node)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +205,9 @@ class Series:
 @once()
 def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
     """The same at each node's a: those up to the last one above a share of the largest."""
-    sizes = np.abs(_levels(DEPTHS**2) @ getattr(series, name)).reshape(NODES, terms, -1).max(axis=2)
+    sizes = (
+        np.abs(_levels(DEPTHS**2) @ getattr(series, name)).reshape(_NODES, terms, -1).max(axis=2)
+    )
     return [int(np.flatnonzero(row > faint * row.max())[-1]) + 1 for row in sizes]
 
 
@@ -218,7 +220,7 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
 
     # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
     # number does.
-    square = 1 / np.maximum(x * x, np.abs(q) + TINY)
+    square = 1 / np.maximum(x * x, np.abs(q) + _TINY)
     u = q * square
     once = np.empty(x.shape, complex)
     twice = np.empty(x.shape, complex)
@@ -228,7 +230,7 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     once.imag = over * u * (15 * u2 - 1)
     twice.real = square * (1 - 15 * u2)
     twice.imag = square * u * (105 * u2 - 3)
-    close = u2 > CLOSE**2
+    close = u2 > _CLOSE**2
     if close.any():
         x = x[close]
         q = q[close]
@@ -244,7 +246,7 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
 def _levels(a2: Array) -> Array:
     """Chebyshev polynomials in a, shape (m, NODES)."""
     (t,) = _columns((2 * np.sqrt(a2 / MOST) - 1)[:, None])
-    return np.array(polynomials(t, NODES)).reshape(NODES, -1).T
+    return np.array(polynomials(t, _NODES)).reshape(_NODES, -1).T
 
 
 def _powers(angle: Array, count: int) -> Array:
@@ -295,16 +297,16 @@ def modes_at(
     size = np.linalg.norm(momentum, axis=1)
     many = np.arange(len(a2))
     c = coefficients(frame_of(momentum), size)
-    factors = np.concatenate([c, c.conj()], axis=1)[:, SOURCE] * UNIT
-    factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), TERMS, -1)
+    factors = np.concatenate([c, c.conj()], axis=1)[:, _SOURCE] * _UNIT
+    factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), _TERMS, -1)
 
     def mode(parts: slice, sign: int) -> Array:
-        column = np.clip(sign * k2 - HARMONICS[0], 0, len(HARMONICS) - 1)
-        row = np.argmax(ORDERS[:, column] == sign * k1, axis=0)
-        counts = (ORDERS[row, column] == sign * k1)[:, None] & (K2[parts] == sign * k2[:, None])
+        column = np.clip(sign * k2 - _HARMONICS[0], 0, len(_HARMONICS) - 1)
+        row = np.argmax(_ORDERS[:, column] == sign * k1, axis=0)
+        counts = (_ORDERS[row, column] == sign * k1)[:, None] & (_K2[parts] == sign * k2[:, None])
         return np.sum(np.where(counts, factors[many, row, parts], 0), axis=1)
 
-    flat, other, along = mode(ACROSS, 1), mode(ACROSS, -1), mode(ALONG, -1)
+    flat, other, along = mode(_ACROSS, 1), mode(_ACROSS, -1), mode(_ALONG, -1)
     rise = mode(Y, -1) / (np.sqrt(a2) * size)
     return np.sqrt((np.abs(flat) ** 2 + np.abs(other) ** 2) / 2 + np.abs(along) ** 2), along, rise
 
@@ -319,18 +321,18 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
         found = series_of(side)
         kept.save(key, np.concatenate([found.rates, found.shape, found.frequencies], axis=1))
         return found
-    parts = np.split(numbers.reshape(NODES, -1), [TERMS * len(RATE), -4], axis=1)
+    parts = np.split(numbers.reshape(_NODES, -1), [_TERMS * len(RATE), -4], axis=1)
     return Series(side, *(np.ascontiguousarray(each) for each in parts))
 
 
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
-    p = Polhodes(side, level(DEPTHS**2), np.zeros(NODES), PHASES)
+    p = Polhodes(side, level(DEPTHS**2), np.zeros(_NODES), _PHASES)
     z = p.z
     dz = p.along
     yz = p.beside.z
     body = carried(z, p.lead)
-    tensors = np.einsum("naik,jil,nalm->jnakm", body, BASIS, body, optimize=True)
+    tensors = np.einsum("naik,jil,nalm->jnakm", body, _BASIS, body, optimize=True)
     flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)
     tau = side.drag * np.concatenate([flows, (-side.inverse_inertia * z)[None]])
     rate_y = 2 / p.slope[:, None] * np.sum(p.beyond[:, None] * z * tau, axis=-1)
@@ -340,14 +342,14 @@ def series_of(side: SidedBody) -> Series:
     lx, ly, lz = np.moveaxis(np.einsum("naik,jnak->jnai", body, tau), -1, 0)
     scale = DEPTHS[:, None]
     rates = np.stack([scale * rate_y, scale * rate_a, lz, lx + 1j * ly, lx.conj() + 1j * ly.conj()])
-    spectrum = np.fft.fft(rates[RATE, TENSOR], axis=-1, norm="forward")
-    orders = ORDERS.T[K2 - HARMONICS[0]][:, None] % PHASES
+    spectrum = np.fft.fft(rates[RATE, _TENSOR], axis=-1, norm="forward")
+    orders = _ORDERS.T[_K2 - _HARMONICS[0]][:, None] % _PHASES
     picked = np.take_along_axis(spectrum, orders, axis=-1).T
     waves = np.fft.fft(np.stack([p.lead, *np.moveaxis(yz, -1, 0)]), axis=-1, norm="forward")
-    waves = waves[..., : PHASES // 2] * np.where(np.arange(PHASES // 2) > 0, 2, 1)
+    waves = waves[..., : _PHASES // 2] * np.where(np.arange(_PHASES // 2) > 0, 2, 1)
     shape = np.stack([-waves[0].imag, waves[1].real, -waves[2].imag, waves[3].real], axis=-1)
     frequencies = np.stack([p.rate, p.precession, p.beside.rate, p.beside.precession], axis=-1)
-    weights = 2 / NODES * np.cos(np.outer(np.arange(NODES), _ANGLES))
+    weights = 2 / _NODES * np.cos(np.outer(np.arange(_NODES), _ANGLES))
     weights[0] /= 2
-    values = (picked / UNIT).real.swapaxes(0, 1), shape, frequencies
-    return Series(side, *(weights @ each.reshape(NODES, -1) for each in values))
+    values = (picked / _UNIT).real.swapaxes(0, 1), shape, frequencies
+    return Series(side, *(weights @ each.reshape(_NODES, -1) for each in values))

@@ -27,29 +27,29 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Changes whenever the numbers of a table do.
-VERSION = 3
+_VERSION = 3
 # Tables reach from a² = 0 to here: 1 - x = 0.0025.
 MOST = 6.0
 _ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
-POINTS = 0.5 * MOST * (1 + np.cos(_ANGLES))
+_POINTS = 0.5 * MOST * (1 + np.cos(_ANGLES))
 # Powers of I_max that each coefficient carries when L is measured in it.
-SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
-SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
+_SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
+_SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
 # Where the functions of second order stand among all.
 _SECOND = slice(NAMES.index("a1"), NAMES.index("nu1"))
 # Modes of a smaller share of the torque are no resonances.
-FAINT = 1e-8
+_FAINT = 1e-8
 # Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than
 # nodes fit the others.
-NEAR = 0.02
-SPARE = 6
+_NEAR = 0.02
+_SPARE = 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
 # Distance in a² at which the poles of the averages are found, and the a² of those that are none.
-BESIDE = 5e-4
-FAR = 1e3
+_BESIDE = 5e-4
+_FAR = 1e3
 # Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
-WIDTHS = (4.0, 40.0)
+_WIDTHS = (4.0, 40.0)
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Kick:
 
     def window(self, budget: float) -> float:
         """Half width of the window at whose ends about the budget is missed."""
-        least, largest = WIDTHS
+        least, largest = _WIDTHS
         share = self.size / budget
         wanted = (share * self.bend) ** (1 / 3), sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
         return self.width * min(largest, max(least, *wanted))
@@ -102,7 +102,7 @@ def level(a2: Array) -> Array:
 @once()
 def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     """Table of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
-    key = f"second order {VERSION} {ellipsoid.scaled_axes} {longest}"
+    key = f"second order {_VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
         found = made(side_of(ellipsoid, longest))
@@ -115,25 +115,25 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
 
 def made(side: SidedBody) -> Table:
     """The table of a side, not kept."""
-    found, _, strengths = averages(side, level(POINTS))
+    found, _, strengths = averages(side, level(_POINTS))
     for name in ("g0", "g2", "b1", "b2"):
-        found[name] = found[name] * per_square(POINTS)
+        found[name] = found[name] * per_square(_POINTS)
     series = series_of(np.stack([found[name] for name in NAMES]))
-    resonances = _resonances(series[-2:], POINTS, strengths)
+    resonances = _resonances(series[-2:], _POINTS, strengths)
     poles = _poles(side, resonances)
     values = np.stack([found[name] for name in SECOND])
     for pole in poles:
-        twice, once = regular(POINTS - pole[0], 0 * POINTS)
+        twice, once = regular(_POINTS - pole[0], 0 * _POINTS)
         values -= np.outer(pole[2 : 2 + len(SECOND)], twice) + np.outer(
             pole[2 + len(SECOND) :], once
         )
     weight = np.ones(NODES)
     for k1, k2 in resonances[:, :2]:
-        square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
+        square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (_NEAR * found["nu2"])) ** 2
         weight *= square / (1 + square)
     series[_SECOND] = _fitted(values, weight)
     chosen = np.zeros((POLES, POLE))
-    chosen[:, :2] = FAR, 1
+    chosen[:, :2] = _FAR, 1
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
     chosen[: len(largest)] = largest
     inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MOST)
@@ -160,7 +160,7 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
             a2 = 0.5 * MOST * (1 + root)
             logs = np.log(strengths[::-1, -k1 - 1, k2 - 1].T + 1e-30)
             still, gain, most = (np.exp(np.interp(a2, points[::-1], each)) for each in logs)
-            if still + gain > FAINT * most:
+            if still + gain > _FAINT * most:
                 rows.append((k1, k2, a2, slope * 2 / MOST, still, gain))
     return np.array(rows).reshape(-1, 6)
 
@@ -168,24 +168,24 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
 def _poles(side: SidedBody, resonances: Array) -> Array:
     """Poles of the averages of second order at resonances, rows as in `Table`."""
     known: list[list[float]] = []
-    for a2, slope in resonances[resonances[:, 2] > 2 * BESIDE, 2:4].tolist():
-        if all(abs(a2 - other) >= BESIDE for other, _ in known):
+    for a2, slope in resonances[resonances[:, 2] > 2 * _BESIDE, 2:4].tolist():
+        if all(abs(a2 - other) >= _BESIDE for other, _ in known):
             known.append([a2, slope])
     places = np.array(known).reshape(-1, 2)
-    beside = np.concatenate([places[:, 0] - BESIDE, places[:, 0] + BESIDE])
+    beside = np.concatenate([places[:, 0] - _BESIDE, places[:, 0] + _BESIDE])
     found = averages(side, level(beside))[0] if known else {}
     values = [
         found[name] * (per_square(beside) if name[0] == "b" else 1.0) for name in SECOND if known
     ]
     below, above = np.array(values).reshape(len(SECOND), 2, -1).swapaxes(0, 1)
     return np.column_stack(
-        [places, 0.5 * BESIDE**2 * (above + below).T, 0.5 * BESIDE * (above - below).T]
+        [places, 0.5 * _BESIDE**2 * (above + below).T, 0.5 * _BESIDE * (above - below).T]
     )
 
 
 def _fitted(values: Array, weight: Array) -> Array:
     """Chebyshev series, shape (k, NODES), of functions at the Chebyshev points, some of which weigh little."""
-    terms = NODES - SPARE
+    terms = NODES - _SPARE
     basis = weight[:, None] * np.cos(np.outer(_ANGLES, np.arange(terms)))
     series = np.zeros((len(values), NODES))
     series[:, :terms] = np.linalg.lstsq(basis, (weight * values).T, rcond=1e-15)[0].T
@@ -215,7 +215,7 @@ def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tup
     unit = max(ellipsoid.inertia)
     over = {*SECOND, "ea", "eb"}
     factors = np.array(
-        [(torque_factor if name in over else 1.0) / unit ** SCALES[name] for name in NAMES]
+        [(torque_factor if name in over else 1.0) / unit ** _SCALES[name] for name in NAMES]
     )
     places, slopes, residues = np.split(averaged.poles, [1, 2], axis=1)
     poles = np.hstack(
@@ -243,7 +243,7 @@ def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> A
     values += (
         found.poles[:, 2 : 2 + len(SECOND)].T @ twice + found.poles[:, 2 + len(SECOND) :].T @ once
     )
-    values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
+    values = values / np.array([unit ** _SCALES[name] for name in SECOND])[:, None]
     momentum = slow[:, :3]
     energy = slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)

@@ -24,7 +24,7 @@ from polhode.models.second_order.spheroid import Triple, cross, dot, plus
 Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
-PRECESSIONS = 8
+_PRECESSIONS = 8
 _UNITS = np.eye(3)
 _UPSIDE = np.array([[1.0], [1.0], [-1.0]])
 
@@ -42,7 +42,7 @@ class Torus:
     @cached_property
     def rotation(self) -> Array:
         """S, shape (m, a, b, 3, 3)."""
-        turn = self.precession[:, None, None] + 2 * pi / PRECESSIONS * np.arange(PRECESSIONS)
+        turn = self.precession[:, None, None] + 2 * pi / _PRECESSIONS * np.arange(_PRECESSIONS)
         return carried(self.polhode.z[:, :, None], turn + self.polhode.lead[:, :, None])
 
     @cached_property
@@ -112,12 +112,12 @@ class Torus:
         p = self.polhode
         nodes = self.polhode.nodes
         k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
-        k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
+        k2 = np.fft.fftfreq(_PRECESSIONS, 1 / _PRECESSIONS)
         divisor = k1 * p.rate[:, None, None] + k2 * p.precession[:, None, None]
         left_out = (
             ((k1 + k2) % 2 != 0)
             | (k1 == -(nodes // 2))
-            | (k2 == -(PRECESSIONS // 2))
+            | (k2 == -(_PRECESSIONS // 2))
             | ((k1 == 0) & (k2 == 0))
         )
         once = np.where(left_out, 0, 1 / np.where(left_out, 1, divisor))

@@ -17,7 +17,7 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 
 # Rounding of a start meant to have L along the vorticity stays below this share of L.
-ALIGNED = 1e-14
+_ALIGNED = 1e-14
 
 
 def field(ops: Operations) -> Field:
@@ -53,7 +53,7 @@ class CorrectedSpheroid(Form):
         AveragedSpheroid().check(scene)
         self.require_orientation(scene)
         lx, ly, lz = scene.initial.angular_momentum[0]
-        if np.hypot(lx, ly) > ALIGNED * abs(lz):
+        if np.hypot(lx, ly) > _ALIGNED * abs(lz):
             raise self.refuse("the start has L off the vorticity axis", "averaged-spheroid")
 
     def problem(self, scene: Scene) -> Problem:

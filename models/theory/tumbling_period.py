@@ -6,9 +6,9 @@ import numpy as np
 
 from polhode.models.shape import Ellipsoid
 
-MOST_NODES = 2048
-MOST_STEPS = 20
-ROUNDOFF = 1e-14
+_MOST_NODES = 2048
+_MOST_STEPS = 20
+_ROUNDOFF = 1e-14
 
 
 def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
@@ -29,14 +29,14 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     if stokes == 0:
         return 2 * pi * (a / b + b / a)
     damping = ellipsoid.damping[axis] / stokes
-    slope, equilibrium = _profile(a, b, MOST_NODES)
+    slope, equilibrium = _profile(a, b, _MOST_NODES)
     guess = _marched(slope, equilibrium, damping)
     nodes = 32
     previous = nan
-    while nodes <= MOST_NODES:
-        every = MOST_NODES // nodes
+    while nodes <= _MOST_NODES:
+        every = _MOST_NODES // nodes
         period = _collocated_period(slope[::every], equilibrium[::every], damping, guess[::every])
-        if abs(period - previous) <= ROUNDOFF * nodes**0.5 * period:
+        if abs(period - previous) <= _ROUNDOFF * nodes**0.5 * period:
             return period
         nodes = 2 * nodes
         previous = period
@@ -96,7 +96,7 @@ def _collocated_period(
     inverse[resolved] = -1j / wave[resolved]
     integral = circulant(np.fft.ifft(inverse).real)
     mean = np.full((nodes, nodes), 1 / nodes)
-    for _ in range(MOST_STEPS):
+    for _ in range(_MOST_STEPS):
         force = slope * (1 - equilibrium / rate)
         residual = rate - rate.mean() + damping * (integral @ force) + force.mean()
         jacobian = (

@@ -35,23 +35,23 @@ _TABLE = tomllib.loads(Path(__file__).with_name("dormand_prince.toml").read_text
     for row in (*_TABLE["stages"], _TABLE["difference"], _TABLE["bends"])
 )
 # Of the step that the error asks for; between these factors a step changes.
-SAFETY = 0.9
-LEAST_FACTOR = 0.2
-GREATEST_FACTOR = 5.0
+_SAFETY = 0.9
+_LEAST_FACTOR = 0.2
+_GREATEST_FACTOR = 5.0
 # Of the run's duration: the first step, and the step below which a particle has failed.
-FIRST_STEP = 1e-2
-LEAST_STEP = 1e-15
+_FIRST_STEP = 1e-2
+_LEAST_STEP = 1e-15
 # A particle is given up after this many steps over tolerance^(1/5), and this many per relaxation
 # time besides, which stability asks for: three times what the slowest of 20 000 took. Where L
 # shrinks to nothing, averaging breaks down, E loses to the tolerance what L² leaves of it, and
 # steps stay tiny without end.
-MOST_STEPS = 16.0
-STEPS_PER_RELAXATION = 4.0
+_MOST_STEPS = 16.0
+_STEPS_PER_RELAXATION = 4.0
 # Particles under way at once, and the steps after which those that have arrived are replaced.
 AT_ONCE = 1024
-STEPS = 8
+_STEPS = 8
 # Square of a relative error that is as good as none.
-NOTHING = 1e-12
+_NOTHING = 1e-12
 
 
 def run_adaptive(
@@ -74,8 +74,8 @@ def run_adaptive(
     with np.errstate(all="ignore"):
         rates = np.stack(np.broadcast_arrays(*problem.field(ARRAYS)(starts.T, parameters)), axis=1)
         pace = np.nanmedian(np.abs(rates).max(axis=1) / np.abs(starts).max(axis=1))
-    most = MOST_STEPS * tolerance**-0.2 + STEPS_PER_RELAXATION * end * float(pace)
-    fresh = np.column_stack([starts, rates, np.zeros((n, d + 1)), np.full(n, FIRST_STEP * end)])
+    most = _MOST_STEPS * tolerance**-0.2 + _STEPS_PER_RELAXATION * end * float(pace)
+    fresh = np.column_stack([starts, rates, np.zeros((n, d + 1)), np.full(n, _FIRST_STEP * end)])
     # Particle by particle in memory: a step fills rows that lie side by side.
     states = np.full((n, len(times), d), np.nan)
     states[:, 0] = starts
@@ -90,14 +90,14 @@ def run_adaptive(
         index = np.append(index, more)
         rows = np.concatenate([rows, fresh[more]])
         begun = begun + len(more)
-        path = code.march(rows, STEPS + 1, constants, 1)
+        path = code.march(rows, _STEPS + 1, constants, 1)
         first = np.arange(len(index)) // width() * path[0].size + np.arange(len(index)) % width()
         counts = np.array([len(index), len(times)], dtype=float)
         fill(path, first.astype(float), index.astype(float), times, due, states, counts)
         rows = path[:, -1].swapaxes(1, 2).reshape(-1, rows.shape[1])[: len(index)]
-        tried[index] += STEPS
+        tried[index] += _STEPS
         unfinished = due[index] < len(times)
-        vanished = ~(rows[:, -1] > LEAST_STEP * end)
+        vanished = ~(rows[:, -1] > _LEAST_STEP * end)
         endless = tried[index] >= most
         statuses[index[unfinished & endless]] = str(Status.STEP_LIMIT)
         statuses[index[unfinished & vanished]] = str(Status.STEP_UNDERFLOW)
@@ -129,7 +129,7 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
         for shares in STAGES:
             new = moved(y, h, shares, slopes)
             slopes.append(rhs(new, p))
-        square = NOTHING
+        square = _NOTHING
         for before, error in zip(y, change(h, DIFFERENCE, slopes), strict=True):
             size = where(before, before, -before)
             share = error / (tolerance * where(size - 1, size, 1.0))
@@ -137,13 +137,13 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
         # The error's power -3/16: nearly the -1/5 of theory, by roots alone. Of no number it is the
         # least factor.
         eighth = sqrt(sqrt(sqrt(square)))
-        factor = SAFETY * sqrt(sqrt(eighth)) / eighth
+        factor = _SAFETY * sqrt(sqrt(eighth)) / eighth
         factor = where(
-            GREATEST_FACTOR - factor,
-            where(factor - LEAST_FACTOR, factor, LEAST_FACTOR),
-            GREATEST_FACTOR,
+            _GREATEST_FACTOR - factor,
+            where(factor - _LEAST_FACTOR, factor, _LEAST_FACTOR),
+            _GREATEST_FACTOR,
         )
-        factor = where(square, factor, LEAST_FACTOR)
+        factor = where(square, factor, _LEAST_FACTOR)
         arrived = where(last, end, time + h)
 
         def taken(news: Sequence[Any], olds: Sequence[Any]) -> list[Any]:
@@ -174,7 +174,7 @@ def _filler(dimension: int, wide: int) -> Callable[..., None]:
         whose = index[particle]
         place = program.cell(due[whose])
         out = states + whose * rows * dimension
-        with program.times(STEPS) as step:
+        with program.times(_STEPS) as step:
             before = at + step * (size * wide)
             after = before + size * wide
             time, arrived = (each[3 * dimension * wide] for each in (before, after))

@@ -22,24 +22,24 @@ from polhode.solvers.machine_code.lanes import by_particle
 PIECES = 16
 # Share of the sample whose error the chosen steps keep to, and the error aimed at, over the
 # tolerance.
-KEPT = 0.98
-AIM = 0.5
+_KEPT = 0.98
+_AIM = 0.5
 # A reference's error over the tolerance, by comparison with half as many steps, and how often they
 # are doubled.
-SURE = 0.05
-DOUBLINGS = 8
+_SURE = 0.05
+_DOUBLINGS = 8
 # Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave
 # less in doubt.
 ORDER = 8
-ROUNDS = 6
-SMALLER = 1.15
+_ROUNDS = 6
+_SMALLER = 1.15
 # Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times
 # this.
-HALVINGS = 4
+_HALVINGS = 4
 TAYLOR = 1e-3
 # Steps are first tried at this angle, in rad, and at this share of a relaxation time.
-ANGLE = 1.0
-RELAXATION = 2.0
+_ANGLE = 1.0
+_RELAXATION = 2.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Plan:
     method: str  # of `polhode.solvers.ensembles.methods`
     steps: int  # from one time to the next, or of each piece where there are few times
     apart: float  # largest difference between a run and one by steps twice as wide that is no reason for doubt
-    error: float  # that most particles of the sample stay below (`KEPT`), those in doubt not yet run anew
+    error: float  # that most particles of the sample stay below (`_KEPT`), those in doubt not yet run anew
     cost: float  # of a particle, in flows of a splitting
 
 
@@ -89,7 +89,7 @@ def run(
     states = by_particle(found[:, ::pieces], len(starts)).swapaxes(0, 1)
     group, lane = np.divmod(doubtful, found.shape[3])
     before = found[group, :, :, lane]
-    for _ in range(HALVINGS):
+    for _ in range(_HALVINGS):
         if not len(doubtful):
             break
         steps *= 2
@@ -143,12 +143,12 @@ def _in_pieces(times: Array) -> tuple[Array, int]:
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
     rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
-    length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
+    length = _ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
     if (
         problem.parts is not None
         and (strength := problem.parts.strength(problem.parameters or ())) > 0
     ):
-        length = min(length, RELAXATION / strength)
+        length = min(length, _RELAXATION / strength)
     return max(1, int(np.ceil(_step(times, 1) / length)))
 
 
@@ -157,7 +157,7 @@ class _Reference:
     """States of the sample whose error is small against the tolerance, and a bound of that error."""
 
     states: Array
-    error: float  # that most particles stay below (`KEPT`); rounding at least, never 0
+    error: float  # that most particles stay below (`_KEPT`); rounding at least, never 0
 
     def error_of(self, states: Array) -> float:
         """Error that most particles stay below: their distance from the reference, and its own error.
@@ -173,11 +173,11 @@ def _reference(
     by = method(RUNGE_KUTTA, problem)
     before = None
     rounding = float(np.finfo(float).eps)
-    for _ in range(DOUBLINGS):
+    for _ in range(_DOUBLINGS):
         states = _march(by, sample, times, steps)
         if before is not None:
             error = _kept(_apart(states, before)) / by.sure
-            if error <= SURE * tolerance:
+            if error <= _SURE * tolerance:
                 return _Reference(states, max(error, rounding))
         before = states
         steps = 2 * steps
@@ -186,7 +186,7 @@ def _reference(
 
 def _kept(errors: Array) -> float:
     """What most errors of the sample stay below."""
-    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), KEPT, method="higher"))
+    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), _KEPT, method="higher"))
 
 
 def _fitting(
@@ -195,9 +195,9 @@ def _fitting(
     """The fewest steps found that keep the sample's errors, if any do."""
     tried: dict[int, Array] = {}
     good: list[int] = []
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         states = tried[steps] = _march(by, sample, times, steps)
-        error = reference.error_of(states) / (AIM * tolerance)
+        error = reference.error_of(states) / (_AIM * tolerance)
         good += [steps] if error <= 1 else []
         steps = int(np.ceil(steps * float(np.clip(error ** (1 / ORDER), 0.4, 2.5))))
         if steps in tried:
@@ -205,11 +205,11 @@ def _fitting(
     if not good:
         return None
     plans = []
-    for each in {min(good), int(np.ceil(SMALLER * min(good)))}:
+    for each in {min(good), int(np.ceil(_SMALLER * min(good)))}:
         states = tried[each] if each in tried else _march(by, sample, times, each)
         errors = _apart(reference.states, states)[: len(sample)]
         apart = _doubt(by, sample, times, each, states)
-        wrong = ~(errors <= AIM * tolerance)
+        wrong = ~(errors <= _AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))
         plans.append(

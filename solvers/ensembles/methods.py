@@ -15,7 +15,7 @@ from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
 RUNGE_KUTTA = "DOP853"
 # Time of an evaluation of a field over that of a splitting's slow and fast flow.
-EVALUATION = 1.6
+_EVALUATION = 1.6
 Array = np.ndarray
 
 
@@ -42,7 +42,7 @@ def method(name: str, problem: Problem) -> Method:
     parts = problem.parts
     if name == RUNGE_KUTTA:
         code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
-        return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages, 2.0**6.5)
+        return Method(name, code, lambda h: np.array([h, *p]), _EVALUATION * stages, 2.0**6.5)
     (scheme,) = (each for each in SCHEMES if each.name == name)
     assert parts is not None
     # The last of one step and the first of the next in one, and the first one undone, stand behind

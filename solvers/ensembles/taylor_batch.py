@@ -16,7 +16,7 @@ from polhode.solvers.machine_code.program import REGISTERS
 
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for
 # this method.
-MOST_STEPS = 10_000_000
+_MOST_STEPS = 10_000_000
 
 
 def run_batches(
@@ -59,7 +59,7 @@ def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndar
     """States, shape (m, lanes, d), of one batch."""
     integrator.set_time(0.0)
     integrator.state[:] = starts.T
-    return np.moveaxis(integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1], 2, 1)
+    return np.moveaxis(integrator.propagate_grid(grid, max_steps=_MOST_STEPS)[-1], 2, 1)
 
 
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from polhode.models.problem import Factory
 from polhode.models.recording import UntraceableError
 
 # Powers that are multiplied out.
-MULTIPLIED_OUT = range(-16, 17)
+_MULTIPLIED_OUT = range(-16, 17)
 
 
 class FieldError(ValueError):
@@ -87,7 +87,7 @@ class Number:
         return self
 
     def __pow__(self, exponent: Any) -> Any:
-        if isinstance(exponent, Number) or exponent not in MULTIPLIED_OUT:
+        if isinstance(exponent, Number) or exponent not in _MULTIPLIED_OUT:
             return call("pow", self, exponent)
         n = int(exponent)
         if n < 2:

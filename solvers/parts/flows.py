@@ -15,7 +15,7 @@ from polhode.solvers.machine_code.program import (
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
 # More slow flows than a step of any scheme has.
-MOST_STAGES = 16
+_MOST_STAGES = 16
 
 
 class Flows:
@@ -46,7 +46,7 @@ class Flows:
 
     def constants(self, program: Program, lanes: int = 0) -> Array:
         """Room for the constants of a step, of each chain if lanes are not given."""
-        return program.room((MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
+        return program.room((_MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
 
     def row(self, constants: Array, i: float | Number) -> Array:
         """Constants from row i on."""

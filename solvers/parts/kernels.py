@@ -22,14 +22,14 @@ from polhode.solvers.parts.flows import Flows
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it
 # stays, since what errs to and fro within a turn adds up to nothing only while steps are equal.
-BAND = 1.05
+_BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
-BACKWARD = 0.05
+_BACKWARD = 0.05
 # Numbers in a law; times at which a check compares runs, in either part; what rounding makes of
 # their difference.
-LAW = 6
-POINTS = 8
-ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
+_LAW = 6
+_POINTS = 8
+_ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
 # How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which
@@ -73,7 +73,7 @@ def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1)
     """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
     flows = Flows(parts, dimension, number, chains)
     advance = _advance(flows)
-    programs = flows.prepare, flows.spread, advance, _check(flows, advance, ROUNDING[number])
+    programs = flows.prepare, flows.spread, advance, _check(flows, advance, _ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
 
 
@@ -130,8 +130,8 @@ def _advance(flows: Flows) -> Program:
             open_[0] = 0.0
             begin[0] = begin[0] + since[0] * step[0]
             since[0] = 0.0
-            low[0] = speed / BAND
-            high[0] = speed * BAND
+            low[0] = speed / _BAND
+            high[0] = speed * _BAND
             free = law[0] * speed ** (1.0 - law[1])
             step[0] = where_positive(law[2] - free, free, law[2]) / speed
             code[0] = float(Code.NOT_FINITE)
@@ -145,7 +145,7 @@ def _advance(flows: Flows) -> Program:
         now = begin[0] + since[0] * step[0]
         # Rows are reached from the nearer end of a step, except back in time where the slow part is
         # strong.
-        near = now + where_positive(BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
+        near = now + where_positive(_BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
         with program.when(compare("ole", times[filled[0]], near)):
             at.store(y.load(dimension))
             close(at)
@@ -208,14 +208,14 @@ def _advance(flows: Flows) -> Program:
 def _check(flows: Flows, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme p state numbers")
     scheme, p, state, laws = program.arguments
-    setting = laws + 2 * LAW
-    out = laws + (2 * LAW + 3)
+    setting = laws + 2 * _LAW
+    out = laws + (2 * _LAW + 3)
     dimension = flows.dimension
     moving = range(*flows.parts.moving)
-    points = float(POINTS)
-    rows = program.room((4 * POINTS + 2) * dimension)
+    points = float(_POINTS)
+    rows = program.room((4 * _POINTS + 2) * dimension)
     y = program.room(dimension)
-    times, rests = (program.room(2 * POINTS + 1) for _ in range(2))
+    times, rests = (program.room(2 * _POINTS + 1) for _ in range(2))
     # From 0 on, since times far from there are rounded to more than is looked for.
     span, whole, rate = setting.load(3)
     times[0] = 0.0
@@ -229,7 +229,7 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
         clock.store([0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
         y.store(state.load(dimension))
         own = rows + run * (2 * points + 1) * dimension
-        program.call(advance, scheme, laws + run * float(LAW), p, y, clock, times, rests, own)
+        program.call(advance, scheme, laws + run * float(_LAW), p, y, clock, times, rests, own)
         out[5], out[6] = out[5] + clock[At.STEPS], out[6] + clock[At.CODE]
     size = len(flows.parts.slow_quantities(y))
     before = program.room(size)

@@ -12,52 +12,52 @@ from polhode.solvers.contract import Record
 # accumulates does so no longer than the slow components remember, a time 1/γ. The angle h r is
 # never wider than flows reach.
 ORDER = 6
-POWER = 2.0
-COEFFICIENT = 6e-7
+_POWER = 2.0
+_COEFFICIENT = 6e-7
 # What errors are to the law at first, by the strength of the torque squared over the rate at which
 # it is forgotten.
-SCALE = 1.4
-SHARE = 0.6
+_SCALE = 1.4
+_SHARE = 0.6
 # Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
-EXPONENT = 1 - POWER / ORDER
+_EXPONENT = 1 - _POWER / ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
-AIM = 0.2
+_AIM = 0.2
 # A check takes this share of what is left of the run, within so many turns, against steps smaller
 # by this factor, at so many times within some turns at its beginning and at its end. It takes all
 # of a run of few turns, or of more where they are damped, in proportion.
-CHECKED = 0.003
-LEAST_TURNS = 2.0
-MOST_TURNS = 500.0
-ALL = 4.0
-DAMPED = 4.0
-MOST_ALL = 200.0
-FINER = 0.8
-MEAN_OVER = 5.0
+_CHECKED = 0.003
+_LEAST_TURNS = 2.0
+_MOST_TURNS = 500.0
+_ALL = 4.0
+_DAMPED = 4.0
+_MOST_ALL = 200.0
+_FINER = 0.8
+_MEAN_OVER = 5.0
 # No step is a larger share of the run.
-SEEN = 0.4
+_SEEN = 0.4
 # The step stands if the estimated error is within these factors of the one wanted; else the law is
 # scaled, so often, for an error so much of that; where none is estimated the least is taken.
-FITTING = (0.3, 2.0)
-MIDDLE = 0.8
-LEAST = 1e-6
+_FITTING = (0.3, 2.0)
+_MIDDLE = 0.8
+_LEAST = 1e-6
 ROUNDS = 4
 # Of the errors of steps that are not checked again, where they fall more slowly: where the slow
 # part is not so small.
-LEAST_ORDER = 4
+_LEAST_ORDER = 4
 # A check sees errors from so many times what rounding makes of them; for smaller ones steps are
 # narrowed unseen. No error is aimed at below so many times the rounding of one number.
-CLEAR = 4.0
-LEAST_ERROR = 100.0
+_CLEAR = 4.0
+_LEAST_ERROR = 100.0
 # Another round pays if wider steps cost no more than this share of those at hand, and if the plans
 # differ by a check, which costs as much as so many steps beside its own.
-REWARDING = 0.85
-CHECK = 250.0
+_REWARDING = 0.85
+_CHECK = 250.0
 # Numbers that a check finds.
-FOUND = 7
+_FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
-PER_TURN = 0.1
+_PER_TURN = 0.1
 # Scale of the error of a plan that ends in nothing.
-HOPELESS = 1e3
+_HOPELESS = 1e3
 
 
 class Plan(NamedTuple):
@@ -69,11 +69,11 @@ class Plan(NamedTuple):
 
     def law(self, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
         """What machine code receives as law; it holds between two rates."""
-        return self.factor, EXPONENT, self.widest, self.floor, *between
+        return self.factor, _EXPONENT, self.widest, self.floor, *between
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
-        return min(self.factor * rate**-EXPONENT, self.widest / rate)
+        return min(self.factor * rate**-_EXPONENT, self.widest / rate)
 
     def narrowed(self, factor: float) -> "Plan":
         """One whose steps are all smaller by a factor."""
@@ -85,12 +85,12 @@ class Planner:
 
     def __init__(self, problem: Any, tolerance: float) -> None:
         self.problem = problem
-        self.error = max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
+        self.error = max(_AIM * tolerance, _LEAST_ERROR * problem.epsilon)
         # The error that checked steps are to have, no less than a check sees; what errors are to
         # the law, as far as is known; the plan of checked steps.
         self.seen = self.error
         self.scale = (
-            SCALE * (problem.strength**2 / problem.forgetting) ** SHARE
+            _SCALE * (problem.strength**2 / problem.forgetting) ** _SHARE
             if problem.strength > 0
             else 1.0
         )
@@ -98,14 +98,14 @@ class Planner:
 
     def by_law(self, rate: float, longest: float) -> Plan:
         """The plan of widest steps at a rate, where errors are so many times those of the law."""
-        factor = (self.seen / (self.problem.strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
-        return Plan(min(factor, longest * rate**EXPONENT), self.problem.floor, self.problem.widest)
+        factor = (self.seen / (self.problem.strength * self.scale * _COEFFICIENT)) ** (1 / ORDER)
+        return Plan(min(factor, longest * rate**_EXPONENT), self.problem.floor, self.problem.widest)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
         """The widest plan found for the error aimed at, beginning with that in use."""
         self.checked = self.found(self.checked if old else None, state, now, record)
         unseen = self.error / self.seen
-        plan = self.checked.narrowed(unseen ** (1 / LEAST_ORDER)) if unseen < 1 else self.checked
+        plan = self.checked.narrowed(unseen ** (1 / _LEAST_ORDER)) if unseen < 1 else self.checked
         return old if old and old == plan else plan
 
     def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
@@ -113,46 +113,46 @@ class Planner:
         rate = self.problem.rate(state)
         length = float(record.times[-1]) - now
         # Rows within the first step are the same whatever its length: a check sees nothing there.
-        longest = SEEN * length
+        longest = _SEEN * length
         plan = old or self.by_law(rate, longest)
         good = None
         bad = None
         for _ in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
-            if bad and bad[1] <= ratio != HOPELESS:
+            if bad and bad[1] <= ratio != _HOPELESS:
                 # What is left is rounding, which more steps add to.
                 return bad[0]
-            if ratio <= FITTING[1]:
+            if ratio <= _FITTING[1]:
                 good = plan, ratio
             else:
                 bad = plan, ratio
-            if FITTING[0] <= ratio <= FITTING[1] or record.expired:
+            if _FITTING[0] <= ratio <= _FITTING[1] or record.expired:
                 break
             if good and bad:
                 # Between two that were checked.
-                order = log(bad[1] / max(good[1], LEAST)) / log(
+                order = log(bad[1] / max(good[1], _LEAST)) / log(
                     bad[0].step(rate) / good[0].step(rate)
                 )
                 return self.next(plan, ratio, order, rate, longest)
             before = plan
             plan = self.next(plan, ratio, ORDER, rate, longest)
             saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
-            if saved * length < CHECK or (good and saved * before.step(rate) < 1 - REWARDING):
-                return good[0] if good else self.next(before, ratio, LEAST_ORDER, rate, longest)
+            if saved * length < _CHECK or (good and saved * before.step(rate) < 1 - _REWARDING):
+                return good[0] if good else self.next(before, ratio, _LEAST_ORDER, rate, longest)
         return good[0] if good else plan
 
     def next(self, plan: Plan, ratio: float, order: float, rate: float, longest: float) -> Plan:
         """A plan of the error aimed at, after one whose error, so many times that, falls by an order."""
-        step = plan.step(rate) * (MIDDLE / max(ratio, LEAST)) ** (1 / order)
-        law = COEFFICIENT * rate ** (ORDER - POWER) * step**ORDER
+        step = plan.step(rate) * (_MIDDLE / max(ratio, _LEAST)) ** (1 / order)
+        law = _COEFFICIENT * rate ** (ORDER - _POWER) * step**ORDER
         self.scale = self.seen / (self.problem.strength * law)
         return self.by_law(rate, longest)
 
     def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
         """Estimated error of a plan over the one that checked steps are to have."""
         error, rounding = self.estimated(plan, state, now, record)
-        self.seen = max(self.error, CLEAR * rounding)
-        return error / self.seen if isfinite(error) else HOPELESS
+        self.seen = max(self.error, _CLEAR * rounding)
+        return error / self.seen if isfinite(error) else _HOPELESS
 
     def estimated(
         self, plan: Plan, state: np.ndarray, now: float, record: Record
@@ -168,16 +168,16 @@ class Planner:
         length = float(record.times[-1]) - now
         rate = problem.rate(state)
         turn = 2 * pi / rate
-        window = min(length, MOST_TURNS * turn, max(LEAST_TURNS * turn, CHECKED * length))
-        if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
+        window = min(length, _MOST_TURNS * turn, max(_LEAST_TURNS * turn, _CHECKED * length))
+        if length < turn * min(_MOST_ALL, _ALL * max(1.0, _DAMPED * problem.strength * turn)):
             window = length
-        span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
-        given = *plan.law(), *plan.narrowed(FINER).law(), span, window, rate
-        numbers = np.array((*given, *(0.0,) * FOUND), problem.number)
+        span = _MEAN_OVER * turn if window > 4 * _MEAN_OVER * turn else window / 2
+        given = *plan.law(), *plan.narrowed(_FINER).law(), span, window, rate
+        numbers = np.array((*given, *(0.0,) * _FOUND), problem.number)
         problem.kernels.check(
             problem.scheme.addresses[problem.number], problem.address, state, numbers
         )
-        slow, fast, change, begin, end, steps, failed = numbers[-FOUND:].tolist()
+        slow, fast, change, begin, end, steps, failed = numbers[-_FOUND:].tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:
             return inf, 0.0
@@ -189,6 +189,6 @@ class Planner:
         # To and fro in the slow quantities; of the same sign in the phase, where that moves little
         # in a step.
         rounding = problem.epsilon * max(
-            rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / PER_TURN
+            rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / _PER_TURN
         )
-        return max(slow + change * grown, fast / PER_TURN) / (1 - FINER**ORDER), rounding
+        return max(slow + change * grown, fast / _PER_TURN) / (1 - _FINER**ORDER), rounding

@@ -30,18 +30,18 @@ CHUNK = 120_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 # The kernels read half the relaxation's rate from its square as well, which holds for this number
 # alone.
-SHEAR = 0.5
+_SHEAR = 0.5
 # From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
-STRONG = 10.0
+_STRONG = 10.0
 # Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
 # a tenth more.
-WIDEST = 0.99
+_WIDEST = 0.99
 # Plans are made anew after these shares of a run, if that is so many turns at least.
-AGAIN = (0.1, 0.4)
-LEAST_BETWEEN = 120.0
+_AGAIN = (0.1, 0.4)
+_LEAST_BETWEEN = 120.0
 # And where the rate has changed by this factor, which widens by another each time.
-WIDTH = 2.4
-WIDER = 1.15
+_WIDTH = 2.4
+_WIDER = 1.15
 
 _FAILED: dict[int, Status] = {
     Code.NOT_FINITE: Status.NON_FINITE,
@@ -63,11 +63,11 @@ class Split:
         self.dimension = problem.dimension
         self.strength = self.parts.strength(p.tolist())
         self.forgetting = self.parts.forgetting(p.tolist())
-        self.floor = SHEAR * self.strength
+        self.floor = _SHEAR * self.strength
         self.speed = self.parts.rate(FLOAT)
-        means = number is float and self.parts.restored and self.strength < STRONG
+        means = number is float and self.parts.restored and self.strength < _STRONG
         self.scheme = PARALLEL if means else ABA
-        self.widest = WIDEST * self.parts.reach / self.scheme.widest
+        self.widest = _WIDEST * self.parts.reach / self.scheme.widest
         self.planner = Planner(self, tolerance)
 
     @cached_property
@@ -93,9 +93,9 @@ class Split:
         begin = float(record.times[0])
         length = float(record.times[-1] - record.times[0])
         # What starts from rest will turn as the shear makes it.
-        rate = max(self.rate(record.start), SHEAR * min(1.0, self.strength * length))
-        least = LEAST_BETWEEN * 2 * pi / rate
-        return [begin + share * length for share in AGAIN if share * length > least]
+        rate = max(self.rate(record.start), _SHEAR * min(1.0, self.strength * length))
+        least = _LEAST_BETWEEN * 2 * pi / rate
+        return [begin + share * length for share in _AGAIN if share * length > least]
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
@@ -103,7 +103,7 @@ class Split:
             return self.free(record)
         work = record.work
         marks = self.marks(record)
-        width = WIDTH if marks else inf
+        width = _WIDTH if marks else inf
         state = record.start.astype(self.number)
         own = clock(float(record.times[0]), self.number)
         times = self.numbers(record.times)
@@ -122,7 +122,7 @@ class Split:
                 own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law = plan.law((rate / width, rate * width))
-                width = width * WIDER
+                width = width * _WIDER
             limit = min(record.chunk(CHUNK), record.max_steps - int(own[At.STEPS]))
             code = self.advance(law, state, own, times, rows, limit=limit)
             record.put(rows[record.filled : int(own[At.FILLED])])

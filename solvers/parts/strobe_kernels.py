@@ -13,13 +13,13 @@ from polhode.solvers.parts.flows import Flows
 # Turns between a row and the point of whole turns from which it is reached, at most; trials to find
 # that point, after which the row is NaN.
 NEAR = 0.505
-TRIALS = 20.0
+_TRIALS = 20.0
 # Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
 TERMS = 7
-WHOLE = 1.5 * 2.0**52
+_WHOLE = 1.5 * 2.0**52
 # Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta
 # table.
-MOST_TURNS = 3
+_MOST_TURNS = 3
 TABLE = 16
 
 
@@ -123,7 +123,7 @@ def _mean(flows: Flows, turn: Program) -> Program:
     with program.times(turns) as k:
         program.call(turn, scheme, p, *sides, moved, steps, h)
         with program.times(rows) as row:
-            weight = weights[row * float(MOST_TURNS) + k]
+            weight = weights[row * float(_MOST_TURNS) + k]
             into = out + row * float(size)
             for i in range(size):
                 into[i] = into[i] + weight * (moved[i] - moved[size + i])
@@ -162,7 +162,7 @@ def _rows(flows: Flows) -> Program:
         off[0] = turns * (times[j] - point[dimension]) / terms[dimension]
         whole[0] = tried[0] = 0.0
         with program.repeat() as leave:
-            whole[0] = whole[0] + ((off[0] + WHOLE) - WHOLE)
+            whole[0] = whole[0] + ((off[0] + _WHOLE) - _WHOLE)
             x = whole[0] / turns
             for i in range(size):
                 value = 0.0
@@ -174,7 +174,7 @@ def _rows(flows: Flows) -> Program:
             tried[0] = tried[0] + 1.0
             leave(compare("ole", off[0] * off[0], NEAR**2))
             rests[j] = nan
-            leave(compare("oge", tried[0], TRIALS))
+            leave(compare("oge", tried[0], _TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))
     program.call(flows.spread, scheme, p, setting, rests, rows)
     return program

@@ -16,44 +16,44 @@ from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_ker
 # Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step
 # would be of fewer than so many times its order: it costs fifteen times its order. A stretch is
 # doubled so often while that fails.
-LEAST_TURNS = 1000
-PAYING = 20.0
-STRETCH = 600.0
-LONGEST = 4
+_LEAST_TURNS = 1000
+_PAYING = 20.0
+_STRETCH = 600.0
+_LONGEST = 4
 # Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the
 # micro-steps.
-MACRO = 0.1
-AVERAGING = 0.1
-MICRO = 0.1
+_MACRO = 0.1
+_AVERAGING = 0.1
+_MICRO = 0.1
 # Micro-steps per turn: at first, at least, at most.
-FIRST = 6
-FEWEST = 4
+_FIRST = 6
+_FEWEST = 4
 MOST = 24
 # Share of the error allowed below which fewer are tried.
-EASY = 0.1
+_EASY = 0.1
 # Orders of the difference, and what rounding makes of it, which no choice improves.
-ORDERS = (2, 4, 6)
-ROUNDING = 3e-15
+_ORDERS = (2, 4, 6)
+_ROUNDING = 3e-15
 # Weights of (Φ^k - Φ^-k) in the central differences, Φ the map of a turn.
-WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
+_WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
 # Addresses of its rows, by the turns of their differences.
-ROWS = {1 + i: row.ctypes.data for i, row in enumerate(WEIGHTS)}
+_ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
 # Stages of a macro-step, the field at its end included.
 N = 13
 # Of the macro-steps: order of the error estimate, safety, bounds of a change.
-EXPONENT = 1 / 8
-SAFETY = 0.85
-SHRINK = 0.2
-GROW = 5.0
+_EXPONENT = 1 / 8
+_SAFETY = 0.85
+_SHRINK = 0.2
+_GROW = 5.0
 # The first one, in times of relaxation.
-FIRST_STEP = 0.3
+_FIRST_STEP = 0.3
 
 
 @dataclass
 class Setting:
     """How the next macro-step is tried: micro-steps per turn, whether fewer may do, turns (0: not known), failures."""
 
-    micro: int = FIRST
+    micro: int = _FIRST
     easy: bool = False
     turns: float = 0.0
     failed: int = 0
@@ -95,7 +95,7 @@ class Strobe:
     def pays(self, start: np.ndarray, length: float) -> bool:
         """Whether there is a torque, and a run is long enough; no rate that is not finite passes."""
         rate = self.split.rate(start)
-        return self.split.strength > 0 and isfinite(rate) and length * rate >= 2 * pi * LEAST_TURNS
+        return self.split.strength > 0 and isfinite(rate) and length * rate >= 2 * pi * _LEAST_TURNS
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
@@ -114,7 +114,7 @@ class Strobe:
             if moved is None:
                 # Ever longer, so that vain attempts cost little.
                 outcome = self.stretch(
-                    point, STRETCH * 2 ** min(setting.failed - 1, LONGEST), record
+                    point, _STRETCH * 2 ** min(setting.failed - 1, _LONGEST), record
                 )
                 if outcome is not None:
                     return outcome
@@ -139,23 +139,23 @@ class Strobe:
             return None
         stages = np.empty((len(self.table.A), len(point)))
         end = np.empty(len(point))
-        stages[0] = fields[ORDERS.index(order)]
-        turns = setting.turns or max(FIRST_STEP * memory, 2 * PAYING * order)
+        stages[0] = fields[_ORDERS.index(order)]
+        turns = setting.turns or max(_FIRST_STEP * memory, 2 * _PAYING * order)
         while True:
             turns = float(min(np.ceil(turns), np.ceil(left / period) + 2))
-            if turns < min(PAYING * order, left / period):
+            if turns < min(_PAYING * order, left / period):
                 setting.turns = 0.0
                 return None
             numbers = np.array([setting.micro, order // 2, 1, 1, N, turns], dtype=float)
             self.stages(numbers, point, stages, end)
             estimates = turns * (self.table.E5 @ stages[:N]), turns * (self.table.E3 @ stages[:N])
-            error = self.error(estimates, scale * MACRO + turns * ROUNDING)
-            factor = SAFETY * error**-EXPONENT if error > 0 else GROW
+            error = self.error(estimates, scale * _MACRO + turns * _ROUNDING)
+            factor = _SAFETY * error**-_EXPONENT if error > 0 else _GROW
             if error <= 1:
                 break
             record.work.rejected = (record.work.rejected or 0) + 1
-            turns *= max(SHRINK, factor) if np.isfinite(error) else SHRINK
-        setting.turns = turns * min(GROW, factor)
+            turns *= max(_SHRINK, factor) if np.isfinite(error) else _SHRINK
+        setting.turns = turns * min(_GROW, factor)
         record.work.steps = (record.work.steps or 0) + 1
         record.work.inner = self.inner
         last = int(np.searchsorted(record.times, end[-1], side="right"))
@@ -188,21 +188,23 @@ class Strobe:
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
         """Averaged fields of all orders, with as many micro-steps as their error allows."""
-        fields = np.empty((len(ORDERS), len(point)))
+        fields = np.empty((len(_ORDERS), len(point)))
         other = np.empty((1, len(point)))
         if setting.easy:
-            setting.micro = max(FEWEST, setting.micro - 1)
+            setting.micro = max(_FEWEST, setting.micro - 1)
         while True:
             self.mean(point, setting.micro, fields)
             # Differences of single turns show what smaller steps change; of the smallest, what
             # larger ones do.
             more = min(MOST, setting.micro + 2) if setting.micro < MOST else MOST - 2
             self.mean(point, more, other)
-            off = np.max(np.maximum(np.abs(fields[0] - other[0]) - ROUNDING, 0.0) * horizon) / MICRO
+            off = (
+                np.max(np.maximum(np.abs(fields[0] - other[0]) - _ROUNDING, 0.0) * horizon) / _MICRO
+            )
             if not off > 1 or setting.micro >= MOST:
                 break
             setting.micro = more
-        setting.easy = off < EASY
+        setting.easy = off < _EASY
         return fields
 
     def stages(
@@ -211,22 +213,23 @@ class Strobe:
         """Stages of a macro-step; `end` is the point of the last one."""
         self.inner += int(2 * numbers[0] * numbers[1] * (numbers[4] - numbers[3]))
         self.kernels.macro(
-            self.scheme, self.p, numbers, ROWS[int(numbers[1])], point, self.nodes, stages, end
+            self.scheme, self.p, numbers, _ROWS[int(numbers[1])], point, self.nodes, stages, end
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Averaged fields of so many orders, from the second on, by so many micro-steps."""
         self.inner += 2 * micro * len(out)
         setting = np.array([micro, len(out), len(out)], dtype=float)
-        self.kernels.mean(self.scheme, self.p, setting, ROWS[1], point, out)
+        self.kernels.mean(self.scheme, self.p, setting, _ROWS[1], point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one."""
-        apart = np.maximum(np.abs(fields[:-1] - fields[1:]) - ROUNDING, 0.0)
+        apart = np.maximum(np.abs(fields[:-1] - fields[1:]) - _ROUNDING, 0.0)
         second, fourth = np.max(apart * horizon, axis=1)
         errors = second, fourth, fourth * min(1.0, fourth / second) if second > 0 else 0.0
         return next(
-            (order for order, error in zip(ORDERS, errors, strict=True) if error <= AVERAGING), None
+            (order for order, error in zip(_ORDERS, errors, strict=True) if error <= _AVERAGING),
+            None,
         )
 
     def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:

@@ -23,7 +23,7 @@ from polhode.solvers.unwarned import UNWARNED
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
 # Right-hand sides between two looks at the time reached; one and the same time twice is a stall.
-LOOK = 1000
+_LOOK = 1000
 
 
 # Threads that are within `quiet`, and the lock for entering and leaving it.
@@ -98,7 +98,7 @@ class Callbacks:
                 # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
                 if record.expired:
                     raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
-                if self.calls % LOOK == 0:
+                if self.calls % _LOOK == 0:
                     self._look(record, t)
             rates(t, y, out)
 

@@ -21,10 +21,10 @@ from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import columns_of, fill, lines_of
 
 # Where the paper says that the averaged equations are good.
-GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
+_GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 # Errors of which the page says from which St on they are met.
-SHOWN = (1e-2, 1e-4)
-PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
+_SHOWN = (1e-2, 1e-4)
+_PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
 _FIELDS = [text.strip("{}") for text in columns_of("accuracy").values()]
 
 
@@ -33,7 +33,7 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
     own = laws(rows)
     good = []
     first = [law for law in own if first_order(law.form)]
-    for family, stokes in GOOD_FROM.items():
+    for family, stokes in _GOOD_FROM.items():
         there = [
             row
             for row in rows
@@ -91,10 +91,10 @@ def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     write_file(
         folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True
     )
-    lines: dict[str, list[Line]] = {title: [] for title in PANELS.values()}
+    lines: dict[str, list[Line]] = {title: [] for title in _PANELS.values()}
     for law in laws(study.errors):
         order = 1 if first_order(law.form) else 2
-        lines[PANELS[law.family]].append(Line(order, order, law.stokes, law.error))
+        lines[_PANELS[law.family]].append(Line(order, order, law.stokes, law.error))
     save(against_stokes(lines, "error of L and E over $I_{max}$"), folder, "errors")
     write_file(folder / "README.md", page(study, command))
 
@@ -134,7 +134,7 @@ def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
             "case": law.subject,
             which: "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})",
         }
-        row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in SHOWN}
+        row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in _SHOWN}
         if which == "second":
             row["until"] = f"{law.horizon:.3g}"
     return list(found.values())

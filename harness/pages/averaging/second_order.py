@@ -23,7 +23,7 @@ from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.second_order.form import STOPS, SecondOrder
 
 # St at which second order is compared with first order.
-GAIN_AT = 1e5
+_GAIN_AT = 1e5
 
 
 def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
@@ -95,11 +95,11 @@ def findings(study: SecondOrderStudy) -> list[str]:
             where: [
                 row.first_order_slow / row.slow
                 for row in rows
-                if row.stokes == GAIN_AT and not row.refused
+                if row.stokes == _GAIN_AT and not row.refused
             ]
             for where, rows in passages.items()
         },
-        stokes=GAIN_AT,
+        stokes=_GAIN_AT,
         passages=passages,
         second=_of_second_order(study.cost),
         full=sorted(

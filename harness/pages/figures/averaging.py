@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from polhode.harness.pages.figures.style import colour, power as power_of
 
-COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
+_COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 NAMES = {1: "first order", 2: "second order"}
-SIZE = (8.0, 4.2)
+_SIZE = (8.0, 4.2)
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class Line:
 def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the promised slopes."""
     figure, row = plt.subplots(
-        1, len(panels), figsize=SIZE, sharex=True, sharey=True, layout="constrained"
+        1, len(panels), figsize=_SIZE, sharex=True, sharey=True, layout="constrained"
     )
     for axes, (title, lines) in zip(row, panels.items(), strict=True):
         for line in lines:
             style = {
-                "color": COLOURS[line.order],
+                "color": _COLOURS[line.order],
                 "linewidth": 1.2,
                 "markersize": 3.5,
                 "alpha": 0.8,
@@ -54,7 +54,7 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
 
 def errors_and_speed(runs: Any, speeds: Any) -> Figure:
     """Of the form `hybrid`: errors against those asked for; speed against two full solvers."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    figure, (left, right) = plt.subplots(1, 2, figsize=_SIZE, layout="constrained")
     draw = np.random.default_rng(0)
     for stokes, own in runs.groupby("stokes"):
         asked = own["error"] * 10 ** draw.uniform(-0.6, 0.6, len(own))
@@ -90,4 +90,4 @@ def _promise(axes: Axes, own: Sequence[Line], power: int) -> None:
     exponent = f"^{power}" if power > 1 else ""
     label = f"{NAMES[order]}, dotted: $\\propto 1/\\mathrm{{St}}{exponent}$"
     heights = np.quantile(errors * stokes**power, 0.9) / ends**power
-    axes.loglog(ends, heights, ":", color=COLOURS[order], linewidth=2, label=label)
+    axes.loglog(ends, heights, ":", color=_COLOURS[order], linewidth=2, label=label)

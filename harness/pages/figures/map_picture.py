@@ -15,20 +15,20 @@ from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
 from polhode.harness.pages.tables import fill
 
-NOBODY = "#FFFFFF"
-UNKNOWN = "#E4E4E4"
+_NOBODY = "#FFFFFF"
+_UNKNOWN = "#E4E4E4"
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
     "explicit": ("Oscillatory middle", "explicit methods"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
 # In inches: a cell, what stands beside both maps, an entry of the legend; lines of a cell, in rows.
-CELL = (0.74, 0.43)
-BESIDE = (0.85, 2.7)
-ENTRY = 0.192
-LINE = 0.36
+_CELL = (0.74, 0.43)
+_BESIDE = (0.85, 2.7)
+_ENTRY = 0.192
+_LINE = 0.36
 # The legend needs as much width as so many columns.
-LEAST_COLUMNS = 12
+_LEAST_COLUMNS = 12
 # What a map is about: in sentences, and as its title.
 ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
@@ -44,8 +44,8 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
     cells = [cell for found in panels for cell in found]
     entries = _entries(cells)
     longest = max(map(len, entries))
-    width = BESIDE[0] + CELL[0] * max(columns, LEAST_COLUMNS)
-    height = BESIDE[1] + CELL[1] * rows * 2 + ENTRY * longest
+    width = _BESIDE[0] + _CELL[0] * max(columns, _LEAST_COLUMNS)
+    height = _BESIDE[1] + _CELL[1] * rows * 2 + _ENTRY * longest
     drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True, layout="constrained")
     for axes, found, (_, title) in zip(grid, panels, ERRORS.values(), strict=True):
         draw(axes, found)
@@ -96,7 +96,9 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
     for i, stokes in enumerate(numbers):
         for j, target in enumerate(targets):
             cell = at[stokes, target]
-            color = colour(cell.winner.label) if cell.winner else NOBODY if cell.known else UNKNOWN
+            color = (
+                colour(cell.winner.label) if cell.winner else _NOBODY if cell.known else _UNKNOWN
+            )
             axes.add_patch(
                 Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8)
             )
@@ -171,7 +173,7 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
     texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
     if cell.winner.side != "averaged" and cell.winner.form != usual:
         texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
-    gap = LINE if len(texts) < 3 else 0.3
+    gap = _LINE if len(texts) < 3 else 0.3
     for k, (line, size) in enumerate(texts):
         y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
         axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
@@ -190,8 +192,8 @@ def _entries(found: Sequence[Cell]) -> list[list[Any]]:
         title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
         patches = [Patch(facecolor=colour(label), label=label) for label in own]
         columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
-    nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
+    nobody = Patch(facecolor=_NOBODY, edgecolor="0.7", label="no run measured gets there")
     return [
         *columns,
-        [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")],
+        [nobody, Patch(facecolor=_UNKNOWN, label="below what the\nreference resolves")],
     ]

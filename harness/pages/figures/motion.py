@@ -12,19 +12,19 @@ from polhode.harness.solution import SceneSolution
 from polhode.models.observables import completed
 
 # Okabe and Ito's palette, safe for colour-blind readers.
-COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
+_COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
 # The view: round the gradient axis, then down on it, in rad, as on the page of motions.
 TURN = 0.45
 TILT = 0.3
-LIGHT = np.array([-0.5, 0.6, 0.62])
-PARALLELS = 36
-MERIDIANS = 72
+_LIGHT = np.array([-0.5, 0.6, 0.62])
+_PARALLELS = 36
+_MERIDIANS = 72
 # Share of the parallels that the coloured caps take at each end of the longest axis.
-CAP = 0.14
-ONE_HALF = (0.47, 0.65, 0.80)
-OTHER_HALF = (0.63, 0.76, 0.88)
-CAPS = (0.84, 0.37, 0.0)
-INK = "#5b6470"
+_CAP = 0.14
+_ONE_HALF = (0.47, 0.65, 0.80)
+_OTHER_HALF = (0.63, 0.76, 0.88)
+_CAPS = (0.84, 0.37, 0.0)
+_INK = "#5b6470"
 
 
 def slow_variables(
@@ -45,7 +45,7 @@ def slow_variables(
         label = f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$"
         values = frame[name] / max(solution.scene.ellipsoid.inertia)
         axes.plot(
-            frame["t2" if slow else "t"], values, color=COLOURS[name], linewidth=1.1, label=label
+            frame["t2" if slow else "t"], values, color=_COLOURS[name], linewidth=1.1, label=label
         )
     time = "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
     axes.set(xlabel=time, ylabel="L and E over $I_{max}$")
@@ -65,7 +65,7 @@ def tumbling(solution: SceneSolution) -> Figure:
         row[0], solution.times, solution.rotation if known is None else known, strict=True
     ):
         body(axes, semi_axes, rotation)
-        axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=INK, y=0.0)
+        axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=_INK, y=0.0)
     drawing.subplots_adjust(left=0, right=1, bottom=0.02, top=1, wspace=0)
     return drawing
 
@@ -74,7 +74,7 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
     """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow u = y along x."""
     pole = int(np.argmax(semi_axes))
     polar, around = np.meshgrid(
-        np.linspace(0, np.pi, PARALLELS + 1), np.linspace(0, 2 * np.pi, MERIDIANS + 1)
+        np.linspace(0, np.pi, _PARALLELS + 1), np.linspace(0, 2 * np.pi, _MERIDIANS + 1)
     )
     unit = np.stack(
         [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
@@ -85,21 +85,21 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
     faces = _faces(corners)
     normal = _faces(normals).sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    at = np.indices((MERIDIANS, PARALLELS)).reshape(2, -1)
-    cap = np.minimum(at[1], PARALLELS - 1 - at[1]) < CAP * PARALLELS
+    at = np.indices((_MERIDIANS, _PARALLELS)).reshape(2, -1)
+    cap = np.minimum(at[1], _PARALLELS - 1 - at[1]) < _CAP * _PARALLELS
     tint = np.where(
-        cap[:, None], CAPS, np.where(at[0][:, None] < MERIDIANS // 2, ONE_HALF, OTHER_HALF)
+        cap[:, None], _CAPS, np.where(at[0][:, None] < _MERIDIANS // 2, _ONE_HALF, _OTHER_HALF)
     )
-    shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ LIGHT))[:, None])
+    shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ _LIGHT))[:, None])
     seen = normal[:, 2] > 0
     for x in (-1.25, 1.25):
         ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
-        axes.plot(ends[:, 0], ends[:, 1], color=INK, linewidth=0.6, alpha=0.5)
+        axes.plot(ends[:, 0], ends[:, 1], color=_INK, linewidth=0.6, alpha=0.5)
         for y in np.linspace(-1.2, 1.2, 7):
             tail, tip = _project(np.array([[x, y, 0], [x + 0.38 * y, y, 0]]))
             style = {
                 "arrowstyle": "->",
-                "color": INK,
+                "color": _INK,
                 "lw": 0.7,
                 "alpha": 0.6,
                 "shrinkA": 0,

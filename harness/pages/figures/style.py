@@ -25,9 +25,9 @@ LOOKS: dict[str, tuple[str, Any]] = {
 # Solvers and forms without a look of their own, those outside the catalogue among them: markers in
 # turn.
 OTHER = "#6B3F1D"
-OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
+_OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 # Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
-COLOURS = 128
+_COLOURS = 128
 APART = 16
 
 
@@ -53,7 +53,7 @@ class Look:
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Looks of solvers and averaged forms, in the order of `rank`."""
     ordered = sorted(set(names), key=rank)
-    others = cycle(OTHER_MARKERS)
+    others = cycle(_OTHER_MARKERS)
     return {
         name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered
     }
@@ -89,7 +89,7 @@ def few_colours(image: Image.Image) -> Image.Image:
     counted: Any = image.getcolors(image.width * image.height)
     left = np.array([colour for _, colour in sorted(counted, reverse=True)])
     chosen = []
-    while len(left) and len(chosen) < COLOURS:
+    while len(left) and len(chosen) < _COLOURS:
         chosen.append(left[0])
         left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]
     palette = Image.new("P", (1, 1))

@@ -29,34 +29,34 @@ from polhode.harness.references.uncertainty import KNOWN, known
 from polhode.solvers.contract import Status
 
 # The band under the Pareto front.
-FRONT = "#F7EFA6"
-FRONT_NAME = "Pareto front"
+_FRONT = "#F7EFA6"
+_FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
-FEW_LINES = 8
+_FEW_LINES = 8
 # Names longer than this, in letters, break at the comma.
 NAME = 24
 UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # Runs beyond this error have failed, whatever their status; they stay in the table.
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
-DASHES = ("-", "--", ":", "-.")
+_DASHES = ("-", "--", ":", "-.")
 # In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800
 # pixels wide.
-PANEL = (3.35, 2.9)
+_PANEL = (3.35, 2.9)
 NAMES = 1.05
-LEGEND = 0.75
+_LEGEND = 0.75
 # What the legend needs of one panel alone.
-LEAST_WIDTH = 6.4
+_LEAST_WIDTH = 6.4
 # Numbers left of a panel that shares no axis.
-TICKS = 0.4
+_TICKS = 0.4
 # Names beside a panel, in points: their size, and the least distance between two.
-LETTERS = 8.5
+_LETTERS = 8.5
 APART = 10.5
 BEHIND = "#BDBDBD"
-BEHIND_NAME = "behind the front"
+_BEHIND_NAME = "behind the front"
 # Factors over the fastest shown, and the one that the sentence is about.
-LARGEST_FACTOR = 1000.0
-NEAR = 2.0
+_LARGEST_FACTOR = 1000.0
+_NEAR = 2.0
 # Methods that the figure names, those that are fast and sure; the others are grey.
 NAMED = 7
 
@@ -83,15 +83,15 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     front = pareto_front(where(done, done["form"].isin(full) & known(done, error) & reached), error)
     if len(front):
         band = {
-            "color": FRONT,
+            "color": _FRONT,
             "solid_capstyle": "round",
             "solid_joinstyle": "round",
             "zorder": 0.5,
         }
-        axes.plot(*_points(front, error), linewidth=7, label=FRONT_NAME, **band)
+        axes.plot(*_points(front, error), linewidth=7, label=_FRONT_NAME, **band)
     leading = set(zip(front["solver"], front["form"], strict=True))
     for solver, look in looks(runs["solver"]).items():
-        for form, dash in zip(full, cycle(DASHES)):
+        for form, dash in zip(full, cycle(_DASHES)):
             own = where(done, (done["solver"] == solver) & (done["form"] == form))
             if own.empty:
                 continue
@@ -188,7 +188,7 @@ def name_lines(axes: Axes, few: int = 0) -> None:
         if many and line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
         elif (
-            not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points)
+            not label.startswith("_") and "\n" not in label and label != _FRONT_NAME and len(points)
         ):
             end = points[-1]
             name = label.replace(", ", ",\n") if len(label) > NAME else label
@@ -204,7 +204,7 @@ def name_lines(axes: Axes, few: int = 0) -> None:
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
         style = {
-            "fontsize": LETTERS,
+            "fontsize": _LETTERS,
             "color": line.get_color(),
             "fontweight": "bold",
             "va": "center",
@@ -243,8 +243,8 @@ def panels(
     """One panel of `work_precision` for each title and its runs, with one legend; `alike` ones share their axes."""
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
-    between = NAMES + (0.0 if alike else TICKS)
-    size = max((PANEL[0] + between) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
+    between = NAMES + (0.0 if alike else _TICKS)
+    size = max((_PANEL[0] + between) * columns, _LEAST_WIDTH), _PANEL[1] * lines + _LEGEND
     figure, grid = plt.subplots(
         lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False
     )
@@ -269,24 +269,24 @@ def panels(
     for axes in grid[:, 0]:
         axes.set_ylabel("wall time of a warm run, s")
     width, height = size
-    margins = {"left": 0.65 / width, "right": 1 - NAMES / width, "bottom": (LEGEND + 0.5) / height}
+    margins = {"left": 0.65 / width, "right": 1 - NAMES / width, "bottom": (_LEGEND + 0.5) / height}
     figure.subplots_adjust(
         **margins,
         top=1 - 0.45 / height,
-        wspace=between / (PANEL[0] - 0.65),
+        wspace=between / (_PANEL[0] - 0.65),
         hspace=0.28 if alike else 0.4,
     )
     for axes in grid.flat[: len(groups)]:
-        name_lines(axes, FEW_LINES)
+        name_lines(axes, _FEW_LINES)
     entries = (
         each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True)
     )
     rest = {
         name.replace("\n", " "): line
         for line, name in entries
-        if "\n" in name or name == FRONT_NAME
+        if "\n" in name or name == _FRONT_NAME
     }
-    rest[BEHIND_NAME] = Line2D([], [], color=BEHIND)
+    rest[_BEHIND_NAME] = Line2D([], [], color=BEHIND)
     rest["hollow: no result, at that tolerance"] = Line2D(
         [], [], marker="o", fillstyle="none", color="0.4", lw=0
     )
@@ -342,14 +342,14 @@ def profile_lines(
 def sentence(found: pd.DataFrame) -> str:
     """Who is seldom far from the fastest, and who gets there most often."""
     ratios = found.div(found.min(axis=1), axis=0)
-    near = (ratios <= NEAR).mean()
+    near = (ratios <= _NEAR).mean()
     reached = found.notna().mean()
     # Of those that are equally sure it names the one that is fast more often.
     order = near.sort_values(ascending=False, kind="stable").index
     first = str(order[0])
     surest = str(reached.reindex(order).idxmax())
     slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
-    shares = {"near": near[first], "reached": reached[surest], "factor": NEAR, "slow": slow}
+    shares = {"near": near[first], "reached": reached[surest], "factor": _NEAR, "slow": slow}
     return fill("profiles-sentence", count=len(found), first=first, surest=surest, **shares)
 
 
@@ -360,11 +360,11 @@ def profiles(found: pd.DataFrame) -> Figure:
     fastest, longest = (
         float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float)))
     )
-    near = (ratios <= NEAR).mean() + found.notna().mean()
+    near = (ratios <= _NEAR).mean() + found.notna().mean()
     named = set(near.sort_values(ascending=False).index[:NAMED])
     for name, look in looks(map(str, found)).items():
         for axes, values, end in (
-            (left, ratios[name], LARGEST_FACTOR),
+            (left, ratios[name], _LARGEST_FACTOR),
             (right, found[name], longest * 1.1),
         ):
             points = np.sort(values.dropna().to_numpy(float))
@@ -376,7 +376,7 @@ def profiles(found: pd.DataFrame) -> Figure:
             axes.step(
                 points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style
             )
-    left.set(xlim=(1, LARGEST_FACTOR), ylim=(0, 1.02))
+    left.set(xlim=(1, _LARGEST_FACTOR), ylim=(0, 1.02))
     right.set_xlim(fastest / 1.1, longest * 1.1)
     for axes, label in (
         (left, "time over that of the fastest"),

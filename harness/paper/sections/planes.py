@@ -29,9 +29,9 @@ from polhode.models.theory.fixed_points import fixed_points
 
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the
 # plane.
-INSIDE = 1 - 1e-13
+_INSIDE = 1 - 1e-13
 # L_z/I_max and θ₀ of the starts of the planes.
-STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
+_STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
 REACHES_NODE = Range(1.0, 1.0, "the claim: all of them")
 
 
@@ -50,7 +50,7 @@ def plane_tables(
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
-        energy = planes.energy_at(body, momentum, min(share, INSIDE))
+        energy = planes.energy_at(body, momentum, min(share, _INSIDE))
         run, end = planes.plane_path_and_end(body, momentum, energy, times)
         index = chosen(run.slow)
         yield "", path(number, run.times[index], run.slow[index], ("Lz", "E"))
@@ -82,7 +82,7 @@ class PlanesOfBodies(Experiment):
         """Trajectories, and the largest differences, while L_z of a start with L_z > 0 is above the pinch point."""
         points = grid.of(self.points, 101)
         for (name, body), (number, (momentum, theta)) in product(
-            self.bodies.items(), enumerate(STARTS)
+            self.bodies.items(), enumerate(_STARTS)
         ):
             # Eight relaxation times of the slowest rotation.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
@@ -112,7 +112,7 @@ class PlanesOfBodies(Experiment):
             for name, body in self.bodies.items()
         )
         ratios = [worst[low][name] / worst[high][name] for name in self.bodies]
-        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
+        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in _STARTS)
         return Verdict(
             Word.SHARPENED,
             f"At St = {low:g} the largest difference is up to {max(worst[low].values()):.2g} "
