@@ -19,13 +19,15 @@ def mass_of(given: Any, dimension: int) -> np.ndarray | None:
         return None
     expected = f"the diagonal, {dimension} numbers, or a matrix of shape {(dimension, dimension)}"
     if hasattr(given, "toarray"):
-        given = given.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(given)
+        dense = given.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(given)
+    else:
+        dense = given
     try:
-        mass = np.array(given, dtype=float)
+        mass = np.array(dense, dtype=float)
     except (TypeError, ValueError):
         mass = np.empty(0)
     if mass.shape not in ((dimension,), (dimension, dimension)) or not np.isfinite(mass).all():
-        raise ValueError(f"mass: got {given!r:.60}, expected {expected}")
+        raise ValueError(f"mass: got {dense!r:.60}, expected {expected}")
     if mass.ndim == 2 and not (mass - np.diag(mass.diagonal())).any():
         mass = mass.diagonal().copy()
     if mass.ndim == 2 and dimension > _MAX_FULL_MASS:
@@ -90,7 +92,7 @@ class Unmassed:
         return self.inverse * values if self.mass.ndim == 1 else self.inverse @ values
 
     def structure(self, known: Structure | None) -> Structure | None:
-        """What is known of the Jacobian of these rates."""
+        """The structure of these rates' Jacobian, from the structure of the function's."""
         if known is None:
             return None
         jacobian = known.jacobian
@@ -103,8 +105,10 @@ class Unmassed:
             return None if jacobian is None else Structure(jacobian)
         return replace(known, jacobian=jacobian)
 
-    def _times_given(self, given: Callable[..., Any], t: float, y: Any, *parameters: float) -> Any:
-        return self._times(given(t, y, *parameters))
+    def _times_given(
+        self, jacobian: Callable[..., Any], t: float, y: Any, *parameters: float
+    ) -> Any:
+        return self._times(jacobian(t, y, *parameters))
 
     def _times(self, matrix: Any) -> Any:
         if self.mass.ndim == 2:

@@ -101,7 +101,7 @@ class Once(Generic[P, R]):
             return
         with self._lock:
             ready = [
-                (each.last_use, key) for key, each in self._entries.copy().items() if each.ready
+                (entry.last_use, key) for key, entry in self._entries.copy().items() if entry.ready
             ]
             ready.sort(key=lambda pair: pair[0])
             for _, key in ready[: max(0, len(ready) - self.size)]:

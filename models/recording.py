@@ -1,11 +1,11 @@
-"""What a function computes, recorded by calling it once with numbers that note what is done to them.
+"""The operations of a function, recorded by calling it once with numbers that note what is done to them.
 
 The numbers take NumPy's functions by NumPy's own protocols, `__array_ufunc__` and `__array_function__`; the function
 itself is called as it is. A recording is a straight line of operations, which `Recording.evaluate` repeats over any
 kind of number: machine code, heyoka's expressions, numbers with derivatives.
 
-What needs plain numbers (`math`, tables, splines, branches on the state) cannot be recorded: `record` raises an
-UntraceableError that shows the user's own line.
+A function that needs plain numbers (`math`, tables, splines, branches on the state) cannot be recorded: `record`
+raises an UntraceableError that shows the user's own line.
 """
 
 import linecache
@@ -123,7 +123,7 @@ class Recording:
 
 
 class _Recorder:
-    """What is being recorded: equal operations are noted once."""
+    """A recording under way: equal operations are noted once."""
 
     def __init__(self) -> None:
         self.nodes: dict[Node, int] = {}
@@ -405,7 +405,7 @@ def _half_sum(a: Any, b: Any) -> Any:
 
 
 def _maximum(a: Any, b: Any) -> Any:
-    # What is no number stays none, as in NumPy.
+    # NaN stays NaN, as in NumPy.
     return _chosen(_apply("sub", a, b), a, b, _half_sum(a, b))
 
 
@@ -414,7 +414,7 @@ def _minimum(a: Any, b: Any) -> Any:
 
 
 def _nothing_of(x: Any) -> Any:
-    """Zero, or NaN of what is no number."""
+    """Zero, or NaN if x is NaN or infinite."""
     return _apply("mul", 0.0, x)
 
 
@@ -479,7 +479,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "bitwise_or": _one_of,
     "invert": _not,
 }
-# Those whose operands are conditions.
+# Functions whose operands are conditions.
 _LOGICAL = ("logical_and", "logical_or", "logical_not", "bitwise_and", "bitwise_or", "invert")
 
 
@@ -574,10 +574,10 @@ def _norm(x: Any, order: Any = None, axis: Any = None, keepdims: bool = False) -
 def _where_arrays(condition: Any, *choices: Any) -> Any:
     if len(choices) != 2:
         raise _recorder().fail("branches on the state or the time")
-    given = (condition, *choices)
-    if not any(_is_array(x) for x in given):
-        return _where(*(_wrapped(_plain(x)) for x in given))
-    return _wrapped(np.frompyfunc(_where, 3, 1)(*(_plain(x) for x in given)))
+    arguments = (condition, *choices)
+    if not any(_is_array(x) for x in arguments):
+        return _where(*(_wrapped(_plain(x)) for x in arguments))
+    return _wrapped(np.frompyfunc(_where, 3, 1)(*(_plain(x) for x in arguments)))
 
 
 def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
@@ -610,9 +610,9 @@ _ARRAY_FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 def _array_function(function: Any, args: Any, named: Any) -> Any:
     """One of NumPy's other functions: most of them move numbers about, or are made of elementwise ones."""
-    own = _ARRAY_FUNCTIONS.get(function)
-    if own:
-        return own(*args, **named)
+    recorded = _ARRAY_FUNCTIONS.get(function)
+    if recorded:
+        return recorded(*args, **named)
     args = tuple(_protocolled(x) for x in args)
     named = {name: _protocolled(x) for name, x in named.items()}
     array = np.empty(0, dtype=object).view(RecordedArray)
@@ -626,7 +626,7 @@ def _protocolled(x: Any) -> Any:
     """Numbers among the arguments of a function as arrays of no dimension."""
     if isinstance(x, Recorded | Condition):
         return _plain(x).view(RecordedArray)
-    if isinstance(x, tuple | list) and any(isinstance(each, Recorded | Condition) for each in x):
+    if isinstance(x, tuple | list) and any(isinstance(entry, Recorded | Condition) for entry in x):
         array = np.empty(len(x), dtype=object)
         array[:] = x
         return array.view(RecordedArray)
@@ -671,7 +671,7 @@ def record(function: Callable[..., Any], dimension: int, parameters: int) -> Rec
 
 
 def _in_words(error: Exception, words: str) -> str:
-    """What cannot be recorded, as it stands in the user's own line, what it does, and the line."""
+    """The expression that cannot be recorded, the reason, and the user's line in which it stands."""
     frame = line_of(error)
     if frame is None:
         return f"f {words} ({type(error).__name__}: {error}); use {_WAYS_OUT}"

@@ -1,4 +1,4 @@
-"""What a user knows of a right-hand side's Jacobian: a function that gives it, its pattern, its bands."""
+"""A right-hand side's Jacobian as far as a user states it: as a function, by its pattern, or by its bands."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -84,17 +84,17 @@ def structure_of(
     return Structure(jacobian, sparsity, lower, upper)
 
 
-def _matrix(name: str, given: Any, shape: tuple[int, int], more: str) -> Any:
-    if not hasattr(given, "tocsc"):
+def _matrix(name: str, matrix: Any, shape: tuple[int, int], more: str) -> Any:
+    if not hasattr(matrix, "tocsc"):
         try:
-            given = np.array(given, dtype=float)
+            matrix = np.array(matrix, dtype=float)
         except (TypeError, ValueError):
             raise ValueError(
-                f"{name}: got {given!r:.60}, expected a matrix of shape {shape}, {more}"
+                f"{name}: got {matrix!r:.60}, expected a matrix of shape {shape}, {more}"
             ) from None
-    if given.shape != shape:
-        raise ValueError(f"{name}: got shape {given.shape}, expected {shape}, {more}")
-    return given
+    if matrix.shape != shape:
+        raise ValueError(f"{name}: got shape {matrix.shape}, expected {shape}, {more}")
+    return matrix
 
 
 def in_run_time(

@@ -14,13 +14,15 @@ Long = np.longdouble
 LongArray = NDArray[np.longdouble]
 
 PI = Long("3.14159265358979323846264338327950288")
-EPS = np.finfo(Long).eps
+# Rounding of one long double, relative.
+LONG_EPSILON = np.finfo(Long).eps
 # The means below converge quadratically: two numbers this close have a mean that is good to the
 # last bit.
-_CLOSE = np.sqrt(EPS) / 8
+_CLOSE = np.sqrt(LONG_EPSILON) / 8
+# Stands for a sine of 0: its reciprocal and products with it do not overflow.
 _TINY = np.finfo(Long).tiny ** Long(0.25)
 # exp(−_NEGLIGIBLE) adds nothing to a sum of order one.
-_NEGLIGIBLE = 5 - np.log(EPS)
+_NEGLIGIBLE = 5 - np.log(LONG_EPSILON)
 
 
 def exact(value: float | np.floating) -> Fraction:
@@ -43,7 +45,7 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
     """Carlson's R_F(x, y, z) of non-negative arguments, infinite if two of them are zero (DLMF §19.36(i))."""
     if sorted((x, y, z))[1] == 0:
         return Long(np.inf)
-    spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * EPS / 8) ** (Long(1) / 8)
+    spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * LONG_EPSILON / 8) ** (Long(1) / 8)
     while spread > abs(x + y + z) / 3:
         step = np.sqrt(x) * np.sqrt(y) + np.sqrt(y) * np.sqrt(z) + np.sqrt(z) * np.sqrt(x)
         x = (x + step) / 4
@@ -77,7 +79,10 @@ def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
     b = b / p
     while True:
         ratio = product / p
-        a, b, p = a + b / p, 2 * (b + a * ratio), p + ratio
+        a_before = a
+        a = a + b / p
+        b = 2 * (b + a_before * ratio)
+        p = p + ratio
         before = mean
         mean = mean + kc
         if abs(before - kc) <= before * _CLOSE:
@@ -95,14 +100,16 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
         return np.tanh(u), sech, sech
     mean = Long(1)
-    other = np.sqrt(m1)
+    geometric = np.sqrt(m1)
     ladder = []
     while True:
-        ladder.append((mean, other))
-        if abs(mean - other) <= mean * _CLOSE:
-            mean = (mean + other) / 2
+        ladder.append((mean, geometric))
+        arithmetic = (mean + geometric) / 2
+        if abs(mean - geometric) <= mean * _CLOSE:
+            mean = arithmetic
             break
-        mean, other = (mean + other) / 2, np.sqrt(mean * other)
+        geometric = np.sqrt(mean * geometric)
+        mean = arithmetic
     sine = np.sin(mean * u)
     cosine = np.cos(mean * u)
     # cs(0) is infinite; a sine this small stands for it without overflow.
@@ -123,10 +130,10 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
     """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`)."""
     # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind
     # whose periodic part this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product
-    # (DLMF §20.5(i)) each contribute one arctangent; above m = 1/2 those of ϑ₂ in the complementary
-    # nome do (DLMF §20.7(viii)), so that a few factors are enough at any m. At m1 = 0 this is
-    # arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero only where m
-    # is, and the phase with it.
+    # (DLMF §20.5(i)) each contribute one arctangent. Above m = 1/2 the factors of ϑ₂ in the
+    # complementary nome serve instead (DLMF §20.7(viii)): a few factors are enough at any m. At
+    # m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero
+    # only where m is, and the phase with it.
     if n == 0:
         return np.zeros_like(u)
     w = carlson_rf(n, n + m, n + 1)

@@ -10,15 +10,16 @@ from polhode.models.free_top.elliptic import PI, Long, complete_cel, complete_k,
 from polhode.models.rotation import Triple
 from polhode.models.shape import Ellipsoid
 
+# Nodes of the midpoint rule over a quarter of a polhode: 1e-6 relative off the separatrix.
 _QUARTER_NODES = 32
 
 
 @dataclass(frozen=True)
 class Polhode:
-    """Constants of one polhode, named for axes a, b, c: c the axis it encircles, b that of the middle inertia.
+    """Constants of one polhode, named for axes a, b, c: it encircles axis c, and b has the middle inertia.
 
     On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔
-    3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. Where axis c is
+    3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. If axis c is
     undetermined (`of`), m = 0, m1 = 1, n = 0.
     """
 
@@ -71,16 +72,16 @@ class Polhode:
         rate = np.sqrt(rounded((c - b) * spin / (a * b * c)))
         precession = momentum * _mean_inverse_inertia(rounded(a), rounded(b), n, m1)
         squares = wobble / (a * (c - a)), wobble / (b * (c - b)), spin / (c * (c - a))
-        cn, sn, dn = (np.sqrt(rounded(each)) for each in squares)
+        cn, sn, dn = (np.sqrt(rounded(square)) for square in squares)
         return cls(order, sense, momentum, rate, precession, m, m1, n, (cn, sn, dn), complete_k(m1))
 
     @property
     def periods(self) -> tuple[float, float]:
         """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
         # T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T'
-        # (`eq:prec2`, corrected) is 2πI₂/L on the separatrix and infinite at rest. At a permanent
-        # rotation about the axis of greatest or least inertia both are those of an infinitesimal
-        # wobble.
+        # (`eq:prec2`, corrected) is 2πI₂/L on the separatrix and infinite at rest. A permanent
+        # rotation about the axis of greatest or least inertia has the two periods of an
+        # infinitesimal wobble.
         period = 4 * self.quarter / self.rate if self.rate > 0 else Long(np.inf)
         precession = 2 * PI / self.precession if self.precession > 0 else Long(np.inf)
         return float(period), float(precession)
@@ -116,18 +117,18 @@ def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     if i1 == i3:
         return np.sqrt(momentum2) / i1
     greatest = np.full(len(slow), i1 == i2) if i1 == i2 or i2 == i3 else momentum2 > energy2 * i2
-    near = np.where(greatest, i3, i1)
-    far = np.where(greatest, i1, i3)
+    encircled = np.where(greatest, i3, i1)
+    opposite = np.where(greatest, i1, i3)
     # Zero up to rounding at the permanent rotations and at rest.
-    short = np.maximum((energy2 * near - momentum2) / (near - far), 0)
-    long = np.maximum((momentum2 - energy2 * far) / (near - far), 0)
-    parameter = (far - i2) / (i2 - near) * short / np.maximum(long, 1e-300)
+    short = np.maximum((energy2 * encircled - momentum2) / (encircled - opposite), 0)
+    long = np.maximum((momentum2 - energy2 * opposite) / (encircled - opposite), 0)
+    parameter = (opposite - i2) / (i2 - encircled) * short / np.maximum(long, 1e-300)
     parameter = np.clip(parameter, 0, 1 - 1e-15)[:, None]
     quarter = (np.arange(_QUARTER_NODES) + 0.5) / _QUARTER_NODES
     sn, cn, dn, _ = ellipj(quarter * ellipk(parameter), parameter)
     squares = (
-        (short / far)[:, None] * cn**2
-        + (short * (near - far) / (i2 * (near - i2)))[:, None] * sn**2
-        + (long / near)[:, None] * dn**2
+        (short / opposite)[:, None] * cn**2
+        + (short * (encircled - opposite) / (i2 * (encircled - i2)))[:, None] * sn**2
+        + (long / encircled)[:, None] * dn**2
     )
     return np.mean(np.sqrt(squares), axis=1)

@@ -112,11 +112,11 @@ class TorqueFree:
         # drops out.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
         half_turns = np.rint(u / (2 * polhode.quarter))
-        rest = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
-        sn, cn, dn = jacobi(rest, polhode.m1)
+        reduced = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
+        sn, cn, dn = jacobi(reduced, polhode.m1)
         parity = 1 - 2 * np.mod(half_turns, 2)
         spin = np.arctan2(np.sqrt(1 + polhode.n) * sn, cn) + PI * half_turns
-        angle = theta4_phase(rest, polhode.m, polhode.m1, polhode.n) - spin
+        angle = theta4_phase(reduced, polhode.m, polhode.m1, polhode.n) - spin
         carried = angle[1:] - angle[0] + polhode.precession * t
         omega = np.stack([parity * cn, parity * sn, dn], axis=1) * np.array(polhode.amplitudes)
         upright = _shortest_to_third(

@@ -21,18 +21,18 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# The error of L and E that a tolerance stands for, and the share of it that windows may take,
-# chosen by trial.
+# Error of L and E over the tolerance that stands for it; chosen by trial.
 ERROR_PER_TOLERANCE = 100.0
+# Share of that error that windows may take; chosen by trial.
 WINDOWS = 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with
 # |L||ω| below I_max, by trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
-# Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for
-# each one anew.
+# Tolerance of averaged pieces, which cost next to nothing.
 _AVERAGED_TOLERANCE = 1e-12
-FULL = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
-# A run of so few turns costs less than to look ahead.
+# Tolerances of windows: a short list, as some solvers compile for each tolerance anew.
+_WINDOW_TOLERANCES = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
+# A run of fewer turns costs less than to look ahead.
 _SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
 _MORE = 50
@@ -40,11 +40,11 @@ _MORE = 50
 
 @dataclass(frozen=True)
 class HybridCourse:
-    """The course of a scene's run; its states are those of the form of the full equations.
+    """The course of a scene's run; its states belong to the form of the full equations.
 
-    `full` are the full equations. `stretches` are those foreseen at the time `since` from the run's
-    state then. `spent` is what the pieces before have taken of the error asked for, `worn` what the
-    windows among them have.
+    `full` are the full equations. `stretches` were foreseen at the time `since` from the run's
+    state then. The pieces before have taken `spent` of the requested error, the windows among them
+    `worn`.
     """
 
     scene: Scene
@@ -59,12 +59,13 @@ class HybridCourse:
         stokes = self.scene.stokes
         if not self.stretches:
             error = ERROR_PER_TOLERANCE * tolerance
-            found = foreseen(self.here(time, state), max(error - self.spent, error / 10))
-            return replace(self, since=time, stretches=found)(time, state, tolerance)
-        stretch, *rest = self.stretches
+            remaining = max(error - self.spent, error / 10)
+            stretches = foreseen(self.here(time, state), remaining)
+            return replace(self, since=time, stretches=stretches)(time, state, tolerance)
+        stretch, *later_stretches = self.stretches
         end = self.since + stretch.end * stokes
         reason = stretch.reason
-        later = replace(self, stretches=tuple(rest))
+        later = replace(self, stretches=tuple(later_stretches))
         if stretch.second_order:
             try:
                 problem, states = second_order(self.scene, state)
@@ -80,11 +81,21 @@ class HybridCourse:
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
-                own = stretch.error, angle, _AVERAGED_TOLERANCE
-                return Piece(problem, end, states, "second order", *own, later, averaged=True)
+                return Piece(
+                    problem,
+                    end,
+                    states,
+                    "second order",
+                    stretch.error,
+                    angle,
+                    _AVERAGED_TOLERANCE,
+                    later,
+                    averaged=True,
+                )
         elif stretch.decisive:
             later = replace(self, stretches=())
-        own, cost = full_tolerance((stretch, *rest), stokes, tolerance, self.worn)
+        ahead = (stretch, *later_stretches)
+        piece_tolerance, cost = full_tolerance(ahead, stokes, tolerance, self.worn)
         angle = self.angle(end - time, cost)
         later = replace(later, spent=self.spent + cost, worn=self.worn + cost)
         return Piece(
@@ -94,7 +105,7 @@ class HybridCourse:
             reason,
             cost,
             angle,
-            own,
+            piece_tolerance,
             later,
         )
 
@@ -104,7 +115,7 @@ class HybridCourse:
         return min(np.pi, (self.spent + error) * duration * high / middle)
 
     def here(self, time: float, state: Array) -> Scene:
-        """What is left of the scene from a state of the full equations on."""
+        """The scene from a state of the full equations on, for the time that is left."""
         if time == 0 and tuple(state.tolist()) == self.full.start:
             return self.scene
         start = start_from(self.scene.ellipsoid, seen(self.scene, state))
@@ -137,12 +148,12 @@ def full_tolerance(
     """
     first = ahead[0]
     error = WINDOWS * ERROR_PER_TOLERANCE * tolerance
-    lasting = sum(each.end - each.start for each in ahead if not each.second_order)
+    lasting = sum(window.end - window.start for window in ahead if not window.second_order)
     share = (error - worn if worn < error else error / 10) * (first.end - first.start) / lasting
-    tolerances = tolerance, *(each for each in FULL if each < tolerance)
+    tolerances = tolerance, *(tighter for tighter in _WINDOW_TOLERANCES if tighter < tolerance)
     grows = PER_RADIAN * first.turned * stokes
-    own = next((each for each in tolerances if each * grows <= share), tolerances[-1])
-    return own, max(own, ROUNDING) * grows
+    chosen = next((loose for loose in tolerances if loose * grows <= share), tolerances[-1])
+    return chosen, max(chosen, ROUNDING) * grows
 
 
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
@@ -173,7 +184,8 @@ def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array],
         entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])
         problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
         return problem, lambda states: states_of(ellipsoid, entry.observe(states))
-    spheroid, (*momentum, px, py, pz) = Spheroid.of(ellipsoid), state.tolist()
+    spheroid = Spheroid.of(ellipsoid)
+    *momentum, px, py, pz = state.tolist()
     slow = slow_start(spheroid, factor, (*momentum, *spheroidal.unit((px, py, pz))))
     if slow is None:
         raise NotAveragedError("St is too small for |L|")

@@ -2,8 +2,8 @@
 
 Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which
 is μ'δ of the paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative
-order y ln y, so that the local equations (`lzasymp`, `muasymp`) are good to powers of y and L_z',
-not of logarithms.
+order y ln y. The local equations (`lzasymp`, `muasymp`) neglect powers of y and L_z', but no powers
+of 1/ln(16/y).
 """
 
 from dataclasses import dataclass
@@ -86,16 +86,16 @@ class Separatrix:
         from scipy.integrate import quad
 
         rate = self.decay / self.growth
-        here = _passed(complement)
-        pushed = quad(
-            lambda y: exp(rate * (_passed(y) - here)),
+        exponent_end = _passed(complement)
+        integral = quad(
+            lambda y: exp(rate * (_passed(y) - exponent_end)),
             complement_start,
             complement,
             epsabs=0,
             epsrel=1e-13,
         )
-        start = exp(rate * (_passed(complement_start) - here))
-        return start * shift_start - self.push / self.growth * pushed[0]
+        start = exp(rate * (_passed(complement_start) - exponent_end))
+        return start * shift_start - self.push / self.growth * integral[0]
 
     def critical(self, complement: float) -> float:
         """L_z' at y on the critical trajectory, the only one that meets the singular point y = L_z' = 0."""
@@ -104,11 +104,12 @@ class Separatrix:
     def slow_state(self, complement: float, shift: float) -> tuple[float, float, float, float]:
         """Slow variables (L_x, L_y, L_z, E) with L_x = L_y = 0 of y and L_z', without approximation."""
         i1, i2, i3 = self._sorted[0]
-        near, far = (i3, i1) if self.side == "short" else (i1, i3)
-        share = complement * (near - i2) / (near - far)
+        encircled, opposite = (i3, i1) if self.side == "short" else (i1, i3)
+        share = complement * (encircled - i2) / (encircled - opposite)
         momentum = shift - i2 / 2
-        return 0.0, 0.0, momentum, momentum * momentum * (1 - share) / (2 * (i2 - share * far))
+        return 0.0, 0.0, momentum, momentum * momentum * (1 - share) / (2 * (i2 - share * opposite))
 
 
 def _passed(complement: float) -> float:
+    """2W t₂ = y ln(16/y) + y at the slow time t₂ since the separatrix."""
     return complement * (log(16 / complement) + 1) if complement > 0 else 0.0

@@ -39,9 +39,8 @@ class CorrectedSpheroid(Form):
     2(St Φ + φ₀) (`lzsfod2`, the phase taken along the slow solution, L_z signed); the slow solution
     starts at L_z(0) - L_z⁽¹⁾(0)/St. The error of L_z and E is then O(St⁻²).
 
-    Not in the catalogue: L_x and L_y keep their O(1/St) error (the first-order correction of the
-    paper leaves them at 0), so that as a whole the form is of no higher order than
-    `averaged-spheroid`.
+    Not in the catalogue: L_x and L_y keep their O(1/St) error, as the paper's first-order correction
+    leaves them at 0. As a whole the form has the order of `averaged-spheroid`.
     """
 
     name = "averaged-spheroid-corrected"

@@ -6,16 +6,20 @@ import numpy as np
 
 from polhode.models.shape import Ellipsoid
 
+# Collocation nodes in half a turn; they resolve ratios a/b up to 1000 in seconds.
 _MOST_NODES = 2048
+# Newton's method converges quadratically from the marched guess: more steps would not help.
 _MOST_STEPS = 20
+# Relative difference of two periods, over √nodes, that counts as rounding.
 _ROUNDOFF = 1e-14
 
 
 def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     """Period of one full turn on the limit cycle, in units of the inverse shear rate.
 
-    The rate w = -φ̇ of the one angle φ obeys w dw/dφ = ε⁻¹(w - g), g = (a²sin²φ + b²cos²φ)/(a² +
-    b²), with a, b the semi-axes in the flow-gradient plane and ε = St I/(8πX) (`ultima`, `jw3`).
+    The rate w = -φ̇ of the one angle φ obeys w dw/dφ = ε⁻¹(w - g) (`ultima`, `jw3`). Here g is
+    (a²sin²φ + b²cos²φ)/(a² + b²), ε is St I/(8πX), and a, b are the semi-axes in the flow-gradient
+    plane.
     Its solution of period π is found by collocation, not by waiting for the transient to decay, and
     T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ), κ = a/b, at St = 0 and tends to 4π as St → ∞.
 
