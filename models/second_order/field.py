@@ -1,9 +1,9 @@
 """Vector field of the second-order averaged triaxial ellipsoid, one and the same for every shape.
 
-State y = (L/I_max, a, e₁, σ_α, σ_β): a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃) says how far the
-polhode is from the permanent axis, e₁ ⊥ L is carried along by parallel transport, the polhode phase
-is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers stand
-in the parameters p behind each other:
+The state is y = (L/I_max, a, e₁, σ_α, σ_β). The distance of the polhode from the permanent axis is
+a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃). Parallel transport carries e₁ ⊥ L along. The polhode
+phase is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers
+stand in the parameters p behind each other:
 
 - `_HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
@@ -20,16 +20,15 @@ from typing import Any
 from polhode.models.operations import Field, Operations
 
 STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha", "sigma_beta")
-# The functions, in their order: those of first order, those of second order, which alone have
-# poles, and the rates.
+# The functions in their order: first order, second order (these alone have poles), and the rates.
 _FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
-SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
-NAMES = (*_FIRST, *SECOND, "nu1", "nu2")
+SECOND_ORDER = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
+COEFFICIENTS = (*_FIRST, *SECOND_ORDER, "nu1", "nu2")
 _HEAD = 2
-_SERIES = len(NAMES)
+_SERIES = len(COEFFICIENTS)
 NODES = 32
 POLES = 8
-POLE = 2 + 2 * len(SECOND)
+POLE = 2 + 2 * len(SECOND_ORDER)
 # Keeps 0/0 away where a run rests on a resonance.
 _TINY = 1e-60
 
@@ -52,14 +51,16 @@ def field(ops: Operations) -> Field:
         nx = lx * over
         ny = ly * over
         nz = lz * over
-        found = series((a * a - p[0]) * p[1], p)
-        f0, f2, g0, g2, r1, r2, ea, eb = found[: len(_FIRST)]
+        coefficients = series((a * a - p[0]) * p[1], p)
+        f0, f2, g0, g2, r1, r2, ea, eb = coefficients[: len(_FIRST)]
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
         for at in range(_HEAD + _SERIES * NODES, _HEAD + _SERIES * NODES + POLES * POLE, POLE):
             twice, once = regular(a * a - p[at], drift * p[at + 1])
-            for k in range(len(SECOND)):
-                found[len(_FIRST) + k] += twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND) + k]
-        a1, a2, b1, b2, *across, nu1, nu2 = found[len(_FIRST) :]
+            for k in range(len(SECOND_ORDER)):
+                coefficients[len(_FIRST) + k] += (
+                    twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND_ORDER) + k]
+                )
+        a1, a2, b1, b2, *across, nu1, nu2 = coefficients[len(_FIRST) :]
         n = (nx, ny, nz)
         f = (f0, f2, a1, a2)
         g = (g0, g2, b1, b2)
@@ -82,7 +83,10 @@ def field(ops: Operations) -> Field:
 
 
 def regular(x: Any, square: Any) -> tuple[Any, Any]:
-    """What stands for 1/x² and 1/x: x³/(x⁴ + w⁴) for the latter, `square` = ±w², less its derivative for the first."""
+    """Regular functions in place of 1/x² and 1/x, with `square` = ±w².
+
+    The second is x³/(x⁴ + w⁴), the first minus its derivative.
+    """
     x2 = x * x
     w4 = square * square + _TINY
     over = 1 / (x2 * x2 + w4)
@@ -91,23 +95,23 @@ def regular(x: Any, square: Any) -> tuple[Any, Any]:
 
 def series(t: Any, p: Any) -> list[Any]:
     """The Chebyshev series at t."""
-    found = []
+    sums = []
     terms = polynomials(t, NODES)
     for first in range(_HEAD, _HEAD + _SERIES * NODES, NODES):
         total = p[first] + p[first + 1] * t
         for k in range(2, NODES):
             total = total + p[first + k] * terms[k]
-        found.append(total)
-    return found
+        sums.append(total)
+    return sums
 
 
 def polynomials(t: Any, count: int) -> list[Any]:
     """The first Chebyshev polynomials at t."""
-    found = [1 + 0 * t, t]
+    values = [1 + 0 * t, t]
     twice = 2 * t
-    while len(found) < count:
-        found.append(twice * found[-1] - found[-2])
-    return found
+    while len(values) < count:
+        values.append(twice * values[-1] - values[-2])
+    return values
 
 
 def averaged_rates(ops: Operations) -> Callable[..., Any]:

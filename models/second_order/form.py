@@ -23,10 +23,11 @@ from polhode.models.second_order.outline import Outline, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 _START_PASSES = 60
+# Residual of that equation, over |L|, at which passes end: rounding.
 _START_CLOSE = 1e-15
 # Shares of the time to the first window at which a run is tried to be stopped.
 STOPS = (0.98, 0.9)
-# Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
+# Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing.
 _MEANINGLESS = 1.0
 
 
@@ -59,22 +60,22 @@ class SecondOrder(Form):
             )
         self.require_slow_motion(scene)
         self.require_orientation(scene)
-        found = outline(scene)
-        for each in found.stretches:
-            if not each.second_order:
+        prediction = outline(scene)
+        for stretch in prediction.stretches:
+            if not stretch.second_order:
                 when = (
-                    f"averaging does not hold from t₂ = {each.start:.2g}"
-                    if each.start > 0
+                    f"averaging does not hold from t₂ = {stretch.start:.2g}"
+                    if stretch.start > 0
                     else "the start"
                 )
-                raise self.refuse(f"{when}: {each.reason}", full_form(scene))
+                raise self.refuse(f"{when}: {stretch.reason}", full_form(scene))
         if scene.ellipsoid.kind == "triaxial":
             self._entry(scene)
         elif _started(scene) is None:
             raise self.refuse(
                 f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene)
             )
-        if not found.slow < _MEANINGLESS:
+        if not prediction.slow < _MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
     def orientation_of(self, scene: Scene) -> Orientation:
@@ -147,11 +148,11 @@ def slow_start(
     size = max(1.0, hypot(*exact[:3]))
     for _ in range(_START_PASSES):
         image = spheroidal.swung(spheroid, torque_factor, slow[:3], slow[3:])
-        excess = [found - wanted for found, wanted in zip(image, exact, strict=True)]
-        slow = [found - more for found, more in zip(slow, excess, strict=True)]
+        residual = [moved - fixed for moved, fixed in zip(image, exact, strict=True)]
+        slow = [component - change for component, change in zip(slow, residual, strict=True)]
         slow[3:] = spheroidal.unit(slow[3:])
         before = left
-        left = max(map(abs, excess)) / size
+        left = max(map(abs, residual)) / size
         # Each pass gains the same factor.
         if left * min(1, left / before) <= _START_CLOSE:
             return tuple(slow)

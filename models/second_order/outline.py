@@ -1,8 +1,8 @@
-"""Where a run can be followed by averaging to second order, and how wrong it is there, before anything is solved.
+"""Predicts which parts of a run averaging to second order can follow, and with what error, before any solution.
 
 The first-order solution says where the run goes. Along it rho, the size of the near-identity
-transformation over St, is what each order of averaging is smaller by than the one before. Later
-kicks amplify an error: it shifts the phases of the resonances behind it, and so what these give.
+transformation over St, is the ratio of each order of averaging to the one before. Later kicks
+amplify an error: it shifts the phases of the resonances that follow, and so their kicks.
 """
 
 from collections.abc import Iterator
@@ -21,30 +21,32 @@ Array = np.ndarray
 
 # Above this rho the expansion in 1/St means nothing.
 _MEANINGLESS = 0.35
-# The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
+# The highest harmonic of the torque: an error φ of the phase, in rad, makes an error of this many
+# φ rho in the swing.
 _HARMONIC = 2
-# Shares of the error asked for that averaging and kicks left out may cost, the latter together and
-# one alone; by trial.
+# Share of the requested error that averaging may cost; by trial.
 _SHARE = 0.5
+# Share of it that all kicks left out may cost together; by trial.
 _LEFT_OUT = 0.3
+# Share of it that one kick left out may cost; by trial.
 _ONE = 0.15
-# Kicks of random phases stay below so many times the root of the sum of their squares all along in
-# 97.5 %: 2.5/√2, as a walk's largest distance is beyond one at most twice as often as its last.
+# In 97.5 % of runs kicks of random phases stay below this multiple of the root of the sum of their
+# squares: 2.5/√2, as a walk's largest distance exceeds a bound at most twice as often as its last.
 _RANDOM = 1.77
-# Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
+# Least turns of the body in a stretch between windows: a shorter one costs more than it saves.
 _TURNS = 300
 # A window is cut where this share of its weighted turning is left, but far more turns, for a looser
 # tolerance.
 _FALLEN = 0.1
-# Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings
-# in a run at most.
+# Errors are forgotten at this share of the slowest damping rate; by trial.
 _FADING = 0.15
+# Most e-foldings of forgetting in a run, lest exponentials overflow.
 _LONG_AGO = 600.0
-# Levels between which windows are chosen: the share of the one before, and the least one's of the
-# largest.
+# Windows are chosen at falling levels of the error per time: ratio of one level to the one before.
 _FALL = 0.53
+# Least level over the largest one.
 _LEAST = 1e-8
-# Where a window is looked at, in half widths from its middle.
+# Times at which a window is looked at, in half widths from its middle.
 _INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
@@ -83,8 +85,8 @@ class Outline:
     def slow(self) -> float:
         """Estimated slow error, over I_max, of a run by second order alone: inf if it cannot be followed."""
         return (
-            sum(each.error for each in self.stretches)
-            if all(s.second_order for s in self.stretches)
+            sum(stretch.error for stretch in self.stretches)
+            if all(stretch.second_order for stretch in self.stretches)
             else inf
         )
 
@@ -100,8 +102,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     kicks = path.kicks
     if kicks:
         # A window may be narrower than the path's steps.
-        halves = [ahead.strong.get(each, each.width) for each in kicks]
-        path = path.at(np.outer(_INSIDE, halves) + [each.time for each in kicks])
+        halves = [ahead.strong.get(kick, kick.width) for kick in kicks]
+        path = path.at(np.outer(_INSIDE, halves) + [kick.time for kick in kicks])
     times = path.times
     weight = ahead.weight(path.times)
     reasons = [*_REASONS]
@@ -113,17 +115,17 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     sound = why == 0
     sudden = np.zeros(len(times))
     swing, smaller, third = (
-        np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third)
+        np.where(sound, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
     )
     local = swing * np.hypot(smaller, path.fading) * path.scale
-    for each, half in ahead.strong.items():
-        why[np.abs(times - each.time) <= half] = len(reasons)
-        reasons.append(f"resonance {each.mode}")
-        local = local + each.missed(times)
-    for each in kicks:
-        if each in ahead.left:
-            at = np.searchsorted(times, each.time)
-            sudden[at] = hypot(sudden[at], ahead.left[each])
+    for kick, half in ahead.strong.items():
+        why[np.abs(times - kick.time) <= half] = len(reasons)
+        reasons.append(f"resonance {kick.mode}")
+        local = local + kick.missed(times)
+    for kick in kicks:
+        if kick in ahead.left:
+            at = np.searchsorted(times, kick.time)
+            sudden[at] = hypot(sudden[at], ahead.left[kick])
     sound = why == 0
     if kicks:
         sudden = _RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
@@ -134,7 +136,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     held = np.where(unknown, 0, held)
     local = np.where(unknown, 0, local)
     late = np.exp(min(_FADING * min(scene.ellipsoid.damping), _LONG_AGO / float(times[-1])) * times)
-    # Where the phase is wrong, the swing is put back wrongly.
+    # An error of the phase puts the swing back wrongly.
     swung = np.where(sound & (local <= share), swing * path.scale, 0)
     level = most = held.max()
     while True:
@@ -158,57 +160,56 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
 
 @dataclass(frozen=True)
 class Ahead:
-    """What kicks on a path make of errors, and which of them matter.
+    """How the kicks on a path amplify errors, and which kicks need a window.
 
-    An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At
-    random phases the square of what comes of it is e·Ge in the mean, e = (z, φ), counted from the
-    end of the run backwards.
+    An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
+    At random phases the mean square of the error at the end of the run is e·Ge; G is summed from
+    the end of the run backwards.
     """
 
     path: Path
     strong: dict[Kick, float]  # half widths of windows
-    left: dict[Kick, float]  # what comes of kicks that are left out
+    left: dict[Kick, float]  # error at the end of the run of each kick that is left out
     behind: list[
         tuple[float, Array, Array]
-    ]  # the times of others, G and what (α, β) have turned by there
+    ]  # time of each kick that is not left out, G before it, and (α, β) turned until then
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
         """The kicks of a path, where windows are to miss no more than a budget."""
-        found = cls(path, {}, {}, [])
+        ahead = cls(path, {}, {}, [])
         together = 0.0
-        kicks = sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time)
+        kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
         if not kicks:
-            return found
+            return ahead
         g = np.diag([1.0, 1, 0, 0])
         last = path.turned[-1]
-        for kick, here in zip(
-            kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True
-        ):
+        turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
+        for kick, turned in zip(kicks, turned_at_kicks, strict=True):
             onwards = np.eye(4)
-            onwards[2:, :2] = last - here
-            given = onwards[:, :2] @ kick.along
-            square = 0.5 * (given.conj() @ g @ given).real
+            onwards[2:, :2] = last - turned
+            response = onwards[:, :2] @ kick.along
+            square = 0.5 * (response.conj() @ g @ response).real
             size = max(kick.size, sqrt(square))
             if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
-                found.left[kick] = size
+                ahead.left[kick] = size
                 together = hypot(together, size)
                 continue
             g = onwards.T @ g @ onwards
-            last = here
+            last = turned
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
-            found.behind.append((kick.time, g, last))
+            ahead.behind.append((kick.time, g, last))
             if kick.width:
-                found.strong[kick] = kick.window(
+                ahead.strong[kick] = kick.window(
                     _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
                 )
-        return found
+        return ahead
 
     def weight(self, times: Array) -> Array:
         """By how much later kicks amplify an error made at these times."""
         weight = np.ones(len(times))
         if self.behind:
-            until, g, last = (np.array(each) for each in zip(*self.behind, strict=True))
+            until, g, last = (np.array(column) for column in zip(*self.behind, strict=True))
             at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
             before = at >= 0
             at = at[before]
@@ -236,23 +237,23 @@ def _stretches(
     # Windows reach from a sound point to a sound point.
     between = np.where(why[:-1] > 0, why[:-1], why[1:])
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
-    found: list[tuple[int, int]] = []
+    ranges: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
         if (
-            found
+            ranges
             and (between[first] or turns[last] - turns[first] < _TURNS)
-            and between[found[-1][0]]
+            and between[ranges[-1][0]]
         ):
-            found[-1] = found[-1][0], last
+            ranges[-1] = ranges[-1][0], last
         else:
-            found.append((first, last))
+            ranges.append((first, last))
     gained = path.summed(path.wear * weight)
-    for first, last in found:
-        here = slice(first, last + 1)
-        whole = [each for each in dict.fromkeys(between[first:last].tolist()) if each]
-        if whole:
-            reason = "; ".join(dict.fromkeys(reasons[each] for each in whole))
-            decisive = _SEPARATRIX in whole or _TOO_SLOW in whole
+    for first, last in ranges:
+        part = slice(first, last + 1)
+        causes = [cause for cause in dict.fromkeys(between[first:last].tolist()) if cause]
+        if causes:
+            reason = "; ".join(dict.fromkeys(reasons[cause] for cause in causes))
+            decisive = _SEPARATRIX in causes or _TOO_SLOW in causes
             until = last
             while first < last:
                 cut = int(
@@ -269,8 +270,8 @@ def _stretches(
                 )
                 first = until
         else:
-            error = drifting[here].max() - (drifting[first] if first else 0.0) + passing[here].max()
-            swing = lag[last] - lag[first] + path.swing[here].max()
+            error = drifting[part].max() - (drifting[first] if first else 0.0) + passing[part].max()
+            swing = lag[last] - lag[first] + path.swing[part].max()
             turned = gained[last] - gained[first]
             ends = float(times[first]), float(times[last])
             yield Stretch(*ends, True, error=float(error), swing=float(swing), turned=float(turned))

@@ -21,27 +21,29 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# The solver that follows a path, imported on use, as models know no solvers; its tolerance, by
-# which kicks are where they are said to be. Points of a path, and of a spheroid's, which has no
-# kicks.
+# The solver that follows a path, imported on use, as models know no solvers.
 FOLLOWED = "polhode.solvers.following:followed"
-TOLERANCE = 1e-8
+# Its tolerance: an error of the path shifts the times of kicks.
+_PATH_TOLERANCE = 1e-8
+# Points of a triaxial ellipsoid's path, which has kicks.
 _KICKED = 240
+# Points of a spheroid's path, which has none.
 _SMOOTH = 100
-# |L| over I_max below which a body does not rotate, and what times lie apart at least, over the whole: rates are taken
-# between them.
+# |L| over I_max below which a body does not rotate.
 TINY = 1e-12
+# Least distance of times over the whole run: rates are taken between them.
 _CLOSE = 1e-12
-# Depth a² at which tables end, less what a first-order path may be wrong by.
-_DEEPEST = tables.MOST - 0.2
-# Third-order terms over what rho makes of those of second order, so that estimates bound most runs;
+# Depth a² at which tables end, less the error of a first-order path.
+_DEEPEST = tables.MAX_A2 - 0.2
+# Third-order terms over rho times the second-order ones, such that estimates bound most runs;
 # chosen by trial.
 _MARGIN = 3.6
-# Of those of first order, over the square of the damping over a radian; by trial, too.
+# Third-order terms over first-order ones times the square of the damping in a radian; chosen by
+# trial.
 _DAMPED = 0.05
-# Least speed at which the shear turns a body.
+# Least speed at which the shear turns a body, in rad per unit of time.
 LEAST_SPEED = 0.5
-# What L² = 2EI₂ makes of a phase: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
+# Jump of a phase at L² = 2EI₂: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
 # square of cot α being this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986).
 # At the end of the tables the elliptic integral 4K is some 15; 4π, which is less, is taken for it.
 _SADDLE = 15.0
@@ -65,17 +67,17 @@ class Path:
         form = find_form(averaged_form(scene))
         times = np.zeros(1)
         slow = scene.initial.slow
-        # Where L is 0 or along the middle axis, nothing is averaged.
+        # If L is 0 or along the middle axis, nothing is averaged.
         with suppress(FormNotValidError):
             problem = form.problem(scene)
             points = _KICKED if scene.ellipsoid.kind == "triaxial" else _SMOOTH
-            times, states = imported(FOLLOWED)(problem, TOLERANCE, points)
+            times, states = imported(FOLLOWED)(problem, _PATH_TOLERANCE, points)
             # Times of a short run may lie closer than numbers can.
             apart = np.append(True, np.diff(times) > 0)
             times = times[apart]
             slow = form.observe(scene, states).slow[apart]
         if times[-1] < scene.slow_time:
-            # |L| is 0 or falls to it: what is said of it holds until it has risen again.
+            # |L| is 0 or falls to 0: the last state stands until |L| has risen again.
             end = times[-1] + sqrt(_RISEN * scene.torque_factor / min(scene.ellipsoid.damping))
             # At large St that takes less than a digit of the time.
             if end > times[-1]:
@@ -107,12 +109,12 @@ class Path:
 
     @cached_property
     def scale(self) -> Array:
-        """What changes of L over |L| and of the pose in rad make a slow error, over I_max, at most."""
+        """Bound of the error of L and E, over I_max, per change of L over |L| and per rad of the pose."""
         return self.size * self.spin
 
     @cached_property
     def longest(self) -> Array:
-        """Whether the side is that of the longest axis."""
+        """Whether the polhode circles the longest axis."""
         return (
             2 * self.slow[:, 3] * sorted(self.ellipsoid.inertia)[1]
             > (max(self.ellipsoid.inertia) * self.size) ** 2
@@ -131,30 +133,33 @@ class Path:
 
     @cached_property
     def _sides(self) -> list[tuple[bool, Array, tables.Table]]:
-        """Sides of L² = 2EI₂ on which the path lies: whether that of the longest axis, where, and the table."""
-        sides = (False, True) if self.ellipsoid.kind == "triaxial" else ()
-        found = [
-            (side, np.flatnonzero(np.isfinite(self.a2) & (self.longest == side))) for side in sides
-        ]
-        return [
-            (side, here, tables.table(self.ellipsoid, side)) for side, here in found if len(here)
-        ]
+        """Sides of L² = 2EI₂ on which the path lies.
+
+        For each whether it is the longest axis' side, the indices of its points, and the table.
+        """
+        sides = list[tuple[bool, Array, tables.Table]]()
+        for longest in (False, True) if self.ellipsoid.kind == "triaxial" else ():
+            points = np.flatnonzero(np.isfinite(self.a2) & (self.longest == longest))
+            if len(points):
+                sides.append((longest, points, tables.table(self.ellipsoid, longest)))
+        return sides
 
     @cached_property
     def _orders(self) -> Array:
+        """ρ and the largest rate of second order, rows of shape (2, m)."""
         swing, second = orders = np.full((2, len(self.times)), inf)
         if self.ellipsoid.kind != "triaxial":
-            here = self.size > TINY
-            orders[:, here] = spheroidal.orders(
-                Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[here]
+            rotating = self.size > TINY
+            orders[:, rotating] = spheroidal.orders(
+                Spheroid.of(self.ellipsoid), self.torque_factor, self.slow[rotating]
             )
         unit = max(self.ellipsoid.inertia)
-        for longest, here, found in self._sides:
-            size = extent(self.ellipsoid, longest, self.slow[here, :3], self.a2[here])
-            swing[here] = size * self.torque_factor
-            steep = np.exp(-self.a2[here]) * self.a2[here] * _range(self.ellipsoid, longest)[1]
-            second[here] = (
-                tables.second(found, unit, self.slow[here] / unit, self.a2[here], steep)
+        for longest, points, table in self._sides:
+            size = extent(self.ellipsoid, longest, self.slow[points, :3], self.a2[points])
+            swing[points] = size * self.torque_factor
+            steep = np.exp(-self.a2[points]) * self.a2[points] * _range(self.ellipsoid, longest)[1]
+            second[points] = (
+                tables.second(table, unit, self.slow[points] / unit, self.a2[points], steep)
                 * self.torque_factor
             )
         return orders
@@ -180,55 +185,57 @@ class Path:
 
     @cached_property
     def smaller(self) -> Array:
-        """What terms of third order are over those of second order: rho, or how far L changes in a radian."""
+        """Ratio of third-order terms to second-order ones: rho, or how far L changes in a radian."""
         slow = self.change / np.maximum(self.size, TINY) * self.torque_factor / self.speed
         return np.hypot(_MARGIN * self.swing, slow)
 
     @cached_property
     def fading(self) -> Array:
-        """How far the transformation changes in a radian, over itself: its next order is so much of it."""
+        """Change of the transformation in a radian over itself: the ratio of its next order to it."""
         with np.errstate(all="ignore"):
             rate = np.abs(np.gradient(np.log(self.swing), self.times))
         return np.where(np.isfinite(rate), rate, 0) * self.torque_factor / self.speed
 
     @property
     def third(self) -> Array:
-        """|L'| or |E'| of third order over I_max; that of second order may vanish where a body settles."""
+        """|L'| or |E'| of third order over I_max, also by first order: second order may vanish where a body settles."""
         damped = max(self.ellipsoid.damping) * self.torque_factor / self.speed
         with np.errstate(invalid="ignore"):
             third = self.second * self.smaller + _DAMPED * self.change * damped**2
-        # A rate of infinity times nothing is not known.
+        # Infinity times 0 is NaN: no bound is known.
         return np.where(np.isnan(third), inf, third)
 
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:
         """Kicks of the resonances that the path passes, in their order."""
-        found = [kick for each in self._sides for kick in self._kicks(*each)]
-        return tuple(sorted(found, key=lambda kick: kick.time))
+        kicks = list[Kick]()
+        for longest, points, table in self._sides:
+            kicks += self._kicks(longest, points, table)
+        return tuple(sorted(kicks, key=lambda kick: kick.time))
 
     def crossings(self) -> list[Kick]:
         """Jumps at L² = 2EI₂, as kicks by the phase α."""
         inside = np.isfinite(self.a2)
         unit = max(self.ellipsoid.inertia)
-        found = []
+        jumps = []
         for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
             series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
-            nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MOST - 1)[0, 0]
+            nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MAX_A2 - 1)[0, 0]
             rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit
             taken = rate * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
             jump = np.array([0, sqrt(2 * _SADDLE) * taken / (4 * pi)])
-            found.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
-        return found
+            jumps.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
+        return jumps
 
-    def _kicks(self, side: bool, here: Array, table: tables.Table) -> list[Kick]:
+    def _kicks(self, side: bool, points: Array, table: tables.Table) -> list[Kick]:
         unit = max(self.ellipsoid.inertia)
         times = self.times
         a2 = self.a2
-        above = a2[here, None] > table.resonances[:, 2]
-        at, which = np.nonzero((np.diff(here) == 1)[:, None] & (above[1:] != above[:-1]))
+        above = a2[points, None] > table.resonances[:, 2]
+        at, which = np.nonzero((np.diff(points) == 1)[:, None] & (above[1:] != above[:-1]))
         if not len(at):
             return []
-        at = here[at]
+        at = points[at]
         k1, k2, there, slope = table.resonances[which, :4].T
         share = (there - a2[at]) / (a2[at + 1] - a2[at])
         step = times[at + 1] - times[at]
@@ -238,31 +245,32 @@ class Path:
         size = np.linalg.norm(slow[:, :3], axis=1)
         width = np.sqrt(self.torque_factor / (size * np.abs(slope) * drift))
         lasting = 2 / unit * np.minimum(sqrt(2 * pi) * width, times[-1])
-        found = modes_at(
-            series_for(self.ellipsoid, side), slow[:, :3], there, k1.astype(int), k2.astype(int)
-        )
-        strength, grown, risen = (lasting * each for each in found)
+        series = series_for(self.ellipsoid, side)
+        modes = modes_at(series, slow[:, :3], there, k1.astype(int), k2.astype(int))
+        strength, grown, risen = (lasting * amplitude for amplitude in modes)
         h = 2 * slow[:, 3] / size**2
         fall = np.exp(-there)
         energy = (
             size * h * grown
             + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
         )
-        modes = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
+        orders = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
         along = np.stack([grown, energy], axis=1)
         rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
         turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
         bend = np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
-        times, sizes, widths, *rest = (
-            each.tolist() for each in (when, strength, width, bend, drift * width)
+        times, sizes, widths, bends, drifts = (
+            column.tolist() for column in (when, strength, width, bend, drift * width)
         )
-        return [Kick(*each) for each in zip(times, sizes, modes, widths, along, *rest, strict=True)]
+        rows = zip(times, sizes, orders, widths, along, bends, drifts, strict=True)
+        return [Kick(*row) for row in rows]
 
     def may_cross(self, error: float) -> Array:
-        """Where an error of L and E over I_max carries the run to the end of the tables or across L² = 2EI₂."""
+        """Whether an error of L and E over I_max carries the run to the end of the tables or across L² = 2EI₂."""
         if self.ellipsoid.kind != "triaxial":
             return np.zeros(len(self.times), bool)
-        unit, (_, width) = max(self.ellipsoid.inertia), _range(self.ellipsoid, self.longest)
+        unit = max(self.ellipsoid.inertia)
+        _, width = _range(self.ellipsoid, self.longest)
         with np.errstate(all="ignore"):
             moved = (
                 error
@@ -270,7 +278,7 @@ class Path:
                 * (1 + 2 * self.slow[:, 3] / (unit * self.size))
                 / (unit * self.size**2 * np.abs(width))
             )
-        return ~(np.exp(-self.a2) > exp(-tables.MOST) + moved)
+        return ~(np.exp(-self.a2) > exp(-tables.MAX_A2) + moved)
 
     @cached_property
     def turned(self) -> Array:
@@ -288,14 +296,15 @@ class Path:
         size = self.size
         energy = self.slow[:, 3] / max(self.ellipsoid.inertia)
         rates = np.zeros((len(self.times), 2, 2))
-        for side, here, table in self._sides:
-            t, (_, width) = 2 * self.a2[here] / tables.MOST - 1, _range(self.ellipsoid, side)
+        for side, points, table in self._sides:
+            t = 2 * self.a2[points] / tables.MAX_A2 - 1
+            _, width = _range(self.ellipsoid, side)
             nu, rise = np.split(tables.evaluated(table.turning, t).T, 2, axis=1)
             # ∂a²/∂E, and ∂a²/∂|L| over it.
-            steep = 2 * np.exp(self.a2[here]) / (unit * size[here] ** 2 * width)
-            rise = unit * (size[here] * steep)[:, None] * rise
-            fall = -2 * energy[here] / size[here]
-            rates[here] = np.stack([unit * nu + fall[:, None] * rise, rise], axis=2)
+            steep = 2 * np.exp(self.a2[points]) / (unit * size[points] ** 2 * width)
+            rise = unit * (size[points] * steep)[:, None] * rise
+            fall = -2 * energy[points] / size[points]
+            rates[points] = np.stack([unit * nu + fall[:, None] * rise, rise], axis=2)
         return rates
 
     @cached_property
@@ -311,9 +320,9 @@ class Path:
 
     def summed(self, rates: Array) -> Array:
         """Integrals from the start to each time, the first index."""
-        found = np.zeros(rates.shape)
-        ((rates[1:] + rates[:-1]).T * np.diff(0.5 * self.times)).T.cumsum(axis=0, out=found[1:])
-        return found
+        integrals = np.zeros(rates.shape)
+        ((rates[1:] + rates[:-1]).T * np.diff(0.5 * self.times)).T.cumsum(axis=0, out=integrals[1:])
+        return integrals
 
     def lag(self, swing: Array) -> Array:
         """Errors of the angles, in rad: their rates miss the mean square of the swing, half its largest one's."""
@@ -336,8 +345,8 @@ def path_of(scene: Scene) -> Path:
         ) from None
 
 
-def _interpolated(wanted: Array, times: Array, rows: Array) -> Array:
-    return np.stack([np.interp(wanted, times, column) for column in rows.T], axis=1)
+def _interpolated(points: Array, times: Array, rows: Array) -> Array:
+    return np.stack([np.interp(points, times, column) for column in rows.T], axis=1)
 
 
 def _range(ellipsoid: Ellipsoid, longest: Array | bool) -> tuple[Array, Array]:

@@ -162,10 +162,10 @@ class Polhodes:
         weights = np.concatenate([weights, -weights]) / _STEP
         y = (self.y + _STEP * steps[:, None]).ravel()
         phase = np.tile(self.phase, len(steps))
-        near = replace(self, y=y, phase=phase)
+        shifted = replace(self, y=y, phase=phase)
         total = dict[str, Array]()
         for name in ("z", "lead", "rate", "turn"):
-            values = getattr(near, name)
+            values = getattr(shifted, name)
             total[name] = np.tensordot(
                 weights, values.reshape(len(steps), -1, *values.shape[1:]), 1
             )

@@ -15,10 +15,12 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
+# Passes after which no slow state is said to belong to a pose.
 _START_PASSES = 60
+# Error of a slow start, relative and in rad, at which passes end: rounding.
 _START_CLOSE = 1e-14
 # States whose places are held in memory together.
-CHUNK = 208
+_MAX_STATES = 208
 # Keeps 0/0 away where nothing turns.
 _TINY = 1e-300
 # Matrices of the cross products with unit vectors, as rows.
@@ -34,7 +36,7 @@ class NotAveragedError(ValueError):
 
 @dataclass(frozen=True)
 class Entry:
-    """What follows a body from an exact pose on: an initial value problem of `field` in slow time since then."""
+    """An initial value problem of `field` that follows a body from an exact pose on, in slow time since then."""
 
     ellipsoid: Ellipsoid
     torque_factor: float
@@ -48,8 +50,10 @@ class Entry:
         """Observables with the complete rotation of states, shape (n, 9): fast phases and O(1/St) swing put back."""
         if not len(states):
             return Observables(np.empty((0, 3)), np.empty(0), np.empty((0, 3, 3)))
-        pieces = [self._exact(states[i : i + CHUNK]) for i in range(0, len(states), CHUNK)]
-        momentum, rotation = (np.concatenate(each) for each in zip(*pieces, strict=True))
+        pieces = [
+            self._exact(states[i : i + _MAX_STATES]) for i in range(0, len(states), _MAX_STATES)
+        ]
+        momentum, rotation = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         rotation = np.swapaxes(rotation @ self.side.axes, 1, 2)
         body = np.einsum("mij,mj->mi", rotation, momentum)
         return Observables(
@@ -112,7 +116,7 @@ def _slow_start(
         place = _place(series, momentum @ rotation / size)
         if place is None:
             break
-        if place.a2[0] > tables.MOST:
+        if place.a2[0] > tables.MAX_A2:
             raise NotAveragedError("L² = 2EI₂ is too near")
         q = rotation @ place.body[0].T
         if close:
@@ -130,10 +134,11 @@ def _slow_start(
 
 
 def _place(series: Series, z: Array) -> Place | None:
-    """Where on the torus a body is, n having the components z, shape (3,); None beyond L² = 2EI₂."""
+    """Place on the torus of a body in which n has the components z, shape (3,); None beyond L² = 2EI₂."""
     from scipy.special import ellipkinc, ellipkm1
 
-    (z1, z2, z3), (i1, i2, i3) = z.tolist(), series.side.inverse_inertia.tolist()
+    z1, z2, z3 = z.tolist()
+    i1, i2, i3 = series.side.inverse_inertia.tolist()
     below = (i1 - i3) * z1 * z1 + (i2 - i3) * z2 * z2
     above = (i2 - i3) * z3 * z3 - (i1 - i2) * z1 * z1
     if above == 0 or not below / above >= 0:

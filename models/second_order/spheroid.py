@@ -1,17 +1,17 @@
 """Second-order averaged spheroid: slow variables to O(1/St²) and orientation to O(1/St), in slow time.
 
-State y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, the torque-free spheroid
-turns its symmetry axis p about n = L/|L| at unit rate whatever the state, so that p = Φ^s(q) with q
-slow. Averaging over s to second order (Sanders, Verhulst & Murdock, Averaging Methods in Nonlinear
-Dynamical Systems, 2nd ed., §2.9) leaves functions of n and h = n·q alone, whose coefficients are
-polynomials in h²: ``docs/derivations/spheroid_second_order.py`` derives them.
+The state is y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, a torque-free
+spheroid turns its symmetry axis p about n = L/|L| at unit rate in any state. Hence p = Φ^s(q) with
+a slow q. Averaging over s to second order leaves functions of n and h = n·q alone (Sanders,
+Verhulst & Murdock, Averaging Methods in Nonlinear Dynamical Systems, 2nd ed., §2.9). Their
+coefficients are polynomials in h², which ``docs/derivations/spheroid_second_order.py`` derives.
 
-With l = |L|, S = ½(n_y, n_x, 0) the rate of strain along n, S' its part across n, W = ½(n_y, -n_x,
-0), s₀ = n_x n_y and w₀ = n_z/2:
+The rate of strain along n is S = ½(n_y, n_x, 0), its part across n is S'. With l = |L|,
+W = ½(n_y, -n_x, 0), s₀ = n_x n_y and w₀ = n_z/2 the rates are:
 
-- n·L' = l f₀ + f₂w₀ + (a₁ + a₂w₀/l) s₀/(l St)
-- L'⊥ = n×(r₁S + r₂W) + [p₁S' + p₂W + n×(p₃S + p₄W) s₀/l + (p₅S' + p₆W) w₀/l]/(l St)
-- h' = h(1-h²) [g₀ + g₂w₀/l + (b₁ + b₂w₀/l) s₀/(l² St)]
+- n·L' = l f₀ + f₂w₀ + (a₁ + a₂w₀/l) s₀/(l St);
+- L'⊥ = n×(r₁S + r₂W) + [p₁S' + p₂W + n×(p₃S + p₄W) s₀/l + (p₅S' + p₆W) w₀/l]/(l St);
+- h' = h(1-h²) [g₀ + g₂w₀/l + (b₁ + b₂w₀/l) s₀/(l² St)];
 - n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in the orders above).
 """
 
@@ -29,11 +29,11 @@ Polynomial = tuple[float, ...]
 
 # The components of a vector, numbers or arrays.
 Triple = Sequence[Any]
-# Rows of which Python's floats are faster than arrays.
+# Up to this many rows Python's floats are faster than arrays.
 _FEW = 6
 # How many of the parameters are of first order; they stand first.
 _FIRST = 12
-# Turns about L at which the size of the transformation is looked at, shape (6, 1).
+# Turns about L, in rad, at which the size of the transformation is taken, shape (6, 1).
 _TURNS = pi / 3 * np.arange(6)[:, None]
 # Keeps 0/0 away where p is along L.
 _TINY = 1e-300
@@ -81,10 +81,13 @@ def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
 
 
 def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
-    """Parameters p of `field`: the coefficients of the polynomials one after another, those of second order over St."""
+    """Parameters p of `field`: the polynomials' coefficients one after another, second-order ones over St."""
     polynomials = coefficient_polynomials(torque_coefficients(spheroid))
     factors = {name: torque_factor if name[0] in "abp" else 1.0 for name in polynomials}
-    return tuple(factors[name] * value for name, row in polynomials.items() for value in row)
+    numbers = list[float]()
+    for name, row in polynomials.items():
+        numbers += [factors[name] * value for value in row]
+    return tuple(numbers)
 
 
 def slow_rates(ops: Operations) -> Callable[..., Any]:
@@ -156,18 +159,21 @@ def generator(
     """Generator u of the near-identity transformation, and p: the exact (L, p) is the slow one plus u of it over St.
 
     L is in units of I_e; p is first turned about L by an angle; the part of u for p is normal to p.
-    Φ^s(p) being hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their
-    antiderivatives of zero mean at s = 0, for p those of the turn of n less that of the turn of q
-    seen from n.
+    As Φ^s(p) is hn + e cos s + f sin s, the torque has harmonics of s up to 2. The part of u for L
+    holds their antiderivatives of zero mean at s = 0. The part for p holds the antiderivatives of
+    the turn of n less the turn of q seen from n.
     """
     D, d, c, k = torque_coefficients(spheroid).values()
     c8 = c / 8
     k8 = k / 8
     over = 1 / dot(momentum, momentum) ** 0.5
-    nx, ny, nz = n = over * momentum[0], over * momentum[1], over * momentum[2]
-    h, (fx, fy, fz) = dot(n, axis), cross(n, axis)
+    n = over * momentum[0], over * momentum[1], over * momentum[2]
+    nx, ny, nz = n
+    h = dot(n, axis)
+    fx, fy, fz = cross(n, axis)
     ex, ey, ez = plus(axis, -h, n)
-    ex, ey, ez = e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
+    e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
+    ex, ey, ez = e
     fx, fy, fz = f = cross(n, e)
     axis = plus(e, h, n)
     r2 = dot(e, e) + _TINY
@@ -247,7 +253,11 @@ def orders(
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
     beside = cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
-    axis = plus([np.sqrt(h2) * each for each in n], np.sqrt((1 - h2) / dot(beside, beside)), beside)
+    axis = plus(
+        [np.sqrt(h2) * component for component in n],
+        np.sqrt((1 - h2) / dot(beside, beside)),
+        beside,
+    )
     change, tilt, _ = generator(spheroid, momentum, axis, np.cos(_TURNS), np.sin(_TURNS))
     relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
     second = (0.0,) * _FIRST + parameters(spheroid, torque_factor)[_FIRST:]

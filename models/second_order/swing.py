@@ -1,10 +1,10 @@
 """The near-identity transformation at a place on the torus, from series per shape and side.
 
 With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `_BASIS` tensors with
-harmonics e^(-ikβ) and coefficients c, each but those of k = 0 with its conjugate; the drag is one
-more, c = l. Of each the rates are Fourier series in α, whose coefficients, real or imaginary, are
-Chebyshev series in a, regular down to a = 0. They are divided by k₁ν₁ + k₂ν₂ when they are wanted.
-The frame of L is the one in which S is the least rotation: β = -χ there.
+harmonics e^(-ikβ) and coefficients c. Tensors of k > 0 come with their conjugates; the drag is one
+more tensor, c = l. The rates that a tensor makes are Fourier series in α. Their coefficients, real
+or imaginary, are Chebyshev series in a, regular down to a = 0. The division by k₁ν₁ + k₂ν₂ follows
+at each place. S is the least rotation in the frame of L: β = -χ there.
 `polhode.models.second_order.torus` has the same generator over all phases at once.
 """
 
@@ -21,7 +21,7 @@ from polhode.models.once import once
 from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.spheroid import cross
-from polhode.models.second_order.tables import MOST, level, side_of
+from polhode.models.second_order.tables import MAX_A2, level, side_of
 from polhode.models.second_order.torus import carried, least_rotation, turned
 from polhode.models.shape import Ellipsoid
 
@@ -29,12 +29,16 @@ Array = np.ndarray
 
 # Changes whenever the numbers of a series do.
 VERSION = 4
-# Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
+# Chebyshev nodes in a, from 0 to the end of the tables.
 _NODES = 40
+# Polhode phases at each node.
 _PHASES = 96
+# Fourier terms of the rates in α.
 _TERMS = 25
 _ANGLES = pi * (_NODES - 0.5 - np.arange(_NODES)) / _NODES
-DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
+# Values of a at the nodes, shape (NODES,).
+DEPTHS = 0.5 * sqrt(MAX_A2) * (1 + np.cos(_ANGLES))
+# ε and e₃ in the frame of L, and the tensors that they make.
 _E = np.array([1, -1j, 0])
 _Z = np.array([0, 0, 1])
 _LEVEL = np.diag([0.5, 0.5, -1])
@@ -49,26 +53,26 @@ _TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
 Y = slice(0, 6)
 _ALONG = slice(12, 18)
 _ACROSS = slice(18, 27)
-# Of each the harmonic k₂, whether its coefficients are real or imaginary, how often it counts, and
-# the c that it goes with, those of the conjugates behind the others.
+# For each part: the harmonic k₂; 1 or i, as its coefficients are real or imaginary; its factor in
+# the sum; and the index of its c, where conjugates stand behind the others.
 _K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * _TURNS[_TENSOR]
 _UNIT = np.where((_TENSOR < 4) == (RATE == 1), 1, 1j)
 _FACTOR = np.where((RATE < 3) & (_TURNS[_TENSOR] > 0), 2, 1) * _UNIT
 _SOURCE = _TENSOR + np.where(RATE < 4, 0, 6)
-# The orders k₁ kept of each harmonic: k₁ + k₂ is even; those of -k₂ are the opposite ones of k₂.
+# The orders k₁ of each harmonic: k₁ + k₂ is even; -k₂ has the orders of k₂ with the other sign.
 _HARMONICS = np.arange(-2, 4)
 _ORDERS = 2 * np.arange(_TERMS)[:, None] - (_TERMS - 1) + _HARMONICS % 2
 _ORDERS = np.take_along_axis(_ORDERS, np.argsort(np.abs(_ORDERS), axis=0, kind="stable"), axis=0)
 _ORDERS *= np.where(_HARMONICS < 0, -1, 1)
-# Harmonics k₂ >= 0 alone are summed: at -k₁, -k₂ a mode's 1/D is that at k₁, k₂ conjugate and of
-# the other sign, its 1/D² the conjugate alone.
+# Harmonics k₂ >= 0 alone are summed: from k₁, k₂ to -k₁, -k₂ a mode's 1/D becomes its conjugate
+# with the other sign, its 1/D² the conjugate alone.
 _SUMMED = _ORDERS[:, _HARMONICS >= 0]
 _BOTH = (
     np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[_HARMONICS >= 0])).reshape(2, -1).astype(float)
 )
-# What makes the generator: all parts over D, and those of y and L₃ over D². Where real and
-# imaginary parts stand among the products with 1/D of these harmonics and 1/D² of the lower ones,
-# what they count, where those of one kind begin.
+# Summands of the generator: all parts over D, then the parts of y and L₃ over D². `_PLACES` are the
+# indices of their real and imaginary parts among the products with 1/D of the summed harmonics and
+# with 1/D² of the lower ones; `_FACTORS` weigh them; `_KINDS` are the first summands of each kind.
 _PARTS = np.r_[: len(RATE), Y, _ALONG]
 _ALL = _SUMMED.shape[1]
 _FIRST = 1 - int(_HARMONICS[0])
@@ -81,16 +85,18 @@ _PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(_K2[_PARTS])
 _FACTORS = (_REAL + _IMAG).view(float)
 _SOURCES = _SOURCE[_PARTS]
 _KINDS = [0, 6, 12, 18, 27, 33]
-# Terms are left out below this share of the largest times St: over St they are rounding. Bounds of
-# that share.
+# Terms are left out below this share of the largest one, times St: over St they are rounding.
 _FAINT = 1e-14
+# Least and largest share below which terms are left out.
 LEAST_FAINT = 1e-11
 MOST_FAINT = 1e-6
+# Share of the largest below which terms of χ and of the change of n per y are left out.
 _ROUNDING = 1e-12
-# Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the
-# mean, which has no part.
+# Change of a divisor over its square above which its asymptotic series fails.
 _CLOSE = 0.01
+# Keeps 1/0 away.
 _TINY = 1e-100
+# Divisor of the mean, which has no part in the transformation.
 _ENDLESS = 1e100
 # An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
 # arithmetic on them.
@@ -99,7 +105,7 @@ np.empty(1 << 18)
 
 @dataclass(frozen=True)
 class Place:
-    """Where bodies are on the torus, m of them."""
+    """Places of m bodies on the torus."""
 
     series: "Series"
     a2: Array
@@ -115,14 +121,14 @@ class Place:
     def shape(self) -> Array:
         """χ and the change of n per y, in body axes, shape (m, 4)."""
         count = self._needed("shape", _PHASES // 2, _ROUNDING)
-        found = (
+        amplitudes = (
             (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
         )
         waves = _powers(self.alpha, count).view(float).reshape(-1, count, 2)
-        return (found @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
+        return (amplitudes @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
-        """What the transformation adds in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
+        """The transformation in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
         added = q @ self.moved(coefficients(q, size), size, torque_factor)
         return added[..., 0], added[..., 1]
 
@@ -133,10 +139,12 @@ class Place:
         terms = self._needed(
             "rates", _TERMS, min(MOST_FAINT, max(LEAST_FAINT, _FAINT / torque_factor))
         )
-        found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
+        amplitudes = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
-        a, size, (nu1, nu2, rise1, rise2) = _columns(np.sqrt(self.a2)), _columns(size), _columns(nu)
-        spun, dragged = _columns(np.real(c[:, 4:6]) * found[:, 0, 4:6])
+        a = _columns(np.sqrt(self.a2))
+        size = _columns(size)
+        nu1, nu2, rise1, rise2 = _columns(nu)
+        spun, dragged = _columns(np.real(c[:, 4:6]) * amplitudes[:, 0, 4:6])
         rise = torque_factor * (spun + dragged) / (a * size**2)
 
         orders = _BOTH[:, : _ALL * terms]
@@ -150,7 +158,7 @@ class Place:
         np.multiply(
             twice.reshape(waves.shape)[..., :_FIRST], waves[..., :_FIRST], out=over[..., _ALL:]
         )
-        products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
+        products = (amplitudes.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = (np.take(products, _PLACES, axis=1) * _FACTORS).view(complex)
         # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
         c = c.copy()
@@ -161,11 +169,10 @@ class Place:
         kinds = np.add.reduceat(summands, _KINDS, axis=1)
         kinds[:, 3:4] *= ahead.conj()
 
-        (u_y, u_a, u_l, _, drawn, growth), across = (
-            _columns(np.real(kinds)),
-            _columns(kinds)[3] / size,
-        )
-        (z1, z2, z3), (_, y1, y2, y3) = _columns(self.z), _columns(self.shape)
+        u_y, u_a, u_l, _, drawn, growth = _columns(np.real(kinds))
+        across = _columns(kinds)[3] / size
+        z1, z2, z3 = _columns(self.z)
+        _, y1, y2, y3 = _columns(self.shape)
         i1, i2, i3 = series.side.inverse_inertia.tolist()
         drawn = drawn / a
         u_y = u_y / a
@@ -212,10 +219,10 @@ def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
-    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian."""
-    # The integral of the mode from long before its resonance, behind it to long after, and the
-    # integral of that: their asymptotic series in q/x² or, near the resonance, what these belong
-    # to, Faddeeva's function.
+    """Finite values in place of 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian."""
+    # The integral of the mode from long before its resonance, or behind the resonance to long after
+    # it, and the integral of that integral: near the resonance by Faddeeva's function, elsewhere by
+    # its asymptotic series in q/x².
     from scipy.special import wofz
 
     # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
@@ -237,23 +244,23 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
         root = np.sqrt(-0.5j * q)
         sign = np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
-        found = sqrt(pi) * wofz(z)
-        once[close] = sign * 0.5j / root * found
-        twice[close] = -0.5 / root**2 * (1 + 1j * z * found)
+        faddeeva = sqrt(pi) * wofz(z)
+        once[close] = sign * 0.5j / root * faddeeva
+        twice[close] = -0.5 / root**2 * (1 + 1j * z * faddeeva)
     return twice, once
 
 
 def _levels(a2: Array) -> Array:
     """Chebyshev polynomials in a, shape (m, NODES)."""
-    (t,) = _columns((2 * np.sqrt(a2 / MOST) - 1)[:, None])
+    (t,) = _columns((2 * np.sqrt(a2 / MAX_A2) - 1)[:, None])
     return np.array(polynomials(t, _NODES)).reshape(_NODES, -1).T
 
 
 def _powers(angle: Array, count: int) -> Array:
     """Powers of exp(i angle) from 0 on, shape (m, count)."""
-    found = np.exp(1j * angle)[:, None].repeat(count, axis=1)
-    found[:, 0] = 1
-    return np.multiply.accumulate(found, axis=1)
+    powers = np.exp(1j * angle)[:, None].repeat(count, axis=1)
+    powers[:, 0] = 1
+    return np.multiply.accumulate(powers, axis=1)
 
 
 def coefficients(q: Array, size: Array) -> Array:
@@ -306,23 +313,29 @@ def modes_at(
         counts = (_ORDERS[row, column] == sign * k1)[:, None] & (_K2[parts] == sign * k2[:, None])
         return np.sum(np.where(counts, factors[many, row, parts], 0), axis=1)
 
-    flat, other, along = mode(_ACROSS, 1), mode(_ACROSS, -1), mode(_ALONG, -1)
+    forward = mode(_ACROSS, 1)
+    backward = mode(_ACROSS, -1)
+    along = mode(_ALONG, -1)
     rise = mode(Y, -1) / (np.sqrt(a2) * size)
-    return np.sqrt((np.abs(flat) ** 2 + np.abs(other) ** 2) / 2 + np.abs(along) ** 2), along, rise
+    return (
+        np.sqrt((np.abs(forward) ** 2 + np.abs(backward) ** 2) / 2 + np.abs(along) ** 2),
+        along,
+        rise,
+    )
 
 
 @once()
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
-    """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
+    """The series of one side, around the longest semi-axis or around the shortest; cached on disk."""
     side = side_of(ellipsoid, longest)
     key = f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
-        found = series_of(side)
-        kept.save(key, np.concatenate([found.rates, found.shape, found.frequencies], axis=1))
-        return found
+        series = series_of(side)
+        kept.save(key, np.concatenate([series.rates, series.shape, series.frequencies], axis=1))
+        return series
     parts = np.split(numbers.reshape(_NODES, -1), [_TERMS * len(RATE), -4], axis=1)
-    return Series(side, *(np.ascontiguousarray(each) for each in parts))
+    return Series(side, *(np.ascontiguousarray(part) for part in parts))
 
 
 def series_of(side: SidedBody) -> Series:
@@ -352,4 +365,4 @@ def series_of(side: SidedBody) -> Series:
     weights = 2 / _NODES * np.cos(np.outer(np.arange(_NODES), _ANGLES))
     weights[0] /= 2
     values = (picked / _UNIT).real.swapaxes(0, 1), shape, frequencies
-    return Series(side, *(weights @ each.reshape(_NODES, -1) for each in values))
+    return Series(side, *(weights @ array.reshape(_NODES, -1) for array in values))

@@ -6,8 +6,8 @@ least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed, dα/
 lν₂(h).
 
 Arrays have shape (…, m, a, b): m states, a equal polhode phases and b equal precession phases
-counted from the state's own, which is entry (0, 0). What L and the flow are comes before, if there
-are several for each polhode; vectors are triples of such arrays.
+counted from the state's own, which is entry (0, 0). Leading axes stand for several L and flows of
+each polhode; vectors are triples of such arrays.
 """
 
 from collections.abc import Callable, Iterable
@@ -55,7 +55,7 @@ class Torus:
         """n in body axes and its changes per α and per y."""
         p = self.polhode
         n, along, beside = (
-            tuple(np.moveaxis(each, -1, 0)[..., None].copy()) for each in (p.z, p.along, p.beside.z)
+            tuple(np.moveaxis(rows, -1, 0)[..., None].copy()) for rows in (p.z, p.along, p.beside.z)
         )
         return n, along, beside
 
@@ -63,15 +63,15 @@ class Torus:
     def driven(self) -> tuple[Triple, Triple, Triple]:
         """The flow's x and y and the torque τ in body axes (`ultima`, `jw1`–`jw3`)."""
         x, y = (
-            times(self.rows.swapaxes(0, 1), over_phases(each))
-            for each in (self.flow, self.gradient)
+            times(self.rows.swapaxes(0, 1), over_phases(direction))
+            for direction in (self.flow, self.gradient)
         )
         return x, y, self.torque(self.momentum, turning(self.polhode.side, x, y))
 
     @cached_property
     def momentum(self) -> Triple:
         """L in body axes."""
-        return tuple(self.size[..., None, None] * each for each in self.polhodes[0])
+        return tuple(self.size[..., None, None] * component for component in self.polhodes[0])
 
     def torque(self, momentum: Triple, driven: Triple) -> Triple:
         """The torque in body axes, of L in them and the angular velocity that drives the body."""
@@ -84,13 +84,12 @@ class Torus:
     @cached_property
     def perturbation(self) -> Array:
         """Rates in slow time of (L in its frame, y, α, β), shape (6, ..., m, a, b)."""
-        p, size, (z, dz, yz), (*_, tau) = (
-            self.polhode,
-            self.size[..., None, None],
-            self.polhodes,
-            self.driven,
-        )
-        beyond = [each[:, None] * part for each, part in zip(p.beyond.T[..., None], z, strict=True)]
+        p = self.polhode
+        size = self.size[..., None, None]
+        z, dz, yz = self.polhodes
+        *_, tau = self.driven
+        factors = p.beyond.T[..., None]
+        beyond = [factor[:, None] * part for factor, part in zip(factors, z, strict=True)]
         rate_y = 2 / (size * p.slope[:, None, None]) * dot(beyond, tau)
         rate_a = (dot(tau, dz) / size - rate_y * dot(yz, dz)) / dot(dz, dz)
         rate_b = -rate_a * p.turn[:, None, None] - rate_y * self.turn_beside[:, :, None]
@@ -131,7 +130,9 @@ class Torus:
     @cached_property
     def generator(self) -> Array:
         """The generator U of (L, y, α, β), shape (6, ..., m, a, b)."""
-        p, size, (twice, once) = self.polhode, self.size[..., None, None], self.inverses
+        p = self.polhode
+        size = self.size[..., None, None]
+        twice, once = self.inverses
         u = self.spectrum * (-1j * once / size)
         growth = self.spectrum[2] / size
         rise = self.spectrum[3]
@@ -144,7 +145,9 @@ class Torus:
     @cached_property
     def ambient(self) -> tuple[Triple, Triple]:
         """The generator as changes of L and turns of R, in the frame of L."""
-        p, u, (z, dz, yz) = self.polhode, self.generator, self.polhodes
+        p = self.polhode
+        u = self.generator
+        z, dz, yz = self.polhodes
         turn = (
             plus(cross(yz, z), self.turn_beside[..., None], z),
             plus(cross(dz, z), p.turn[:, None, None], z),
