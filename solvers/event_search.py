@@ -23,8 +23,8 @@ _MAX_ITERATIONS = 300
 # Looks within a step, where its interpolation costs next to nothing: a step of high order is
 # longer than a half period of what it follows.
 _LOOKS_WITHIN_STEP = 8
-# Solvers that run many steps in one call look after few of them at first, and after so many times
-# more each time: a terminal event soon after the start costs no more than a few steps.
+# Solvers that run many steps in one call look after few of them at first; the number grows by this
+# factor each time: a terminal event soon after the start costs no more than a few steps.
 LOOK_GROWTH = 4
 
 
@@ -63,8 +63,8 @@ class SoughtEvent:
                 return 1.0 if value else -1.0
             return float(value.item() if kind is np.ndarray else value)
         except Exception as error:
-            what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
-            raise ValueError(f"event {self.name!r}: got {what}") from error
+            words = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+            raise ValueError(f"event {self.name!r}: got {words}") from error
 
     def passed(self, value: float) -> bool:
         """Whether it happened between the last look and this value."""

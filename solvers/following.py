@@ -13,7 +13,7 @@ _MAX_STEPS = 2000
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes.
+    """At least `points` times of a solution, dense where its steps are, and its states there, as far as it goes.
 
     By CyRK's method of order 7, or without it by SciPy's of order 8.
     """
@@ -57,5 +57,5 @@ def _followed_by_scipy(
             return alone
         steps = np.array(times)
         count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-        wanted = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
-        return wanted, OdeSolution(steps, pieces)(wanted).T
+        sampled = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
+        return sampled, OdeSolution(steps, pieces)(sampled).T

@@ -1,6 +1,6 @@
 """Whether a run that claims success has stepped over the end of its solution.
 
-Where a rate is infinite, a step can land beyond: a multistep method then goes on with states of
+A step can land beyond the place of an infinite rate: a multistep method then goes on with states of
 1e20, an explicit one chatters about the place. Three signs cost next to nothing to look for: a
 denominator of the field changes its sign between two rows, a state grows a hundredfold between two
 rows, or steps shrink while a run is under way. They are no proof: a quotient may have a limit. So
@@ -35,7 +35,7 @@ _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 
 
 def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | None:
-    """Where a run of a function of one's own has stepped over the end of its solution, in words; None if it has not.
+    """The times between which a run of a user's function stepped over the end of its solution, in words; else None.
 
     `run` is `polhode.solvers.solve.solve`; `shrunk` says that steps became much shorter on the way.
     """
@@ -71,7 +71,7 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
     components = states[:, : problem.dimension - problem.timed]
     spread = components.max() - components.min()
     if divisors is None and spread <= (_GROWTH - 1) * abs(states[0, 0]):
-        # No component can have grown so much.
+        # No component can have grown by that factor.
         return []
     size = np.abs(components).max(axis=1)
     # A start of 0 says nothing of the size of what comes.
@@ -96,13 +96,13 @@ def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str
             return ""
         tolerance = factor * usual
         absolute = tolerance * size or tolerance
-        found = run(piece, witness, tolerance, atol=absolute, doubt=False, **limits)
-        implicit = found.method.implicit
+        repeated = run(piece, witness, tolerance, atol=absolute, doubt=False, **limits)
+        implicit = repeated.method.implicit
         # One that an explicit method does not finish may be stiff, or have no solution.
-        if found.success or (implicit and found.status not in _ENDED):
+        if repeated.success or (implicit and repeated.status not in _ENDED):
             return ""
         if implicit:
-            words = f"the solution ends, by {witness}: {found.status}"
+            words = f"the solution ends, by {witness}: {repeated.status}"
     return words
 
 

@@ -1,12 +1,11 @@
 """Averaged forms for many particles at once: Dormand and Prince's pair in SIMD lanes, each particle with its own steps.
 
-A Taylor series would be the wrong method here: on L² = 2EI₂, which every run of an ellipsoid that
-starts on the long-axis side crosses, the averaged field is continuous but not Lipschitz, no series
+A Taylor series would be the wrong method here: every run of an ellipsoid that starts on the
+long-axis side crosses L² = 2EI₂. There the averaged field is continuous but not Lipschitz, no series
 converges, and the step shrinks to nothing; a Runge–Kutta step goes across.
 
-A tried step is a map of the row (y, rates of y, its bend, time, next step). Where the bend, the
-change of y by `BENDS`, vanishes, dense output is the cubic through the two states and rates of a
-step.
+A tried step is a map of the row (y, rates of y, its bend, time, next step). The bend is the change
+of y by `BENDS`: if it is 0, dense output is the cubic through the two states and rates of a step.
 """
 
 import tomllib
@@ -30,25 +29,34 @@ from polhode.solvers.machine_code.program import Program, compare, compiled, wid
 from polhode.solvers.machine_code.tracing import OPERATIONS
 
 _TABLE = tomllib.loads(Path(__file__).with_name("dormand_prince.toml").read_text(encoding="utf-8"))
-*STAGES, DIFFERENCE, BENDS = (
-    [float(Fraction(each)) for each in row]
-    for row in (*_TABLE["stages"], _TABLE["difference"], _TABLE["bends"])
-)
-# Of the step that the error asks for; between these factors a step changes.
+
+
+def _numbers(fractions: Sequence[str]) -> list[float]:
+    return [float(Fraction(fraction)) for fraction in fractions]
+
+
+# Shares of slopes in each stage, in the error estimate, and in the bend.
+STAGES = [_numbers(row) for row in _TABLE["stages"]]
+DIFFERENCE = _numbers(_TABLE["difference"])
+BENDS = _numbers(_TABLE["bends"])
+# Share of the step that the error asks for.
 _SAFETY = 0.9
+# Bounds of the factor by which a step changes.
 _LEAST_FACTOR = 0.2
 _GREATEST_FACTOR = 5.0
-# Of the run's duration: the first step, and the step below which a particle has failed.
+# The first step over the run's duration.
 _FIRST_STEP = 1e-2
+# The step over the run's duration below which a particle has failed.
 _LEAST_STEP = 1e-15
-# A particle is given up after this many steps over tolerance^(1/5), and this many per relaxation
-# time besides, which stability asks for: three times what the slowest of 20 000 took. Where L
-# shrinks to nothing, averaging breaks down, E loses to the tolerance what L² leaves of it, and
-# steps stay tiny without end.
+# A particle is given up after this many steps over tolerance^(1/5) and further ones per relaxation
+# time: three times the steps of the slowest of 20 000. If L shrinks to nothing, averaging breaks
+# down, E falls below the tolerance, and steps stay tiny without end.
 _MOST_STEPS = 16.0
+# Further steps per relaxation time, which stability asks for.
 _STEPS_PER_RELAXATION = 4.0
-# Particles under way at once, and the steps after which those that have arrived are replaced.
+# Particles under way at once.
 AT_ONCE = 1024
+# Steps after which particles that have arrived are replaced.
 _STEPS = 8
 # Square of a relative error that is as good as none.
 _NOTHING = 1e-12
@@ -66,7 +74,8 @@ def run_adaptive(
     """
     if not installed("llvmlite"):
         return run_one_by_one(problem, starts, times, tolerance)
-    (n, d), end = starts.shape, float(times[-1])
+    n, d = starts.shape
+    end = float(times[-1])
     parameters = parameter_array(problem)
     code = _stepper(problem.field, d, len(parameters))
     fill = _filler(d, width())
@@ -110,14 +119,14 @@ def run_adaptive(
 @once()
 def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
     """A tried step; its constants are the tolerance, the end, and the field's parameters."""
-    rhs, (sqrt, where) = field(OPERATIONS), (OPERATIONS.sqrt, OPERATIONS.where_positive)
+    rhs = field(OPERATIONS)
+    sqrt = OPERATIONS.sqrt
+    where = OPERATIONS.where_positive
 
     def step(row: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
-        y, rates, (time, wish) = (
-            row[:dimension],
-            row[dimension : 2 * dimension],
-            row[3 * dimension :],
-        )
+        y = row[:dimension]
+        rates = row[dimension : 2 * dimension]
+        time, wish = row[3 * dimension :]
         tolerance = c[0]
         end = c[1]
         p = c[2:]
@@ -134,8 +143,8 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
             size = where(before, before, -before)
             share = error / (tolerance * where(size - 1, size, 1.0))
             square = square + share * share
-        # The error's power -3/16: nearly the -1/5 of theory, by roots alone. Of no number it is the
-        # least factor.
+        # The error's power -3/16: nearly the -1/5 of theory, by roots alone. NaN gives the least
+        # factor.
         eighth = sqrt(sqrt(sqrt(square)))
         factor = _SAFETY * sqrt(sqrt(eighth)) / eighth
         factor = where(
@@ -162,7 +171,7 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
 
 @once()
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
-    """What fills the rows of states that steps in lanes have passed, and counts which is due next."""
+    """A function that fills the rows of states that steps in lanes have passed, and counts which is due next."""
     # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due`
     # and `states`.
     size = 3 * dimension + 2
@@ -177,21 +186,23 @@ def _filler(dimension: int, wide: int) -> Callable[..., None]:
         with program.times(_STEPS) as step:
             before = at + step * (size * wide)
             after = before + size * wide
-            time, arrived = (each[3 * dimension * wide] for each in (before, after))
+            time, arrived = (numbers[3 * dimension * wide] for numbers in (before, after))
             with program.repeat() as leave:
                 row = place[0]
                 leave(compare("oge", row, rows))
                 leave(compare("ogt", times[row], arrived))
                 h = arrived - time
                 share = (times[row] - time) / h
-                rest = 1 - share
+                complement = 1 - share
                 filled = out + row * dimension
                 for i in range(dimension):
                     y, rate = (before[(i + k * dimension) * wide] for k in (0, 1))
                     new, slope, bend = (after[(i + k * dimension) * wide] for k in (0, 1, 2))
                     rise = new - y
-                    cubic = rest * (h * rate - rise) - share * (h * slope - rise)
-                    filled[i] = y + share * (rise + rest * (cubic + share * rest * bend))
+                    cubic = complement * (h * rate - rise) - share * (h * slope - rise)
+                    filled[i] = y + share * (
+                        rise + complement * (cubic + share * complement * bend)
+                    )
                 place[0] = row + 1.0
         due[whose] = place[0]
     (function,) = compiled(program)

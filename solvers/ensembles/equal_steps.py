@@ -1,8 +1,8 @@
 """Full forms for many particles at once by equal steps in SIMD lanes, the error of each particle checked.
 
 Method and step are chosen on a sample. Every particle then runs twice, by those steps and by steps
-twice as wide; one whose two runs differ by more than those of the sample that were right is run
-anew by smaller steps, and at last by Taylor's method, whose steps adapt.
+twice as wide. The right runs of the sample bound the difference of the two; a particle beyond that
+bound runs anew by smaller steps, and at last by Taylor's method, whose steps adapt.
 """
 
 from dataclasses import dataclass
@@ -20,22 +20,23 @@ from polhode.solvers.machine_code.lanes import by_particle
 # Pieces that a run has at least; two runs of a particle are compared after every other one, or at
 # as many times.
 PIECES = 16
-# Share of the sample whose error the chosen steps keep to, and the error aimed at, over the
-# tolerance.
+# Share of the sample whose error the chosen steps keep to.
 _KEPT = 0.98
+# Error aimed at, over the tolerance.
 _AIM = 0.5
-# A reference's error over the tolerance, by comparison with half as many steps, and how often they
-# are doubled.
+# Error of a reference over the tolerance, by comparison with half as many steps.
 _SURE = 0.05
+# Times that a reference's steps are doubled at most.
 _DOUBLINGS = 8
-# Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave
-# less in doubt.
-ORDER = 8
+# Order by which the number of steps follows from an error.
+_ORDER = 8
+# Trials of a number of steps, per method.
 _ROUNDS = 6
+# This many times as many steps may pay, as they leave fewer particles in doubt.
 _SMALLER = 1.15
-# Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times
-# this.
+# Times that a doubtful particle's steps are doubled; then Taylor's method runs it.
 _HALVINGS = 4
+# Tolerance of Taylor's method over the one asked for.
 TAYLOR = 1e-3
 # Steps are first tried at this angle, in rad, and at this share of a relaxation time.
 _ANGLE = 1.0
@@ -57,25 +58,26 @@ def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Pla
     """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
 
     The problem has no periodic components; the sample holds starts, shape (n, d); the times are
-    equispaced from 0 to the end; the tolerance is that of any component on the way, over the
-    largest one at the start, or 1 if that is less.
+    equispaced from 0 to the end. The tolerance bounds the error of any component on the way, over
+    the largest one at the start, or 1 if that is less.
     """
     times, _ = _in_pieces(times)
     steps = _first_steps(problem, sample, times)
     reference = _reference(problem, sample, times, tolerance, steps)
     if reference is None:
         return None
-    found = [
+    fittings = [
         _fitting(method(name, problem), sample, times, tolerance, reference, steps)
         for name in names(problem)
     ]
-    return min((each for each in found if each), key=lambda each: each.cost, default=None)
+    return min(filter(None, fittings), key=lambda fitting: fitting.cost, default=None)
 
 
 def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -> Plan:
-    """Steps that are a fair guess, for so few particles that none is worth a sample; parameters as those of `plan`."""
-    by, (times, _) = method(RUNGE_KUTTA, problem), _in_pieces(times)
-    steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / ORDER) / 2))
+    """Steps that are a fair guess, for too few particles to spend a sample on; parameters as in `plan`."""
+    by = method(RUNGE_KUTTA, problem)
+    times, _ = _in_pieces(times)
+    steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / _ORDER) / 2))
     return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
 
 
@@ -83,12 +85,14 @@ def run(
     problem: Problem, starts: Array, times: Array, tolerance: float, chosen: Plan
 ) -> tuple[Array, Array]:
     """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts; parameters as of `plan`."""
-    by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
-    found = _march(by, starts, times, steps)
-    doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, found) <= chosen.apart))
-    states = by_particle(found[:, ::pieces], len(starts)).swapaxes(0, 1)
-    group, lane = np.divmod(doubtful, found.shape[3])
-    before = found[group, :, :, lane]
+    by = method(chosen.method, problem)
+    steps = chosen.steps
+    times, pieces = _in_pieces(times)
+    in_lanes = _march(by, starts, times, steps)
+    doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, in_lanes) <= chosen.apart))
+    states = by_particle(in_lanes[:, ::pieces], len(starts)).swapaxes(0, 1)
+    group, lane = np.divmod(doubtful, in_lanes.shape[3])
+    before = in_lanes[group, :, :, lane]
     for _ in range(_HALVINGS):
         if not len(doubtful):
             break
@@ -100,13 +104,14 @@ def run(
         before = finer[still]
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
     if len(doubtful):
-        found = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
-        states[:, doubtful], statuses[doubtful] = found
+        rows, outcomes = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
+        states[:, doubtful] = rows
+        statuses[doubtful] = outcomes
     return states, statuses
 
 
 def _march(by: Method, starts: Array, times: Array, steps: int) -> Array:
-    """States in lanes by so many steps from one time to the next."""
+    """States in lanes by a number of steps from one time to the next."""
     return by.lanes.march(starts, len(times), by.constants(_step(times, steps)), steps)
 
 
@@ -185,7 +190,7 @@ def _reference(
 
 
 def _kept(errors: Array) -> float:
-    """What most errors of the sample stay below."""
+    """Bound of most errors of the sample (`_KEPT`)."""
     return float(np.quantile(np.nan_to_num(errors, nan=np.inf), _KEPT, method="higher"))
 
 
@@ -199,26 +204,26 @@ def _fitting(
         states = tried[steps] = _march(by, sample, times, steps)
         error = reference.error_of(states) / (_AIM * tolerance)
         good += [steps] if error <= 1 else []
-        steps = int(np.ceil(steps * float(np.clip(error ** (1 / ORDER), 0.4, 2.5))))
+        steps = int(np.ceil(steps * float(np.clip(error ** (1 / _ORDER), 0.4, 2.5))))
         if steps in tried:
             break
     if not good:
         return None
     plans = []
-    for each in {min(good), int(np.ceil(_SMALLER * min(good)))}:
-        states = tried[each] if each in tried else _march(by, sample, times, each)
+    for count in {min(good), int(np.ceil(_SMALLER * min(good)))}:
+        states = tried[count] if count in tried else _march(by, sample, times, count)
         errors = _apart(reference.states, states)[: len(sample)]
-        apart = _doubt(by, sample, times, each, states)
+        apart = _doubt(by, sample, times, count, states)
         wrong = ~(errors <= _AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))
         plans.append(
             Plan(
                 by.name,
-                each,
+                count,
                 doubt,
                 _kept(errors) + reference.error,
-                by.cost * each * (1.5 + 3 * again),
+                by.cost * count * (1.5 + 3 * again),
             )
         )
-    return min(plans, key=lambda each: each.cost)
+    return min(plans, key=lambda fitting: fitting.cost)

@@ -14,7 +14,7 @@ from polhode.solvers.machine_code.tracing import OPERATIONS
 from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
 RUNGE_KUTTA = "DOP853"
-# Time of an evaluation of a field over that of a splitting's slow and fast flow.
+# Time of an evaluation of a field over the time of a splitting's slow and fast flow.
 _EVALUATION = 1.6
 Array = np.ndarray
 
@@ -43,10 +43,10 @@ def method(name: str, problem: Problem) -> Method:
     if name == RUNGE_KUTTA:
         code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
         return Method(name, code, lambda h: np.array([h, *p]), _EVALUATION * stages, 2.0**6.5)
-    (scheme,) = (each for each in SCHEMES if each.name == name)
+    (scheme,) = (candidate for candidate in SCHEMES if candidate.name == name)
     assert parts is not None
-    # The last of one step and the first of the next in one, and the first one undone, stand behind
-    # those of a step.
+    # Two flows stand behind the flows of a step: the last of one step and the first of the next in
+    # one, and the first one undone.
     fast = *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
     shares = (
         *((parts.fast, share) for share in fast),
@@ -100,16 +100,17 @@ def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes
 
 
 def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
-    """What a step of length h adds to each component, by the shares of slopes."""
+    """Change of each component in a step of length h, by the shares of slopes."""
     used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
-    return [
-        h * sum((share * slope[i] for share, slope in used), start=0.0)
-        for i in range(len(slopes[0]))
-    ]
+    changes = list[Any]()
+    for i in range(len(slopes[0])):
+        weighted_slope = sum((share * slope[i] for share, slope in used), start=0.0)
+        changes.append(h * weighted_slope)
+    return changes
 
 
 def moved(
     y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]
 ) -> list[Any]:
-    """The state that lies there."""
+    """The state after that step."""
     return [before + more for before, more in zip(y, change(h, shares, slopes), strict=True)]

@@ -70,11 +70,11 @@ def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.n
 
 
 def _status(outcome: Any) -> str:
-    known = load_heyoka().taylor_outcome
+    outcomes = load_heyoka().taylor_outcome
     statuses = {
-        known.time_limit: "REACHED_END",
-        known.step_limit: "STEP_LIMIT",
-        known.err_nf_state: "NON_FINITE",
+        outcomes.time_limit: "REACHED_END",
+        outcomes.step_limit: "STEP_LIMIT",
+        outcomes.err_nf_state: "NON_FINITE",
     }
     return str(Status[statuses.get(outcome, "STEP_UNDERFLOW")])
 

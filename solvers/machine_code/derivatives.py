@@ -97,11 +97,11 @@ def _function(name: str, derivative: Callable[[Any], Any], x: Any) -> Any:
 
 def _where_positive(x: Any, a: Any, b: Any) -> Dual:
     where = partial(OPERATIONS.where_positive, _value(x))
-    slopes = _slopes(a), _slopes(b)
-    return Dual(
-        where(_value(a), _value(b)),
-        {i: where(*(each.get(i, 0.0) for each in slopes)) for i in {*slopes[0], *slopes[1]}},
-    )
+    value = where(_value(a), _value(b))
+    above = _slopes(a)
+    below = _slopes(b)
+    slopes = {i: where(above.get(i, 0.0), below.get(i, 0.0)) for i in {*above, *below}}
+    return Dual(value, slopes)
 
 
 # Derivatives of functions of C's library.
@@ -150,19 +150,24 @@ _DUAL = Operations(
 def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
     """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
 
-    Of the mass form it is that of the residual, ``cj * mass - jacobian``, where the slope follows
-    the state by %cj.
+    With `mass` it is the residual's Jacobian, ``cj * mass - jacobian``, where the slope follows the
+    state by %cj.
     """
     # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)
     lines: dict[str, str] = {}
-    y = [Dual(each, {i: 1.0}) for i, each in enumerate(read(lines, "y", dimension))]
-    rates = factory(_DUAL)(y, [Dual(each, {}) for each in read(lines, "p", parameters)])
-    columns = [[_slopes(rate).get(i, 0.0) for rate in rates] for i in range(dimension)]
+    y = [Dual(number, {i: 1.0}) for i, number in enumerate(read(lines, "y", dimension))]
+    rates = factory(_DUAL)(y, [Dual(number, {}) for number in read(lines, "p", parameters)])
+    slopes = [_slopes(rate) for rate in rates]
+    # Entry (row, column) stands at column * dimension + row.
+    entries = list[Any]()
+    for i in range(dimension):
+        entries += [slope.get(i, 0.0) for slope in slopes]
     if mass:
         masses = read(lines, "mass", dimension)
         cj = Number(lines, "%cj")
-        columns = [[-entry for entry in column] for column in columns]
-        for i, each in enumerate(masses):
-            columns[i][i] = cj * each + columns[i][i]
-    return written(lines, [entry for column in columns for entry in column])
+        entries = [-entry for entry in entries]
+        for i, diagonal in enumerate(masses):
+            place = i * dimension + i
+            entries[place] = cj * diagonal + entries[place]
+    return written(lines, entries)

@@ -24,9 +24,9 @@ class Lanes:
     dimension: int
 
     def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
-        """States in lanes, shape (groups, rows, d, width), each row so many times the map of the one before.
+        """States in lanes, shape (groups, rows, d, width); `steps` maps lead from each row to the next.
 
-        Of starts, shape (n, d), the last one fills the lanes that are left over.
+        The last of the starts, shape (n, d), fills the lanes that are left over.
         """
         groups = -(-len(starts) // width())
         states = np.empty((groups, rows, self.dimension, width()))
@@ -54,14 +54,14 @@ def lanes(
 ) -> Lanes:
     """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles.
 
-    Rows are states as the map `after` makes them of what is stepped, and the map `before` makes
-    that of a row.
+    The map `before` turns a row into the state that is stepped, and `after` turns that state into
+    the next row.
     """
     wide = width()
     program = Program("march", "states constants counts", attribute=WIDEST_REGISTERS)
-    states, given, counts = program.arguments
+    states, numbers, counts = program.arguments
     steps, rows, groups = counts.load(3)
-    c = [splat(each, wide) for each in given.load(constants)]
+    c = [splat(constant, wide) for constant in numbers.load(constants)]
     y = program.room(dimension, wide)
     with program.times(groups) as group:
         first = states.of(wide) + group * rows * float(dimension)

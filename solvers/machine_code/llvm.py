@@ -32,9 +32,9 @@ class MachineCode:
 
     def function(self, prototype: Any) -> Any:
         """The function as ctypes calls it, which keeps the code alive."""
-        made = prototype(self.address)
-        made.code = self
-        return made
+        function = prototype(self.address)
+        function.code = self
+        return function
 
 
 def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCode:
@@ -80,8 +80,8 @@ def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
 
 
 def _extended(text: str) -> str:
-    def constant(found: re.Match[str]) -> str:
-        value = np.frombuffer(bytes.fromhex(found[1] or "00" * 8), ">f8")[0]
+    def constant(match: re.Match[str]) -> str:
+        value = np.frombuffer(bytes.fromhex(match[1] or "00" * 8), ">f8")[0]
         return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
 
     text = re.sub(r"0x([0-9A-F]{16})|\b0\.0\b", constant, text)
@@ -90,7 +90,7 @@ def _extended(text: str) -> str:
 
 
 def host_features() -> dict[str, bool]:
-    """What this processor can do, by LLVM's names."""
+    """Features of this processor by LLVM's names, and whether it has them."""
     return _llvm().get_host_cpu_features()
 
 

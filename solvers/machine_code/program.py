@@ -1,7 +1,7 @@
 """Functions with loops and branches around traced numbers. Every number is a double, counts included.
 
-A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. What
-outlives a block lies in an `Array`; LLVM keeps small ones of the program's own in registers.
+A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. Numbers
+that outlive a block lie in an `Array`; LLVM keeps small arrays of the program in registers.
 """
 
 import ctypes
@@ -27,7 +27,12 @@ REGISTERS = 2
 def width() -> int:
     """Particles, or rows, that this processor moves at once."""
     features = host_features()
-    return REGISTERS * (8 if features.get("avx512f") else 4 if features.get("avx") else 2)
+    doubles = 2
+    if features.get("avx"):
+        doubles = 4
+    if features.get("avx512f"):
+        doubles = 8
+    return REGISTERS * doubles
 
 
 def widened(line: str, lanes: int = 0) -> str:
@@ -50,16 +55,16 @@ class Program(dict[str, str]):
         self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = ""
     ) -> None:
         super().__init__()
-        arguments = [f"ptr noalias %{each}" for each in arrays.split()]
-        arguments += [f"double %{each}" for each in numbers.split()]
+        arguments = [f"ptr noalias %{argument}" for argument in arrays.split()]
+        arguments += [f"double %{argument}" for argument in numbers.split()]
         self.head = f"define {linkage} void @{name}({', '.join(arguments)}) {attribute} {{\nstart:"
         self.name = name
         self.linkage = linkage
         self.text = []
         self.rooms = []
         self.count = 0
-        self.arguments: list[Any] = [Array(self, f"%{each}") for each in arrays.split()]
-        self.arguments += [Number(self, f"%{each}") for each in numbers.split()]
+        self.arguments: list[Any] = [Array(self, f"%{argument}") for argument in arrays.split()]
+        self.arguments += [Number(self, f"%{argument}") for argument in numbers.split()]
 
     def __str__(self) -> str:
         """The function in LLVM's language."""
@@ -72,7 +77,7 @@ class Program(dict[str, str]):
         return self[line]
 
     def fresh(self, line: str) -> str:
-        """The number that a line computes, which may differ from that of an equal line before."""
+        """The number that a line computes; an equal line before may have computed another one."""
         name = f"%{self.new()}"
         self.text.append(f"{name} = {line}")
         return name
@@ -96,11 +101,13 @@ class Program(dict[str, str]):
 
     def call(self, other: "Program", *arguments: Any) -> None:
         """Run another program."""
-        given = [
-            f"ptr {each.pointer}" if isinstance(each, Array) else f"double {operand(each)}"
-            for each in arguments
-        ]
-        self.text.append(f"call void @{other.name}({', '.join(given)})")
+        operands = list[str]()
+        for argument in arguments:
+            is_array = isinstance(argument, Array)
+            operands.append(
+                f"ptr {argument.pointer}" if is_array else f"double {operand(argument)}"
+            )
+        self.text.append(f"call void @{other.name}({', '.join(operands)})")
 
     def _begin(self, label: str) -> None:
         """End the block at hand."""
@@ -137,7 +144,7 @@ class Program(dict[str, str]):
 
     @contextmanager
     def times(self, number: Any) -> Iterator[Number]:
-        """Do what follows so many times; yields how many have been."""
+        """Do what follows `number` times; yields how often it has been done."""
         done = self.cell(0.0)
         with self.repeat() as leave:
             now = done[0]
@@ -147,7 +154,7 @@ class Program(dict[str, str]):
 
 
 class Wide(Number):
-    """A number in each of so many SIMD lanes."""
+    """A number in each of several SIMD lanes."""
 
     def __init__(self, lines: dict[str, str], name: str, lanes: int) -> None:
         super().__init__(lines, name)
@@ -186,7 +193,7 @@ class Array:
         self.kind = widened("double", lanes) if lanes > 1 else "double"
 
     def __add__(self, index: Any) -> "Array":
-        """What begins with the entry of that index."""
+        """The array from the entry of that index on."""
         if not isinstance(index, Number):
             whole = int(index)
         else:
@@ -207,7 +214,7 @@ class Array:
         self.program.text.append(widened(line, self.lanes) if self.lanes > 1 else line)
 
     def of(self, lanes: int) -> "Array":
-        """The same place, entries of so many lanes."""
+        """The same place, with `lanes` numbers in each entry."""
         return Array(self.program, self.pointer, lanes)
 
     def load(self, size: int) -> tuple[Number, ...]:
@@ -253,7 +260,7 @@ def compare(how: str, left: Any, right: Any) -> str:
 
 
 def _address(array: np.ndarray) -> int:
-    """Where an array's numbers are, in a quarter of the time NumPy takes for it, unless it is read-only."""
+    """Address of an array's numbers, in a quarter of NumPy's time unless the array is read-only."""
     try:
         return ctypes.addressof(_NOTHING.from_buffer(array))  # pyright: ignore[reportArgumentType]
     except TypeError:
@@ -268,7 +275,7 @@ def compiled(*programs: Program, number: type = float, level: int = 1) -> list[C
     """
     # Loops as these gain nothing by more.
     engine = compile_text(
-        "\n".join(str(each) for each in programs), level=level, extended=number is not float
+        "\n".join(str(program) for program in programs), level=level, extended=number is not float
     )
 
     def function(program: Program) -> Callable[..., None]:
@@ -276,9 +283,9 @@ def compiled(*programs: Program, number: type = float, level: int = 1) -> list[C
         code = types(engine.get_function_address(program.name))
 
         def call(*arrays: np.ndarray | int) -> None:
-            code(*[each if isinstance(each, int) else _address(each) for each in arrays])
+            code(*[array if isinstance(array, int) else _address(array) for array in arrays])
 
         call.engine = engine  # pyright: ignore[reportFunctionMemberAccess]
         return call
 
-    return [function(each) for each in programs if each.linkage != "internal"]
+    return [function(program) for program in programs if program.linkage != "internal"]

@@ -42,7 +42,7 @@ def either_side(
         if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
             return operation(left, right)
         return np.vectorize(operation, otypes=[object])(
-            *(np.array(each, dtype=object) for each in (left, right))
+            *(np.array(side, dtype=object) for side in (left, right))
         )
 
     return of_any, lambda right, left: of_any(left, right)
@@ -189,8 +189,8 @@ def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) ->
     place = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(rhs)
     names = [
         name
-        for name, each in inspect.signature(rhs).parameters.items()
-        if each.default is each.empty
+        for name, parameter in inspect.signature(rhs).parameters.items()
+        if parameter.default is parameter.empty
     ]
     if len(names) != 2 or names[0] == "t":
         raise FieldError(f"{place}: got rhs({', '.join(names)}), expected rhs(y, p)")

@@ -1,4 +1,4 @@
-"""What kernels are made of: the flows of a problem's parts, in lanes, with the constants of a step."""
+"""The flows of a problem's parts, in lanes, with the constants of a step: kernels are made of them."""
 
 from collections.abc import Sequence
 
@@ -19,11 +19,11 @@ _MOST_STAGES = 16
 
 
 class Flows:
-    """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
+    """The flows of kernels: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
-    Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a
-    fast flow and a slow one, are row i of an array; then come those of the last fast flow and, of
-    one chain alone, of the last and the next one together.
+    Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
+    constants belongs to stage i, a fast flow and a slow one. The row behind belongs to the last
+    fast flow, and with one chain alone a further row to the last and the next one together.
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
@@ -39,7 +39,7 @@ class Flows:
         self.both = (
             parts.both(OPERATIONS)
             if parts.both
-            else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
+            else lambda y, fast, slow, *_: self.slow(self.fast(y, fast), slow)
         )
         self.prepare = self._prepare()
         self.spread = self._spread()
@@ -70,8 +70,8 @@ class Flows:
 
     def both_flows(self, y: Array, fast: Array, slow: Array, base: Sequence[Number] = ()) -> None:
         """Advance a state by a fast flow and a slow one, with the constants of two rows."""
-        made = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
-        y.store(self.both(self.whole(y, base), *made, *([y.load(len(base))] if base else [])))
+        constants = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
+        y.store(self.both(self.whole(y, base), *constants, *([y.load(len(base))] if base else [])))
 
     def _prepare(self) -> Program:
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
@@ -98,9 +98,9 @@ class Flows:
                 fast.constants(parameters, 2.0 * shares[0] * h, ops)
             )
         with program.times(0.5 * stages if mirrored else stages) as i:
-            made = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
+            slow_constants = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
             for row in (i, stages - 1.0 - i) if mirrored else (i,):
-                (self.row(constants, row) + self.sizes[0]).store(made)
+                (self.row(constants, row) + self.sizes[0]).store(slow_constants)
 
     def _spread(self) -> Program:
         """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""

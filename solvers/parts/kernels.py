@@ -25,10 +25,11 @@ from polhode.solvers.parts.flows import Flows
 _BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
 _BACKWARD = 0.05
-# Numbers in a law; times at which a check compares runs, in either part; what rounding makes of
-# their difference.
+# Numbers in a law.
 _LAW = 6
+# Times at which a check compares runs, in either part.
 _POINTS = 8
+# Difference of two runs by rounding, per type of number, relative.
 _ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
 # How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
@@ -56,10 +57,10 @@ class Kernels:
     # each row.
     advance: Callable[..., None]
     # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at
-    # the end. The numbers: the laws, the length of either part and of the whole, the rate, and what
-    # is found. Of what the two runs differ by: the most of the slow quantities, the most of the
-    # fast components per turn, and the change of the slow quantities' mean; the amplitudes of the
-    # fast components in either part; the steps; the codes' sum.
+    # the end. The numbers: the laws, the length of either part and of the whole, the rate, and the
+    # results. These are the largest difference of the two runs in slow quantities, and in fast
+    # components per turn; the change of the mean difference of slow quantities; the amplitudes of
+    # the fast components in either part; the steps; the codes' sum.
     check: Callable[..., None]
 
 
@@ -70,7 +71,7 @@ def clock(time: float, number: type = float) -> np.ndarray:
 
 @once()
 def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1) -> Kernels:
-    """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
+    """Compile the kernels of splitting for a problem's parts, once in a process, over a type of numbers."""
     flows = Flows(parts, dimension, number, chains)
     advance = _advance(flows)
     programs = flows.prepare, flows.spread, advance, _check(flows, advance, _ROUNDING[number])
@@ -83,8 +84,8 @@ def larger(a: Number, b: Number) -> Number:
 
 
 def length(vector: Sequence[Number]) -> Number:
-    """Of a vector."""
-    return sqrt(sum(each * each for each in vector))
+    """Euclidean norm of a vector."""
+    return sqrt(sum(component * component for component in vector))
 
 
 def _advance(flows: Flows) -> Program:
@@ -99,9 +100,9 @@ def _advance(flows: Flows) -> Program:
     number = program.room(2)
     y = program.room(dimension)
     at = program.room(dimension)
-    each = program.room(dimension, flows.chains)
-    rest = program.room(kept)
-    rest.store([0.0] * kept)
+    chain_states = program.room(dimension, flows.chains)
+    remainder = program.room(kept)
+    remainder.store([0.0] * kept)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
     open_ = program.cell(0.0)
@@ -145,13 +146,13 @@ def _advance(flows: Flows) -> Program:
         now = begin[0] + since[0] * step[0]
         # Rows are reached from the nearer end of a step, except back in time where the slow part is
         # strong.
-        near = now + where_positive(_BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
-        with program.when(compare("ole", times[filled[0]], near)):
+        row_limit = now + where_positive(_BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
+        with program.when(compare("ole", times[filled[0]], row_limit)):
             at.store(y.load(dimension))
             close(at)
             with program.repeat() as done:
                 done(compare("oge", filled[0], clock[At.ROWS]))
-                done(compare("ogt", times[filled[0]], near))
+                done(compare("ogt", times[filled[0]], row_limit))
                 (rows + filled[0] * float(dimension)).store(at.load(dimension))
                 rests[filled[0]] = times[filled[0]] - now
                 filled[0] = filled[0] + 1.0
@@ -165,20 +166,22 @@ def _advance(flows: Flows) -> Program:
         code[0] = float(Code.FINISHED)
         if flows.chains > 1:
             # All chains begin where the step does, and their mean, by weight, is where it ends.
-            # What components gain that the fast flow leaves alone is summed apart: rounding of the
-            # same sign in each step would pile up.
+            # Gains of components that the fast flow leaves alone are summed apart: rounding of
+            # equal sign in each step would pile up.
             start = y.load(dimension)
-            each.store(
-                [splat(number, flows.chains) for number in (*rest.load(kept), *start[kept:])]
+            chain_states.store(
+                [splat(number, flows.chains) for number in (*remainder.load(kept), *start[kept:])]
             )
             base = [splat(number, flows.chains) for number in start[:kept]]
             with program.times(stages) as i:
-                flows.both_flows(each, flows.row(constants, i), flows.row(constants, i), base)
-            flows.fast_flow(each, flows.row(constants, stages), base)
+                flows.both_flows(
+                    chain_states, flows.row(constants, i), flows.row(constants, i), base
+                )
+            flows.fast_flow(chain_states, flows.row(constants, stages), base)
             weights = (scheme + 1).of(flows.chains)[2.0 * stages + 1.0]
-            means = [(weights * number).total() for number in each.load(dimension)]
+            means = [(weights * number).total() for number in chain_states.load(dimension)]
             ends = [before + gain for before, gain in zip(start, means[:kept], strict=False)]
-            rest.store(
+            remainder.store(
                 [
                     gain - (end - before)
                     for before, gain, end in zip(start, means, ends, strict=False)
@@ -201,7 +204,8 @@ def _advance(flows: Flows) -> Program:
     leading = scheme + (1.0 + (2.0 * stages + 2.0) * flows.chains)
     number.store([filled[0] - before, 1.0])
     program.call(flows.spread, leading, p, number, rests + before, rows + before * float(dimension))
-    clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])
+    cells = (begin, step, low, high, since, filled, steps, code)
+    clock.store([cell[0] for cell in cells])
     return program
 
 
@@ -228,9 +232,12 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
         clock = program.room(len(At))
         clock.store([0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
         y.store(state.load(dimension))
-        own = rows + run * (2 * points + 1) * dimension
-        program.call(advance, scheme, laws + run * float(_LAW), p, y, clock, times, rests, own)
-        out[5], out[6] = out[5] + clock[At.STEPS], out[6] + clock[At.CODE]
+        run_rows = rows + run * (2 * points + 1) * dimension
+        program.call(advance, scheme, laws + run * float(_LAW), p, y, clock, times, rests, run_rows)
+        steps = out[5] + clock[At.STEPS]
+        codes = out[6] + clock[At.CODE]
+        out[5] = steps
+        out[6] = codes
     size = len(flows.parts.slow_quantities(y))
     before = program.room(size)
     with program.times(2.0) as part:
@@ -244,12 +251,13 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
             return rows + ((part + 2 * run) * points + (k + 1.0 + run)) * float(dimension)
 
         with program.times(points) as k:
-            first, second = row(k, 0.0), row(k, 1.0)
+            first = row(k, 0.0)
+            second = row(k, 1.0)
             slow = [
                 b - a
                 for a, b in zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
             ]
-            change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
+            change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
             out[0] = larger(out[0], length(slow))
             turns = times[part * points + k + 1.0] * rate / (2 * pi)
             out[1] = larger(
@@ -260,7 +268,7 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
         with program.times(points) as k:
             first = row(k, 0.0)
             most[0] = larger(most[0], length([first[i] - middle[j] for j, i in enumerate(moving)]))
-        # Of the first part, before there is another.
+        # The first part leaves its mean for the second to compare with.
         out[2] = length([(change[i] - before[i]) / points for i in range(size)])
         before.store(change.load(size))
     return program

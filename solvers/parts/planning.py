@@ -7,52 +7,58 @@ import numpy as np
 
 from polhode.solvers.contract import Record
 
-# A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the
-# slow components with errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what
-# accumulates does so no longer than the slow components remember, a time 1/γ. The angle h r is
-# never wider than flows reach.
-ORDER = 6
+# The law of errors. A step h leaves the slow components with errors of about COEFFICIENT γ r**-POWER
+# (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the slow part relaxes. The time
+# has no part in it: errors accumulate no longer than the slow components remember, a time 1/γ. The
+# angle h r is never wider than flows reach.
+_ORDER = 6
 _POWER = 2.0
 _COEFFICIENT = 6e-7
-# What errors are to the law at first, by the strength of the torque squared over the rate at which
-# it is forgotten.
+# First guess of the ratio of errors to the law: SCALE (s²/f)**SHARE, s the strength of the torque
+# and f the rate at which it is forgotten.
 _SCALE = 1.4
 _SHARE = 0.6
-# Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
-_EXPONENT = 1 - _POWER / ORDER
+# Steps ``H r**-EXPONENT`` err alike; they lie between steps equal in angle (1) and in time (0).
+_EXPONENT = 1 - _POWER / _ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
 _AIM = 0.2
-# A check takes this share of what is left of the run, within so many turns, against steps smaller
-# by this factor, at so many times within some turns at its beginning and at its end. It takes all
-# of a run of few turns, or of more where they are damped, in proportion.
+# A check takes this share of the remaining run.
 _CHECKED = 0.003
+# Least and most turns of a check.
 _LEAST_TURNS = 2.0
 _MOST_TURNS = 500.0
+# A check takes all of a run of fewer turns, or of more where they are damped: in proportion to this
+# multiple of the damping in a turn, up to a most number of turns.
 _ALL = 4.0
 _DAMPED = 4.0
 _MOST_ALL = 200.0
+# Ratio of the steps that a check compares.
 _FINER = 0.8
+# Turns at the beginning and at the end of a check over which means are taken.
 _MEAN_OVER = 5.0
-# No step is a larger share of the run.
+# Largest share of the run that a step takes.
 _SEEN = 0.4
-# The step stands if the estimated error is within these factors of the one wanted; else the law is
-# scaled, so often, for an error so much of that; where none is estimated the least is taken.
+# The step stands if the estimated error is within these factors of the requested one.
 _FITTING = (0.3, 2.0)
+# Otherwise the law is scaled for an error of this share of the requested one.
 _MIDDLE = 0.8
+# Least estimate, over the requested error: takes the place of 0.
 _LEAST = 1e-6
+# Checks of one plan at most.
 ROUNDS = 4
-# Of the errors of steps that are not checked again, where they fall more slowly: where the slow
-# part is not so small.
+# Order by which errors of steps fall that are not checked again: lower, as the slow part may not be
+# small there.
 _LEAST_ORDER = 4
-# A check sees errors from so many times what rounding makes of them; for smaller ones steps are
-# narrowed unseen. No error is aimed at below so many times the rounding of one number.
+# A check sees errors from this multiple of their rounding on; for smaller ones steps are narrowed
+# without a check.
 _CLEAR = 4.0
+# Least error aimed at, over the rounding of one number.
 _LEAST_ERROR = 100.0
-# Another round pays if wider steps cost no more than this share of those at hand, and if the plans
-# differ by a check, which costs as much as so many steps beside its own.
+# Another round pays if wider steps cost no more than this share of the present ones.
 _REWARDING = 0.85
+# It pays only if the plans differ by a check, which costs this many steps beside its own.
 _CHECK = 250.0
-# Numbers that a check finds.
+# Numbers that a check returns.
 _FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
 _PER_TURN = 0.1
@@ -68,7 +74,7 @@ class Plan(NamedTuple):
     widest: float
 
     def law(self, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
-        """What machine code receives as law; it holds between two rates."""
+        """The law as machine code receives it; it holds between two rates."""
         return self.factor, _EXPONENT, self.widest, self.floor, *between
 
     def step(self, rate: float) -> float:
@@ -97,8 +103,8 @@ class Planner:
         self.checked: Plan | None = None
 
     def by_law(self, rate: float, longest: float) -> Plan:
-        """The plan of widest steps at a rate, where errors are so many times those of the law."""
-        factor = (self.seen / (self.problem.strength * self.scale * _COEFFICIENT)) ** (1 / ORDER)
+        """The plan of widest steps at a rate, if errors are `scale` times the law."""
+        factor = (self.seen / (self.problem.strength * self.scale * _COEFFICIENT)) ** (1 / _ORDER)
         return Plan(min(factor, longest * rate**_EXPONENT), self.problem.floor, self.problem.widest)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
@@ -120,7 +126,7 @@ class Planner:
         for _ in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
             if bad and bad[1] <= ratio != _HOPELESS:
-                # What is left is rounding, which more steps add to.
+                # Only rounding is left, which more steps add to.
                 return bad[0]
             if ratio <= _FITTING[1]:
                 good = plan, ratio
@@ -135,16 +141,16 @@ class Planner:
                 )
                 return self.next(plan, ratio, order, rate, longest)
             before = plan
-            plan = self.next(plan, ratio, ORDER, rate, longest)
+            plan = self.next(plan, ratio, _ORDER, rate, longest)
             saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
             if saved * length < _CHECK or (good and saved * before.step(rate) < 1 - _REWARDING):
                 return good[0] if good else self.next(before, ratio, _LEAST_ORDER, rate, longest)
         return good[0] if good else plan
 
     def next(self, plan: Plan, ratio: float, order: float, rate: float, longest: float) -> Plan:
-        """A plan of the error aimed at, after one whose error, so many times that, falls by an order."""
+        """A plan of the error aimed at, after one whose error over that is `ratio` and falls by `order`."""
         step = plan.step(rate) * (_MIDDLE / max(ratio, _LEAST)) ** (1 / order)
-        law = _COEFFICIENT * rate ** (ORDER - _POWER) * step**ORDER
+        law = _COEFFICIENT * rate ** (_ORDER - _POWER) * step**_ORDER
         self.scale = self.seen / (self.problem.strength * law)
         return self.by_law(rate, longest)
 
@@ -159,10 +165,10 @@ class Planner:
     ) -> tuple[float, float]:
         """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.
 
-        What the two differ by in a turn's mean grows with time, as long as the slow quantities
-        remember; the rest goes to and fro within a turn. What the fast components err by, in rad
-        per turn, counts as well: over their amplitude where that is small and grows, as at a
-        saddle. The second number is what rounding makes of it.
+        The difference of the two in a turn's mean grows with time, as long as the slow quantities
+        remember; the remainder goes to and fro within a turn. Errors of the fast components, in rad
+        per turn, count as well: over their amplitude where that is small and grows, as at a saddle.
+        The second number is the part of rounding in the estimate.
         """
         problem = self.problem
         length = float(record.times[-1]) - now
@@ -172,8 +178,8 @@ class Planner:
         if length < turn * min(_MOST_ALL, _ALL * max(1.0, _DAMPED * problem.strength * turn)):
             window = length
         span = _MEAN_OVER * turn if window > 4 * _MEAN_OVER * turn else window / 2
-        given = *plan.law(), *plan.narrowed(_FINER).law(), span, window, rate
-        numbers = np.array((*given, *(0.0,) * _FOUND), problem.number)
+        settings = *plan.law(), *plan.narrowed(_FINER).law(), span, window, rate
+        numbers = np.array((*settings, *(0.0,) * _FOUND), problem.number)
         problem.kernels.check(
             problem.scheme.addresses[problem.number], problem.address, state, numbers
         )
@@ -183,7 +189,7 @@ class Planner:
             return inf, 0.0
         if end > begin:
             fast /= min(1.0, end)
-        # Slow components remember for a time between those of the fastest and of the slowest one.
+        # Slow components remember for a time between the memory of the fastest and the slowest one.
         remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
         grown = remaining / (window - span)
         # To and fro in the slow quantities; of the same sign in the phase, where that moves little
@@ -191,4 +197,4 @@ class Planner:
         rounding = problem.epsilon * max(
             rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / _PER_TURN
         )
-        return max(slow + change * grown, fast / _PER_TURN) / (1 - _FINER**ORDER), rounding
+        return max(slow + change * grown, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding

@@ -32,17 +32,18 @@ class Scheme:
 
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
-        """What machine code receives, by the type of its numbers: its own, and the scheme that leads to rows."""
+        """The scheme and the one that leads to rows, as machine code receives them, by the type of its numbers."""
         types = float, np.longdouble
-        return {each: np.concatenate([self.listed(each), ABA.listed(each)[:-1]]) for each in types}
+        return {
+            number: np.concatenate([self.listed(number), ABA.listed(number)[:-1]])
+            for number in types
+        }
 
     def listed(self, number: type) -> np.ndarray:
         """Stages, fast shares, slow shares, weights of the chains."""
-        shares = [
-            _mirrored(*each, number)
-            for each in ((self.fast, self.stages + 1), (self.slow, self.stages))
-        ]
-        return np.concatenate([np.array([self.stages], number), *shares, np.ones(1, number)])
+        fast = _mirrored(self.fast, self.stages + 1, number)
+        slow = _mirrored(self.slow, self.stages, number)
+        return np.concatenate([np.array([self.stages], number), fast, slow, np.ones(1, number)])
 
     @cached_property
     def widest(self) -> float:
@@ -51,7 +52,7 @@ class Scheme:
 
     @cached_property
     def addresses(self) -> dict[type, int]:
-        """Where machine code finds these numbers."""
+        """Addresses of these numbers, by their type."""
         return {number: array.ctypes.data for number, array in self.numbers.items()}
 
 
@@ -76,7 +77,7 @@ class Parallel(Scheme):
 
     def listed(self, number: type) -> np.ndarray:
         nodes, slow = (
-            np.array(each, number).reshape(-1, self.stages) for each in (self.nodes, self.slow)
+            np.array(rows, number).reshape(-1, self.stages) for rows in (self.nodes, self.slow)
         )
         slow /= slow.sum(axis=1, keepdims=True)
         nodes = np.concatenate([nodes, 1 - nodes[:, ::-1]])
@@ -88,7 +89,7 @@ class Parallel(Scheme):
 
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-SCHEMES = tuple(Scheme(**each) for each in _TABLES["palindromes"])
+SCHEMES = tuple(Scheme(**palindrome) for palindrome in _TABLES["palindromes"])
 # By itself it gained over the others at any error; it leads to rows.
 ABA = SCHEMES[-1]
 PARALLEL = Parallel(**_TABLES["parallel"])

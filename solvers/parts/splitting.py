@@ -26,7 +26,7 @@ from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import ABA, PARALLEL
 
 # Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
-CHUNK = 120_000
+_MAX_STEPS_PER_CALL = 120_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 # The kernels read half the relaxation's rate from its square as well, which holds for this number
 # alone.
@@ -36,11 +36,13 @@ _STRONG = 10.0
 # Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
 # a tenth more.
 _WIDEST = 0.99
-# Plans are made anew after these shares of a run, if that is so many turns at least.
+# Plans are made anew after these shares of a run.
 _AGAIN = (0.1, 0.4)
+# Least turns before a plan is made anew.
 _LEAST_BETWEEN = 120.0
-# And where the rate has changed by this factor, which widens by another each time.
+# A plan is also made anew where the rate has changed by this factor.
 _WIDTH = 2.4
+# That factor grows by this one with each plan.
 _WIDER = 1.15
 
 _FAILED: dict[int, Status] = {
@@ -92,7 +94,7 @@ class Split:
         """Times at which the plan is made anew in any case."""
         begin = float(record.times[0])
         length = float(record.times[-1] - record.times[0])
-        # What starts from rest will turn as the shear makes it.
+        # A body that starts from rest will turn as the shear makes it.
         rate = max(self.rate(record.start), _SHEAR * min(1.0, self.strength * length))
         least = _LEAST_BETWEEN * 2 * pi / rate
         return [begin + share * length for share in _AGAIN if share * length > least]
@@ -105,7 +107,7 @@ class Split:
         marks = self.marks(record)
         width = _WIDTH if marks else inf
         state = record.start.astype(self.number)
-        own = clock(float(record.times[0]), self.number)
+        run_clock = clock(float(record.times[0]), self.number)
         times = self.numbers(record.times)
         rows = self.numbers(record.rows)
         plan = None
@@ -113,21 +115,23 @@ class Split:
         code = Code.PAUSED
         while code != Code.FINISHED:
             if code in (Code.PAUSED, Code.OUTSIDE):
-                now = now_of(own)
+                now = now_of(run_clock)
                 rate = self.rate(state)
                 before = plan
                 plan = self.planner.plan(plan, state, float(now), record)
                 if plan is not before:
-                    own[: At.FILLED] = clock(now, self.number)[: At.FILLED]
-                own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
+                    run_clock[: At.FILLED] = clock(now, self.number)[: At.FILLED]
+                run_clock[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that a rate that goes to and fro asks for few plans.
                 law = plan.law((rate / width, rate * width))
                 width = width * _WIDER
-            limit = min(record.chunk(CHUNK), record.max_steps - int(own[At.STEPS]))
-            code = self.advance(law, state, own, times, rows, limit=limit)
-            record.put(rows[record.filled : int(own[At.FILLED])])
-            work.steps = int(own[At.STEPS])
-            record.now = float(now_of(own))
+            limit = min(
+                record.chunk(_MAX_STEPS_PER_CALL), record.max_steps - int(run_clock[At.STEPS])
+            )
+            code = self.advance(law, state, run_clock, times, rows, limit=limit)
+            record.put(rows[record.filled : int(run_clock[At.FILLED])])
+            work.steps = int(run_clock[At.STEPS])
+            record.now = float(now_of(run_clock))
             if code == Code.STEPS_DONE and (stopped := record.stopped):
                 return stopped
             if code in _FAILED:
@@ -136,14 +140,16 @@ class Split:
 
     def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
-        state, own, times, rows = arrays
-        own[At.LIMIT] = limit
-        own[At.ROWS] = len(times)
-        own_law = np.array(law, self.number)
+        state, run_clock, times, rows = arrays
+        run_clock[At.LIMIT] = limit
+        run_clock[At.ROWS] = len(times)
+        law_numbers = np.array(law, self.number)
         rests = np.empty_like(times)
         scheme = self.scheme.addresses[self.number]
-        self.kernels.advance(scheme, own_law, self.address, state, own, times, rests, rows)
-        return int(own[At.CODE])
+        self.kernels.advance(
+            scheme, law_numbers, self.address, state, run_clock, times, rests, rows
+        )
+        return int(run_clock[At.CODE])
 
     def free(self, record: Record) -> Outcome:
         """Fill the record's rows by the fast flow alone, modulo whole turns."""
@@ -164,9 +170,9 @@ class Split:
         return Status.REACHED_END, ""
 
 
-def now_of(own: np.ndarray) -> Any:
+def now_of(run_clock: np.ndarray) -> Any:
     """The time on a clock."""
-    return own[At.BEGIN] + own[At.SINCE] * own[At.STEP]
+    return run_clock[At.BEGIN] + run_clock[At.SINCE] * run_clock[At.STEP]
 
 
 class Splitting(Solver):
@@ -174,10 +180,10 @@ class Splitting(Solver):
 
     Class: compositions for nearly integrable systems, each in a SIMD lane; torque-free motion is
     exact at any step. The step follows from the tolerance by a law, and from checks by two step
-    sizes at the beginning and, on longer runs, where the rate has changed and at shares of the run.
-    Stability: unconditional in the relaxation but for short backward ones; the step is bound by the
-    angle, so that at small St, where relaxation outpaces the rotation, steps are as short as those
-    of an explicit method. Tolerance: error of L/I_e over the whole run, however long; orientation
+    sizes: at the beginning and, on longer runs, where the rate has changed and at shares of the
+    run. Stability: unconditional in the relaxation but for short backward ones. The angle bounds
+    the step: at small St, where relaxation outpaces the rotation, steps are as short as an explicit
+    method's. Tolerance: error of L/I_e over the whole run, however long; orientation
     errs by that times the angle turned. Caveat: what lingers at a saddle amplifies errors after the
     check; L of a body that tumbles for ever sways with its orientation, and errs with that. Error
     per rotation over tolerance: at most 10; 2 measured. Source: for one composition, Blanes, Casas,
@@ -234,7 +240,7 @@ class SplittingExtended(Splitting):
 
     @property
     def why_not(self) -> str | None:
-        """What is missing, NumPy's long double of x86 processors besides the library; None if nothing is."""
+        """The missing part, NumPy's long double of x86 processors or the library; None if none is missing."""
         if not long_double.IS_X86:
             return "x86's long double of 80 bits is missing, on this machine or in NumPy"
         return super().why_not

@@ -10,22 +10,23 @@ from polhode.solvers.machine_code.program import Array, Program, compare, compil
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.flows import Flows
 
-# Turns between a row and the point of whole turns from which it is reached, at most; trials to find
-# that point, after which the row is NaN.
-NEAR = 0.505
+# Most turns between a row and the point of whole turns from which it is reached.
+MAX_TURNS_TO_ROW = 0.505
+# Trials to find that point, after which the row is NaN.
 _TRIALS = 20.0
-# Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
+# Terms of DOP853's interpolant.
 TERMS = 7
+# A number beside which others are rounded to whole ones.
 _WHOLE = 1.5 * 2.0**52
-# Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta
-# table.
+# Most turns of which the averaged field takes differences.
 _MOST_TURNS = 3
-TABLE = 16
+# Stages in a row of a Runge-Kutta table.
+_TABLE = 16
 
 
 @dataclass(frozen=True)
 class StrobeKernels:
-    """Those of stroboscopic averaging; a point is a state with its time behind it."""
+    """Kernels of stroboscopic averaging; a point is a state with its time behind it."""
 
     # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of
     # differences of the map of 1, 2, ... turns: the averaged field, per turn. `setting` holds the
@@ -36,15 +37,15 @@ class StrobeKernels:
     # behind the last, the turns in the step.
     macro: Callable[..., None]
     # (scheme, p, setting, terms, point, times, rests, rows): rows at times within a macro-step from
-    # `point` on, whose points are those of an interpolant, from the end of a whole turn next to
-    # each by a part of a turn. `setting` holds the rows, the steps to each, the turns in the step;
-    # `rests` is room for a number of each row.
+    # `point` on. An interpolant gives the points at the ends of whole turns; from the nearest one a
+    # part of a turn leads to a row. `setting` holds the rows, the steps to each, the turns in the
+    # step; `rests` is room for a number of each row.
     rows: Callable[..., None]
 
 
 @once()
 def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
-    """Compile those of stroboscopic averaging."""
+    """Compile the kernels of stroboscopic averaging."""
     flows = Flows(parts, dimension)
     turn = _turn(flows)
     mean = _mean(flows, turn)
@@ -54,8 +55,8 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 def _turn(flows: Flows) -> Program:
     """One turn of the fast angle forth, of the first point, and back, of the second, side by side."""
-    # Each takes so many steps, and two short ones that close it: one of the scheme, and for what it
-    # leaves one of Strang.
+    # Each takes `steps` steps, and two short ones that close it: one of the scheme, and one of
+    # Strang for the angle that this leaves.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
     fast = flows.parts.fast
@@ -93,17 +94,21 @@ def _turn(flows: Flows) -> Program:
     with program.times(steps):
         step((forth, back), (h, -1.0 * h))
     first = left()
-    for constants, rest in zip(closing, first, strict=True):
-        program.call(flows.prepare, scheme, p, constants, rest)
+    for constants, remaining in zip(closing, first, strict=True):
+        program.call(flows.prepare, scheme, p, constants, remaining)
     step(closing, first)
-    passed = [sign * steps * h + rest for sign, rest in zip((1.0, -1.0), first, strict=True)]
-    for y, angle, point, time, rest in zip(states, angles, points, passed, left(), strict=True):
+    passed = [
+        sign * steps * h + remaining for sign, remaining in zip((1.0, -1.0), first, strict=True)
+    ]
+    for y, angle, point, time, remaining in zip(
+        states, angles, points, passed, left(), strict=True
+    ):
         for part, shift, share in ((fast, 0, 0.5), (slow, flows.sizes[0], 1.0)):
-            (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
-        fast_flow(y, angle, ends, 0.5 * rest)
+            (ends + shift).store(part.constants(p, share * remaining, OPERATIONS))
+        fast_flow(y, angle, ends, 0.5 * remaining)
         flows.slow_flow(y, ends)
-        fast_flow(y, angle, ends, 0.5 * rest)
-        point.store([*y.load(dimension), point[dimension] + time + rest])
+        fast_flow(y, angle, ends, 0.5 * remaining)
+        point.store([*y.load(dimension), point[dimension] + time + remaining])
     return program
 
 
@@ -113,7 +118,8 @@ def _mean(flows: Flows, turn: Program) -> Program:
     dimension = flows.dimension
     sides = [flows.constants(program) for _ in range(2)]
     size = dimension + 1
-    moved, (steps, turns, rows) = program.room(2 * size), setting.load(3)
+    moved = program.room(2 * size)
+    steps, turns, rows = setting.load(3)
     with program.times(rows * float(size)) as i:
         out[i] = 0.0
     h = 2 * pi / (flows.rate(point, p) * steps)
@@ -140,7 +146,7 @@ def _macro(dimension: int, mean: Program) -> Program:
         leave(compare("oge", s, setting[4]))
         ends.store(point.load(dimension + 1))
         with program.times(s) as j:
-            weight = setting[5] * table[s * float(TABLE) + j]
+            weight = setting[5] * table[s * float(_TABLE) + j]
             for i in range(dimension + 1):
                 ends[i] = ends[i] + weight * stages[j * size + float(i)]
         program.call(mean, scheme, p, setting, weights, ends, stages + s * size)
@@ -172,7 +178,7 @@ def _rows(flows: Flows) -> Program:
             rests[j] = times[j] - at[dimension]
             off[0] = rests[j] * flows.rate(at, p) / (2 * pi)
             tried[0] = tried[0] + 1.0
-            leave(compare("ole", off[0] * off[0], NEAR**2))
+            leave(compare("ole", off[0] * off[0], MAX_TURNS_TO_ROW**2))
             rests[j] = nan
             leave(compare("oge", tried[0], _TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))

@@ -11,41 +11,46 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Outcome, Record, Status
 from polhode.solvers.parts.schemes import ABA, dop853
 from polhode.solvers.parts.splitting import Split, Splitting
-from polhode.solvers.parts.strobe_kernels import NEAR, StrobeKernels, strobe_kernels
+from polhode.solvers.parts.strobe_kernels import MAX_TURNS_TO_ROW, StrobeKernels, strobe_kernels
 
-# Runs of fewer turns are left to splitting, and so is a stretch of turns wherever a macro-step
-# would be of fewer than so many times its order: it costs fifteen times its order. A stretch is
-# doubled so often while that fails.
+# Runs of fewer turns are left to splitting.
 _LEAST_TURNS = 1000
+# Least turns of a macro-step over its order: it costs fifteen times its order.
 _PAYING = 20.0
+# Turns of a stretch that is left to splitting where macro-steps do not pay.
 _STRETCH = 600.0
+# Times that a stretch is doubled at most, while macro-steps go on not to pay.
 _LONGEST = 4
-# Shares of the tolerance: error of a macro-step (rows within it err more), of the averaging, of the
-# micro-steps.
+# Share of the tolerance for the error of a macro-step; rows within it err more.
 _MACRO = 0.1
+# Share of the tolerance for the error of averaging.
 _AVERAGING = 0.1
+# Share of the tolerance for the error of micro-steps.
 _MICRO = 0.1
 # Micro-steps per turn: at first, at least, at most.
 _FIRST = 6
 _FEWEST = 4
-MOST = 24
-# Share of the error allowed below which fewer are tried.
+MAX_MICRO_STEPS = 24
+# Share of the error allowed below which fewer micro-steps are tried.
 _EASY = 0.1
-# Orders of the difference, and what rounding makes of it, which no choice improves.
+# Orders of the difference.
 _ORDERS = (2, 4, 6)
+# Rounding of the difference, which no choice improves.
 _ROUNDING = 3e-15
 # Weights of (Φ^k - Φ^-k) in the central differences, Φ the map of a turn.
 _WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
 # Addresses of its rows, by the turns of their differences.
 _ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
 # Stages of a macro-step, the field at its end included.
-N = 13
-# Of the macro-steps: order of the error estimate, safety, bounds of a change.
+_STAGES = 13
+# Power of the error by which a macro-step changes: one over the order of the estimate.
 _EXPONENT = 1 / 8
+# Factor of a new macro-step, lest it be refused.
 _SAFETY = 0.85
+# Bounds of a change of macro-steps.
 _SHRINK = 0.2
 _GROW = 5.0
-# The first one, in times of relaxation.
+# The first macro-step, in times of relaxation.
 _FIRST_STEP = 0.3
 
 
@@ -66,7 +71,7 @@ def interpolant() -> np.ndarray:
     terms = np.zeros((3 + len(table.D), 1 + len(table.A)))
     terms[:3, 0] = (1.0, -1.0, 2.0)
     terms[1, 1] = 1.0
-    terms[2, [1, N]] = -1.0
+    terms[2, [1, _STAGES]] = -1.0
     terms[3:, 1:] = table.D
     return terms
 
@@ -146,9 +151,12 @@ class Strobe:
             if turns < min(_PAYING * order, left / period):
                 setting.turns = 0.0
                 return None
-            numbers = np.array([setting.micro, order // 2, 1, 1, N, turns], dtype=float)
+            numbers = np.array([setting.micro, order // 2, 1, 1, _STAGES, turns], dtype=float)
             self.stages(numbers, point, stages, end)
-            estimates = turns * (self.table.E5 @ stages[:N]), turns * (self.table.E3 @ stages[:N])
+            estimates = (
+                turns * (self.table.E5 @ stages[:_STAGES]),
+                turns * (self.table.E3 @ stages[:_STAGES]),
+            )
             error = self.error(estimates, scale * _MACRO + turns * _ROUNDING)
             factor = _SAFETY * error**-_EXPONENT if error > 0 else _GROW
             if error <= 1:
@@ -160,7 +168,7 @@ class Strobe:
         record.work.inner = self.inner
         last = int(np.searchsorted(record.times, end[-1], side="right"))
         if last > record.filled:
-            numbers[3:5] = N, len(stages)
+            numbers[3:5] = _STAGES, len(stages)
             self.stages(numbers, point, stages, end.copy())
             record.put(
                 self.rows(
@@ -182,26 +190,31 @@ class Strobe:
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
         terms = interpolant() @ np.vstack([end - point, turns * stages])
-        setting = np.array([len(times), 1.0 + int(NEAR * micro), turns])
+        setting = np.array([len(times), 1.0 + int(MAX_TURNS_TO_ROW * micro), turns])
         self.kernels.rows(self.scheme, self.p, setting, terms, point, times, rests, rows)
         return rows
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
         """Averaged fields of all orders, with as many micro-steps as their error allows."""
         fields = np.empty((len(_ORDERS), len(point)))
-        other = np.empty((1, len(point)))
+        compared = np.empty((1, len(point)))
         if setting.easy:
             setting.micro = max(_FEWEST, setting.micro - 1)
         while True:
             self.mean(point, setting.micro, fields)
             # Differences of single turns show what smaller steps change; of the smallest, what
             # larger ones do.
-            more = min(MOST, setting.micro + 2) if setting.micro < MOST else MOST - 2
-            self.mean(point, more, other)
-            off = (
-                np.max(np.maximum(np.abs(fields[0] - other[0]) - _ROUNDING, 0.0) * horizon) / _MICRO
+            more = (
+                min(MAX_MICRO_STEPS, setting.micro + 2)
+                if setting.micro < MAX_MICRO_STEPS
+                else MAX_MICRO_STEPS - 2
             )
-            if not off > 1 or setting.micro >= MOST:
+            self.mean(point, more, compared)
+            off = (
+                np.max(np.maximum(np.abs(fields[0] - compared[0]) - _ROUNDING, 0.0) * horizon)
+                / _MICRO
+            )
+            if not off > 1 or setting.micro >= MAX_MICRO_STEPS:
                 break
             setting.micro = more
         setting.easy = off < _EASY
@@ -217,7 +230,7 @@ class Strobe:
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
-        """Averaged fields of so many orders, from the second on, by so many micro-steps."""
+        """Averaged fields, a row of `out` for each order from the second on, by `micro` micro-steps per turn."""
         self.inner += 2 * micro * len(out)
         setting = np.array([micro, len(out), len(out)], dtype=float)
         self.kernels.mean(self.scheme, self.p, setting, _ROWS[1], point, out)
@@ -235,11 +248,11 @@ class Strobe:
     def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:
         """Error of a macro-step over the one allowed, as DOP853 has it, from its estimates of orders 5 and 3."""
         with np.errstate(over="ignore"):
-            fifth, third = (float(np.sum((each / scale) ** 2)) for each in estimates)
+            fifth, third = (float(np.sum((estimate / scale) ** 2)) for estimate in estimates)
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
 
     def stretch(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:
-        """So many turns by splitting; the outcome if that is the end, else the point moves on."""
+        """A number of turns by splitting; the outcome if the run ends there, else the point moves on."""
         until = float(point[-1]) + turns * 2 * pi / self.split.rate(point[:-1])
         last = int(np.searchsorted(record.times, until))
         at_end = last >= len(record.times)
@@ -266,9 +279,9 @@ class Stroboscopic(Splitting):
     """Stroboscopic averaging of order 2, 4 or 6 in 1/St; its cost depends on the slow time alone, not on St.
 
     Class: heterogeneous multiscale. With the angle turned about L as the independent variable
-    torque-free motion is periodic; central differences of the map of one turn give the averaged
-    equations, DOP853 integrates them by macro-steps of whole turns, and parts of a turn lead to the
-    times asked for. Turns are made of micro-steps of one composition, of order (10, 6, 4). Order of
+    torque-free motion is periodic. Central differences of the map of one turn give the averaged
+    equations; DOP853 integrates them by macro-steps of whole turns; parts of a turn lead to the
+    requested times. Turns are made of micro-steps of one composition, of order (10, 6, 4). Order of
     the difference and micro-steps follow from comparison with the next. Stability: of explicit
     macro-steps, short against the time of relaxation. Tolerance: error of L/I_e over the whole run;
     orientation errs by that times the angle turned. Caveat: short runs, and stretches where
