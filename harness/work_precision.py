@@ -133,15 +133,15 @@ class WorkPrecision:
             expected = "expected a Problem: Problem.from_function(f, y0, t_end), or a form's"
             raise ValueError(f"problem: got {problem!r:.60}, {expected}")
         check_samples(samples)
-        given = [*tolerances] if np.iterable(tolerances) else []
-        if not (given and all(isinstance(each, Real) and each > 0 for each in given)):
+        values = [*tolerances] if np.iterable(tolerances) else []
+        if not (values and all(isinstance(value, Real) and value > 0 for value in values)):
             raise ValueError(f"tolerances: got {tolerances!r}, expected positive numbers")
         if error not in _ERRORS:
             raise ValueError(f"error: got {error!r}, expected one of {', '.join(_ERRORS)}")
         if not max_seconds > 0:
             raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
         self.solvers = solvers
-        self.tolerances = tuple(given)
+        self.tolerances = tuple(values)
         self.samples = samples
         self.max_seconds = max_seconds
         self.quiet = quiet
@@ -225,20 +225,22 @@ class WorkPrecision:
         times = self.times
         states: np.ndarray
         if hasattr(reference, "sol") and callable(reference.sol):
-            own = isinstance(getattr(reference, "problem", None), Problem)
-            states = np.asarray(reference.sol(times if own else users_times(problem, times))).T
+            dense_solution = isinstance(getattr(reference, "problem", None), Problem)
+            states = np.asarray(
+                reference.sol(times if dense_solution else users_times(problem, times))
+            ).T
         elif callable(reference):
             own_times = users_times(problem, times).tolist()
             try:
                 rows = [reference(t) for t in own_times]
                 states = np.array(rows, dtype=float).reshape(len(times), -1)
             except Exception as error:
-                what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
-                raise ValueError(f"reference: got {what}, expected states") from error
+                failure = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+                raise ValueError(f"reference: got {failure}, expected states") from error
         else:
             states = np.asarray(reference)
-        wanted = (self._components, self.one.dimension)
-        if states.ndim != 2 or len(states) != len(times) or states.shape[1] not in wanted:
+        dimensions = (self._components, self.one.dimension)
+        if states.ndim != 2 or len(states) != len(times) or states.shape[1] not in dimensions:
             expected = f"states of shape {(len(times), self._components)}"
             raise ValueError(f"reference: got shape {states.shape}, expected {expected}")
         if not np.isfinite(states.astype(float)).all():
@@ -569,16 +571,16 @@ def run_problems(
         {"problem": name, "solver": solver, **settings, "versions": versions()}
         for name, solver in pairs
     )
-    wanted = {digest(case): case for case in cases}
-    known = store.keys()
-    found = []
+    cases_by_key = {digest(case): case for case in cases}
+    stored_keys = store.keys()
+    all_rows = []
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
     progress = tqdm(
-        wanted.items(), disable=quiet or None, unit="case", desc="problems", leave=False
+        cases_by_key.items(), disable=quiet or None, unit="case", desc="problems", leave=False
     )
     with Worker() as worker, progress:
         for key, case in progress:
-            if key in known:
+            if key in stored_keys:
                 continue
             reply = worker.run(
                 measured, case["problem"], case["solver"], *settings.values(), limit=limit
@@ -599,10 +601,10 @@ def run_problems(
                 {"rows": rows, "machine": machine(), "versions": versions()},
             )
     for record in store:
-        if record["key"] in wanted:
+        if record["key"] in cases_by_key:
             kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}
-            found += [{**row, **kept} for row in record["rows"]]
-    return found
+            all_rows += [{**row, **kept} for row in record["rows"]]
+    return all_rows
 
 
 def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, str]]:
@@ -617,10 +619,13 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
         method = find_solver(solver)
         return method.available and solver not in one.hopeless and method.takes(one.problem)
 
-    own = names or PROBLEMS
+    problem_names = names or PROBLEMS
     methods = solvers or SOLVERS
-    if pairs := [(name, each) for name in own for each in methods if takes(each, PROBLEMS[name])]:
+    pairs = []
+    for name in problem_names:
+        pairs += [(name, method) for method in methods if takes(method, PROBLEMS[name])]
+    if pairs:
         return pairs
     raise ValueError(
-        f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(own)}"
+        f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(problem_names)}"
     )

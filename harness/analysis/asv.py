@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -90,12 +91,10 @@ def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
     for (scene, stokes, form), runs in groups.items():
         solvers = list(dict.fromkeys(run["solver"] for run in runs))
         tolerances = sorted({run["tolerance"] for run in runs}, reverse=True)
-        found = {(run["solver"], run["tolerance"]): run for run in runs}
+        run_of = {(run["solver"], run["tolerance"]): run for run in runs}
         for series, (column, kind, unit) in _SERIES.items():
             results = [
-                _value(found.get((solver, tolerance)), column)
-                for solver in solvers
-                for tolerance in tolerances
+                _value(run_of.get(method), column) for method in product(solvers, tolerances)
             ]
             tables[f"{scene}.St{in_full(stokes)}.{form}.{series}"] = {
                 "result": results,

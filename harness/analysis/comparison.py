@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import inf
 from pathlib import Path
 from statistics import median
@@ -67,12 +68,12 @@ def compare(
         drift = _sentinel(second) / _sentinel(first)
     else:
         drift = _ratio([(first[case], second[case]) for case in shared])
-    worse = [
-        {**dict(zip(_IDENTITY, case, strict=False)), **change}
-        for case in first
-        if case in shared
-        for change in _changes(first[case], second[case], drift, slower, less_accurate)
-    ]
+    worse = []
+    for case in first:
+        if case in shared:
+            identity = dict(zip(_IDENTITY, case, strict=False))
+            changes = _changes(first[case], second[case], drift, slower, less_accurate)
+            worse += [{**identity, **change} for change in changes]
     regressions = pd.DataFrame(worse, columns=pd.Index([*_IDENTITY, "what", "before", "after"]))
     alone = len(first) - len(shared), len(second) - len(shared)
     return Comparison(len(shared), *alone, drift, same_machine, regressions)
@@ -80,20 +81,22 @@ def compare(
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
     """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
-    return {
-        (*(row.get(column) for column in _IDENTITY), _scene(row)): row for row in rows_of(table)
-    }
+    rows = {}
+    for row in rows_of(table):
+        identity = (*map(row.get, _IDENTITY), _scene(row))
+        rows[identity] = row
+    return rows
 
 
 def _scene(row: Record) -> frozenset[tuple[str, Any]]:
     """Shape and start, which another study may give the same name."""
-    known = [
+    features = [
         (name, value)
         for name, value in row.items()
         if name.startswith("scene.") and value is not None
     ]
     return frozenset(
-        (name, tuple(value) if isinstance(value, list) else value) for name, value in known
+        (name, tuple(value) if isinstance(value, list) else value) for name, value in features
     )
 
 
@@ -119,9 +122,9 @@ def _changes(
     """What got worse in one case."""
     if before["status"] == Status.REACHED_END != after["status"]:
         # One that came near its time limit before may miss it by chance.
-        near = before["counted_seconds"] * slower * drift > after["max_seconds"]
+        close_to_limit = before["counted_seconds"] * slower * drift > after["max_seconds"]
         change = {"what": "status", "before": before["status"], "after": after["status"]}
-        return [] if near and after["status"] == Status.TIME_LIMIT else [change]
+        return [] if close_to_limit and after["status"] == Status.TIME_LIMIT else [change]
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
         # How many times as long the sentinel took beside the case itself, where that compares.
@@ -162,7 +165,7 @@ def read_runs(path: Path) -> pd.DataFrame:
     """Records as a frame: of JSON of the benchmark suite or a folder of such, a ``.sqlite`` store, its ``.jsonl``."""
     # Of all runs in a folder the failed ones come first and the shortest last, which counts.
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    records = [record for each in paths for record in _records(each)]
+    records = [*chain.from_iterable(map(_records, paths))]
     if path.is_dir():
         records.sort(key=lambda record: record.get("seconds") or inf, reverse=True)
     return of_runs(frame(records), path)

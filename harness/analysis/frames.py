@@ -84,15 +84,15 @@ def frame_of(kind: type, rows: Sequence[Any]) -> Any:
 
 def _picked(record: Record, columns: Collection[str]) -> Record:
     """The values that go into these columns."""
-    found = {}
+    picked = {}
     for name in columns:
         path = _STOKES if name == "stokes" else name
         value: Any = record
         for part in path.split("."):
             value = value.get(part) if isinstance(value, dict) else None
         if value is not None:
-            found[path] = value
-    return found
+            picked[path] = value
+    return picked
 
 
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
@@ -109,7 +109,7 @@ def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """Runs of each scene under its name, in the order of the records; those of a single one under none."""
     if "scene_name" not in table or len(set(table["scene_name"])) < 2:
         return [("", table)]
-    return [(str(name), own) for name, own in table.groupby("scene_name", sort=False)]
+    return [(str(name), runs) for name, runs in table.groupby("scene_name", sort=False)]
 
 
 def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:

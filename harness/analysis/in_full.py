@@ -43,7 +43,7 @@ def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) ->
     plans = {
         (name, stokes, tolerance): planned_in_full(by_name[name, stokes], tolerance)
         for name, stokes, tolerance in {
-            case for case, own in zip(cases, hybrid, strict=True) if own
+            case for case, is_hybrid in zip(cases, hybrid, strict=True) if is_hybrid
         }
         if (name, stokes) in by_name
     }

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import nan
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
@@ -125,7 +126,7 @@ _HEAD = ("case", "family", "form")
 _COLUMNS = {
     AveragingErrors: (
         *(*_HEAD, "a", "b", "c", "St", "slow_time"),
-        *(f"{kind}_{name}" for kind in ("model", "solver") for name in VARIABLES),
+        *map("_".join, product(("model", "solver"), VARIABLES)),
         *("reference_uncertainty", "pieces"),
     ),
     Absent: (*_HEAD, "St", "reason"),
@@ -146,8 +147,8 @@ def read_study(kind: type[Study], folder: Path) -> Study:
     tables = {
         name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows
     }
-    made: Any = kind
-    return made(**tables, timed=json.loads(read_file(folder / _TIMED)))
+    study_kind: Any = kind
+    return study_kind(**tables, timed=json.loads(read_file(folder / _TIMED)))
 
 
 def _tables(kind: type) -> dict[str, type]:

@@ -41,12 +41,12 @@ from polhode.solvers.taylor import extends_precision
 SEED = 15
 _HELD_OUT = (20261122, 7771)
 _RANDOM = 120
-SAMPLES = 201
-SOLVER = "cyrk-vern8"
+HYBRID_SAMPLES = 201
+WINDOW_SOLVER = "cyrk-vern8"
 _LEAST_AXIS = 0.15
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
-ERRORS = (1e-4, 1e-6, 1e-8)
+REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it
 # two unrelated methods in double, whose difference is the truth's uncertainty; and where that takes
 # minutes, no more.
@@ -59,16 +59,16 @@ _FAST_SEED = 16
 FAST = {1e6: 40, 1e7: 12, 1e8: 12}
 FAST_SLOW_TIME = 0.5
 FAST_ERROR = 1e-6
-_FEW = 11
-REPEATS = 3
+FEW_SAMPLES = 11
+SPEED_REPEATS = 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
 KNOWING = "splitting"
-_KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
+KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the
 # vorticity.
 _SETTLED = 0.9
-PARTS = ("errors", "speed")
+HYBRID_PARTS = ("errors", "speed")
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,8 @@ class Speed:
     stokes: float
     slow: float
     full_share: float
-    seconds: float  # with SAMPLES output times
-    few_seconds: float  # with FEW
+    seconds: float  # with HYBRID_SAMPLES output times
+    few_seconds: float  # with FEW_SAMPLES output times
     solver: str
     tolerance: float
     full_seconds: float
@@ -130,7 +130,7 @@ def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
         yield Scene(Ellipsoid(tuple(axes.tolist())), stokes, start, time)
 
 
-def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, float]:
+def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, float, float]:
     """The full equations' solution at equispaced times, from the cache or computed, and how far it may be off."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -146,8 +146,8 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             *([] if extends_precision() else ["without heyoka"]),
         ]
     )
-    found = cache.load(key)
-    if found is None:
+    cached = cache.load(key)
+    if cached is None:
         if problem.end <= _LONG_DOUBLE_UP_TO:
             tight, apart = true_observables(scene, samples)
         else:
@@ -157,12 +157,14 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
                 if all(find_solver(name).available for name, _ in _DOUBLE)
                 else unlike_runs(problem, times).values()
             )
-            tight, other = (form.observe(scene, states) for states in runs)
-            apart = errors(scene.ellipsoid, other, tight)
-        found = {name: each.astype(float) for name, each in vars(tight).items()}
-        found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
-    slow, orientation = found.pop("uncertainty").tolist()
-    return Observables(**found), slow, orientation
+            tight, double = (form.observe(scene, states) for states in runs)
+            apart = errors(scene.ellipsoid, double, tight)
+        cached = {name: values.astype(float) for name, values in vars(tight).items()}
+        cached = cache.keep(
+            key, cached | {"uncertainty": np.array([apart.slow, apart.orientation])}
+        )
+    slow, orientation = cached.pop("uncertainty").tolist()
+    return Observables(**cached), slow, orientation
 
 
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
@@ -170,29 +172,29 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
     rows = []
     for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
         if scene.time <= _LONGEST:
-            known = truth(scene)
-            rows += [_measured(i, scene, error, known) for error in ERRORS]
+            reference = truth(scene)
+            rows += [_measured(i, scene, error, reference) for error in REQUESTED_ERRORS]
     return rows
 
 
 def _measured(
-    start: int, scene: Scene, error: float, known: tuple[Observables, float, float]
+    start: int, scene: Scene, error: float, reference: tuple[Observables, float, float]
 ) -> HybridError:
-    true, slow_off, orientation_off = known
+    true, slow_off, orientation_off = reference
     run = plan(
         scene,
         Hybrid.name,
-        available_like(SOLVER),
+        available_like(WINDOW_SOLVER),
         error / ERROR_PER_TOLERANCE,
         error,
         "slow",
-        SAMPLES,
+        HYBRID_SAMPLES,
     ).run()
     slow = orientation = mirror = nan
     if run.success:
-        found = errors(scene.ellipsoid, run.observables, true)
-        slow = found.slow
-        orientation = found.orientation or nan
+        measured = errors(scene.ellipsoid, run.observables, true)
+        slow = measured.slow
+        orientation = measured.orientation or nan
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
         up = float(true.rotation[-1, axis, 2])
@@ -208,11 +210,10 @@ def _measured(
 
 def measure_speed(quiet: bool = False) -> list[Speed]:
     """Times of random starts at each St."""
-    scenes = [
-        (i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes))
-        for stokes, count in FAST.items()
-        for i, scene in enumerate(random_scenes(count, _FAST_SEED))
-    ]
+    scenes = []
+    for stokes, count in FAST.items():
+        for i, scene in enumerate(random_scenes(count, _FAST_SEED)):
+            scenes.append((i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes)))
     return [
         _timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)
     ]
@@ -220,10 +221,10 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
 
 def _timed(start: int, scene: Scene) -> Speed:
     form = Hybrid()
-    times = np.linspace(0.0, scene.time, SAMPLES)
+    times = np.linspace(0.0, scene.time, HYBRID_SAMPLES)
     problem = form.problem(scene)
     tolerance = FAST_ERROR / ERROR_PER_TOLERANCE
-    solver_of_windows = available_like(SOLVER)
+    solver_of_windows = available_like(WINDOW_SOLVER)
 
     def seconds(times: np.ndarray) -> float:
         for kept in (outline, path_of):
@@ -248,19 +249,21 @@ def _timed(start: int, scene: Scene) -> Speed:
     # before left in caches.
     ways: list[Callable[[], float]] = [
         lambda: seconds(times),
-        lambda: seconds(times[:: SAMPLES // (_FEW - 1)]),
+        lambda: seconds(times[:: HYBRID_SAMPLES // (FEW_SAMPLES - 1)]),
     ]
     ways += [
         lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full
     ]
-    turns = [[min(way() for _ in range(REPEATS)) for way in ways] for _ in range(REPEATS)]
-    taken, few, *others = np.min(turns, axis=0).tolist()
-    known = dict(zip(full, others, strict=True))
-    knowing = min((known.pop(way) for way in full if way[0] == KNOWING), default=nan)
-    (solver, at), best = min(known.items(), key=lambda each: each[1], default=(("", nan), nan))
-    own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
+    turns = [[*map(_fastest, ways)] for _ in range(SPEED_REPEATS)]
+    taken, few, *full_seconds = np.min(turns, axis=0).tolist()
+    seconds_of = dict(zip(full, full_seconds, strict=True))
+    knowing = min((seconds_of.pop(way) for way in full if way[0] == KNOWING), default=nan)
+    (solver, at), best = min(
+        seconds_of.items(), key=lambda entry: entry[1], default=(("", nan), nan)
+    )
+    costs = slow, _share(run.stages, scene.time), taken, few, solver, at, best
     steps = (
-        sum(each.steps or 0 for each in run.stages if not each.averaged),
+        sum(stage.steps or 0 for stage in run.stages if not stage.averaged),
         full.get((solver_of_windows, at), nan),
     )
     steps = steps if solver == solver_of_windows else (nan, nan)
@@ -268,7 +271,7 @@ def _timed(start: int, scene: Scene) -> Speed:
         start,
         scene.ellipsoid.kind,
         scene.stokes,
-        *own,
+        *costs,
         *_prepared(scene.ellipsoid),
         knowing,
         *steps,
@@ -298,15 +301,20 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     return perf_counter() - began, read()
 
 
+def _fastest(way: Callable[[], float]) -> float:
+    """Shortest wall time, in seconds, of several runs one after the other."""
+    return min(way() for _ in range(SPEED_REPEATS))
+
+
 def _full(
     scene: Scene, problem: Problem, times: np.ndarray, true: Observables
 ) -> dict[tuple[str, float], float]:
     """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
     form = find_form(full_form(scene))
-    found = dict[tuple[str, float], float]()
+    steps = dict[tuple[str, float], float]()
     tried: list[tuple[str, Sequence[float]]] = [(name, FULL_TOLERANCES) for name in FULL_SOLVERS]
     if find_solver(KNOWING).takes(problem):
-        tried.append((KNOWING, _KNOWING_TOLERANCES))
+        tried.append((KNOWING, KNOWING_TOLERANCES))
     for solver, tolerances in tried:
         if not find_solver(solver).available:
             continue
@@ -317,22 +325,22 @@ def _full(
                 and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
                 <= FAST_ERROR
             ):
-                found[solver, tolerance] = run.work.steps or nan
+                steps[solver, tolerance] = run.work.steps or nan
                 break
-    return found
+    return steps
 
 
 def _share(pieces: Sequence[Stage], whole: float) -> float:
-    return sum(each.end - each.begin for each in pieces if not each.averaged) / whole
+    return sum(piece.end - piece.begin for piece in pieces if not piece.averaged) / whole
 
 
 def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Study":
     """Both parts, or one of them anew; quick: a few starts, and no times."""
     study = old or Study([], [])
     if part in ("", "errors"):
-        scenes = [
-            scene for seed in _HELD_OUT for scene in random_scenes(4 if quick else _RANDOM, seed)
-        ]
+        scenes = []
+        for seed in _HELD_OUT:
+            scenes += random_scenes(4 if quick else _RANDOM, seed)
         rows = measure_errors(scenes, quiet)
         study = replace(study, errors=rows, timed={**study.timed, "errors": here()})
     if part in ("", "speed") and not quick:

@@ -12,17 +12,17 @@ from polhode.harness.averaging.data import VARIABLES, AveragingErrors, SecondOrd
 from polhode.harness.common.fits import power_law
 from polhode.models.second_order.form import SecondOrder
 
-TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
+NEEDED_ERRORS = (1e-1, 1e-2, 1e-3, 1e-4)
 # The law c/St^order is fitted from this St on, where it has set in, to at least so many St.
-_FITTED_FROM = 300.0
+FITTED_FROM = 300.0
 LEAST_POINTS = 4
 # Runs of a case belong together if none ends before this share of the longest one: a shorter run
 # errs less.
-_SAME_HORIZON = 0.99
+SAME_HORIZON = 0.99
 # Slopes are fitted where the error is below this and above so many times the reference's
 # uncertainty.
-_LARGEST_ERROR = 1e-2
-_FLOORS = 100.0
+LARGEST_FITTED_ERROR = 1e-2
+LEAST_RESOLVED = 100.0
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class Law:
     @property
     def alike(self) -> tuple[np.ndarray, np.ndarray]:
         """St and errors of the runs that share the longest horizon."""
-        same = np.array(self.until) >= _SAME_HORIZON * self.horizon
+        same = np.array(self.until) >= SAME_HORIZON * self.horizon
         return np.array(self.stokes)[same], np.array(self.error)[same]
 
     @property
     def fitted(self) -> tuple[np.ndarray, np.ndarray]:
-        """St and errors that the order is fitted to: of `alike`, those above `_FITTED_FROM`."""
+        """St and errors that the order is fitted to: of `alike`, those above `FITTED_FROM`."""
         stokes, error = self.alike
-        return stokes[stokes >= _FITTED_FROM], error[stokes >= _FITTED_FROM]
+        return stokes[stokes >= FITTED_FROM], error[stokes >= FITTED_FROM]
 
     @cached_property
     def fit(self) -> tuple[float, tuple[float, float]]:
@@ -124,18 +124,18 @@ def first_order(form: str) -> bool:
 
 def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
     """Fitted exponents of St, one pair for each case; the orientation's over the top two decades."""
-    found = []
+    fitted = []
     for case in dict.fromkeys((row.shape, row.start) for row in rows):
-        own = [row for row in rows if (row.shape, row.start) == case]
-        top = max(row.stokes for row in own)
+        case_rows = [row for row in rows if (row.shape, row.start) == case]
+        top = max(row.stokes for row in case_rows)
         slow = [
             (r.stokes, r.slow)
-            for r in own
-            if _FLOORS * r.slow_uncertainty < r.slow < _LARGEST_ERROR
+            for r in case_rows
+            if LEAST_RESOLVED * r.slow_uncertainty < r.slow < LARGEST_FITTED_ERROR
         ]
-        turned = [(r.stokes, r.orientation) for r in own if r.stokes >= 0.99e-2 * top]
-        found.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
-    return found
+        turned = [(r.stokes, r.orientation) for r in case_rows if r.stokes >= 0.99e-2 * top]
+        fitted.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
+    return fitted
 
 
 def _exponent(points: Sequence[tuple[float, float]]) -> float:

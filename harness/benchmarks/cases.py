@@ -8,6 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import product
 from math import inf
 from multiprocessing import get_context
 from pathlib import Path
@@ -177,7 +178,7 @@ def study(options: Options) -> Study:
         contents["tolerances"] = list(_TOLERANCES)
     if options.stokes:
         scenes = dict.fromkeys(scene["name"] for scene in contents["scenes"])
-        contents["scenes"] = [_scene(name, stokes) for name in scenes for stokes in options.stokes]
+        contents["scenes"] = [_scene(*pair) for pair in product(scenes, options.stokes)]
     _choose(contents, "forms", options.forms, (*_of_plug_ins(FORMS, "forms"), *options.with_forms))
     _choose(contents, "solvers", options.solvers, options.with_solvers)
     return replace(parse_study(contents), reference_seconds=_REFERENCE_SECONDS)
@@ -251,8 +252,8 @@ def meets(record: Record, error: str, target: float) -> bool:
 
 def _error(record: Record, error: str) -> float:
     """The error of a run; infinite where there is none."""
-    found = record.get(error)
-    return inf if failure(record) or found is None else float(found)
+    value = record.get(error)
+    return inf if failure(record) or value is None else float(value)
 
 
 def failure(record: Record) -> str:

@@ -140,11 +140,11 @@ class Measure:
         ValueError
             If an argument is out of range, or the solver does not accept the problem.
         """
-        given = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
-        (row,) = rows_of(given.frame)
+        study_case = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
+        (row,) = rows_of(study_case.frame)
         if row["status"] == Status.REACHED_END:
-            (setup,) = as_setups([solver], given.one)
-            self.benchmark(given.runner(setup, tolerance))
+            (setup,) = as_setups([solver], study_case.one)
+            self.benchmark(study_case.runner(setup, tolerance))
             # pytest-codspeed's fixture has none.
             stats = getattr(self.benchmark, "stats", None)
             if stats is not None:

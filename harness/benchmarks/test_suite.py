@@ -101,4 +101,4 @@ def test_solve(
     # pytest-codspeed's fixture has none.
     stats = getattr(benchmark, "stats", None)
     if stats is not None:
-        benchmark.extra_info["seconds_runs"] = [float(each) for each in stats.stats.data]
+        benchmark.extra_info["seconds_runs"] = [float(seconds) for seconds in stats.stats.data]

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
+from itertools import chain
 from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING, Any
@@ -27,7 +28,7 @@ _KINDS = {
 # Share of disturbed times from which on earlier results are not replaced; a few times may be
 # anything.
 _MOST_DISTURBED = 0.1
-FEW = 50
+FEW_TIMED_RUNS = 50
 # Options that change nothing in what is measured.
 _ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(
@@ -50,8 +51,8 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 def out_folder(default: str) -> Callable[..., Any]:
     """The option --out, a folder."""
 
-    def folder(context: click.Context, _: click.Parameter, given: Path | None) -> Path:
-        return given or usual(default, context.params.get("quick", False))
+    def folder(context: click.Context, _: click.Parameter, path: Path | None) -> Path:
+        return path or usual(default, context.params.get("quick", False))
 
     return click.option(
         "--out", type=FOLDER, callback=folder, help=f"Folder; by default {default}."
@@ -80,7 +81,7 @@ class Wanted:
         from polhode.harness.studies.study import read_study
 
         study = read_study(self.study_file, default)
-        values = [value for kind in _KINDS for value in self.filters[kind]]
+        values = [*chain.from_iterable(self.filters[kind] for kind in _KINDS)]
         part = study.part(**self.filters) if values else study
         name = "-".join([study.name, *values, *["quick"] * self.quick])
         return replace(part.quick() if self.quick else part, name=name)
@@ -90,10 +91,12 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `Wanted`."""
 
     @wraps(command)
-    def wanting(**given: Any) -> Any:
-        filters = {kind: given.pop(kind) for kind in _KINDS}
-        own = {each.name: given.pop(each.name) for each in fields(Wanted) if each.name in given}
-        return command(Wanted(**own, filters=filters), **given)
+    def wanting(**options: Any) -> Any:
+        filters = {kind: options.pop(kind) for kind in _KINDS}
+        settings = {
+            field.name: options.pop(field.name) for field in fields(Wanted) if field.name in options
+        }
+        return command(Wanted(**settings, filters=filters), **options)
 
     for name, (option, text) in reversed(_KINDS.items()):
         wanting = click.option(option, name, multiple=True, help=text)(wanting)
@@ -115,17 +118,17 @@ def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> No
     from polhode.harness.common.text import percent
     from polhode.harness.common.timing import disturbance
 
-    count, known = disturbance(records)
-    if anyway or count <= _MOST_DISTURBED * max(known, FEW):
+    count, judged = disturbance(records)
+    if anyway or count <= _MOST_DISTURBED * max(judged, FEW_TIMED_RUNS):
         return
-    what = f"other work disturbed {count} of {known} timed runs, expected at most {percent(_MOST_DISTURBED)}"
+    disturbed = f"other work disturbed {count} of {judged} timed runs, expected at most {percent(_MOST_DISTURBED)}"
     again = "run it anew on a quiet machine"
     # Times of another machine say nothing of this one.
     if page.exists() and str(machine()["processor"]) in page.read_text(encoding="utf-8"):
         raise RunFailed(
-            f"{page}: stays as it is, for {what}; {again}, or take them with --resume --disturbed"
+            f"{page}: stays as it is, for {disturbed}; {again}, or take them with --resume --disturbed"
         )
-    click.echo(f"note: {what}; {again}, if times matter", err=True)
+    click.echo(f"note: {disturbed}; {again}, if times matter", err=True)
 
 
 def command_line() -> str:
@@ -138,8 +141,8 @@ def command_line() -> str:
             continue
         value = context.params[name]
         option = parameter.opts[:1] if isinstance(parameter, click.Option) else []
-        for each in value if isinstance(value, tuple) else [value]:
-            words += option if each is True else [*option, str(each)]
+        for item in value if isinstance(value, tuple) else [value]:
+            words += option if item is True else [*option, str(item)]
     return join(words)
 
 

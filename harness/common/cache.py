@@ -35,7 +35,7 @@ def load(key: str) -> dict[str, np.ndarray] | None:
 def keep(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Keep arrays under a key, and return them as `load` does: sums over other strides differ in their last bit."""
     # A folder that cannot be written is no error, the work is done again next time.
-    arrays = {name: np.array(each, order="C") for name, each in arrays.items()}
+    arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()

@@ -54,9 +54,8 @@ class PartialFile:
         if self._file is None:
             # By its number, standard output is what the caller redirected it to, and goes on from
             # there.
-            where = (
-                self._private if self.atomic else 1 if self.path in _STANDARD_OUTPUT else self.path
-            )
+            in_place = 1 if self.path in _STANDARD_OUTPUT else self.path
+            where = self._private if self.atomic else in_place
             how = ("x" if self.atomic else "w") + self._binary
             try:
                 self._file = open(where, how, closefd=where != 1, **self._how)  # noqa: SIM115
@@ -144,12 +143,12 @@ def read_file(path: Path) -> bytes:
 
 def _sums(folder: Path) -> dict[str, list[str]]:
     """Checksums by file name."""
-    known: dict[str, list[str]] = {}
+    sums: dict[str, list[str]] = {}
     with suppress(OSError):
         for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines():
             checksum, _, name = line.partition("  ")
-            known.setdefault(name, []).append(checksum)
-    return known
+            sums.setdefault(name, []).append(checksum)
+    return sums
 
 
 def _expect(path: Path, *coming: Path) -> None:
@@ -159,12 +158,10 @@ def _expect(path: Path, *coming: Path) -> None:
         for file in (path, *coming):
             with suppress(OSError), file.open("rb") as content:
                 sums.append(file_digest(content, "sha256").hexdigest())
-        known = _sums(path.parent) | {path.name: sums}
-        lines = [
-            f"{checksum}  {name}\n"
-            for name in sorted(known)
-            for checksum in dict.fromkeys(known[name])
-        ]
+        sums_by_name = _sums(path.parent) | {path.name: sums}
+        lines = []
+        for name in sorted(sums_by_name):
+            lines += [f"{checksum}  {name}\n" for checksum in dict.fromkeys(sums_by_name[name])]
         write_file(path.with_name(SUMS), "".join(lines))
 
 
@@ -182,8 +179,8 @@ def alone(folder: Path) -> Iterator[None]:
 def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
     """One line of JSON, keys in order unless they are to stay in their own."""
 
-    def word(each: Any) -> Any:
-        return json.dumps(each) if isinstance(each, float) and not isfinite(each) else each
+    def word(value: Any) -> Any:
+        return json.dumps(value) if isinstance(value, float) and not isfinite(value) else value
 
     return json.dumps(_with(word, value), sort_keys=sort_keys, allow_nan=False, **how)
 
@@ -191,7 +188,7 @@ def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
 def loads(text: str) -> Any:
     """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
     return _with(
-        lambda each: _WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text)
+        lambda item: _WORDS.get(item, item) if isinstance(item, str) else item, json.loads(text)
     )
 
 
@@ -203,9 +200,9 @@ def digest(value: Any) -> str:
 def _with(change: Callable[[Any], Any], value: Any) -> Any:
     """A value with all in it that is neither dictionary nor list changed."""
     if isinstance(value, dict):
-        return {name: _with(change, each) for name, each in value.items()}
+        return {name: _with(change, item) for name, item in value.items()}
     return (
-        [_with(change, each) for each in value]
+        [_with(change, item) for item in value]
         if isinstance(value, list | tuple)
         else change(value)
     )

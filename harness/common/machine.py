@@ -41,8 +41,8 @@ def machine() -> dict[str, str | int]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    found = {package: version_of(package) for package in _PACKAGES}
-    return {package: number for package, number in found.items() if number is not None}
+    numbers = {package: version_of(package) for package in _PACKAGES}
+    return {package: number for package, number in numbers.items() if number is not None}
 
 
 def now() -> str:
@@ -59,12 +59,14 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     """First lines of a page: the command that made it, dates, machines and versions, where these were kept."""
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     where = f" on {' and '.join(machines)}" if machines else ""
-    disturbed, known = disturbance(records)
+    disturbed, judged = disturbance(records)
     rule = f"had the processor for less than {percent(HAD)} of its time, or the machine took {BUSY:g} × its shortest"
-    runs = f"{known} timed runs{_took(records)}"
-    said = f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if known else ""
-    made = f"Made by `{command}`. Do not edit: the next run overwrites this page."
-    return [f"# {title}", "", made, "", f"Measured {dates(records)}{where}.{said}", ""]
+    runs = f"{judged} timed runs{_took(records)}"
+    said = (
+        f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if judged else ""
+    )
+    notice = f"Made by `{command}`. Do not edit: the next run overwrites this page."
+    return [f"# {title}", "", notice, "", f"Measured {dates(records)}{where}.{said}", ""]
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:

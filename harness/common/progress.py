@@ -53,7 +53,7 @@ class Progress:
 
     def begin(
         self,
-        what: str,
+        title: str,
         fraction: Callable[[], float] | None = None,
         note: Callable[[float], str] | None = None,
     ) -> None:
@@ -64,7 +64,7 @@ class Progress:
         """
         now = time()
         self._done = 0.0
-        self._piece = (what, fraction, note, now)
+        self._piece = (title, fraction, note, now)
         if note and self._noting_since is None:
             self._noting_since = now
 
@@ -76,7 +76,7 @@ class Progress:
         shown = bar = None
         noted = False
         while not self._stop.wait(INTERVAL):
-            what, fraction, note, began = piece = self._piece
+            title, fraction, note, began = piece = self._piece
             if note and not noted and time() - (self._noting_since or began) > NOTE_AFTER:
                 noted = self._say(note(time() - began), bar)
             if not self._stream.isatty():
@@ -87,9 +87,9 @@ class Progress:
                 if bar:
                     bar.close()
                 bar = tqdm(
-                    desc=what,
+                    desc=title,
                     file=self._stream,
-                    disable=not what,
+                    disable=not title,
                     leave=False,
                     delay=PATIENCE,
                     **_EVERY_LOOK,

@@ -230,13 +230,10 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])
         for row in rows:
-            writer.writerow(
-                [
-                    cell
-                    for each in astuple(row)
-                    for cell in (each if isinstance(each, tuple) else [each])
-                ]
-            )
+            cells = []
+            for value in astuple(row):
+                cells += value if isinstance(value, tuple) else [value]
+            writer.writerow(cells)
 
 
 def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> list[Entry]:
@@ -256,7 +253,11 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
     cells = sum(len(get_args(hint)) or 1 for hint in hints)
     if any(len(line) != cells for line in lines):
         raise ValueError(f"{path}: got rows of other lengths, expected {cells} cells in each")
-    return [kind(*(_value(hint, row) for hint in hints)) for row in map(iter, lines)]
+    rows = []
+    for line in lines:
+        texts = iter(line)
+        rows.append(kind(*[_value(hint, texts) for hint in hints]))
+    return rows
 
 
 def _value(hint: Any, cells: Iterator[str]) -> Any:

@@ -146,30 +146,30 @@ class Patience:
 
     def steady(self) -> float:
         """The sentinel's time, once it is near its quickest or patience has run out."""
-        found = self._look()
-        while found > _NEAR * self._quickest and self._waited < self.share * (
+        sentinel = self._look()
+        while sentinel > _NEAR * self._quickest and self._waited < self.share * (
             perf_counter() - self._began
         ):
             paused = perf_counter()
             sleep(_PAUSE)
-            found = self._look()
+            sentinel = self._look()
             self._waited += perf_counter() - paused
-        return found
+        return sentinel
 
-    def busy(self, found: float) -> bool:
+    def busy(self, sentinel: float) -> bool:
         """Whether the machine was so slow that a time says little."""
-        return found > BUSY * self._quickest
+        return sentinel > BUSY * self._quickest
 
     def _look(self) -> float:
-        found = self.look()
-        self._quickest = min(self._quickest, found)
-        return found
+        sentinel = self.look()
+        self._quickest = min(self._quickest, sentinel)
+        return sentinel
 
 
 def disturbance(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
     """How many of the timed records are disturbed, and how many there are of which that is known."""
-    known = [bool(record["disturbed"]) for record in records if record.get("disturbed") is not None]
-    return sum(known), len(known)
+    flags = [bool(record["disturbed"]) for record in records if record.get("disturbed") is not None]
+    return sum(flags), len(flags)
 
 
 @dataclass(frozen=True)
@@ -194,12 +194,12 @@ class Pace:
     def seconds(self, record: Mapping[str, Any]) -> float:
         """Wall time of a record at this pace; as timed on another machine, or without a sentinel."""
         seconds = float(record["seconds"])
-        found = _sentinel_of(record)
-        comparable = self.sentinel and found and record.get("machine") == self.machine
-        return seconds * self.sentinel / found if comparable and self.sentinel else seconds
+        sentinel = _sentinel_of(record)
+        comparable = self.sentinel and sentinel and record.get("machine") == self.machine
+        return seconds * self.sentinel / sentinel if comparable and self.sentinel else seconds
 
 
 def _sentinel_of(record: Mapping[str, Any]) -> float:
     """The sentinel's time beside a record; 0 where it is not known."""
-    found = record.get("sentinel_seconds")
-    return found if found and found < inf else 0.0
+    sentinel = record.get("sentinel_seconds")
+    return sentinel if sentinel and sentinel < inf else 0.0

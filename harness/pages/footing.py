@@ -23,7 +23,7 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-ERRORS = (1e-4, 1e-6, 1e-8)
+FOOTING_ERRORS = (1e-4, 1e-6, 1e-8)
 _FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
@@ -77,7 +77,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
-    times = costs(by_stokes(solvers), ERRORS)
+    times = costs(by_stokes(solvers), FOOTING_ERRORS)
     forms = _ratios(
         costs(by_stokes(spheroid), _FORMS_ERRORS),
         ("quaternion", _TAYLOR),
@@ -111,8 +111,10 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         starts=STARTS,
     )
     top = header("Every solver at equal error", command, records)
-    rest = fill("footing-times", header=top, times=_times(times), jacobians=_jacobians(backends))
-    return {"README.md": page, "times.md": rest}
+    times_page = fill(
+        "footing-times", header=top, times=_times(times), jacobians=_jacobians(backends)
+    )
+    return {"README.md": page, "times.md": times_page}
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1) -> str:
@@ -124,12 +126,12 @@ def _worth(times: Any) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
     rows = []
     behind = {name: [] for name in _ALONE}
-    places = [
-        (target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()
-    ]
-    for target, (stokes, own) in places:
+    places = []
+    for target in FOOTING_ERRORS:
+        places += [(target, *entry) for entry in times.loc[target]["quaternion"].iterrows()]
+    for target, stokes, solver_times in places:
         # The fastest comes last, and stays.
-        ranked = own.dropna().sort_values(ascending=False).items()
+        ranked = solver_times.dropna().sort_values(ascending=False).items()
         by_library = {
             find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked
         }
@@ -206,14 +208,22 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
     for stokes, ratios in _ratios(
         times, ("quaternion", _TAYLOR), ("quaternion", _VERNER)
     ).iterrows():
-        own = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
-        ahead = (own[_VERNER] < own[_TAYLOR]).to_numpy()
+        at_stokes = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
+        ahead = (at_stokes[_VERNER] < at_stokes[_TAYLOR]).to_numpy()
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
         rows.append(
-            [short(stokes), scientific(own.index[stops[0] + 1]) if len(stops) else "none", *ratios]
+            [
+                short(stokes),
+                scientific(at_stokes.index[stops[0] + 1]) if len(stops) else "none",
+                *ratios,
+            ]
         )
     return _table(
-        ["St", "they cross at", *(f"{_TAYLOR} / {_VERNER} at {short(each)}" for each in ERRORS)],
+        [
+            "St",
+            "they cross at",
+            *(f"{_TAYLOR} / {_VERNER} at {short(error)}" for error in FOOTING_ERRORS),
+        ],
         rows,
     )
 
@@ -229,10 +239,14 @@ def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
 def _times(times: Any) -> dict[float, str]:
     """Every solver's times by St, a table for each slow error."""
     tables = {}
-    for target in ERRORS:
-        own = times.loc[target]["quaternion"].T.dropna(how="all")
+    for target in FOOTING_ERRORS:
+        by_solver = times.loc[target]["quaternion"].T.dropna(how="all")
         rows = [
-            [solver, *map(duration, own.loc[solver])] for solver in SOLVERS if solver in own.index
+            [solver, *map(duration, by_solver.loc[solver])]
+            for solver in SOLVERS
+            if solver in by_solver.index
         ]
-        tables[target] = _table(["solver", *(f"St = {short(stokes)}" for stokes in own)], rows)
+        tables[target] = _table(
+            ["solver", *(f"St = {short(stokes)}" for stokes in by_solver)], rows
+        )
     return tables

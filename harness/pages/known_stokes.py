@@ -48,14 +48,14 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     folder.mkdir(parents=True, exist_ok=True)
     export(records, folder / "records.jsonl")
     table = frame(records)
-    rows, met, known = _splitting(table)
+    rows, met, ratios = _splitting(table)
     page = fill(
         "known-stokes",
         header=header(study.title, command, records),
         met=met.count(True),
         asked=len(met),
-        known=known,
-        slower=[(ratio, stokes) for ratio, stokes in known if ratio < 1],
+        known=ratios,
+        slower=[(ratio, stokes) for ratio, stokes in ratios if ratio < 1],
         stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(
             ["scene", "St", *map(short, _ERRORS)], rows, right=range(1, 2 + len(_ERRORS))
@@ -73,20 +73,20 @@ def _splitting(
     ratios = []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
-        known: Any = costs(groups, _ERRORS).droplevel(0, axis=1)
+        all_times: Any = costs(groups, _ERRORS).droplevel(0, axis=1)
         for stokes, _ in groups:
             cells = []
             for error in _ERRORS:
-                times = known.loc[error, stokes]
-                others = times.drop(_OWN, errors="ignore").dropna().sort_values()
-                ratio = others.min() / times.get("splitting", nan)
+                times = all_times.loc[error, stokes]
+                rivals = times.drop(_OWN, errors="ignore").dropna().sort_values()
+                ratio = rivals.min() / times.get("splitting", nan)
                 if not isnan(ratio):
                     ratios.append((float(ratio), stokes))
                 target = _TARGETS.get((scene, stokes, error))
                 cell = (
                     "–"
                     if isnan(ratio)
-                    else f"{ratio:.2g} ({others.index[0]}, {duration(others.min())})"
+                    else f"{ratio:.2g} ({rivals.index[0]}, {duration(rivals.min())})"
                 )
                 if target is not None:
                     met.append(ratio >= target)
@@ -105,7 +105,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
         done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation)
     )
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
-    name = next((each for each in best if each not in _OWN), None)
+    name = next((solver for solver in best if solver not in _OWN), None)
     if "stroboscopic" not in best:
         return []
     strobe = where(done, done["solver"] == "stroboscopic")
@@ -114,10 +114,10 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     )
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
-    found = {"best": best, "other": name, "least": least, "longer": longer}
+    figures = {"best": best, "other": name, "least": least, "longer": longer}
     return lines_of(
         "known-stokes-stroboscopic",
-        **found,
+        **figures,
         reached=_REACHED,
         stokes=_STOKES,
         larger=_LARGER,
@@ -129,8 +129,8 @@ def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> 
     """`_longer`, measured once for the records in the folder."""
     path = folder / "longer.json"
     of = digest(read_file(folder / "records.jsonl").decode())
-    if path.exists() and (found := json.loads(read_file(path)))["records"] == of:
-        return found["ratio"]
+    if path.exists() and (record := json.loads(read_file(path)))["records"] == of:
+        return record["ratio"]
     ratio = _longer(scene, tolerance, samples)
     write_file(path, json.dumps({"records": of, "ratio": ratio}) + "\n", summed=True)
     return ratio
@@ -152,7 +152,6 @@ def _longer(scene: Scene, tolerance: float, samples: int) -> float:
             )
         )
 
-    first, second = np.min(
-        [[seconds(problem) for problem in problems] for _ in range(_ROUNDS)], axis=0
-    )
+    rounds = [[*map(seconds, problems)] for _ in range(_ROUNDS)]
+    first, second = np.min(rounds, axis=0)
     return float(second / first)

@@ -60,7 +60,7 @@ def _surest(runs: Any) -> dict[str, Any]:
     missed = most["size"] - most["sum"]
     best = most[missed == missed.min()]
     scenes = set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])
-    groups = [(number, [*own.index]) for number, own in best.groupby("size", sort=False)]
+    groups = [(number, [*solvers.index]) for number, solvers in best.groupby("size", sort=False)]
     possible = len(possible.drop_duplicates(_CASE))
     return {"possible": possible, "least": missed.min(), "surest": groups, "scenes": sorted(scenes)}
 
@@ -70,16 +70,16 @@ def limit(table: pd.DataFrame) -> str:
     limits = (
         sorted(set(table["max_seconds"].dropna().astype(float))) if "max_seconds" in table else []
     )
-    return " or ".join(duration(each) for each in limits) or "time"
+    return " or ".join(duration(seconds) for seconds in limits) or "time"
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
     table = frame(records)
-    found = endings(table, limits(records))
+    outcomes = endings(table, limits(records))
     write_file(
         folder / "outcomes.csv",
-        pd.DataFrame(found).to_csv(index=False, float_format="%.12g"),
+        pd.DataFrame(outcomes).to_csv(index=False, float_format="%.12g"),
         summed=True,
     )
     kept = (
@@ -87,7 +87,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         for record in records
     )
     export(kept, folder / "records.jsonl")
-    runs = _runs(found)
+    runs = _runs(outcomes)
     stopped = limit(table)
     solvers = sorted(set(table["solver"]), key=rank)
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
@@ -100,7 +100,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     total: Any = counts.sum(axis=1)
     share = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
     surest = [
-        [name, total[name], f"{each:.0f} %", *counts.loc[name]] for name, each in share.items()
+        [name, total[name], f"{percentage:.0f} %", *counts.loc[name]]
+        for name, percentage in share.items()
     ]
     by_scene = (
         pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
@@ -108,7 +109,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     page = fill(
         "outcomes",
         header=header(study.title, command, records),
-        sentences=sentences(found, stopped),
+        sentences=sentences(outcomes, stopped),
         counts=markdown(
             ["solver", "runs", "got through", *_KINDS], surest, right=range(1, 3 + len(_KINDS))
         ),
@@ -125,8 +126,8 @@ def limits(records: Sequence[Record]) -> dict[str, float]:
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}
     return {
-        name: INACCURATE * max(1.0, magnitude(own.ellipsoid, own.initial))
-        for name, own in scenes.items()
+        name: INACCURATE * max(1.0, magnitude(scene.ellipsoid, scene.initial))
+        for name, scene in scenes.items()
     }
 
 
@@ -152,7 +153,7 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
 
 def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
     """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason."""
-    found = []
+    outcomes = []
     for run in rows_of(table):
         row = {
             "scene": str(run["scene_name"]),
@@ -165,5 +166,5 @@ def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str,
             "solver": str(run["solver"]),
         }
         kind, reason = outcome(run, allowed[row["scene"]])
-        found.append({**row, "outcome": kind, "reason": reason})
-    return found
+        outcomes.append({**row, "outcome": kind, "reason": reason})
+    return outcomes

@@ -28,7 +28,9 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     write_file(folder / "runs.csv", kept.to_csv(index=False))
     # With the columns that runs of scenes have.
     runs = kept.assign(form="", slow_uncertainty=0.0, slow_error=kept["error"])
-    groups = [(str(name), own) for name, own in runs.groupby("problem", sort=False)]
+    groups = [
+        (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)
+    ]
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     # Seconds to each error: a row for each error and problem, a column for each solver.
     times: Any = costs(groups, _TARGETS).droplevel(0, axis=1)
@@ -37,7 +39,10 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     if not profiled.empty:
         save(profiles(profiled), folder, "profiles")
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
-    fastest = [[name, *(_winner(times.loc[target, name]) for target in _TARGETS)] for name in names]
+    fastest = []
+    for name in names:
+        winners = [_winner(times.loc[target, name]) for target in _TARGETS]
+        fastest.append([name, *winners])
     status = runs["status"].astype(str)
     page = fill(
         "problems",

@@ -16,9 +16,9 @@ _TABLES = tomllib.loads((_TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
     """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
-    known = _TABLES[name]
+    spec = _TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
-    right = known["right"] if "right" in known else range(known.get("left", 1), len(columns))
+    right = spec["right"] if "right" in spec else range(spec.get("left", 1), len(columns))
     return markdown([*columns], cells(rows, columns), right=right)
 
 
@@ -36,15 +36,17 @@ def templates(folder: Path, **options: Any) -> Environment:
         "lstrip_blocks": True,
         "keep_trailing_newline": True,
     }
-    found = Environment(loader=FileSystemLoader(folder), finalize=_listed, **options)
-    found.filters |= {name: partial(WORDING.format_field, format_spec=name) for name in FORMATS}
-    found.filters |= {
+    environment = Environment(loader=FileSystemLoader(folder), finalize=_listed, **options)
+    environment.filters |= {
+        name: partial(WORDING.format_field, format_spec=name) for name in FORMATS
+    }
+    environment.filters |= {
         "form": WORDING.format_field,
         "bullets": bullets,
         "lines": "\n".join,
         "table": table,
     }
-    return found
+    return environment
 
 
 def _listed(value: Any) -> Any:

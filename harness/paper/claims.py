@@ -1,6 +1,7 @@
 """The claims of the paper and the questions beyond it, in the paper's order."""
 
 from functools import cache
+from itertools import chain
 
 from polhode.harness.paper.item import Item, Section
 from polhode.harness.paper.sections import (
@@ -16,15 +17,15 @@ from polhode.harness.paper.sections import (
 )
 
 _SECTIONS = (
-    periods.SECTION,
-    limits.SECTION,
-    spheroids.SECTION,
-    clocks.SECTION,
-    ellipsoids.SECTION,
-    rest.SECTION,
-    remarks.SECTION,
-    appendix.SECTION,
-    beyond.SECTION,
+    periods.PERIODS_SECTION,
+    limits.LIMITS_SECTION,
+    spheroids.SPHEROIDS_SECTION,
+    clocks.CLOCKS_SECTION,
+    ellipsoids.ELLIPSOIDS_SECTION,
+    rest.REST_SECTION,
+    remarks.REMARKS_SECTION,
+    appendix.APPENDIX_SECTION,
+    beyond.BEYOND_SECTION,
 )
 
 
@@ -36,7 +37,7 @@ def sections() -> tuple[Section, ...]:
 @cache
 def items() -> tuple[Item, ...]:
     """All items, in order."""
-    return tuple(item for section in _SECTIONS for item in section.items)
+    return tuple(chain.from_iterable(section.items for section in _SECTIONS))
 
 
 def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:

@@ -52,7 +52,8 @@ def code_key(experiment: Experiment) -> str:
 def _key_of(module: str, name: str) -> str:
     reached = reached_from(module, name)
     definitions = [
-        f"{place}.{own}: {ast.dump(node)}" for (place, own), node in reached.definitions.items()
+        f"{place}.{definition}: {ast.dump(node)}"
+        for (place, definition), node in reached.definitions.items()
     ]
     files = [meaning(path) for path in files_of(reached)]
     return digest([sorted(definitions), files])
@@ -109,14 +110,14 @@ def _reach_definition(module: str, name: str, reached: _Reached) -> None:
 def _computing(node: ast.AST) -> ast.AST:
     """A definition without docstrings; of an experiment only what its `compute` uses."""
     # Parsed anew: the node that is kept is changed.
-    own = ast.parse(ast.unparse(node))
-    for inner in ast.walk(own):
+    tree = ast.parse(ast.unparse(node))
+    for inner in ast.walk(tree):
         if isinstance(inner, ast.ClassDef | ast.FunctionDef):
             if ast.get_docstring(inner) is not None:
                 inner.body = inner.body[1:] or [ast.Pass()]
             if isinstance(inner, ast.ClassDef):
                 inner.body = _used_by_compute(inner.body)
-    return own
+    return tree
 
 
 def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
@@ -189,28 +190,28 @@ def _tree(module: str) -> ast.Module:
 @cache
 def _definitions(module: str) -> dict[str, ast.AST]:
     """Functions, classes and assigned names of a module."""
-    found: dict[str, ast.AST] = {}
+    definitions: dict[str, ast.AST] = {}
     for node in _tree(module).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found[node.name] = node
+            definitions[node.name] = node
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             for target in targets:
                 for inner in ast.walk(target):
                     if isinstance(inner, ast.Name):
-                        found[inner.id] = node
-    return found
+                        definitions[inner.id] = node
+    return definitions
 
 
 @cache
 def _imports(module: str) -> dict[str, tuple[str, str]]:
     """Names that a module imports from the package: name to (module, name there)."""
-    found: dict[str, tuple[str, str]] = {}
+    imports: dict[str, tuple[str, str]] = {}
     for node in ast.walk(_tree(module)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == _PACKAGE:
             for alias in node.names:
-                found[alias.asname or alias.name] = (str(node.module), alias.name)
-    return found
+                imports[alias.asname or alias.name] = (str(node.module), alias.name)
+    return imports
 
 
 def _strings(node: ast.AST) -> Iterator[str]:

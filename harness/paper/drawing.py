@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import cycle
+from itertools import chain, cycle
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ AVERAGED = BLACK
 RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"
 NODE = PURPLE
-FORMATS = ("png", "svg")
+FIGURE_FORMATS = ("png", "svg")
 _RESOLUTION = 150
 _STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
 
@@ -67,8 +67,8 @@ def panels(
     figure = Figure(figsize=(width * columns, height * rows), layout=layout)
     places: Any = np.arange(rows * columns).reshape(rows, columns).tolist()
     kinds: dict[Any, Any] = {place: {"projection": "3d"} for place in spatial}
-    found = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
-    return figure, [found[place] for row in places for place in row]
+    axes_by_place = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
+    return figure, [axes_by_place[place] for place in chain.from_iterable(places)]
 
 
 def column(table: Table, values: Values) -> Any:
@@ -173,7 +173,7 @@ def draw_broken(axes: Axes, x: np.ndarray, y: np.ndarray, paths: np.ndarray, **s
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Save a figure; the same figure gives the same files. Few colours keep the PNG small."""
-    for ending in FORMATS:
+    for ending in FIGURE_FORMATS:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
         figure.savefig(drawn, format=ending, dpi=_RESOLUTION, metadata=metadata)

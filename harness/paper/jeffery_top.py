@@ -72,7 +72,7 @@ def stretching(
     tangents = _turned_aside(quaternions)
     integrator.pars[:] = np.array(shares(ellipsoid))[:, None]
     duration = half_turn(ellipsoid)
-    found = np.empty((len(angles), len(half_turns)))
+    logarithms = np.empty((len(angles), len(half_turns)))
     for first in range(0, len(angles), lanes):
         together = quaternions[first : first + lanes]
         integrator.set_time(0.0)
@@ -86,13 +86,13 @@ def stretching(
             integrator.state[_DIMENSION:] /= length
             stretched += np.log(length)
             if turn in half_turns:
-                rows = found[first : first + lanes]
+                rows = logarithms[first : first + lanes]
                 rows[:, half_turns.index(turn)] = stretched[: len(rows)]
         if not np.isfinite(stretched).all():
             raise RuntimeError(
                 "the run of an orbit and its tangent failed, expected finite lengths"
             )
-    return found
+    return logarithms
 
 
 def _turned_aside(quaternions: np.ndarray) -> np.ndarray:

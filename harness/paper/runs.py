@@ -14,10 +14,10 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-TOLERANCE = 1e-12
+RUN_TOLERANCE = 1e-12
 # A run takes seconds; a machine that sleeps or does other work may hold it up for minutes.
 _MAX_SECONDS = 1000.0
-SOLVER = "taylor"
+RUN_SOLVER = "taylor"
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ def run_form(
     form: Form,
     scene: Scene,
     times: np.ndarray,
-    tolerance: float = TOLERANCE,
+    tolerance: float = RUN_TOLERANCE,
     *,
-    solver: str = SOLVER,
+    solver: str = RUN_SOLVER,
     partial: bool = False,
 ) -> Run:
     """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short.
@@ -64,19 +64,19 @@ def run_form(
 
 
 def full_run(
-    scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE, *, solver: str = SOLVER
+    scene: Scene, times: np.ndarray, tolerance: float = RUN_TOLERANCE, *, solver: str = RUN_SOLVER
 ) -> Run:
     """Solution of the full equations at times in units of the inverse shear rate."""
     return run_form(find_form(full_form(scene)), scene, times, tolerance, solver=solver)
 
 
-def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:
+def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = RUN_SOLVER) -> Run:
     """Solution of the averaged equations at slow times."""
     return run_form(find_form(averaged_form(scene)), scene, slow_times, solver=solver)
 
 
 def slow_run(
-    ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray, *, solver: str = SOLVER
+    ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray, *, solver: str = RUN_SOLVER
 ) -> Run:
     """The same from slow variables (L_x, L_y, L_z, E) over the largest moment of inertia."""
     return averaged_run(slow_scene(ellipsoid, slow, slow_times[-1]), slow_times, solver=solver)
@@ -98,7 +98,8 @@ def slow_run_to_pinch(
     gone = run.slow[:, 2] <= 0
     rows = int(np.argmax(gone)) if gone.any() else len(run.times)
     kept = Run(run.form, scene, run.times[:rows], run.states[:rows])
-    (t1, t2), (z1, z2) = kept.times[-2:], kept.slow[-2:, 2]
+    t1, t2 = kept.times[-2:]
+    z1, z2 = kept.slow[-2:, 2]
     return kept, float(t2 + z2 * (t2 - t1) / (z1 - z2)) if rows < len(slow_times) else np.nan
 
 

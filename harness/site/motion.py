@@ -30,7 +30,7 @@ _MOST = 3000
 _MOMENTS = 48
 _TURNS = 4
 _POINTS = 40
-TOLERANCE = 1e-10
+_TOLERANCE = 1e-10
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
 _ALONG = 15.0
 
@@ -44,13 +44,13 @@ def examples() -> dict[str, Scene]:
     }
 
 
-def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
+def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Page:
     """The scenes of one's own first, then the examples."""
     motions = []
-    for name, scene in {**own, **examples()}.items():
+    for name, scene in {**user_scenes, **examples()}.items():
         say(f"motion: {name}")
         motions.append({"name": name, **motion(scene)})
-    shown = {"motion-data": [each for each in motions if "samples" in each]}
+    shown = {"motion-data": [drawing for drawing in motions if "samples" in drawing]}
     scripts = ("tables.js", "chart.js", "motion.js")
     return Page("See it move", fill("site-motion"), html("motion", motions=motions), shown, scripts)
 
@@ -64,10 +64,9 @@ def motion(scene: Scene) -> dict[str, Any]:
         # In the simplest form that has an axis, far more accurate than a screen shows.
         name = simplest(scene)
         problem = form(name).problem(scene)
-        solver = (
-            "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
-        )
-        solution = solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
+        stepping = "ida" if problem.parameters is None else "taylor"
+        solver = "exact" if problem.closed_form else stepping
+        solution = solve(scene, form=name, solver=solver, tolerance=_TOLERANCE, samples=samples)
     except (ValueError, ArithmeticError) as error:
         return {"why": str(error)}
     if not solution.success:
@@ -138,7 +137,7 @@ def _averaged(scene: Scene) -> list[float]:
         return []
     try:
         return _rounded(
-            _plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=TOLERANCE))
+            _plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=_TOLERANCE))
         )
     except (FormNotValidError, SolverNotValidError):
         return []

@@ -25,7 +25,7 @@ from polhode.solvers.contract import Backend, Jacobian, Status
 from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solution, solve
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 2
+CASE_SCHEMA = 2
 # A run of fewer steps than one per this many rotations cannot be right.
 _ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by
@@ -66,7 +66,7 @@ class Case:
                 "compiled" in method.backends and not method.lacks("compiled")
             )
         return {
-            "schema": SCHEMA,
+            "schema": CASE_SCHEMA,
             "scene": scene_table(self.scene),
             **{
                 name: getattr(self, name)
@@ -157,16 +157,16 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
         except ReferenceFailedError as error:
             exact = None
             record = {**record, "reference_failed": str(error)}
-    found = form.observe(case.scene, states)
+    observables = form.observe(case.scene, states)
     if record["status"] != Status.REACHED_END:
-        so_far = errors(ellipsoid, found, full.observables[: len(states)])
+        so_far = errors(ellipsoid, observables, full.observables[: len(states)])
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
     truth = full.observables[:n]
-    early = found[:n]
+    early = observables[:n]
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
     distance = (
-        None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
+        None if n == case.samples else statistics_distance(ellipsoid, observables, full.observables)
     )
     return (
         record
@@ -217,25 +217,29 @@ def prepared(case: Case) -> float:
 
 def _parted(
     case: Case,
-    found: Observables,
+    observables: Observables,
     truth: Observables,
     total: Errors,
     full: Reference,
     exact: Reference | None,
 ) -> Record:
     """The solver's error and the model's: all is the solver's if the form is a full one, both open if `exact` is."""
-    names = [
-        f"{part}_{error}_error" for part in ("solver", "model") for error in ("slow", "orientation")
-    ]
+    names = (
+        "solver_slow_error",
+        "solver_orientation_error",
+        "model_slow_error",
+        "model_orientation_error",
+    )
     if exact is None:
         return dict.fromkeys(names)
     values = total.slow, total.orientation, 0.0, 0.0
     if exact is not full:
         own_truth = exact.observables[: len(truth.slow)]
-        own, model = (
-            errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth))
+        solver_error, model = (
+            errors(case.scene.ellipsoid, *pair)
+            for pair in ((observables, own_truth), (own_truth, truth))
         )
-        values = own.slow, own.orientation, model.slow, model.orientation
+        values = solver_error.slow, solver_error.orientation, model.slow, model.orientation
     return dict(zip(names, values, strict=True)) | {
         "solver_slow_uncertainty": exact.slow_uncertainty
     }

@@ -34,7 +34,7 @@ _ENOUGH = 2e-3
 _ROUNDS = 5
 STARTS = 5
 _LIMIT = 60.0
-TOLERANCE = 1e-8
+_TOLERANCE = 1e-8
 # Part of a scene's time whose run shows what a first one takes more.
 _BEGINNING = 1e-6
 
@@ -101,32 +101,32 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
 
 def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
     """Cold and warm first run of each solver whose run succeeds, every one in a fresh process."""
-    found = {}
+    runs = {}
     for name in solvers:
         with TemporaryDirectory() as folder:
             pair = [_fresh(problem, name, folder) for _ in range(2)]
         if all(pair):
-            found[name] = tuple(pair)
-    return found
+            runs[name] = tuple(pair)
+    return runs
 
 
 def first_seconds(
     scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]
 ) -> dict[tuple[str, str], float]:
     """Seconds that a first run by a form and solver takes beyond later ones; 0.0 where its beginning fails."""
-    known: dict[tuple[str, str], float] = {}
-    found = {}
+    group_seconds: dict[tuple[str, str], float] = {}
+    seconds = {}
     for form, solver in methods:
         group = form, compile_group(solver)
-        if group not in known:
+        if group not in group_seconds:
             with TemporaryDirectory() as folder:
                 problem = find_form(form).problem(scenes[form])
                 run = _fresh(
                     replace(problem, end=problem.end * _BEGINNING, least_steps=0), solver, folder
                 )
-            known[group] = run.library + run.compilation if run else 0.0
-        found[form, solver] = known[group]
-    return found
+            group_seconds[group] = run.library + run.compilation if run else 0.0
+        seconds[form, solver] = group_seconds[group]
+    return seconds
 
 
 def compile_group(solver: str) -> str:
@@ -141,7 +141,7 @@ def compile_group(solver: str) -> str:
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
     with Worker() as worker:
-        return worker.run(first_run, problem, solver, TOLERANCE, folder, limit=_LIMIT).value
+        return worker.run(first_run, problem, solver, _TOLERANCE, folder, limit=_LIMIT).value
 
 
 def startup_seconds() -> float:

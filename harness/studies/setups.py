@@ -136,8 +136,8 @@ def rates_of(problem: Problem) -> Rates:
     """The right-hand side ``f(t, y)`` in plain Python, of the user's own time and components."""
     parameters = problem.field_parameters
     if isinstance(problem.field, OwnField):
-        own = problem.field.function
-        return lambda t, y: own(t, y, *parameters)
+        function = problem.field.function
+        return lambda t, y: function(t, y, *parameters)
     rates = problem.field(FLOAT)
     return lambda t, y: np.array(rates(y, parameters))
 
@@ -164,13 +164,13 @@ def run_function(
     t_eval = users_times(problem, times)
     span = float(t_eval[0]), float(t_eval[-1])
     start = np.array(problem.start[:components])
-    given = counted if count else rates, span, start, t_eval, rtol, atol
+    arguments = counted if count else rates, span, start, t_eval, rtol, atol
     began = perf_counter()
     status = Status.REACHED_END
     message = ""
     states = np.empty((0, components))
     try:
-        states = np.asarray(setup.function(*given, **setup.options), dtype=float)
+        states = np.asarray(setup.function(*arguments, **setup.options), dtype=float)
     except Exception as error:
         words = " ".join(str(error).split())
         message = (

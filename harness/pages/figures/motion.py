@@ -60,9 +60,12 @@ def tumbling(solution: SceneSolution) -> Figure:
     ellipsoid = solution.scene.ellipsoid
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
     # Of a spheroid the form may know the symmetry axis alone.
-    known = completed(ellipsoid, solution.rotation)
+    full_rotations = completed(ellipsoid, solution.rotation)
     for axes, time, rotation in zip(
-        row[0], solution.times, solution.rotation if known is None else known, strict=True
+        row[0],
+        solution.times,
+        solution.rotation if full_rotations is None else full_rotations,
+        strict=True,
     ):
         body(axes, semi_axes, rotation)
         axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=_INK, y=0.0)
@@ -91,7 +94,7 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
         cap[:, None], _CAPS, np.where(at[0][:, None] < _MERIDIANS // 2, _ONE_HALF, _OTHER_HALF)
     )
     shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ _LIGHT))[:, None])
-    seen = normal[:, 2] > 0
+    faces_viewer = normal[:, 2] > 0
     for x in (-1.25, 1.25):
         ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
         axes.plot(ends[:, 0], ends[:, 1], color=_INK, linewidth=0.6, alpha=0.5)
@@ -106,8 +109,8 @@ def body(axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray) -> Axes:
                 "shrinkB": 0,
             }
             axes.annotate("", tip[:2], tail[:2], arrowprops=style)
-    look = {"facecolors": shade[seen], "edgecolors": shade[seen], "linewidths": 0.3}
-    axes.add_collection(PolyCollection(list(faces[seen][:, :, :2]), **look))
+    look = {"facecolors": shade[faces_viewer], "edgecolors": shade[faces_viewer], "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(faces[faces_viewer][:, :, :2]), **look))
     axes.set(xlim=(-1.75, 1.75), ylim=(-1.6, 1.6), aspect="equal")
     axes.axis("off")
     return axes
@@ -127,7 +130,7 @@ def _project(points: np.ndarray) -> np.ndarray:
     """Points in space as right, up and towards the eye."""
     x, y, z = np.moveaxis(points, -1, 0)
     right = cos(TURN) * x - sin(TURN) * z
-    near = sin(TURN) * x + cos(TURN) * z
+    depth = sin(TURN) * x + cos(TURN) * z
     return np.stack(
-        [right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1
+        [right, cos(TILT) * y - sin(TILT) * depth, sin(TILT) * y + cos(TILT) * depth], axis=-1
     )

@@ -28,7 +28,7 @@ OTHER = "#6B3F1D"
 _OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
 # Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
 _COLOURS = 128
-APART = 16
+_LEAST_DIFFERENCE = 16
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,10 @@ class Look:
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Looks of solvers and averaged forms, in the order of `rank`."""
     ordered = sorted(set(names), key=rank)
-    others = cycle(_OTHER_MARKERS)
+    markers = cycle(_OTHER_MARKERS)
     return {
-        name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered
+        name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(markers))
+        for name in ordered
     }
 
 
@@ -66,8 +67,8 @@ def colour(name: str) -> str:
 
 def rank(name: str) -> tuple[int, str]:
     """Where a solver or form stands among others: solvers, then forms, each in the order of its catalogue."""
-    known = [*SOLVERS, *FORMS]
-    return (known.index(name) if name in known else len(known)), name
+    catalogue = [*SOLVERS, *FORMS]
+    return (catalogue.index(name) if name in catalogue else len(catalogue)), name
 
 
 def is_averaged(form: str) -> bool:
@@ -91,7 +92,7 @@ def few_colours(image: Image.Image) -> Image.Image:
     chosen = []
     while len(left) and len(chosen) < _COLOURS:
         chosen.append(left[0])
-        left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]
+        left = left[np.max(np.abs(left - left[0]), axis=1) >= _LEAST_DIFFERENCE]
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
     return image.quantize(palette=palette, dither=Image.Dither.NONE)

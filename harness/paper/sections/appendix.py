@@ -100,16 +100,16 @@ class _Averages(Experiment):
         count = -(-len(table) // columns)
         size = (6.4 / columns + (columns - 1), 1.2 + 0.15 * count)
         figure, axes = panels(1, columns, *size)
-        for place, own in enumerate(axes):
+        for place, panel in enumerate(axes):
             rows = table[place * count : (place + 1) * count]
             heights = -np.arange(len(rows))
             style: dict[str, Any] = {"linestyle": "none"}
             right = np.maximum(rows.corrected, _LEAST_DRAWN)
-            own.plot(
+            panel.plot(
                 right, heights, marker="o", color=BLUE, markersize=4, label="corrected", **style
             )
             printed = np.maximum(rows.printed, _LEAST_DRAWN)
-            own.plot(
+            panel.plot(
                 printed,
                 heights,
                 marker="x",
@@ -118,8 +118,8 @@ class _Averages(Experiment):
                 label="printed",
                 **style,
             )
-            own.set_yticks(heights, rows.entry.tolist(), fontsize=6.5 if columns > 1 else 8)
-            own.set(
+            panel.set_yticks(heights, rows.entry.tolist(), fontsize=6.5 if columns > 1 else 8)
+            panel.set(
                 xlabel="largest deviation from brute force",
                 ylabel="entry",
                 xscale="log",
@@ -212,7 +212,7 @@ class EllipsoidAverages(_Averages):
         general = np.array([name.startswith("general") for name in table.entry])
         failed = int(np.sum(wrong & ~general))
         mixed = int(np.sum(np.isin(table.entry[wrong], mixed_names())))
-        others = [
+        wrong_formulas = [
             name.removeprefix("general ")
             for name in table.entry[wrong & general]
             if MIXED not in name
@@ -223,7 +223,7 @@ class EllipsoidAverages(_Averages):
             f"{np.sum(~wrong & ~general)} of {np.sum(~general)} entries hold as printed. The "
             f"{failed} mixed third moments do not: they, and the general formula for {MIXED} above "
             f"them, lack α₃₃/2. Of the {np.sum(general) - 1} other general formulas those for "
-            f"{' and '.join(others)} contradict the entries below them, which are right. "
+            f"{' and '.join(wrong_formulas)} contradict the entries below them, which are right. "
             f"Corrected, all agree to {in_two_digits(table.corrected.max())}.",
             _CAPTION,
             [
@@ -389,7 +389,7 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     }
 
 
-SECTION = Section(
+APPENDIX_SECTION = Section(
     "appendix",
     "Appendices: averages and first-order correction",
     (

@@ -19,7 +19,7 @@ Formula = Callable[[np.ndarray, np.ndarray], Value]
 _LETTERS = "xyz"
 # Of different rows, and of any columns, for the general formulas.
 _ROWS = tuple(permutations(range(3)))
-COLUMNS = tuple(product(range(3), repeat=3))
+_COLUMN_TRIPLES = tuple(product(range(3), repeat=3))
 # The general formula of the mixed third moments.
 MIXED = "⟨t_i3,LO t_j1 t_k2⟩"
 
@@ -261,7 +261,7 @@ def _mean_second_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _second_aligned_formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return np.stack([np.diag([(1 - own) / 2, (1 - own) / 2, own]) for own in z])
+    return np.stack([np.diag([(1 - square) / 2, (1 - square) / 2, square]) for square in z])
 
 
 _GENERAL_SECOND_ALIGNED = Entry(
@@ -270,27 +270,29 @@ _GENERAL_SECOND_ALIGNED = Entry(
 
 
 def _mean_third_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    found = np.empty((len(_ROWS), len(COLUMNS)))
+    moments = np.empty((len(_ROWS), len(_COLUMN_TRIPLES)))
     for row, (i, j, k) in enumerate(_ROWS):
-        for column, (a, b, c) in enumerate(COLUMNS):
-            found[row, column] = np.mean(u[:, i, a] * u[:, j, b] * u[:, k, c])
-    return found
+        for column, (a, b, c) in enumerate(_COLUMN_TRIPLES):
+            moments[row, column] = np.mean(u[:, i, a] * u[:, j, b] * u[:, k, c])
+    return moments
 
 
 def _third_aligned_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    signs = np.outer([sign_of(*rows) for rows in _ROWS], [sign_of(*columns) for columns in COLUMNS])
+    signs = np.outer(
+        [sign_of(*rows) for rows in _ROWS], [sign_of(*columns) for columns in _COLUMN_TRIPLES]
+    )
     # As printed with δ_i3, which picks ⟨z₃²⟩ always.
     return signs * z[2] / 2
 
 
 def _third_aligned_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    found = np.empty((len(_ROWS), len(COLUMNS)))
+    moments = np.empty((len(_ROWS), len(_COLUMN_TRIPLES)))
     for row, rows in enumerate(_ROWS):
-        for column, columns in enumerate(COLUMNS):
+        for column, columns in enumerate(_COLUMN_TRIPLES):
             # With δ_l3: the row whose column is the third.
             along = sum(z[i] for i, place in zip(rows, columns, strict=True) if place == 2)
-            found[row, column] = sign_of(*rows) * sign_of(*columns) * along / 2
-    return found
+            moments[row, column] = sign_of(*rows) * sign_of(*columns) * along / 2
+    return moments
 
 
 _GENERAL_THIRD_ALIGNED = Entry(
@@ -319,21 +321,21 @@ _GENERAL_THIRD_MIXED = Entry(
 
 
 def _mean_third_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    found = np.empty((len(_ROWS), 3))
+    moments = np.empty((len(_ROWS), 3))
     for row, (i, j, k) in enumerate(_ROWS):
         for column in range(3):
-            found[row, column] = np.mean(t[:, i, column] * t[:, j, 0] * t[:, k, 1])
-    return found
+            moments[row, column] = np.mean(t[:, i, column] * t[:, j, 0] * t[:, k, 1])
+    return moments
 
 
 def _third_space(n: np.ndarray, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    found = np.empty((len(_ROWS), 3))
+    moments = np.empty((len(_ROWS), 3))
     for row, (i, j, k) in enumerate(_ROWS):
         first = n[0] * n[2] * (z[i] - z[j])
         second = n[1] * n[2] * (z[i] - z[k])
         third = weights[0] * z[j] + weights[1] * z[k] + weights[2] * z[i]
-        found[row] = sign_of(i, j, k) / 2 * np.array([first, second, third])
-    return found
+        moments[row] = sign_of(i, j, k) / 2 * np.array([first, second, third])
+    return moments
 
 
 def _third_space_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -355,7 +357,9 @@ def _mean_second_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _second_space_formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return np.stack([np.outer(n, n) * (3 * own - 1) / 2 + np.eye(3) * (1 - own) / 2 for own in z])
+    return np.stack(
+        [np.outer(n, n) * (3 * square - 1) / 2 + np.eye(3) * (1 - square) / 2 for square in z]
+    )
 
 
 _GENERAL_SECOND_SPACE = Entry("general ⟨t_il t_im⟩", _mean_second_space, _second_space_formula)

@@ -109,7 +109,9 @@ def start_exponents(part: Table) -> np.ndarray:
 
 def typical_errors(part: Table) -> np.ndarray:
     """Geometric mean of the error over starts, at each St."""
-    return np.array([np.exp(np.mean(np.log(own.error))) for _, own in groups(part, "stokes")])
+    return np.array(
+        [np.exp(np.mean(np.log(stokes_rows.error))) for _, stokes_rows in groups(part, "stokes")]
+    )
 
 
 def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
@@ -122,7 +124,8 @@ def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
 def local_exponents(part: Table) -> list[Estimate]:
     """Mean over starts of the exponents between neighbouring St."""
     runs = (np.diff(np.log([run.stokes, run.error])) for _, run in groups(part, "start"))
-    return [mean(column) for column in np.transpose([errors / steps for steps, errors in runs])]
+    exponents = [errors / steps for steps, errors in runs]
+    return [mean(column) for column in np.transpose(exponents)]
 
 
 @dataclass(frozen=True)
@@ -218,14 +221,14 @@ class AveragingOrder(Experiment):
         laws = Laws.of(data[""])
         figure, axes = panels(1, 2, 3.8, 3.1, sharey=True)
         titles = ("no crossing of $L^2 = 2EI_2$", "crossing $L^2 = 2EI_2$")
-        for own, rows, size, title in zip(
+        for panel, rows, size, title in zip(
             axes, (laws.without, laws.crossing), laws.sizes, titles, strict=True
         ):
             style: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "label": "single starts"}
-            draw_broken(own, rows.stokes, rows.error, rows.start, **style)
+            draw_broken(panel, rows.stokes, rows.error, rows.start, **style)
             line: dict[str, Any] = {"color": BLUE, "linewidth": 2.0, "marker": "o", "markersize": 4}
-            own.plot(laws.stokes, size, label="root mean square", **line)
-            own.set(
+            panel.plot(laws.stokes, size, label="root mean square", **line)
+            panel.set(
                 xlabel="Stokes number St",
                 ylabel="largest error of L and E$/I_{max}$",
                 title=title,
@@ -246,8 +249,8 @@ class AveragingOrder(Experiment):
         bound = laws.bound * laws.sizes[1][-1] / laws.bound[-1]
         text = r"$\mathrm{St}^{-1/2}\,\ln\,$St"
         axes[1].plot(laws.stokes, bound, linestyle="--", color=VERMILLION, label=text)
-        for own in axes:
-            own.legend(loc="lower left", fontsize=8)
+        for panel in axes:
+            panel.legend(loc="lower left", fontsize=8)
         return figure
 
 
@@ -434,8 +437,8 @@ class CrossingJumps(Experiment):
                 run = full_run(scene, stokes * slow_times, 1e-11, solver=_FAST_SOLVER)
                 deviations.append(run.slow - averaged)
             for after, (low, high) in enumerate((_BEFORE_CROSSING, _AFTER_CROSSING)):
-                near = (slow_times > crossing + low) & (slow_times < crossing + high)
-                means = np.array(deviations)[:, near].mean(axis=1)
+                window = (slow_times > crossing + low) & (slow_times < crossing + high)
+                means = np.array(deviations)[:, window].mean(axis=1)
                 yield (
                     "",
                     {"stokes": stokes, "after": after, **dict(zip(SLOW, means.T, strict=True))},
@@ -586,28 +589,28 @@ _ON_THE_MAP = "a map of starts even in θ and ψ, not of random ones"
 _OFF_BY = 0.2
 
 
-def saddle_start(generator: np.random.Generator, near: float) -> BodyStart:
+def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
     """Longest axis along the vorticity and ω = -½ along it, both but for about `near`."""
     phi = generator.uniform(0, 2 * pi)
     psi = generator.choice([-pi / 2, pi / 2])
-    tilt = generator.normal(scale=near, size=2)
+    tilt = generator.normal(scale=spread, size=2)
     quaternion = quaternion_from_euler((pi / 2 + tilt[0], phi, psi + tilt[1]))
-    noise = generator.normal(scale=near, size=3)
+    noise = generator.normal(scale=spread, size=3)
     sign = -np.sign(psi)
     return BodyStart(quaternion, (0.5 * sign + noise[0], noise[1], noise[2]))
 
 
-def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = _ARRIVED) -> float:
+def _arrival(slow_times: np.ndarray, slow: np.ndarray, radius: float = _ARRIVED) -> float:
     """Slow time from which on L and E stay close to the node; the end if they do not."""
-    away = np.flatnonzero(distance_from_node(_ELLIPSOID, slow) > near)
+    away = np.flatnonzero(distance_from_node(_ELLIPSOID, slow) > radius)
     return float(slow_times[min(int(away[-1]) + 1, len(slow_times) - 1)]) if len(away) else 0.0
 
 
 def late(table: Table) -> dict[float, Estimate]:
     """Share of arrivals that are late or early, by St."""
     return {
-        n: share(np.abs(own.full - own.averaged) > _OFF_BY * own.averaged)
-        for n, own in groups(table, "stokes")
+        n: share(np.abs(arrivals.full - arrivals.averaged) > _OFF_BY * arrivals.averaged)
+        for n, arrivals in groups(table, "stokes")
     }
 
 
@@ -621,17 +624,17 @@ class SaddleEndings(Experiment):
         """Arrival at the node: averaged, and full at several St, with the end of z'."""
         generator = np.random.default_rng(23)
         slow_times = np.linspace(0.0, _ENDING_TIME, 1501)
-        for near, index in product(_NEAR_SADDLE, range(grid.of(24, 6))):
-            start = saddle_start(generator, near)
+        for spread, index in product(_NEAR_SADDLE, range(grid.of(24, 6))):
+            start = saddle_start(generator, spread)
             scene = Scene(_ELLIPSOID, 1.0, start, _ENDING_TIME)
             averaged = averaged_run(scene, slow_times, solver=_FAST_SOLVER).slow
             expected = _arrival(slow_times, averaged)
             for stokes in _ENDING_STOKES[:: grid.of(1, 2)]:
-                for phase, own in enumerate((start, same_slow_start(start, generator))):
-                    scene = Scene(_ELLIPSOID, stokes, own, stokes * _ENDING_TIME)
+                for phase, body_start in enumerate((start, same_slow_start(start, generator))):
+                    scene = Scene(_ELLIPSOID, stokes, body_start, stokes * _ENDING_TIME)
                     run = full_run(scene, stokes * slow_times)
                     up = float(run.observables.rotation[-1, 2, 2] > 0)
-                    case = {"near": near, "start": index, "stokes": stokes, "phase": phase}
+                    case = {"near": spread, "start": index, "stokes": stokes, "phase": phase}
                     arrivals = {"averaged": expected, "full": _arrival(slow_times, run.slow)}
                     yield "", {**case, **arrivals, "up": up}
 
@@ -640,18 +643,20 @@ class SaddleEndings(Experiment):
         table = data[""]
         stokes = np.array(list(by(table, "stokes")))
         last = stokes[-1]
-        shares = {near: late(rows) for near, rows in groups(table, "near")}
+        shares = {spread: late(rows) for spread, rows in groups(table, "near")}
         flipped = _flips(table)[last]
-        named = "; ".join(
-            f"{joined([100 * value for value in shares[near].values()], '.0f')} % from {near:g} of "
-            "the saddle"
-            for near in _NEAR_SADDLE
-        )
+        clauses = []
+        for spread in _NEAR_SADDLE:
+            percentages = [100 * value for value in shares[spread].values()]
+            clauses.append(f"{joined(percentages, '.0f')} % from {spread:g} of the saddle")
+        named = "; ".join(clauses)
         nearest = _NEAR_SADDLE[-1]
         numbers = []
-        for near in _NEAR_SADDLE:
-            name = f"share of arrivals off by a fifth, St = {short(last)}, {near:g} from the saddle"
-            value = shares[near][last]
+        for spread in _NEAR_SADDLE:
+            name = (
+                f"share of arrivals off by a fifth, St = {short(last)}, {spread:g} from the saddle"
+            )
+            value = shares[spread][last]
             numbers.append(
                 Number(name, float(value), interval=value.interval, measure=_AT_THE_SADDLE)
             )
@@ -729,7 +734,7 @@ class SaddleEndings(Experiment):
             "near",
             lambda rows: list(late(rows)),
             lambda rows: list(late(rows).values()),
-            label=lambda near: f"arrival off by a fifth, {near:g} from the saddle",
+            label=lambda spread: f"arrival off by a fifth, {spread:g} from the saddle",
             marker="o",
         )
         flips = _flips(table)
@@ -750,10 +755,10 @@ class SaddleEndings(Experiment):
 
 def _flips(table: Table) -> dict[float, Estimate]:
     """Share of the pairs of starts whose ends differ, by St."""
-    found = {}
+    flips = {}
     for stokes, rows in groups(table, "stokes"):
-        found[stokes] = share(rows.up[rows.phase == 0] != rows.up[rows.phase == 1])
-    return found
+        flips[stokes] = share(rows.up[rows.phase == 0] != rows.up[rows.phase == 1])
+    return flips
 
 
 _BASIN_STOKES = 1e3
@@ -889,7 +894,7 @@ def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)
 
 
-SECTION = Section(
+BEYOND_SECTION = Section(
     "beyond",
     "Beyond the paper",
     (

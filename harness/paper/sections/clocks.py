@@ -48,7 +48,7 @@ _BODIES = tuple(
 )
 # St of the full runs, and how far, in rad or in the angular velocity, they start off the rotation.
 _DECAY_STOKES = 1e5
-AWAY = 0.03
+_START_OFFSET = 0.03
 # |L|/I_max and St of the runs from large L.
 _LARGE = 1e3
 _LARGE_STOKES = 1e4
@@ -59,10 +59,11 @@ _WOBBLE = 3
 def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
     if mode == 3:
-        return aligned_start(body, -body.inertia[2] / 2, AWAY)
-    tilt, azimuth = ((AWAY, pi / 2), (AWAY, 0.0), (0.0, 0.0))[mode]
+        return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
+    tilt, azimuth = ((_START_OFFSET, pi / 2), (_START_OFFSET, 0.0), (0.0, 0.0))[mode]
     return BodyStart(
-        quaternion_from_euler((tilt, azimuth, 0.3)), (0.0, 0.0, -0.5 - (AWAY if mode == 2 else 0.0))
+        quaternion_from_euler((tilt, azimuth, 0.3)),
+        (0.0, 0.0, -0.5 - (_START_OFFSET if mode == 2 else 0.0)),
     )
 
 
@@ -138,8 +139,10 @@ def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
     rate = -chosen.measured
     clock = chosen.clock
     longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in _BODIES]
-    other = np.array([inertia / (8 * pi * resistance) for _, inertia, resistance in longest])
-    return rate, rate * other, rate * clock
+    longest_clock = np.array(
+        [inertia / (8 * pi * resistance) for _, inertia, resistance in longest]
+    )
+    return rate, rate * longest_clock, rate * clock
 
 
 @dataclass(frozen=True)
@@ -173,7 +176,7 @@ class DecayRates(_Decay):
         bodies = ", ".join(map(axes_of, _BODIES))
         return Verdict(
             Word.CONFIRMED,
-            f"Full runs at St = 1e5 that start {AWAY:g} off the stable rotation in L_x, L_y, L_z "
+            f"Full runs at St = 1e5 that start {_START_OFFSET:g} off the stable rotation in L_x, L_y, L_z "
             f"or in the wobble approach it at the printed rates to {joined(off, '.1g')}. From |L| "
             f"= {_LARGE:g} I_max the parts of L² along and across the axis decay at the printed "
             f"rates to {from_large:.1g}, and L turns by {turned:.2g}°. This is for L ≫ I; "
@@ -185,7 +188,9 @@ class DecayRates(_Decay):
                 Number(
                     f"measured over printed rate, less one, worst of {len(table)}",
                     max(off),
-                    Range.at_most(5e-2, f"the start is {AWAY:g} off, where rates are not linear"),
+                    Range.at_most(
+                        5e-2, f"the start is {_START_OFFSET:g} off, where rates are not linear"
+                    ),
                 ),
                 Number(
                     "decay from large L, measured over printed rate, less one, worst",
@@ -246,7 +251,7 @@ class EllipsoidClock(_Decay):
 
     def judge(self, data: Data) -> Verdict:
         """How far rates differ on three clocks."""
-        plain, longest, own = (spread(rates) for rates in on_clocks(data[""]))
+        plain, longest, shortest = (spread(rates) for rates in on_clocks(data[""]))
         apart = Range(
             1.2, 10.0, "clearly more than by the right clock, and no more than the shapes"
         )
@@ -254,7 +259,7 @@ class EllipsoidClock(_Decay):
             Word.MEASURED,
             "With the moment and the resistance of the axis that ends along the vorticity, the "
             "shortest, St* = I₃ St/(8πX₃) makes the relaxation of L_z the same for the five "
-            f"bodies: the rates differ by a factor of {own:.3f}, by {plain:.2g} per St and by "
+            f"bodies: the rates differ by a factor of {shortest:.3f}, by {plain:.2g} per St and by "
             f"{longest:.2g} with the longest axis, which is the symmetry axis of the paper's "
             "prolate spheroids.",
             f"Relaxation rates of L_z of {', '.join(map(axes_of, _BODIES))} from full runs, on three "
@@ -262,8 +267,8 @@ class EllipsoidClock(_Decay):
             [
                 Number(
                     "largest over smallest rate per St* of the shortest axis",
-                    own,
-                    Range(1.0, 1.05, f"the same, but for a start that is {AWAY:g} off"),
+                    shortest,
+                    Range(1.0, 1.05, f"the same, but for a start that is {_START_OFFSET:g} off"),
                 ),
                 Number("the same per St* of the longest axis", longest, apart),
                 Number("the same per St", plain, apart),
@@ -411,7 +416,7 @@ class Collapse(Experiment):
         return figure
 
 
-SECTION = Section(
+CLOCKS_SECTION = Section(
     "clocks",
     "Rates, clocks and the pinch point",
     (

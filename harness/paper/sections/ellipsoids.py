@@ -1,7 +1,9 @@
 """Triaxial ellipsoids at large St: the singular fixed point, slow variables, the L_z–E plane, projections."""
 
 from dataclasses import dataclass
+from itertools import product
 from math import sqrt
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -65,10 +67,14 @@ _PASSAGE_LONGER = 1.2
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
     """y = 1 - m of slow variables over I_max, shape (n, 4)."""
     i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
-    near, far = (i3, i1) if side == "short" else (i1, i3)
+    end_inertia, other_inertia = (i3, i1) if side == "short" else (i1, i3)
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
     energy2 = 2 * slow[:, 3]
-    return (near - far) * (momentum2 - energy2 * i2) / ((near - i2) * (momentum2 - energy2 * far))
+    return (
+        (end_inertia - other_inertia)
+        * (momentum2 - energy2 * i2)
+        / ((end_inertia - i2) * (momentum2 - energy2 * other_inertia))
+    )
 
 
 def state_of(local: Separatrix, complement: float, shift: float) -> list[float]:
@@ -84,10 +90,10 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     # y is a quotient of L² - 2EI₂ and L² - 2EI, whose rates are exact; differences of y are not,
     # as it is small.
     i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
-    near, far = (i3, i1) if local.side == "short" else (i1, i3)
-    squared = state[2] ** 2 - 2 * state[3] * np.array([i2, far])
-    changes = 2 * state[2] * rates[2] - 2 * rates[3] * np.array([i2, far])
-    scale = (near - far) / (near - i2)
+    end_inertia, other_inertia = (i3, i1) if local.side == "short" else (i1, i3)
+    squared = state[2] ** 2 - 2 * state[3] * np.array([i2, other_inertia])
+    changes = 2 * state[2] * rates[2] - 2 * rates[3] * np.array([i2, other_inertia])
+    scale = (end_inertia - other_inertia) / (end_inertia - i2)
     growth = scale * (changes[0] * squared[1] - squared[0] * changes[1]) / squared[1] ** 2
     return float(growth), float(rates[2])
 
@@ -111,12 +117,12 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
         return float(times[last]), float(complements[last]), float(slow[last, 2] + _MIDDLE / 2)
 
     def meets_below(shift: float) -> bool:
-        _, rest, found = before_point(shift)
-        return found <= local.critical(rest) / _UNIT
+        _, left, momentum = before_point(shift)
+        return momentum <= local.critical(left) / _UNIT
 
     shift = bisected(meets_below, -1.5 * _UNIT, 0.3 * _UNIT, 45)
-    time, rest, _ = before_point(shift)
-    return state_of(local, complement, shift), time - local.time(rest)
+    time, left, _ = before_point(shift)
+    return state_of(local, complement, shift), time - local.time(left)
 
 
 def critical_before(complement: float, points: int, times_left: np.ndarray) -> np.ndarray:
@@ -203,7 +209,7 @@ class SingularPoint(Experiment):
         local = float(data["times"].local[0])
         smallest = rates.y.min()
         slowest = np.abs(rates.averaged_y[rates.y == smallest]).min()
-        near = rates[rates.y <= _NEAR_Y]
+        close_rates = rates[rates.y <= _NEAR_Y]
         passage = Range.near(
             local, 0.1 * local, "the local solution, good to the relative order y = 0.1"
         )
@@ -220,7 +226,7 @@ class SingularPoint(Experiment):
             [
                 Number(
                     f"local over averaged rate of y, worst, y ≤ {_NEAR_Y:g}",
-                    worst(near.local_y / near.averaged_y - 1),
+                    worst(close_rates.local_y / close_rates.averaged_y - 1),
                     Range.at_most(1e-2, "the next term is of relative order y log(16/y)"),
                 ),
                 Number("slow time from y = 0.1 to the singular point", arriving, passage),
@@ -254,18 +260,18 @@ class SingularPoint(Experiment):
         rates = data["rates"]
         figure, axes = panels(2, 2, 3.9, 2.7)
         time = "slow time from the singular point"
-        for own, name in ((axes[0], "y"), (axes[1], "shift")):
-            _draw_sides(own, trajectory, "t2", f"averaged_{name}", f"local_{name}")
-            own.set_xlabel(time)
-            own.locator_params(nbins=5)
+        for panel, name in ((axes[0], "y"), (axes[1], "shift")):
+            _draw_sides(panel, trajectory, "t2", f"averaged_{name}", f"local_{name}")
+            panel.set_xlabel(time)
+            panel.locator_params(nbins=5)
         name_line(axes[0], "local solution", color=AVERAGED, linestyle=":")
         axes[0].set_ylabel("$y = \\mu'\\delta$")
         axes[0].legend()
         axes[1].set_ylabel("$L_z'/I_{max}$")
         axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2), useMathText=True)
-        for own, name in ((axes[2], "y"), (axes[3], "shift")):
-            _draw_sides(own, rates, "y", f"averaged_{name}", f"local_{name}", absolute=True)
-            own.set(xlabel="$y = \\mu'\\delta$", xscale="log")
+        for panel, name in ((axes[2], "y"), (axes[3], "shift")):
+            _draw_sides(panel, rates, "y", f"averaged_{name}", f"local_{name}", absolute=True)
+            panel.set(xlabel="$y = \\mu'\\delta$", xscale="log")
         axes[2].set_ylabel("$|dy/dt_2|$")
         axes[3].set_ylabel("$|dL_z'/dt_2|/I_{max}$")
         return figure
@@ -311,14 +317,14 @@ class FirstStart(SlowMotion):
         """The verdict on the start, and on the two further claims."""
         verdict = super().judge(data)
         errors = data["errors"]
-        ellipsoid, other = np.exp(data["scatter"].swings)
+        ellipsoid, spheroid_swing = np.exp(data["scatter"].swings)
         passing = errors.after / errors.before
         largest = max(self.shown)
         words = (
             " Over many starts with a crossing of L² = 2EI₂ the error falls more slowly than 1/St "
             "(averaging-order). Two swings of L_z that follow each other in the same direction "
             f"differ at St = {_IRREGULAR_STOKES:g} by a factor of {ellipsoid:.2f} in the median, "
-            f"those of the spheroid by {other:.2f}. After L² = 2EI₂ the largest error is "
+            f"those of the spheroid by {spheroid_swing:.2f}. After L² = 2EI₂ the largest error is "
             f"{passing.min():.2g} to {passing.max():.2g} times the one before, St = "
             f"{short(min(self.shown))} to {short(errors.stokes[-1])}: little is taken as at most "
             f"{_LITTLE_EFFECT:g} times. Between starts with the same L and E the scatter grows more "
@@ -330,9 +336,13 @@ class FirstStart(SlowMotion):
                 "irregularity of L_z's oscillation: median factor between neighbouring swings, "
                 f"St = {_IRREGULAR_STOKES:g}",
                 ellipsoid,
-                Range(other, 10.0 * other, "the claim: more irregular than the spheroid's"),
+                Range(
+                    spheroid_swing,
+                    10.0 * spheroid_swing,
+                    "the claim: more irregular than the spheroid's",
+                ),
             ),
-            Number("the same of the spheroid's first start", other),
+            Number("the same of the spheroid's first start", spheroid_swing),
             Number(
                 f"largest error after L² = 2EI₂, St = {largest:g}",
                 errors.after[errors.stokes == largest][0],
@@ -370,7 +380,7 @@ class Plane(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
         shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)[:: grid.of(1, 4)]
-        starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares]
+        starts = [*product((-1.1, -0.08, 1.1), shares)]
         starts.append((-1.1, 1.0))
         yield from plane_tables(_ELLIPSOID, starts, grid.of(2001, 601), _ON_EDGE, _kept)
         for number, side in enumerate(_SIDES):
@@ -394,8 +404,8 @@ class Plane(Experiment):
         saddle = planes.fixed_point(_ELLIPSOID, "saddle")
         off_saddle = np.hypot(on_edge.Lz[-1] - saddle[0], on_edge.E[-1] - saddle[1])
         before, after = (misfits(data["critical"], side) for side in (0.0, 1.0))
-        near = max(before[0], after[0])
-        far = max(before[1], after[1])
+        close_misfit = max(before[0], after[0])
+        far_misfit = max(before[1], after[1])
         small = Range.at_most(
             2e-3, "relative order y ≤ 0.1 of a distance of 2e-3, tenfold for log(16/y)"
         )
@@ -404,8 +414,8 @@ class Plane(Experiment):
             "All starts with L_z < 0 off the upper parabola reach the node, passing the singular "
             "point, one on it reaches the saddle; those with L_z > 0 meet the pinch point in a "
             "finite slow time, not an infinite one. The local critical trajectory agrees with the "
-            f"averaged equations to {near:.1g} I_max while L_z is within {_CLOSE_TO_POINT:g} I_max "
-            f"of the point, and is off by {far:.1g} I_max at y = 0.5.",
+            f"averaged equations to {close_misfit:.1g} I_max while L_z is within {_CLOSE_TO_POINT:g} I_max "
+            f"of the point, and is off by {far_misfit:.1g} I_max at y = 0.5.",
             f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {len(paths)} slow trajectories of "
             "L_x = L_y = 0; right, around the singular point.",
             [
@@ -435,7 +445,7 @@ class Plane(Experiment):
                 Number("the same after the point", after[0], small, "I_max"),
                 Number(
                     "the same at the end of the local one, y = 0.5, worse side",
-                    far,
+                    far_misfit,
                     Range(1e-3, 1e-1, "y = 0.5 is no small parameter"),
                     "I_max",
                 ),
@@ -547,7 +557,7 @@ class Space(Experiment):
     def judge(self, data: Data) -> Verdict:
         """That a component that is zero stays zero."""
         paths = by(data[""], "path")
-        last = np.array([[rows[name][-1] for name in SLOW] for rows in paths.values()])
+        last = np.array([itemgetter(*SLOW)(rows[-1]) for rows in paths.values()])
         grown = max(worst(rows[SLOW[int(zero)]]) for zero, rows in paths.items())
         return Verdict(
             Word.CORRECTED,
@@ -577,8 +587,8 @@ class Space(Experiment):
         """Both subspaces in three dimensions."""
         paths = by(data[""], "path")
         figure, axes = panels(1, 2, 4.4, 3.5, spatial=[0, 1])
-        for own, zero in zip(axes, (1, 0), strict=True):
-            self._draw_subspace(own, paths[zero], zero)
+        for panel, zero in zip(axes, (1, 0), strict=True):
+            self._draw_subspace(panel, paths[zero], zero)
         return figure
 
     def _draw_subspace(self, axes: Axes, rows: Table, zero: int) -> None:
@@ -608,10 +618,10 @@ class Space(Experiment):
         space.set_box_aspect((1, 1, 0.8), zoom=1.0)
 
 
-SIX_BODIES = [Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)]
+SIX_BODIES = [Ellipsoid((1.0, b, c)) for b, c in product((0.55, 0.75, 0.95), (0.5, 0.3))]
 _CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 
-SECTION = Section(
+ELLIPSOIDS_SECTION = Section(
     "ellipsoids",
     "Triaxial ellipsoids at large St",
     (

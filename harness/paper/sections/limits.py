@@ -160,8 +160,8 @@ class _Sections(Experiment):
             points = np.column_stack([np.full(len(theta), number), theta, psi])
             if kinds[number] != _ABOUT:
                 whole.append(points)
-            near = (np.abs(theta - pi / 2) <= height) & (pi / 2 - psi <= width)
-            close.append(points[near])
+            in_frame = (np.abs(theta - pi / 2) <= height) & (pi / 2 - psi <= width)
+            close.append(points[in_frame])
         yield "", _thinned(np.concatenate(whole), grid.of(9000, 2000))
         yield "close", _thinned(np.concatenate(close), grid.of(6000, 1000))
 
@@ -186,8 +186,10 @@ class _Sections(Experiment):
             regular = table[~chaotic]
             axes.plot(regular.psi, regular.theta, color=BLUE, label="regular", **style)
             if chaotic.any():
-                rest = table[chaotic]
-                axes.plot(rest.psi, rest.theta, color=VERMILLION, label="chaotic", **style)
+                irregular = table[chaotic]
+                axes.plot(
+                    irregular.psi, irregular.theta, color=VERMILLION, label="chaotic", **style
+                )
             axes.set(xlabel=r"$\psi$, rad", ylabel=r"$\theta$, rad")
         whole.set(xlim=(-pi / 2, pi / 2), ylim=(0, pi))
         whole.plot([-pi / 2, pi / 2], [pi / 2, pi / 2], "x", color=BLACK, clip_on=False)
@@ -257,7 +259,7 @@ class Chaos:
     def numbers(self, expected: Range | None, beside: Range | None = None) -> list[Number]:
         """The share with its expected range, and what supports it, of which one may have a range too."""
         low, high = self.share.interval
-        found = [
+        numbers = [
             Number(
                 "share of chaotic orbits, starts uniform on SO(3)",
                 float(self.share),
@@ -287,8 +289,8 @@ class Chaos:
         if exponent is not None:
             name = "median exponent of the chaotic orbits, per half turn"
             measure = f"{self.chaotic_count} orbits of all starts"
-            found.append(Number(name, exponent, interval=exponent.interval, measure=measure))
-        return found
+            numbers.append(Number(name, exponent, interval=exponent.interval, measure=measure))
+        return numbers
 
 
 @dataclass(frozen=True)
@@ -369,15 +371,15 @@ class ThinLayers(_Sections):
         layer = data["layer"]
         middle = (layer.librating[-1] + layer.circulating[-1]) / 2
         offset = np.abs(orbits.theta - pi / 2 - middle)
-        near = (orbits.kind == _ABOUT) & (offset > 1e-6)
-        chaotic = int(np.sum(orbits.chaotic[near] > 0))
-        nearest = f"{offset[near].min():.1g}"
-        farthest = f"{offset[near].max():.1g}"
+        beside_layer = (orbits.kind == _ABOUT) & (offset > 1e-6)
+        chaotic = int(np.sum(orbits.chaotic[beside_layer] > 0))
+        nearest = f"{offset[beside_layer].min():.1g}"
+        farthest = f"{offset[beside_layer].max():.1g}"
         return (
             "Between orbits that librate and orbits that circulate lies a layer of chaos with frayed "
             f"edges, {place:.3f} rad from the plane θ = π/2 at ψ = 0: orbits that do both within "
             f"{turns:g} half turns start from {in_two_digits(width)} rad in all. It is thin there: of "
-            f"{np.sum(near)} orbits that start from {nearest} to {farthest} rad beside its middle "
+            f"{np.sum(beside_layer)} orbits that start from {nearest} to {farthest} rad beside its middle "
             f"{chaotic or 'none'} {'is' if chaotic < 2 else 'are'} chaotic. The share of random "
             f"orientations alone would not show it: it may be up to {chaos.share.interval[1]:.2g} at 95 %."
         )
@@ -552,7 +554,7 @@ def measured_period(path: Table) -> float:
 
 
 # z' is the longest axis of the first two bodies and the shortest of the others.
-SECTION = Section(
+LIMITS_SECTION = Section(
     "limits",
     "Limiting cases: the Jeffery and the Euler top",
     (

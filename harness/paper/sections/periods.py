@@ -338,9 +338,9 @@ class SpinDrift(Experiment):
         for kappa in _DRIFT_KAPPAS:
             rates = [growth(kappa, stokes) for stokes in numbers]
             yield "", {"kappa": kappa, "stokes": numbers, "growth": rates}
-            here = growth(kappa, _FOLLOWED_STOKES)
+            at_followed = growth(kappa, _FOLLOWED_STOKES)
             followed = followed_growth(kappa, _FOLLOWED_STOKES)
-            yield "runs", {"kappa": kappa, "growth": here, "followed": followed}
+            yield "runs", {"kappa": kappa, "growth": at_followed, "followed": followed}
             peak = peak_of(kappa)
             yield "peaks", {"kappa": kappa, "stokes": peak, "growth": growth(kappa, peak)}
 
@@ -549,7 +549,7 @@ class PlanarFlows(Experiment):
         return figure
 
 
-SECTION = Section(
+PERIODS_SECTION = Section(
     "periods",
     "Spheroids at finite St: periods, drift, planar flows",
     (

@@ -31,7 +31,7 @@ from polhode.models.theory.fixed_points import fixed_points
 # plane.
 _INSIDE = 1 - 1e-13
 # L_z/I_max and θ₀ of the starts of the planes.
-_STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
+_STARTS = tuple(product((-0.7, 0.7), (0.4, 0.9, 1.4)))
 REACHES_NODE = Range(1.0, 1.0, "the claim: all of them")
 
 
@@ -135,25 +135,27 @@ class PlanesOfBodies(Experiment):
         table = data[""][data[""].body == name]
         slow = table[np.isinf(table.stokes)]
         figure, axes = panels(2, 2, 4.4, 2.9)
-        for own, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
-            planes.draw_frame(own, body, -0.8, 0.8)
+        for panel, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
+            planes.draw_frame(panel, body, -0.8, 0.8)
             full = table[table.stokes == stokes]
             style: dict[str, Any] = {"linewidth": 0.9}
-            draw_broken(own, full.Lz, full.E, full.path, color=BLUE, label="full", **style)
-            draw_broken(own, slow.Lz, slow.E, slow.path, color=AVERAGED, label="averaged", **style)
+            draw_broken(panel, full.Lz, full.E, full.path, color=BLUE, label="full", **style)
+            draw_broken(
+                panel, slow.Lz, slow.E, slow.path, color=AVERAGED, label="averaged", **style
+            )
             title = f"{name_of(body)}, St = {stokes:g}"
-            own.set(title=title, ylim=(0.0, 1.05 * max(table.E)))
+            panel.set(title=title, ylim=(0.0, 1.05 * max(table.E)))
         points = {point.stability: planes.POINTS[point.stability] for point in fixed_points(body)}
         planes.name_points(axes[0], points)
         planes.name_lines(axes[0], body, "bounds of $L_z^2/2E$")
         differences = by(data["differences"], "stokes")
-        for own, stokes in zip(axes[2:], PLANE_STOKES, strict=True):
+        for panel, stokes in zip(axes[2:], PLANE_STOKES, strict=True):
             for place, (_, rows) in enumerate(groups(differences[stokes], "body")):
                 offsets = np.linspace(-0.3, 0.3, len(rows))
-                own.bar(place + offsets, rows.difference, 0.1, color=BLUE)
-            names = [name_of(each) for each in self.bodies.values()]
-            own.set_xticks(range(len(names)), names, fontsize=6.5, rotation=15)
-            own.set(
+                panel.bar(place + offsets, rows.difference, 0.1, color=BLUE)
+            names = [name_of(body) for body in self.bodies.values()]
+            panel.set_xticks(range(len(names)), names, fontsize=6.5, rotation=15)
+            panel.set(
                 xlabel="body, one bar per start",
                 ylabel="largest difference$/I_{max}$",
                 title=f"St = {stokes:g}",

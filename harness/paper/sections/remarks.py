@@ -227,7 +227,7 @@ class Waves(Experiment):
         growth = columns[2] / columns[0]
         monotone = bool(np.all(np.diff(columns, axis=0) > 0))
         triaxial = bodies.scatter[2:4]
-        near = bodies.scatter[[0, 1, 4, 5]]
+        near_spheroids = bodies.scatter[[0, 1, 4, 5]]
         named = ", ".join(f"{row.frequency:.3g} ({row['name']})" for row in table)
         steady = "at each step" if monotone else "though not at each step"
         return Verdict(
@@ -236,7 +236,8 @@ class Waves(Experiment):
             f"{named}. κ = 3.33 has {spheroids.frequency[1] / spheroids.frequency[0]:.2f} times the "
             f"frequency of κ = 2. From the top to the foot of a column of ellipsoids it grows by "
             f"factors of {joined(growth, '.2f')}, {steady}. Two swings that follow each other in "
-            f"the same direction differ by factors of {joined(np.exp(near), '.2f')} for the four near-spheroids and of "
+            "the same direction differ by factors of "
+            f"{joined(np.exp(near_spheroids), '.2f')} for the four near-spheroids and of "
             f"{joined(np.exp(triaxial), '.2f')} for the two bodies between.",
             "Angular frequency of the oscillation of E, and median factor between neighbouring "
             f"swings, from (L_z0/I_max, θ₀) = ({_WAVE_START[0]:g}, {_WAVE_START[1]:g}), St = "
@@ -254,7 +255,7 @@ class Waves(Experiment):
                 ),
                 Number(
                     "irregularity of the bodies between over the near-spheroids', medians",
-                    float(np.median(triaxial) / np.median(near)),
+                    float(np.median(triaxial) / np.median(near_spheroids)),
                     Range(1.0, 100.0, "the claim: more irregular for the triaxial ellipsoid"),
                 ),
             ],
@@ -275,7 +276,7 @@ class Waves(Experiment):
         return figure
 
 
-SECTION = Section(
+REMARKS_SECTION = Section(
     "remarks",
     "Remarks in passing",
     (

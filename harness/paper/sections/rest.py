@@ -39,7 +39,7 @@ from polhode.harness.paper.item import (
     Word,
 )
 from polhode.harness.paper.runs import Run, axes_of, full_run, run_form, spheroid
-from polhode.harness.paper.sections.slow_motion import NAMES
+from polhode.harness.paper.sections.slow_motion import SLOW_LABELS
 from polhode.harness.paper.tables import by, exponent, maxima, spread, worst
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import jeffery_spin
@@ -48,7 +48,7 @@ from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 # Distance, in rad, at which a path counts as off the Jeffery orbit.
-APART = 0.1
+_OFF_ORBIT = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
 _ONSET = 1.0
 # Share of the largest torque by which a weakest one stands out.
@@ -275,7 +275,7 @@ class Transient(Experiment):
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
-                columns = dict(zip(NAMES, run.slow[::8].T, strict=True))
+                columns = dict(zip(SLOW_LABELS, run.slow[::8].T, strict=True))
                 yield "", {"stokes": stokes, "scaled": scaled[::8], **columns}
             # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque;
             # the speed at t = √St.
@@ -367,20 +367,20 @@ class Transient(Experiment):
         figure, axes = panels(3, 3, 3.2, 2.3)
         scaled = r"$t\dot\gamma/\mathrm{St}^{1/2}$"
         for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 3), ("E", 4)):
-            own = axes[place]
+            panel = axes[place]
             label = _stokes_label
-            draw_each(own, table, "stokes", "scaled", name, label=label, linewidth=0.8)
-            _draw_marks(own, onset)
-            own.set(xlabel=scaled, ylabel=NAMES[name])
+            draw_each(panel, table, "stokes", "scaled", name, label=label, linewidth=0.8)
+            _draw_marks(panel, onset)
+            panel.set(xlabel=scaled, ylabel=SLOW_LABELS[name])
         self._draw_onsets(axes[2], onset)
         axes[5].axis("off")
         axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
         early = table[(table.stokes >= 5e3) & (table.scaled <= _EARLY)]
         for name, place in (("Ly", 6), ("Lz", 7), ("E", 8)):
-            own = axes[place]
+            panel = axes[place]
             root = 1.0 if name == "E" else 0.5
             draw_each(
-                own,
+                panel,
                 early,
                 "stokes",
                 "scaled",
@@ -388,9 +388,9 @@ class Transient(Experiment):
                 colors=CYCLE[2:],
                 linewidth=0.8,
             )
-            _draw_marks(own, onset)
+            _draw_marks(panel, onset)
             factor = r"$\mathrm{St}\," if name == "E" else r"$\mathrm{St}^{1/2}\,"
-            own.set(xlabel=scaled, ylabel=factor + NAMES[name][1:])
+            panel.set(xlabel=scaled, ylabel=factor + SLOW_LABELS[name][1:])
         return figure
 
     def _draw_onsets(self, axes: Axes, onset: Table) -> None:
@@ -450,15 +450,17 @@ class Short(Experiment):
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
         distance = distance_from(points(jeffery), axis)
-        off = int(np.argmax(distance > APART))
-        left = np.interp(APART, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1])
+        off = int(np.argmax(distance > _OFF_ORBIT))
+        left = np.interp(
+            _OFF_ORBIT, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1]
+        )
         turn = arc_length(points(jeffery))[-1]
         limit = Range.near(0.0, 5e-3, "corrections are of order 1/√St ≤ 3e-4, times some")
         return Verdict(
             Word.SHARPENED,
             f"The length tends to {last:.2f} rad, {last / turn:.2f} times that of the Jeffery "
             f"orbit; at St = 1e6 it is within {100 * abs(at_million / last - 1):.2g} % of that at "
-            f"1e8, so that the paper's St of 1e8 is not needed. The axis is {APART:g} rad off the "
+            f"1e8, so that the paper's St of 1e8 is not needed. The axis is {_OFF_ORBIT:g} rad off the "
             f"orbit after {left:.2g} rad, {100 * left / turn:.0f} % of a turn, and "
             f"{distance.max():.2g} rad at most.",
             f"Axis z' of {axes_of(self.ellipsoid)} from rest until t = √St, for St from 1e2 to "
@@ -479,11 +481,11 @@ class Short(Experiment):
                 Number(
                     "largest distance from the Jeffery orbit at St = 1e8",
                     distance.max(),
-                    Range(APART, pi, "the claim: the path leaves the orbit"),
+                    Range(_OFF_ORBIT, pi, "the claim: the path leaves the orbit"),
                     "rad",
                 ),
                 Number(
-                    f"path until it is {APART:g} rad off, over the length of the orbit",
+                    f"path until it is {_OFF_ORBIT:g} rad off, over the length of the orbit",
                     left / turn,
                     Range(0.0, 0.5, "the claim: before a single turn"),
                 ),
@@ -527,7 +529,7 @@ _SHORT = (
     "Until t = St^½ the axis runs through a path whose length tends to a number of order one, which "
     "needs St of 1e8, and leaves the Jeffery orbit before a single turn."
 )
-SECTION = Section(
+REST_SECTION = Section(
     "rest",
     "Starts from rest",
     (

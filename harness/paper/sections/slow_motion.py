@@ -26,7 +26,12 @@ from polhode.harness.paper.tables import by, exponent, groups, joined, path
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
+SLOW_LABELS = {
+    "Lx": "$L_x/I_{max}$",
+    "Ly": "$L_y/I_{max}$",
+    "Lz": "$L_z/I_{max}$",
+    "E": "$E/I_{max}$",
+}
 # Stokes numbers at which the error is measured beside those of the figure.
 _MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
 # Largest error of L and E that counts as accurate, over the largest change of a slow variable in
@@ -206,11 +211,11 @@ class SlowMotion(Experiment):
 
     def _mean_difference(self, data: Data, stokes: float) -> float:
         paths = by(data[""], "path")
-        return max(abs(np.mean(paths[stokes][name] - paths[np.inf][name])) for name in NAMES)
+        return max(abs(np.mean(paths[stokes][name] - paths[np.inf][name])) for name in SLOW_LABELS)
 
     def _change(self, data: Data) -> float:
         averaged = by(data[""], "path")[np.inf]
-        return max(np.ptp(averaged[name]) for name in NAMES)
+        return max(np.ptp(averaged[name]) for name in SLOW_LABELS)
 
     def _relative(self, data: Data) -> dict[float, float]:
         """The largest error at each St over the largest change of a slow variable."""
@@ -259,14 +264,11 @@ class SlowMotion(Experiment):
         crossing = data["averaged"].crossing[0]
         if np.isfinite(crossing):
             axes.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")
-        axes.set(xlabel=r"slow time $t_2 = t\dot\gamma/\mathrm{St}$", ylabel=NAMES[name])
+        axes.set(xlabel=r"slow time $t_2 = t\dot\gamma/\mathrm{St}$", ylabel=SLOW_LABELS[name])
 
 
 def _first_below(relative: dict[float, float], bound: float) -> float:
     """The smallest St from which on no error exceeds a bound."""
-    enough = [
-        stokes
-        for stokes in relative
-        if all(value <= bound for other, value in relative.items() if other >= stokes)
-    ]
-    return min(enough, default=np.nan)
+    too_large = [stokes for stokes, error in relative.items() if not error <= bound]
+    last = max(too_large, default=-np.inf)
+    return min((stokes for stokes in relative if stokes > last), default=np.nan)

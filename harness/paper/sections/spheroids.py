@@ -55,7 +55,7 @@ class Plane(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
-        starts = [(momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares]
+        starts = [*product((-1.1, -0.06, 1.1), shares)]
         starts += [(-1.1, 1.0), (-0.06, 1.0)]
         chosen = partial(planes.plane_steps, count=150)
         return plane_tables(_BODY, starts, grid.of(2001, 601), _ON_EDGE, chosen)
@@ -179,8 +179,8 @@ class Projections(Experiment):
                 yield "ends", {**labels, "distance": distance}
             for azimuth, across in product(_BETWEEN, ("E", "Lxy")):
                 curves = [
-                    np.stack([paths[other]["Lz"], paths[other][across]], axis=1)
-                    for other in (azimuth, 0.0, 90.0)
+                    np.stack([paths[angle]["Lz"], paths[angle][across]], axis=1)
+                    for angle in (azimuth, 0.0, 90.0)
                 ]
                 row = {"azimuth": azimuth, "across": across, "outside": outside(*curves)}
                 yield "between", row
@@ -230,8 +230,8 @@ class Projections(Experiment):
         figure, axes = panels(3, 2, 3.9, 2.4)
         node = planes.fixed_point(_BODY, "stable node")
         places = product(np.unique(table.E0), ("E", "Lxy"))
-        for own, (energy, across) in zip(axes, places, strict=True):
-            self._draw_plane(own, table[energy == table.E0], energy, across, node)
+        for panel, (energy, across) in zip(axes, places, strict=True):
+            self._draw_plane(panel, table[energy == table.E0], energy, across, node)
         planes.name_points(axes[0], {"stable node": "stable node"})
         legend_below(figure, axes[0], ncols=4)
         return figure
@@ -322,21 +322,21 @@ class LPlanes(Experiment):
         """A plane for each sign of L_z and each component that is zero."""
         table = data[""]
         figure, axes = panels(2, 2, 3.9, 2.6)
-        for own, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
+        for panel, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
             rows = table[(table.zero == zero) & (np.sign(table.ratio) == sign)]
             starts = rows[np.unique(rows.path, return_index=True)[1]]
             parts = by(starts, "ratio")
             for color, (ratio, part) in zip(CYCLE, groups(rows, "ratio"), strict=False):
                 label = f"$L_{{xy}}/|L_z|$ = {abs(ratio):g}"
                 style: dict[str, Any] = {"color": color, "linewidth": 1.1, "label": label}
-                draw_broken(own, part.L, share_of(part.E, part.L), part.path, **style)
+                draw_broken(panel, part.L, share_of(part.E, part.L), part.path, **style)
                 first = parts[ratio]
-                own.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
+                panel.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
             for point in fixed_points(_BODY):
                 along, height = planes.place_of(_BODY, point)
                 share = float(share_of(np.array(height), np.array(along)))
-                planes.draw_point(own, point.stability, (abs(along), share))
-            own.set(
+                planes.draw_point(panel, point.stability, (abs(along), share))
+            panel.set(
                 xlabel="$|L|/I_{max}$",
                 ylabel="E, share between bounds",
                 title=f"$L_{'xy'[zero]} = 0$, from $L_z {'>' if sign > 0 else '<'} 0$",
@@ -365,7 +365,7 @@ _INACCURATE_AT_100 = Range(
 )
 _CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 
-SECTION = Section(
+SPHEROIDS_SECTION = Section(
     "spheroids",
     "Spheroids at large St",
     (
