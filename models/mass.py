@@ -13,15 +13,15 @@ from polhode.models.structure import Structure
 _MAX_FULL_MASS = 500
 
 
-def mass_of(given: Any, dimension: int) -> np.ndarray | None:
-    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d); None of none."""
-    if given is None:
+def mass_of(matrix: Any, dimension: int) -> np.ndarray | None:
+    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d); None if there is none."""
+    if matrix is None:
         return None
     expected = f"the diagonal, {dimension} numbers, or a matrix of shape {(dimension, dimension)}"
-    if hasattr(given, "toarray"):
-        dense = given.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(given)
+    if hasattr(matrix, "toarray"):
+        dense = matrix.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(matrix)
     else:
-        dense = given
+        dense = matrix
     try:
         mass = np.array(dense, dtype=float)
     except (TypeError, ValueError):
@@ -91,11 +91,11 @@ class Unmassed:
         values = values if isinstance(values, np.ndarray) else np.array(values)
         return self.inverse * values if self.mass.ndim == 1 else self.inverse @ values
 
-    def structure(self, known: Structure | None) -> Structure | None:
+    def structure(self, structure: Structure | None) -> Structure | None:
         """The structure of these rates' Jacobian, from the structure of the function's."""
-        if known is None:
+        if structure is None:
             return None
-        jacobian = known.jacobian
+        jacobian = structure.jacobian
         if callable(jacobian):
             jacobian = partial(self._times_given, jacobian)
         elif jacobian is not None:
@@ -103,7 +103,7 @@ class Unmassed:
         if self.mass.ndim == 2:
             # Products with a full matrix have no pattern of their own.
             return None if jacobian is None else Structure(jacobian)
-        return replace(known, jacobian=jacobian)
+        return replace(structure, jacobian=jacobian)
 
     def _times_given(
         self, jacobian: Callable[..., Any], t: float, y: Any, *parameters: float

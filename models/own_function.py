@@ -281,18 +281,18 @@ def _all_finite(rates: list[Any]) -> bool:
 
 
 def _check_signature(
-    f: Callable[..., Any], time: float, start: tuple[float, ...], given: tuple[float, ...]
+    f: Callable[..., Any], time: float, start: tuple[float, ...], parameters: tuple[float, ...]
 ) -> None:
     signature = inspect.signature(f)
     try:
-        signature.bind(time, start, *given)
+        signature.bind(time, start, *parameters)
         if [*signature.parameters][1:2] in (["t"], ["time"]):
             raise TypeError("the time comes first")
     except TypeError as error:
-        words = f"f(t, y{''.join(f', p{i}' for i in range(len(given)))})"
+        words = f"f(t, y{''.join(f', p{i}' for i in range(len(parameters)))})"
         got = f"{getattr(f, '__name__', 'f')}{signature}"
         raise ValueError(
-            f"f: got {got}, expected {words}, with the {len(given)} parameters ({error})"
+            f"f: got {got}, expected {words}, with the {len(parameters)} parameters ({error})"
         ) from None
 
 
@@ -314,9 +314,9 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
     return numbers
 
 
-def in_one_line(given: Any) -> str:
+def in_one_line(value: Any) -> str:
     """A value, shortened, for messages."""
-    return " ".join(repr(given).split())[:60]
+    return " ".join(repr(value).split())[:60]
 
 
 def _way_out(name: str, values: Any) -> str:

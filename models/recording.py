@@ -25,6 +25,7 @@ from polhode.models.operations import NUMPY_NAMES, Operations
 
 # A node is the name of an operation and the indices of its operands, or of an input and its place.
 Node = tuple[Any, ...]
+# Names of nodes that no operation computes.
 _INPUTS = ("y", "p", "t", "constant")
 
 
@@ -46,6 +47,7 @@ _ARITHMETIC: dict[str, Callable[..., Any]] = {
 }
 # Functions that every kind of number has a field for in `Operations`.
 _COMMON = ("sin", "cos", "sqrt", "exp", "log")
+# Advice in messages.
 _WAYS_OUT = (
     "NumPy's functions for math's, np.where for a branch, np.zeros_like(y) or np.array for np.zeros"
 )
@@ -692,6 +694,7 @@ def _segment(frame: FrameSummary) -> str:
 
 # Folders whose lines are no user's: of Python's own modules and of installed libraries.
 _LIBRARIES = tuple({os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(np.__file__))})
+# Files of our own, whose lines are no user's.
 _OURS = (__file__, os.path.join(os.path.dirname(__file__), "own_function.py"))
 
 

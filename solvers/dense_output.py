@@ -14,6 +14,8 @@ from polhode.solvers.compile import as_it_stands, frozen
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+# Methods that fill in between rows of solvers that choose steps over many periods; the first that is
+# available.
 _BETWEEN = ("cyrk-dop853", "dop853")
 
 

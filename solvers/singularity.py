@@ -22,8 +22,9 @@ from polhode.solvers.contract import Status
 _MAX_STRETCHES = 3
 # Growth of the largest component from one row to the next that is looked into.
 _GROWTH = 100.0
-# Who runs a stretch again, the first of a line that takes the problem, and how much more tightly.
 _RADAU = ("cyrk-radau", "radau")
+# Witnesses that run a stretch again: the first of the names that takes the problem, and the factor
+# of its tolerance.
 _WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
 # Tolerances of the witnesses: a run that is right need not be looser than the second.
 _TOLERANCES = (1e-8, 1e-4)
@@ -31,6 +32,7 @@ _TOLERANCES = (1e-8, 1e-4)
 _MAX_STEPS = 20_000
 # A witness may take this long, in seconds, or as long as the run itself.
 _LEAST_SECONDS = 0.5
+# Statuses of a witness that finds no solution.
 _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 
 

@@ -59,8 +59,8 @@ class HybridCourse:
         stokes = self.scene.stokes
         if not self.stretches:
             error = ERROR_PER_TOLERANCE * tolerance
-            remaining = max(error - self.spent, error / 10)
-            stretches = foreseen(self.here(time, state), remaining)
+            left = max(error - self.spent, error / 10)
+            stretches = foreseen(self.remaining(time, state), left)
             return replace(self, since=time, stretches=stretches)(time, state, tolerance)
         stretch, *later_stretches = self.stretches
         end = self.since + stretch.end * stokes
@@ -70,11 +70,11 @@ class HybridCourse:
             try:
                 problem, states = second_order(self.scene, state)
             except NotAveragedError as refusal:
-                more = 2 * np.pi * _MORE / speed(self.here(time, state))
+                more = 2 * np.pi * _MORE / speed(self.remaining(time, state))
                 end = time + more
                 reason = str(refusal)
                 later = replace(self, stretches=())
-                turned = more * wear(self.here(time, state)) / stokes
+                turned = more * wear(self.remaining(time, state)) / stokes
                 stretch = replace(
                     stretch, end=stretch.start + more / stokes, second_order=False, turned=turned
                 )
@@ -114,15 +114,15 @@ class HybridCourse:
         _, middle, high = sorted(self.scene.ellipsoid.inertia)
         return min(np.pi, (self.spent + error) * duration * high / middle)
 
-    def here(self, time: float, state: Array) -> Scene:
+    def remaining(self, time: float, state: Array) -> Scene:
         """The scene from a state of the full equations on, for the time that is left."""
         if time == 0 and tuple(state.tolist()) == self.full.start:
             return self.scene
-        start = start_from(self.scene.ellipsoid, seen(self.scene, state))
+        start = start_from(self.scene.ellipsoid, observed(self.scene, state))
         return replace(self.scene, start=start, time=self.scene.time - time)
 
 
-def seen(scene: Scene, state: Array) -> Observables:
+def observed(scene: Scene, state: Array) -> Observables:
     """Observables of a state of the full equations."""
     return find_form(full_form(scene)).observe(scene, state[None])
 
@@ -180,7 +180,7 @@ def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array],
     factor = scene.torque_factor
     form = SecondOrder()
     if ellipsoid.kind == "triaxial":
-        start = seen(scene, state)
+        start = observed(scene, state)
         entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])
         problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
         return problem, lambda states: states_of(ellipsoid, entry.observe(states))
@@ -195,9 +195,9 @@ def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array],
     return problem, partial(spheroidal.exact, spheroid, factor)
 
 
-def states_of(ellipsoid: Ellipsoid, seen: Observables) -> Array:
+def states_of(ellipsoid: Ellipsoid, observables: Observables) -> Array:
     """States of the form `quaternion`, shape (n, 7), that have these observables."""
-    spin = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / np.array(
+    spin = np.einsum("nij,nj->ni", observables.rotation, observables.angular_momentum) / np.array(
         ellipsoid.inertia
     )
-    return np.column_stack([quaternion_from_matrix(seen.rotation), spin])
+    return np.column_stack([quaternion_from_matrix(observables.rotation), spin])

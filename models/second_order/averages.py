@@ -32,12 +32,14 @@ _PHASES = 90.0
 _LEAST_PHASES = 24
 # Numbers of phases differ by multiples of this, so that many polhodes share one.
 _STEP_OF_PHASES = 8
-# Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be
-# separated.
-_TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
-_TURNS = _TURNS / np.array([[[3]], [[7]]])
-_EVERY_FRAME = np.repeat(_TURNS, 2, axis=0)
-SIZES = np.tile([1.0, 2.0], len(_TURNS))
+# Rotations, shape (2, 3, 3), whose first two rows are the flow's x and y in the frame of L: several
+# orientations separate the parts of a rate.
+_ROTATIONS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
+_ROTATIONS = _ROTATIONS / np.array([[[3]], [[7]]])
+# Each rotation at either |L| of `_SIZES`, shape (poses, 3, 3).
+_EVERY_FRAME = np.repeat(_ROTATIONS, 2, axis=0)
+# |L| of the poses, shape (poses,).
+_SIZES = np.tile([1.0, 2.0], len(_ROTATIONS))
 # Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
 MODES = 24
 
@@ -50,7 +52,7 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
     strength of all modes at l = 1.
     """
     counts = phases(side, y)
-    poses = len(SIZES)
+    poses = len(_SIZES)
     mean = np.empty((6, poses, len(y)))
     second = np.empty((4, poses, len(y)))
     rates = np.empty((2, len(y)))
@@ -60,7 +62,7 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
     for count in np.unique(counts).tolist():
         members = np.flatnonzero(counts == count)
         polhode = Polhodes(side, y[members], np.zeros(len(members)), count)
-        torus = Torus(polhode, SIZES[:, None], np.zeros(len(members)), flow, gradient)
+        torus = Torus(polhode, _SIZES[:, None], np.zeros(len(members)), flow, gradient)
         mean[..., members] = np.real(torus.spectrum[..., 0, 0])
         second[..., members] = second_order(torus)
         rates[:, members] = (polhode.rate, polhode.precession)
@@ -83,7 +85,7 @@ def phases(side: SidedBody, y: Array) -> Array:
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     """Coefficients of first and second order, shape (m,) each, from the means in all poses, and the largest misfit."""
     x, y, z = (_EVERY_FRAME[:, i] for i in range(3))
-    over = 1 / SIZES
+    over = 1 / _SIZES
     s0 = x[:, 2] * y[:, 2]
     w0 = z[:, 2] / 2
     s = s0 * over
@@ -92,7 +94,7 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     turned = [np.stack([-part[1], part[0]]) for part in flow]
     across = [part * over for part in flow]
     steep = [*(part * s * over for part in turned), *(part * w for part in across)]
-    parts = [((SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
+    parts = [((_SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
     first, left = fitted([*parts, ((s,), mean[4]), ((s,), mean[5])])
     parts = [((s, s * w), second[2]), ((s * over, s * w * over), second[3])]
     higher, right = fitted([*parts, ([*across, *steep], second[:2])])

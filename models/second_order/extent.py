@@ -26,9 +26,11 @@ _UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
 _PHASES = pi / 4 * (np.arange(4) + 0.25)
 # A mean over turns about L keeps products of c of one k: |c₀|², |c₁|², |c₂|², the real and the
 # imaginary part of c₁c₂*, c₃², c₄², c₅², c₃c₄, c₃c₅ and c₄c₅. The factor of a product is a sum over
-# two pairs of units, with these shares.
+# two pairs of units: the first pair of each product.
 _PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
-_OTHERS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
+# The second pair of each product.
+_SECOND_PAIRS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
+# Shares of the two pairs.
 _SHARES = np.array(
     [[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]]
 )
@@ -69,7 +71,7 @@ def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
         numbers = squares_of(series_for(ellipsoid, longest))
         kept.save(key, numbers)
     squares = numbers.reshape(len(_DEPTHS), len(_UNITS), len(_UNITS))
-    return (squares[:, *_PAIRS] * _SHARES[0] + squares[:, *_OTHERS] * _SHARES[1]).T
+    return (squares[:, *_PAIRS] * _SHARES[0] + squares[:, *_SECOND_PAIRS] * _SHARES[1]).T
 
 
 def squares_of(series: swing.Series) -> Array:

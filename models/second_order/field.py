@@ -19,15 +19,20 @@ from typing import Any
 
 from polhode.models.operations import Field, Operations
 
+# Components of the state.
 STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha", "sigma_beta")
 # The functions in their order: first order, second order (these alone have poles), and the rates.
 _FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
 SECOND_ORDER = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
 COEFFICIENTS = (*_FIRST, *SECOND_ORDER, "nu1", "nu2")
+# Numbers in front of the series in p.
 _HEAD = 2
 _SERIES = len(COEFFICIENTS)
+# Chebyshev terms of each series.
 NODES = 32
+# Resonances whose poles the field has room for.
 POLES = 8
+# Numbers of each pole.
 POLE = 2 + 2 * len(SECOND_ORDER)
 # Keeps 0/0 away where a run rests on a resonance.
 _TINY = 1e-60

@@ -17,6 +17,7 @@ Array = np.ndarray
 
 # Step in y of the sixth-order differences by which polhodes are differentiated.
 _STEP = 0.02
+# Steps of these differences and the weights of their pairs.
 _DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 
 
@@ -56,17 +57,17 @@ class SidedBody:
         squares = np.array(ellipsoid.scaled_axes)[order] ** 2
         return cls(axes, 1 / inertia[order], drag, squares)
 
-    def moduli(self, x: Array, rest: Array) -> tuple[Array, Array, Array]:
-        """A², C² and 1 - m as `Polhodes` has them, from x and 1 - x."""
+    def moduli(self, x: Array, x1: Array) -> tuple[Array, Array, Array]:
+        """A², C² and 1 - m as `Polhodes` has them, from x and x1 = 1 - x."""
         i1, i2, i3 = self.inverse_inertia
         a2 = (i2 - i3) / (i1 - i3) * x
-        return a2, 1 - a2, np.minimum(rest / (1 - a2), 1)
+        return a2, 1 - a2, np.minimum(x1 / (1 - a2), 1)
 
-    def normal(self, x: Array, rest: Array, phase: Array) -> Array:
-        """Body components of n, shape (..., 3), from x, 1 - x and α (`eq:omg1`–`eq:omg3` over the frequency)."""
+    def normal(self, x: Array, x1: Array, phase: Array) -> Array:
+        """Body components of n, shape (..., 3), from x, x1 = 1 - x and α (`eq:omg1`–`eq:omg3` over the frequency)."""
         from scipy.special import ellipj, ellipkm1
 
-        a2, c2, complement = self.moduli(x, rest)
+        a2, c2, complement = self.moduli(x, x1)
         turns = np.remainder(phase + pi, 2 * pi) - pi
         sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement) * turns, 1 - complement)
         sign = np.sign(self.inverse_inertia[1] - self.inverse_inertia[2])

@@ -35,55 +35,76 @@ _NODES = 40
 _PHASES = 96
 # Fourier terms of the rates in α.
 _TERMS = 25
+# Angles of the nodes, in rad, shape (NODES,): a rises with the index.
 _ANGLES = pi * (_NODES - 0.5 - np.arange(_NODES)) / _NODES
 # Values of a at the nodes, shape (NODES,).
 DEPTHS = 0.5 * sqrt(MAX_A2) * (1 + np.cos(_ANGLES))
-# ε and e₃ in the frame of L, and the tensors that they make.
+# ε and e₃ in the frame of L.
 _E = np.array([1, -1j, 0])
 _Z = np.array([0, 0, 1])
+# Two tensors of k = 0: one symmetric about L, and a turn about L.
 _LEVEL = np.diag([0.5, 0.5, -1])
 _TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
+# The tensors, shape (5, 3, 3); k = 2, 1, 1, 0, 0.
 _BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag.
 _TURNS = np.array([2, 1, 1, 0, 0, 0])
-# Parts: a y', a α', L₃' of every tensor, L₁' + iL₂' of each and of the conjugates of three. The
-# rate of β + tα with t = (h - ν₂)/ν₁ vanishes.
-RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
+# Parts are rates that tensors make: a y', a α', L₃' and L₁' + iL₂' of all six, and L₁' + iL₂' of the
+# conjugates of the first three. This is the number of the rate, shape (27,). The rate of β + tα
+# with t = (h - ν₂)/ν₁ vanishes.
+_RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
+# The tensor of each part, shape (27,).
 _TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
-Y = slice(0, 6)
+# Parts of y', of L₃' and of L₁' + iL₂'.
+_Y = slice(0, 6)
 _ALONG = slice(12, 18)
 _ACROSS = slice(18, 27)
-# For each part: the harmonic k₂; 1 or i, as its coefficients are real or imaginary; its factor in
-# the sum; and the index of its c, where conjugates stand behind the others.
-_K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * _TURNS[_TENSOR]
-_UNIT = np.where((_TENSOR < 4) == (RATE == 1), 1, 1j)
-_FACTOR = np.where((RATE < 3) & (_TURNS[_TENSOR] > 0), 2, 1) * _UNIT
-_SOURCE = _TENSOR + np.where(RATE < 4, 0, 6)
-# The orders k₁ of each harmonic: k₁ + k₂ is even; -k₂ has the orders of k₂ with the other sign.
+# The harmonic k₂ of each part.
+_K2 = (_RATE > 2) + np.where(_RATE < 4, -1, 1) * _TURNS[_TENSOR]
+# 1 or i: whether the coefficients of a part are real or imaginary.
+_UNIT = np.where((_TENSOR < 4) == (_RATE == 1), 1, 1j)
+# Factor of a part in the sum: the rates of y, α and L₃ are real, and doubling stands for the
+# conjugates of k > 0.
+_FACTOR = np.where((_RATE < 3) & (_TURNS[_TENSOR] > 0), 2, 1) * _UNIT
+# Index of the c of each part; the conjugates of c stand behind them.
+_SOURCE = _TENSOR + np.where(_RATE < 4, 0, 6)
+# The harmonics k₂.
 _HARMONICS = np.arange(-2, 4)
+# The orders k₁ of each harmonic, shape (TERMS, 6), the smallest first: k₁ + k₂ is even; -k₂ has the
+# orders of k₂ with the other sign.
 _ORDERS = 2 * np.arange(_TERMS)[:, None] - (_TERMS - 1) + _HARMONICS % 2
 _ORDERS = np.take_along_axis(_ORDERS, np.argsort(np.abs(_ORDERS), axis=0, kind="stable"), axis=0)
 _ORDERS *= np.where(_HARMONICS < 0, -1, 1)
 # Harmonics k₂ >= 0 alone are summed: from k₁, k₂ to -k₁, -k₂ a mode's 1/D becomes its conjugate
 # with the other sign, its 1/D² the conjugate alone.
 _SUMMED = _ORDERS[:, _HARMONICS >= 0]
+# (k₁, k₂) of these, shape (2, TERMS * 4).
 _BOTH = (
     np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[_HARMONICS >= 0])).reshape(2, -1).astype(float)
 )
-# Summands of the generator: all parts over D, then the parts of y and L₃ over D². `_PLACES` are the
-# indices of their real and imaginary parts among the products with 1/D of the summed harmonics and
-# with 1/D² of the lower ones; `_FACTORS` weigh them; `_KINDS` are the first summands of each kind.
-_PARTS = np.r_[: len(RATE), Y, _ALONG]
+# The part of each summand of the generator, shape (39,): all parts over D, then the parts of y and L₃
+# over D².
+_PARTS = np.r_[: len(_RATE), _Y, _ALONG]
+# A part has products with 1/D of this many harmonics k₂ = 0, 1, …, then with 1/D² of this many.
 _ALL = _SUMMED.shape[1]
 _FIRST = 1 - int(_HARMONICS[0])
-_OVER = _ALL * (np.arange(len(_PARTS)) >= len(RATE))
+# First product of a summand's kind: 0 over D, behind those over D².
+_OVER = _ALL * (np.arange(len(_PARTS)) >= len(_RATE))
+# Summands of k₂ < 0: they use the product of -k₂.
 _MIRRORED = _K2[_PARTS] < 0
+# Factors of the real and of the imaginary part of a product in its summand.
 _REAL = _FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
 _IMAG = 1j * _REAL * np.where(_MIRRORED, -1, 1)
-_PLACES = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
-_PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(_K2[_PARTS]))[:, None]).ravel()
+# The product of each summand, and whether its real and its imaginary part come from the product's
+# imaginary part.
+_PRODUCT = (_ALL + _FIRST) * _PARTS + _OVER + np.abs(_K2[_PARTS])
+_SWAPPED = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
+# Index of the real and the imaginary part of each summand among the products, and their factors.
+_PLACES = (_SWAPPED + 2 * _PRODUCT[:, None]).ravel()
 _FACTORS = (_REAL + _IMAG).view(float)
+# Index of the c of each summand.
 _SOURCES = _SOURCE[_PARTS]
+# First summand of each kind: y', α', L₃' and L₁' + iL₂' over D, y' and L₃' over D².
 _KINDS = [0, 6, 12, 18, 27, 33]
 # Terms are left out below this share of the largest one, times St: over St they are rounding.
 _FAINT = 1e-14
@@ -139,7 +160,7 @@ class Place:
         terms = self._needed(
             "rates", _TERMS, min(MOST_FAINT, max(LEAST_FAINT, _FAINT / torque_factor))
         )
-        amplitudes = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
+        amplitudes = (self._levels @ series.rates[:, : len(_RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
         a = _columns(np.sqrt(self.a2))
         size = _columns(size)
@@ -316,7 +337,7 @@ def modes_at(
     forward = mode(_ACROSS, 1)
     backward = mode(_ACROSS, -1)
     along = mode(_ALONG, -1)
-    rise = mode(Y, -1) / (np.sqrt(a2) * size)
+    rise = mode(_Y, -1) / (np.sqrt(a2) * size)
     return (
         np.sqrt((np.abs(forward) ** 2 + np.abs(backward) ** 2) / 2 + np.abs(along) ** 2),
         along,
@@ -334,7 +355,7 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
         series = series_of(side)
         kept.save(key, np.concatenate([series.rates, series.shape, series.frequencies], axis=1))
         return series
-    parts = np.split(numbers.reshape(_NODES, -1), [_TERMS * len(RATE), -4], axis=1)
+    parts = np.split(numbers.reshape(_NODES, -1), [_TERMS * len(_RATE), -4], axis=1)
     return Series(side, *(np.ascontiguousarray(part) for part in parts))
 
 
@@ -355,7 +376,7 @@ def series_of(side: SidedBody) -> Series:
     lx, ly, lz = np.moveaxis(np.einsum("naik,jnak->jnai", body, tau), -1, 0)
     scale = DEPTHS[:, None]
     rates = np.stack([scale * rate_y, scale * rate_a, lz, lx + 1j * ly, lx.conj() + 1j * ly.conj()])
-    spectrum = np.fft.fft(rates[RATE, _TENSOR], axis=-1, norm="forward")
+    spectrum = np.fft.fft(rates[_RATE, _TENSOR], axis=-1, norm="forward")
     orders = _ORDERS.T[_K2 - _HARMONICS[0]][:, None] % _PHASES
     picked = np.take_along_axis(spectrum, orders, axis=-1).T
     waves = np.fft.fft(np.stack([p.lead, *np.moveaxis(yz, -1, 0)]), axis=-1, norm="forward")

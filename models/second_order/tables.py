@@ -30,6 +30,7 @@ Array = np.ndarray
 _VERSION = 3
 # Tables reach from a² = 0 to this a²: 1 - x = 0.0025.
 MAX_A2 = 6.0
+# Angles of the Chebyshev points, in rad, and the a² there.
 _ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
 _POINTS = 0.5 * MAX_A2 * (1 + np.cos(_ANGLES))
 # Powers of I_max that each coefficient carries when L is measured in it.

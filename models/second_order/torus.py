@@ -26,6 +26,7 @@ Array = np.ndarray
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
 _PRECESSIONS = 8
 _UNITS = np.eye(3)
+# Signs of the rows that turn the reflection of z to -e₃ into the rotation of z to e₃.
 _UPSIDE = np.array([[1.0], [1.0], [-1.0]])
 
 

@@ -38,8 +38,9 @@ _SMALLER = 1.15
 _HALVINGS = 4
 # Tolerance of Taylor's method over the one asked for.
 TAYLOR = 1e-3
-# Steps are first tried at this angle, in rad, and at this share of a relaxation time.
+# Steps are first tried at this angle, in rad.
 _ANGLE = 1.0
+# They are first tried at no more than this multiple of a relaxation time.
 _RELAXATION = 2.0
 
 
@@ -119,10 +120,10 @@ def _step(times: Array, steps: int) -> float:
     return float(times[-1]) / (len(times) - 1) / steps
 
 
-def _apart(states: Array, others: Array, stride: int = 1) -> Array:
+def _apart(states: Array, reference: Array, stride: int = 1) -> Array:
     """Largest difference of each particle's states over the largest component at the start or 1."""
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = states[:, ::stride][:, : others.shape[1]] - others
+        apart = states[:, ::stride][:, : reference.shape[1]] - reference
         apart = np.abs(apart, out=apart).reshape(len(states), -1, states.shape[3]).max(axis=1)
         return (apart / np.maximum(1.0, np.abs(states[:, 0]).max(axis=1))).ravel()
 

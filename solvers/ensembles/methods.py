@@ -13,6 +13,7 @@ from polhode.solvers.machine_code.lanes import Lanes, lanes
 from polhode.solvers.machine_code.tracing import OPERATIONS
 from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
+# Name of the eighth-order pair's method.
 RUNGE_KUTTA = "DOP853"
 # Time of an evaluation of a field over the time of a splitting's slow and fast flow.
 _EVALUATION = 1.6

@@ -99,7 +99,7 @@ class Program(dict[str, str]):
         room[0] = value
         return room
 
-    def call(self, other: "Program", *arguments: Any) -> None:
+    def call(self, callee: "Program", *arguments: Any) -> None:
         """Run another program."""
         operands = list[str]()
         for argument in arguments:
@@ -107,7 +107,7 @@ class Program(dict[str, str]):
             operands.append(
                 f"ptr {argument.pointer}" if is_array else f"double {operand(argument)}"
             )
-        self.text.append(f"call void @{other.name}({', '.join(operands)})")
+        self.text.append(f"call void @{callee.name}({', '.join(operands)})")
 
     def _begin(self, label: str) -> None:
         """End the block at hand."""
@@ -247,7 +247,9 @@ def _expm1(x: Any) -> Any:
     return value
 
 
+# Operations on numbers in lanes: C's library has no expm1 for vectors.
 WIDE = replace(OPERATIONS, expm1=_expm1)
+# A buffer of no bytes: it shows where an array begins.
 _NOTHING = ctypes.c_char * 0
 # Left to itself, LLVM halves the widest registers.
 WIDEST_REGISTERS = '"prefer-vector-width"="512"'

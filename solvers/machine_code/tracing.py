@@ -141,10 +141,17 @@ def of_library(function: str, *arguments: Any) -> Any:
 _expm1 = partial(of_library, "expm1")
 
 
-_SIN, _COS, _SQRT, _EXP, _LOG = (
-    partial(call, name) for name in ("sin", "cos", "sqrt", "exp", "log")
+# Operations on traced numbers.
+OPERATIONS = Operations(
+    partial(call, "sin"),
+    partial(call, "cos"),
+    partial(call, "sqrt"),
+    _where_positive,
+    _expm1,
+    partial(call, "exp"),
+    partial(call, "log"),
+    of_library,
 )
-OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG, of_library)
 
 
 @once()

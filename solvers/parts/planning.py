@@ -37,7 +37,7 @@ _FINER = 0.8
 # Turns at the beginning and at the end of a check over which means are taken.
 _MEAN_OVER = 5.0
 # Largest share of the run that a step takes.
-_SEEN = 0.4
+_MAX_STEP_SHARE = 0.4
 # The step stands if the estimated error is within these factors of the requested one.
 _FITTING = (0.3, 2.0)
 # Otherwise the law is scaled for an error of this share of the requested one.
@@ -92,34 +92,39 @@ class Planner:
     def __init__(self, problem: Any, tolerance: float) -> None:
         self.problem = problem
         self.error = max(_AIM * tolerance, _LEAST_ERROR * problem.epsilon)
-        # The error that checked steps are to have, no less than a check sees; what errors are to
-        # the law, as far as is known; the plan of checked steps.
-        self.seen = self.error
+        # The error that checked steps are to have, no less than a check sees.
+        self.aim = self.error
+        # Ratio of errors to the law, as far as checks have shown it.
         self.scale = (
             _SCALE * (problem.strength**2 / problem.forgetting) ** _SHARE
             if problem.strength > 0
             else 1.0
         )
+        # The plan of checked steps.
         self.checked: Plan | None = None
 
     def by_law(self, rate: float, longest: float) -> Plan:
         """The plan of widest steps at a rate, if errors are `scale` times the law."""
-        factor = (self.seen / (self.problem.strength * self.scale * _COEFFICIENT)) ** (1 / _ORDER)
+        factor = (self.aim / (self.problem.strength * self.scale * _COEFFICIENT)) ** (1 / _ORDER)
         return Plan(min(factor, longest * rate**_EXPONENT), self.problem.floor, self.problem.widest)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
-        """The widest plan found for the error aimed at, beginning with that in use."""
-        self.checked = self.found(self.checked if old else None, state, now, record)
-        unseen = self.error / self.seen
-        plan = self.checked.narrowed(unseen ** (1 / _LEAST_ORDER)) if unseen < 1 else self.checked
+        """The widest plan for the error aimed at, beginning with the one in use."""
+        self.checked = self.checked_plan(self.checked if old else None, state, now, record)
+        unchecked = self.error / self.aim
+        plan = (
+            self.checked.narrowed(unchecked ** (1 / _LEAST_ORDER))
+            if unchecked < 1
+            else self.checked
+        )
         return old if old and old == plan else plan
 
-    def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
-        """The widest plan found that a check lets stand, beginning with an old one."""
+    def checked_plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
+        """The widest plan that a check lets stand, beginning with an old one."""
         rate = self.problem.rate(state)
         length = float(record.times[-1]) - now
         # Rows within the first step are the same whatever its length: a check sees nothing there.
-        longest = _SEEN * length
+        longest = _MAX_STEP_SHARE * length
         plan = old or self.by_law(rate, longest)
         good = None
         bad = None
@@ -151,14 +156,14 @@ class Planner:
         """A plan of the error aimed at, after one whose error over that is `ratio` and falls by `order`."""
         step = plan.step(rate) * (_MIDDLE / max(ratio, _LEAST)) ** (1 / order)
         law = _COEFFICIENT * rate ** (_ORDER - _POWER) * step**_ORDER
-        self.scale = self.seen / (self.problem.strength * law)
+        self.scale = self.aim / (self.problem.strength * law)
         return self.by_law(rate, longest)
 
     def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
         """Estimated error of a plan over the one that checked steps are to have."""
         error, rounding = self.estimated(plan, state, now, record)
-        self.seen = max(self.error, _CLEAR * rounding)
-        return error / self.seen if isfinite(error) else _HOPELESS
+        self.aim = max(self.error, _CLEAR * rounding)
+        return error / self.aim if isfinite(error) else _HOPELESS
 
     def estimated(
         self, plan: Plan, state: np.ndarray, now: float, record: Record

@@ -74,8 +74,8 @@ def _turn(flows: Flows) -> Program:
         angle[0] = angle[0] + flows.rate(y, p) * share
         flows.fast_flow(y, row)
 
-    def step(made: Sequence[Array], lengths: Sequence[Number]) -> None:
-        sides = list(zip(states, angles, made, lengths, strict=True))
+    def step(side_constants: Sequence[Array], lengths: Sequence[Number]) -> None:
+        sides = list(zip(states, angles, side_constants, lengths, strict=True))
         with program.times(scheme[0]) as i:
             for y, angle, constants, length in sides:
                 fast_flow(y, angle, flows.row(constants, i), length * scheme[i + 1.0])
