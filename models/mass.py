@@ -14,7 +14,10 @@ _MAX_FULL_MASS = 500
 
 
 def mass_of(matrix: Any, dimension: int) -> np.ndarray | None:
-    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d); None if there is none."""
+    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d).
+
+    None if there is none.
+    """
     if matrix is None:
         return None
     expected = f"the diagonal, {dimension} numbers, or a matrix of shape {(dimension, dimension)}"

@@ -1,4 +1,6 @@
-"""Results that are computed once, whatever the number of threads that ask for them; the latest ones are cached.
+"""Results that are computed once, whatever the number of threads that ask for them.
+
+The latest ones are cached.
 
 A call that finds its result takes no lock. Threads that miss the same result wait for the one that
 computes it, those that miss others do not. A result lives as long as somebody holds it: whoever
@@ -90,7 +92,10 @@ class Once(Generic[P, R]):
         return part if weakly is None else weakly(self._forget)
 
     def _forget(self, dead: Any) -> None:
-        """Drop the results whose key holds an argument that has died; any thread may call this at any time."""
+        """Drop the results whose key holds an argument that has died.
+
+        Any thread may call this at any time.
+        """
         for key in self._entries.copy():
             if any(part is dead for part in key):
                 self._entries.pop(key, None)

@@ -120,7 +120,10 @@ class OwnField:
         return ops.where_positive(self.t_end - time, time, self.t_end + 0.0 * elapsed)
 
     def recorded_anew(self, dimension: int, parameters: int) -> "OwnField":
-        """The field as its names have it now; an UntraceableError says what cannot be recorded any more."""
+        """The field as its names have it now.
+
+        An UntraceableError says what cannot be recorded any more.
+        """
         if self.frozen or self.recording is None:
             return self
         recording = record(self.function, dimension - self.timed, parameters)
@@ -181,7 +184,10 @@ def own_field(
     structure: tuple[Any, Any, Any, Any] = (None, None, None, None),
     mass: np.ndarray | None = None,
 ) -> tuple[tuple[float, ...], OwnField]:
-    """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
+    """The start and the factory of a function's field.
+
+    Raises ValueError as `Problem.from_function` does.
+    """
     if not callable(f):
         raise ValueError(f"f: got {in_one_line(f)}, expected a function f(t, y)")
     start = _numbers("y0", y0)
@@ -248,7 +254,10 @@ def _recorded(
     time: float,
     rates: list[float],
 ) -> Recording:
-    """The function recorded, and compared with itself at the start; UntraceableError if it cannot be."""
+    """The function recorded, and compared with itself at the start.
+
+    UntraceableError if it cannot be.
+    """
     if len(start) > MAX_RECORDED:
         raise UntraceableError(
             f"{getattr(f, '__name__', 'f')} has {len(start)} components, of which at most "
@@ -297,7 +306,10 @@ def _check_signature(
 
 
 def place_of(error: BaseException, *skipped: str) -> str:
-    """The user's line on the way to an error, with its file, in brackets; empty if there is none."""
+    """The user's line on the way to an error, with its file, in brackets.
+
+    Empty if there is none.
+    """
     line = line_of(error, *skipped)
     return f" ({line.filename}:{line.lineno}: {line.line})" if line else ""
 

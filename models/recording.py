@@ -1,11 +1,12 @@
 """The operations of a function, recorded by calling it once with numbers that note what is done to them.
 
-The numbers take NumPy's functions by NumPy's own protocols, `__array_ufunc__` and `__array_function__`; the function
-itself is called as it is. A recording is a straight line of operations, which `Recording.evaluate` repeats over any
-kind of number: machine code, heyoka's expressions, numbers with derivatives.
+The numbers take NumPy's functions by NumPy's own protocols, `__array_ufunc__` and
+`__array_function__`; the function itself is called as it is. A recording is a straight line of
+operations, which `Recording.evaluate` repeats over any kind of number: machine code, heyoka's
+expressions, numbers with derivatives.
 
-A function that needs plain numbers (`math`, tables, splines, branches on the state) cannot be recorded: `record`
-raises an UntraceableError that shows the user's own line.
+A function that needs plain numbers (`math`, tables, splines, branches on the state) cannot be
+recorded: `record` raises an UntraceableError that shows the user's own line.
 """
 
 import linecache
@@ -54,7 +55,10 @@ _WAYS_OUT = (
 
 
 class UntraceableError(Exception):
-    """A function does what cannot be recorded; the message has its own words for it, and its line."""
+    """A function does what cannot be recorded.
+
+    The message has its own words for it, and its line.
+    """
 
 
 class _NeedsNumbersError(TypeError):
@@ -649,7 +653,10 @@ def numbers_of(rates: Any) -> list[Any]:
 
 
 def record(function: Callable[..., Any], dimension: int, parameters: int) -> Recording:
-    """Record ``function(t, y, *p)``; an UntraceableError says, in one line, what cannot be recorded, and where."""
+    """Record ``function(t, y, *p)``.
+
+    An UntraceableError says, in one line, what cannot be recorded, and where.
+    """
     before = getattr(_current, "recorder", None)
     recorder = _current.recorder = _Recorder()
     try:

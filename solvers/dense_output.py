@@ -14,13 +14,16 @@ from polhode.solvers.compile import as_it_stands, frozen
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# Methods that fill in between rows of solvers that choose steps over many periods; the first that is
-# available.
+# Methods that fill in between rows of solvers that choose steps over many periods; the first
+# available one serves.
 _BETWEEN = ("cyrk-dop853", "dop853")
 
 
 class LikeSolveIvp:
-    """The names of `solve_ivp`'s result; counts not reported by the library, or not asked for, are None."""
+    """The names of `solve_ivp`'s result.
+
+    Counts not reported by the library, or not asked for, are None.
+    """
 
     t = property(attrgetter("times"), doc="Times, shape (n,).")
     y = property(attrgetter("states.T"), doc="States, shape (d, n).")
@@ -35,7 +38,10 @@ class LikeSolveIvp:
 
 
 def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
-    """Times asked of a solution as an array, shape (k,); ValueError unless they are numbers within it."""
+    """Times asked of a solution as an array, shape (k,).
+
+    ValueError unless they are numbers within it.
+    """
     rows = solution.times
     times = np.empty((0, 0))
     with suppress(TypeError, ValueError):

@@ -1,7 +1,8 @@
 """Events of a run: sought at every accepted step, placed on the step's own interpolation, as SciPy does.
 
-An event is a function of time and state whose sign changes. Numbers that pass zero are placed by Brent's method.
-Conditions (True or False), and numbers that reach zero and stay there, are bisected to the first time of the new value.
+An event is a function of time and state whose sign changes. Numbers that pass zero are placed by
+Brent's method. Conditions (True or False), and numbers that reach zero and stay there, are bisected
+to the first time of the new value.
 """
 
 from collections.abc import Callable, Sequence
@@ -54,7 +55,10 @@ class SoughtEvent:
     condition: bool = False  # whether its values are True and False
 
     def value(self, time: float, state: np.ndarray) -> float:
-        """Its value as a number, 1 and -1 of True and False; ValueError, in one line, if it has none."""
+        """Its value as a number, 1 and -1 of True and False.
+
+        ValueError, in one line, if it has none.
+        """
         try:
             value = self.function(time, state)
             kind = type(value)
@@ -117,7 +121,10 @@ class EventSearch:
             event.last = event.value(time, state)
 
     def through(self, times: Sequence[float], states: Any, between: Between) -> bool:
-        """Look at states, one per time, at increasing times; `between` interpolates from the last look on."""
+        """Look at states, one per time, at increasing times.
+
+        `between` interpolates from the last look on.
+        """
         for time, state in zip(times, states, strict=True):
             passages = []
             for event in self.events:

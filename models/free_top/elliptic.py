@@ -65,7 +65,10 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
 
 
 def complete_k(m1: Long) -> Long:
-    """Complete elliptic integral K(m), given m1 = 1−m in [0, 1]; infinite at m1 = 0 (DLMF §19.2(ii))."""
+    """Complete elliptic integral K(m), given m1 = 1−m in [0, 1].
+
+    Infinite at m1 = 0 (DLMF §19.2(ii)).
+    """
     return Long(np.inf) if m1 == 0 else complete_cel(np.sqrt(m1), Long(1), Long(1), Long(1))
 
 

@@ -1,4 +1,4 @@
-"""How a hybrid run goes on from where it stands: averaged to second order, or by the full equations."""
+"""The pieces of a hybrid run: averaged to second order, or by the full equations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -128,7 +128,7 @@ def observed(scene: Scene, state: Array) -> Observables:
 
 
 def speed(scene: Scene) -> float:
-    """How fast the body turns, in rad per unit of time, about, and not less than the shear makes it."""
+    """Approximate rate at which the body turns, in rad per unit of time, no less than by the shear."""
     return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
 
 
@@ -172,7 +172,7 @@ def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
 
 
 def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array], Array]]:
-    """The averaged problem of a scene from a state of the full equations on, and such states of its own ones.
+    """The averaged problem of a scene from a full state on, and a map of its states to full ones.
 
     Raises NotAveragedError where no slow state belongs to the start.
     """

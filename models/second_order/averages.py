@@ -72,7 +72,7 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
 
 
 def phases(side: SidedBody, y: Array) -> Array:
-    """Numbers of polhode phases that resolve polhodes, of few kinds, so that many polhodes are averaged at once."""
+    """Numbers of polhode phases that resolve polhodes; many polhodes share one and are averaged at once."""
     from scipy.special import ellipk, ellipkm1
 
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli

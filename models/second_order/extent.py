@@ -1,4 +1,4 @@
-"""How large the near-identity transformation of a triaxial ellipsoid is, over the torus, per shape and side.
+"""Size of the near-identity transformation of a triaxial ellipsoid, a mean over the torus.
 
 It is linear in the coefficients c of `polhode.models.second_order.swing`: the mean of its square is
 a quadratic form in them, whose matrix depends on a alone.
@@ -64,7 +64,7 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
 
 @once()
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
-    """Factors of products of `_PAIRS` at the nodes of the series, at |L| = 1: the mean over turns; kept on disk."""
+    """Factors of the products at each of `_DEPTHS` at |L| = 1, means over turns; cached on disk."""
     key = f"extent of the swing {_VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:

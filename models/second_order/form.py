@@ -100,7 +100,10 @@ class SecondOrder(Form):
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
+        """Observables, the fast motion and the O(1/St) swing put back.
+
+        Rotations of a spheroid hold the axis' row alone.
+        """
         if scene.ellipsoid.kind == "triaxial":
             return self._entry(scene).observe(states)
         exact = spheroidal.exact(Spheroid.of(scene.ellipsoid), scene.torque_factor, states)
@@ -142,7 +145,10 @@ def _started(scene: Scene) -> tuple[float, ...] | None:
 def slow_start(
     spheroid: Spheroid, torque_factor: float, exact: Sequence[float]
 ) -> tuple[float, ...] | None:
-    """Slow L over I_e and p whose image under the transformation are the exact ones; None if none are found."""
+    """Slow L over I_e and p whose image under the transformation are the exact ones.
+
+    None if none are found.
+    """
     slow = exact
     left = 1.0
     size = max(1.0, hypot(*exact[:3]))

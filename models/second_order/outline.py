@@ -95,7 +95,10 @@ class Outline:
 @once()
 @np.errstate(over="ignore", invalid="ignore")
 def outline(scene: Scene, budget: float = inf) -> Outline:
-    """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
+    """Outline of a run with orientation and 0 < St < inf.
+
+    Windows are as wide as the requested error demands.
+    """
     path = path_of(scene)
     share = _SHARE * budget
     ahead = Ahead.of(path, budget)

@@ -1,4 +1,4 @@
-"""The first-order solution of a scene, and what averaging is like along it: its size, and the resonances it passes."""
+"""The first-order solution of a scene, the size of averaging along it, and the resonances that it passes."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -54,7 +54,7 @@ _RISEN = 45.0
 
 @dataclass(frozen=True)
 class Path:
-    """The first-order solution of a scene, and what averaging is like along it."""
+    """The first-order solution of a scene, and the size of averaging and its errors along it."""
 
     ellipsoid: Ellipsoid
     torque_factor: float
@@ -101,7 +101,8 @@ class Path:
     @cached_property
     def spin(self) -> Array:
         """max(1, |ω|), at most."""
-        # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃), as the rotation about the middle axis only lessens it.
+        # |ω|² is at most (1/I₁ + 1/I₃) 2E - L²/(I₁I₃): rotation about the middle axis only lessens
+        # it.
         low, _, high = sorted(self.ellipsoid.inertia)
         return np.sqrt(
             np.maximum(2 * self.slow[:, 3] * (1 / low + 1 / high) - high / low * self.size**2, 1)
@@ -309,13 +310,13 @@ class Path:
 
     @cached_property
     def speed(self) -> Array:
-        """How fast the body turns, about: 2E/|L|, or as fast as the shear turns any."""
+        """Approximate rate at which the body turns: 2E/|L|, or as the shear turns any body."""
         unit = max(self.ellipsoid.inertia)
         return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / np.maximum(self.size, 1e-300))
 
     @property
     def wear(self) -> Array:
-        """How fast a solver's error of the full equations grows: with the angle, and with a fast body's energy."""
+        """Growth rate of a solver's error of the full equations: by angle, and by a fast body's energy."""
         return self.speed * np.maximum(1, self.scale)
 
     def summed(self, rates: Array) -> Array:
@@ -329,7 +330,7 @@ class Path:
         return self.summed(self.speed * swing**2 / 2) / self.torque_factor
 
     def phase(self, error: Array) -> Array:
-        """Errors of the angles, in rad, from slow errors that last: what these make of their rates."""
+        """Errors of the angles, in rad, from the rates that lasting errors of L and E make wrong."""
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
         return np.minimum(speed * self.summed(error / self.spin), pi)
 

@@ -134,7 +134,10 @@ def _slow_start(
 
 
 def _place(series: Series, z: Array) -> Place | None:
-    """Place on the torus of a body in which n has the components z, shape (3,); None beyond L² = 2EI₂."""
+    """Place on the torus of a body in which n has the components z, shape (3,).
+
+    None beyond L² = 2EI₂.
+    """
     from scipy.special import ellipkinc, ellipkm1
 
     z1, z2, z3 = z.tolist()

@@ -49,9 +49,9 @@ _TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
 _BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag.
 _TURNS = np.array([2, 1, 1, 0, 0, 0])
-# Parts are rates that tensors make: a y', a α', L₃' and L₁' + iL₂' of all six, and L₁' + iL₂' of the
-# conjugates of the first three. This is the number of the rate, shape (27,). The rate of β + tα
-# with t = (h - ν₂)/ν₁ vanishes.
+# Parts are rates that tensors make: a y', a α', L₃' and L₁' + iL₂' of all six, and L₁' + iL₂' of
+# the conjugates of the first three. This is the number of the rate, shape (27,). The rate of
+# β + tα with t = (h - ν₂)/ν₁ vanishes.
 _RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
 # The tensor of each part, shape (27,).
 _TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
@@ -82,8 +82,8 @@ _SUMMED = _ORDERS[:, _HARMONICS >= 0]
 _BOTH = (
     np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[_HARMONICS >= 0])).reshape(2, -1).astype(float)
 )
-# The part of each summand of the generator, shape (39,): all parts over D, then the parts of y and L₃
-# over D².
+# The part of each summand of the generator, shape (39,): all parts over D, then the parts of y and
+# L₃ over D².
 _PARTS = np.r_[: len(_RATE), _Y, _ALONG]
 # A part has products with 1/D of this many harmonics k₂ = 0, 1, …, then with 1/D² of this many.
 _ALL = _SUMMED.shape[1]
@@ -285,7 +285,10 @@ def _powers(angle: Array, count: int) -> Array:
 
 
 def coefficients(q: Array, size: Array) -> Array:
-    """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|; Q's rows x and y are the flow's."""
+    """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|.
+
+    Q's rows x and y are the flow's.
+    """
     x1, x2, x3, y1, y2, y3 = _columns(q[:, :2].reshape(-1, 6))
     x = x1 + 1j * x2
     y = y1 + 1j * y2

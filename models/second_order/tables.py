@@ -246,7 +246,10 @@ def series_of(values: Array) -> Array:
 
 
 def second(averaged: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:
-    """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max; `steep` is dh/d ln a²."""
+    """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max.
+
+    `steep` is dh/d ln a².
+    """
     values = evaluated(averaged.series[_SECOND], 2 * a2 / MAX_A2 - 1)
     twice, once = regular(a2 - averaged.poles[:, :1], 1e-2)
     values += (

@@ -1,4 +1,4 @@
-"""Fixed points of the slow manifold: uniform rotation about a principal axis along the vorticity; attractors."""
+"""Fixed points of the slow manifold and attractors: uniform rotation about an axis along the vorticity."""
 
 from dataclasses import dataclass
 from math import inf, pi, sqrt

@@ -59,7 +59,10 @@ class Separatrix:
         return self.growth / logarithm, -self.decay * shift - self.push / logarithm
 
     def time(self, complement: float) -> float:
-        """Slow time since the separatrix at y ≥ 0; negative on the long side, which comes before it."""
+        """Slow time since the separatrix at y ≥ 0.
+
+        Negative on the long side, which comes before it.
+        """
         # From `muasymp`, exactly: 2W t₂ = y ln(16/y) + y; `muassol` keeps the first term alone. It
         # is finite: the singular point is reached, and left, in a finite time.
         return _passed(complement) / self.growth

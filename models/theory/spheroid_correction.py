@@ -21,7 +21,10 @@ _ALIGNED = 1e-14
 
 
 def field(ops: Operations) -> Field:
-    """Averaged rates of (L_z, η) at L_x = L_y = 0, and of the phase Φ = ∫ L_z/I_e dt₂; p as in `averaged_spheroid`."""
+    """Averaged rates of (L_z, η) at L_x = L_y = 0, and of the phase Φ = ∫ L_z/I_e dt₂.
+
+    The parameters p are as in `averaged_spheroid`.
+    """
     averaged = ops.use(averaged_field)
 
     def rhs(y, p):

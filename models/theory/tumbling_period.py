@@ -88,7 +88,10 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
 def _collocated_period(
     slope: np.ndarray, equilibrium: np.ndarray, damping: float, rate: np.ndarray
 ) -> float:
-    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method; NaN if it fails."""
+    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method.
+
+    NaN if it fails.
+    """
     # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩
     # + ε⁻¹ ∫ r ds = 0 and ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
     from scipy.linalg import circulant

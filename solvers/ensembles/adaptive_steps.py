@@ -1,8 +1,8 @@
 """Averaged forms for many particles at once: Dormand and Prince's pair in SIMD lanes, each particle with its own steps.
 
 A Taylor series would be the wrong method here: every run of an ellipsoid that starts on the
-long-axis side crosses L² = 2EI₂. There the averaged field is continuous but not Lipschitz, no series
-converges, and the step shrinks to nothing; a Runge–Kutta step goes across.
+long-axis side crosses L² = 2EI₂. There the averaged field is continuous but not Lipschitz, no
+series converges, and the step shrinks to nothing; a Runge–Kutta step goes across.
 
 A tried step is a map of the row (y, rates of y, its bend, time, next step). The bend is the change
 of y by `BENDS`: if it is 0, dense output is the cubic through the two states and rates of a step.

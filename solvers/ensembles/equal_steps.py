@@ -56,7 +56,9 @@ class Plan:
 
 
 def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Plan | None:
-    """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
+    """The cheapest method and step that keep a sample's errors.
+
+    None if none does, as where motion is chaotic.
 
     The problem has no periodic components; the sample holds starts, shape (n, d); the times are
     equispaced from 0 to the end. The tolerance bounds the error of any component on the way, over
@@ -75,7 +77,10 @@ def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Pla
 
 
 def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -> Plan:
-    """Steps that are a fair guess, for too few particles to spend a sample on; parameters as in `plan`."""
+    """Steps that are a fair guess, for too few particles to spend a sample on.
+
+    Parameters as in `plan`.
+    """
     by = method(RUNGE_KUTTA, problem)
     times, _ = _in_pieces(times)
     steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / _ORDER) / 2))
@@ -85,7 +90,10 @@ def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -
 def run(
     problem: Problem, starts: Array, times: Array, tolerance: float, chosen: Plan
 ) -> tuple[Array, Array]:
-    """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts; parameters as of `plan`."""
+    """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts.
+
+    Parameters as of `plan`.
+    """
     by = method(chosen.method, problem)
     steps = chosen.steps
     times, pieces = _in_pieces(times)

@@ -24,7 +24,9 @@ class Lanes:
     dimension: int
 
     def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
-        """States in lanes, shape (groups, rows, d, width); `steps` maps lead from each row to the next.
+        """States in lanes, shape (groups, rows, d, width).
+
+        `steps` maps lead from each row to the next.
 
         The last of the starts, shape (n, d), fills the lanes that are left over.
         """
@@ -52,7 +54,9 @@ def lanes(
     before: Step | None = None,
     after: Step | None = None,
 ) -> Lanes:
-    """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles.
+    """Compile ``step(y, constants) -> y`` over generic numbers.
+
+    The constants are the same for all particles.
 
     The map `before` turns a row into the state that is stepped, and `after` turns that state into
     the next row.

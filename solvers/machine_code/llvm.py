@@ -38,7 +38,9 @@ class MachineCode:
 
 
 def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCode:
-    """Compile a file of LLVM's language that defines the function; fields, or a library's `functions`, are ``$name``.
+    """Compile a file of LLVM's language that defines the function.
+
+    Fields, or a library's `functions`, are ``$name``.
 
     Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time
     with its own ``{i}``.

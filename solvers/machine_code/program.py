@@ -184,7 +184,10 @@ def splat(number: Number, lanes: int) -> Number:
 
 
 class Array:
-    """Numbers in memory, by an index that is counted from 0; with lanes, one of each lane at an index."""
+    """Numbers in memory, by an index that is counted from 0.
+
+    With lanes, one of each lane at an index.
+    """
 
     def __init__(self, program: Program, pointer: str, lanes: int = 1) -> None:
         self.program = program
@@ -256,7 +259,10 @@ WIDEST_REGISTERS = '"prefer-vector-width"="512"'
 
 
 def compare(how: str, left: Any, right: Any) -> str:
-    """The condition that numbers compare as "olt", "ole", "ogt" or "oge"; NaN fulfils "uge" and its like alone."""
+    """The condition that numbers compare as "olt", "ole", "ogt" or "oge".
+
+    NaN fulfils "uge" and its like alone.
+    """
     number: Any = left if isinstance(left, Number) else right
     return number.lines.setdefault(f"fcmp {how} double {operand(left)}, {operand(right)}", "")
 
@@ -270,7 +276,9 @@ def _address(array: np.ndarray) -> int:
 
 
 def compiled(*programs: Program, number: type = float, level: int = 1) -> list[Callable[..., None]]:
-    """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
+    """Compile programs together.
+
+    Those that are not internal have arrays alone as arguments, and become functions.
 
     The arrays, or their addresses, are contiguous and of the type named, float or x86's
     `numpy.longdouble`: nothing checks that. A call releases Python's lock.

@@ -103,7 +103,10 @@ class Flows:
                 (self.row(constants, row) + self.sizes[0]).store(slow_constants)
 
     def _spread(self) -> Program:
-        """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""
+        """Move rows by a time of each one's own, one in each lane.
+
+        `number` holds the rows, and the steps of each.
+        """
         program = Program(
             "spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS
         )

@@ -65,7 +65,10 @@ class Kernels:
 
 
 def clock(time: float, number: type = float) -> np.ndarray:
-    """The clock of a run that begins; no rate lies between its bounds, so that a first step is chosen."""
+    """The clock of a run that begins.
+
+    No rate lies between its bounds, so that a first step is chosen.
+    """
     return np.array([time, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, 0.0, 0.0], number)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from polhode.solvers.contract import Record
 
-# The law of errors. A step h leaves the slow components with errors of about COEFFICIENT γ r**-POWER
-# (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the slow part relaxes. The time
-# has no part in it: errors accumulate no longer than the slow components remember, a time 1/γ. The
-# angle h r is never wider than flows reach.
+# The law of errors. A step h leaves the slow components with errors of about
+# COEFFICIENT γ r**-POWER (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the slow
+# part relaxes. The time has no part in it: errors accumulate no longer than the slow components
+# remember, a time 1/γ. The angle h r is never wider than flows reach.
 _ORDER = 6
 _POWER = 2.0
 _COEFFICIENT = 6e-7

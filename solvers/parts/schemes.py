@@ -66,7 +66,10 @@ def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Parallel(Scheme):
-    """A mean, by weight, of compositions and their mirror images; given are the shares of slow flows, and where."""
+    """A mean, by weight, of compositions and their mirror images.
+
+    Given are the shares of slow flows, and where.
+    """
 
     nodes: Sequence[float] = ()
     weights: Sequence[float] = ()

@@ -240,7 +240,10 @@ class SplittingExtended(Splitting):
 
     @property
     def why_not(self) -> str | None:
-        """The missing part, NumPy's long double of x86 processors or the library; None if none is missing."""
+        """The missing part, NumPy's long double of x86 processors or the library.
+
+        None if none is missing.
+        """
         if not long_double.IS_X86:
             return "x86's long double of 80 bits is missing, on this machine or in NumPy"
         return super().why_not

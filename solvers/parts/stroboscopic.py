@@ -98,7 +98,10 @@ class Strobe:
         return strobe_kernels(self.split.parts, self.split.dimension)
 
     def pays(self, start: np.ndarray, length: float) -> bool:
-        """Whether there is a torque, and a run is long enough; no rate that is not finite passes."""
+        """Whether there is a torque, and a run is long enough.
+
+        No rate that is not finite passes.
+        """
         rate = self.split.rate(start)
         return self.split.strength > 0 and isfinite(rate) and length * rate >= 2 * pi * _LEAST_TURNS
 
@@ -252,7 +255,10 @@ class Strobe:
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
 
     def stretch(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:
-        """A number of turns by splitting; the outcome if the run ends there, else the point moves on."""
+        """A number of turns by splitting.
+
+        The outcome if the run ends there, else the point moves on.
+        """
         until = float(point[-1]) + turns * 2 * pi / self.split.rate(point[:-1])
         last = int(np.searchsorted(record.times, until))
         at_end = last >= len(record.times)
