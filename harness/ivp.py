@@ -144,7 +144,7 @@ def solve_ivp(
     if isinstance(method, str):
         method = _SCIPYS_NAMES.get(method, method)
     solver = find_solver(_default_method(problem) if method is None else method)
-    # What has just been recorded is not recorded again.
+    # A function that has just been recorded is not recorded again.
     problem = prepared(problem, solver)
     direction = 1.0 if end > began else -1.0
     every_step = t_eval is None and problem.plain and solver.shows_steps
@@ -209,7 +209,7 @@ def _default_method(problem: Problem) -> str:
 
 
 def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: int) -> np.ndarray:
-    """Times of a run at which rows are asked for, increasing; by default so many."""
+    """Requested times of a run, increasing; `count` of them by default."""
     if t_eval is None:
         return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
     if end > began:
@@ -253,7 +253,7 @@ def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
 
 
 def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.ndarray:
-    """What SciPy's `sol` is: states at t, shape (d,) or (d, k)."""
+    """SciPy's `sol`: states at t, shape (d,) or (d, k)."""
     return run.sol(direction * (np.asarray(t) - began))[:d]
 
 

@@ -50,7 +50,7 @@ class SceneSolution(LikeSolveIvp):
     `message`, `success`.
 
     `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the
-    rotation matrix there; `run`, that of the form's problem, has states, status and work. `error`
+    rotation matrix there; `run`, of the form's problem, has states, status and work. `error`
     is estimated for this very run: `slow` and `orientation`. `events` has by name the motion at the
     times at which an event asked for happened.
     """
@@ -66,7 +66,7 @@ class SceneSolution(LikeSolveIvp):
     def __call__(self, t: "ArrayLike") -> "SceneSolution":
         """The motion at other times of the run."""
         times = times_within(self, t)
-        # Where they are the run's, they are so to the last bit.
+        # At times of the run the motion is the run's to the last bit.
         return self.at(times, self.run(np.interp(times, self.times, self.run.times)))
 
     def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
@@ -190,7 +190,7 @@ class SceneSolution(LikeSolveIvp):
         return table
 
     def provenance(self) -> dict[str, Any]:
-        """Where the numbers come from, as plain data: scene, form, solver, tolerance, error, versions."""
+        """The origin of the numbers, as plain data: scene, form, solver, tolerance, error, versions."""
         from polhode.models.files.scene_file import scene_table
 
         names = ("form", "solver", "tolerance", "seconds")

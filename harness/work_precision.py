@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Of the classical problems.
+# Tolerances of the classical problems; QUICK is for a first look.
 _TOLERANCES = tuple(10.0**-k for k in range(3, 13))
 QUICK = (1e-4, 1e-7, 1e-10)
 # Errors by name: the largest at any sample, that at the end, the root of the mean square.
@@ -205,14 +205,14 @@ class WorkPrecision:
 
     @property
     def source(self) -> str:
-        """Where the reference comes from, in words."""
+        """The source of the reference, in words."""
         return self._reference.source
 
     @cached_property
     def _reference(self) -> OwnReference:
         problem = self.one
         if self.classical:
-            # What the end is worth is part of the test problem.
+            # The reference at the end is part of the test problem.
             ends = np.array([problem.start, self.classical.reference])
             return OwnReference(ends, 0.0, self.classical.source)
         if self.own_reference is not None:
@@ -351,7 +351,7 @@ class WorkPrecision:
         return write_file(Path(path), dumps({**self.settings(), "rows": rows}) + "\n")
 
     def settings(self) -> dict[str, Any]:
-        """What was asked for, and what the reference is."""
+        """The requested settings, and the reference."""
         sources = [_source(study) for _, study in self.studies]
         return {
             "problem": self.name,
@@ -442,7 +442,7 @@ class WorkPrecision:
         if status.success and first.seconds <= self.max_seconds:
             timing = _timed(run)
         if setup.solver is None and timing:
-            # What the first call took beyond the others: a library's own compilation.
+            # Time of the first call beyond the others: a library's own compilation.
             compile_seconds = max(0.0, first.seconds - timing.seconds)
         least = least_known(uncertainty)
         return {

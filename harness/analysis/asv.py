@@ -14,10 +14,10 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import in_full
 from polhode.solvers.contract import Status
 
-# Of asv's files: results and benchmarks.json, and machine.json.
+# Versions of asv's file formats: results and benchmarks.json, and machine.json.
 _VERSION = 2
 _MACHINE_VERSION = 1
-# What asv shows of the suite, the column of a record, and asv's kind and unit.
+# Series that asv shows of the suite: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
 _COLUMNS = ("result", "params", "version", "started_at")
 
@@ -112,7 +112,7 @@ def _value(record: Record | None, column: str) -> float | None:
 
 
 def _benchmarks(path: Path, tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The list of benchmarks, those of earlier runs included."""
+    """The list of benchmarks, with the ones of earlier runs."""
     earlier = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     new = {
         name: {

@@ -16,7 +16,7 @@ from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.solvers.contract import Status
 
-# What makes two records the same case, whatever the versions they were made with.
+# Records that agree in these columns are of the same case; versions may differ.
 _IDENTITY = [
     "scene_name",
     "stokes",
@@ -119,7 +119,7 @@ def _ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
 def _changes(
     before: Record, after: Record, drift: float, slower: float, less_accurate: float
 ) -> list[Record]:
-    """What got worse in one case."""
+    """Changes for the worse in one case."""
     if before["status"] == Status.REACHED_END != after["status"]:
         # One that came near its time limit before may miss it by chance.
         close_to_limit = before["counted_seconds"] * slower * drift > after["max_seconds"]
@@ -163,7 +163,7 @@ def _scatter(row: Record) -> float:
 
 def read_runs(path: Path) -> pd.DataFrame:
     """Records as a frame: of JSON of the benchmark suite or a folder of such, a ``.sqlite`` store, its ``.jsonl``."""
-    # Of all runs in a folder the failed ones come first and the shortest last, which counts.
+    # The last run of a case counts: in a folder, failed runs come first and the shortest last.
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
     records = [*chain.from_iterable(map(_records, paths))]
     if path.is_dir():

@@ -1,4 +1,4 @@
-"""What solvers of a work-precision study take for an error, who is the best of a library, and both over a parameter."""
+"""Times of a work-precision study's solvers to an error, the best solver of a library, both over a parameter."""
 
 from itertools import chain
 

@@ -10,7 +10,7 @@ import pandas as pd
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 
-# Of a run, what a reader of its page looks for.
+# Columns of a run that a reader of its page looks for.
 RUN_COLUMNS = [
     "scene_name",
     "stokes",
@@ -37,9 +37,9 @@ RUN_COLUMNS += [
     "scene.shape.semi_axes",
 ]
 _STOKES = "scene.stokes"
-# What every record of a run of a scene has.
+# Columns of every record of a run of a scene.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
-# What a run that fails has not: where every run of a study failed, these columns are there, and
+# Columns that a failed run lacks: if every run of a study failed, these columns are there, and
 # empty.
 _OF_SUCCESSES = (
     "slow_error",
@@ -106,7 +106,7 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    """Runs of each scene under its name, in the order of the records; those of a single one under none."""
+    """Runs of each scene under its name, in the order of the records; runs of a single scene under none."""
     if "scene_name" not in table or len(set(table["scene_name"])) < 2:
         return [("", table)]
     return [(str(name), runs) for name, runs in table.groupby("scene_name", sort=False)]

@@ -9,7 +9,7 @@ from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, foreseen
 from polhode.models.scene import Scene
 
 HYBRID = "hybrid"
-# What two runs with the same steps share to the last digit, at whatever tolerance each was asked for.
+# Columns that two runs with the same steps share to the last digit, even at unequal tolerances.
 _SHARED = (
     "scene_name",
     "stokes",

@@ -43,7 +43,7 @@ class Method(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What sets it apart on a map: averaged forms by their name, since any solver will do, others by solver."""
+        """Its name on a map: averaged forms by their name, since any solver will do, others by solver."""
         return self.form if self.side == "averaged" else self.solver
 
 
@@ -153,7 +153,7 @@ def cost_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, li
 
 @dataclass(frozen=True)
 class Cell:
-    """The cheapest method at one St and error, and that of another label; None and NaN where none is known."""
+    """The cheapest method at one St and error, and the next of another label; None and NaN where none is known."""
 
     stokes: float
     target: float

@@ -1,4 +1,4 @@
-"""The bodies and starts that the studies of averaging follow: the paper's, and those of the second order."""
+"""The bodies and starts that the studies of averaging follow: the paper's, and the second order's."""
 
 import tomllib
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Subject:
 
     @property
     def family(self) -> str:
-        """What the paper calls the shape: "spheroid" or "ellipsoid"."""
+        """The paper's name for the shape: "spheroid" or "ellipsoid"."""
         return "ellipsoid" if Ellipsoid(self.semi_axes).kind == "triaxial" else "spheroid"
 
     @property

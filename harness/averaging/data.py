@@ -1,4 +1,4 @@
-"""What the studies of averaging measure, and the files beside their pages."""
+"""Rows of the studies of averaging, and the files beside their pages."""
 
 import json
 from collections.abc import Sequence

@@ -20,7 +20,7 @@ from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
 FORM_SAMPLES = 501
-# What a user would integrate an averaged form with; its error is the column of the solver error.
+# Solver and tolerance that a user would take for an averaged form; they make the solver error.
 FORM_SOLVER = "taylor"
 FORM_TOLERANCE = 1e-9
 

@@ -1,4 +1,4 @@
-"""What the measured errors say about orders in 1/St, and the St that an error needs."""
+"""Orders in 1/St that follow from the measured errors, and the St that an error needs."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -13,14 +13,13 @@ from polhode.harness.common.fits import power_law
 from polhode.models.second_order.form import SecondOrder
 
 NEEDED_ERRORS = (1e-1, 1e-2, 1e-3, 1e-4)
-# The law c/St^order is fitted from this St on, where it has set in, to at least so many St.
+# The law c/St^order is fitted from this St on, as it has set in there.
 FITTED_FROM = 300.0
-LEAST_POINTS = 4
+LEAST_POINTS = 4  # St of a fit, at least.
 # Runs of a case belong together if none ends before this share of the longest one: a shorter run
 # errs less.
 SAME_HORIZON = 0.99
-# Slopes are fitted where the error is below this and above so many times the reference's
-# uncertainty.
+# Slopes are fitted to errors below the first and above the second times the reference's uncertainty.
 LARGEST_FITTED_ERROR = 1e-2
 LEAST_RESOLVED = 100.0
 

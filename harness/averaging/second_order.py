@@ -30,10 +30,10 @@ from polhode.solvers.solve import solve
 SECOND_ORDER_SAMPLES = 2001
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
 SECOND_ORDER_TOLERANCE = 1e-14
-# Resonances want many small steps of these runs; each time is the fastest of so many.
+# Resonances want many small steps of these runs; each time is the fastest of PASSAGE_REPEATS.
 PASSAGE_SOLVER = "cyrk-vern8"
 PASSAGE_REPEATS = 3
-# What may be measured alone.
+# Parts of the study that may be measured alone.
 SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 
 # The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
@@ -55,7 +55,7 @@ _SECONDS = attrgetter("seconds")
 
 @dataclass(frozen=True)
 class TimedRun:
-    """What a run gave, and its wall times in s: the integration, and with the observables."""
+    """Observables of a run, and its wall times in s: the integration, and with the observables."""
 
     observables: Observables
     integration: float
@@ -67,7 +67,7 @@ def timed_run(
 ) -> TimedRun:
     """Run a form over equispaced times; raises RuntimeError if it does not reach its end.
 
-    Where the solver's library is missing, one of the same kind runs it.
+    A solver of the same kind runs it if the solver's library is missing.
     """
     form = find_form(name)
     problem = form.problem(scene)
@@ -97,7 +97,7 @@ def true_observables(
 
 
 def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any], Errors]:
-    """What both tables say of a run: errors, first order's, and the form's estimate; and the truth's uncertainty."""
+    """Cells of a run for both tables: errors, first order's, the form's estimate; and the truth's uncertainty."""
     true, uncertainty = true_observables(scene)
     first = timed_run(
         scene, averaged_form(scene), SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES
@@ -163,7 +163,7 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
 
 def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
     """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
-    # Of each full solver the loosest tolerance is taken that meets `TARGET`.
+    # Each full solver runs at the loosest tolerance that meets `TARGET`.
     there = _spheroid(compared)
     tolerance = _COST_TOLERANCE
     name = SecondOrder.name

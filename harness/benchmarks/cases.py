@@ -1,4 +1,4 @@
-"""The suite's cases: a study like that of `polhode bench`, limited to or extended by what pytest's options name."""
+"""The suite's cases: a study like the one of `polhode bench`, limited or extended by pytest's options."""
 
 import os
 import tomllib
@@ -35,15 +35,15 @@ _SLOW_FROM = 1.0
 _SLOW_TIME = 0.5
 _SHEAR_TIMES = 20.0
 _RELAXATION_TIMES = 2000.0
-# Beyond these seconds a reference is not waited for; where extended precision would take longer, as
-# in long runs, two unlike methods in double precision confirm each other.
+# Seconds that a reference may take. If extended precision would take longer, as in long runs, two
+# unlike methods in double precision confirm each other.
 _REFERENCE_SECONDS = 60.0
-# Where errors are requested, the tolerances among which the loosest one that meets an error is sought.
+# The loosest of these tolerances that meets a requested error is sought.
 _TOLERANCES = tuple(float(f"1e-{exponent}") for exponent in range(2, 14))
 _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
-# Of each of the quick suite's runs.
+# Time limit of each of the quick suite's runs, in seconds.
 _QUICK_SECONDS = 0.02
-# What a row is called whose runs reach their end, none of them with the requested error.
+# Name of a row whose runs reach their end, none of them with the requested error.
 _NOT_MET = "error not met"
 
 Method = tuple[str, float, str, str]
@@ -52,7 +52,7 @@ Method = tuple[str, float, str, str]
 
 @dataclass(frozen=True)
 class Options:
-    """What pytest's options say: empty and None where they say nothing."""
+    """Pytest's options: empty and None where they say nothing."""
 
     stokes: tuple[float, ...] = ()
     forms: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What commands share: options, the store that measurements go into, and the line that was typed."""
+"""Common parts of commands: options, the store that measurements go into, and the line that was typed."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -66,7 +66,7 @@ def usual(folder: str, quick: bool) -> Path:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the options of a command that runs a study say."""
+    """Options of a command that runs a study."""
 
     study_file: Path | None
     out: Path | None
@@ -151,7 +151,7 @@ def stored(
     folder: Path, resume: bool, name: str = "store", what: str = "cases"
 ) -> Iterator["Store"]:
     """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside."""
-    # What ends the run is said in one line, and how to go on.
+    # An error is reported in one line, with the way to go on.
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError
 

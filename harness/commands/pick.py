@@ -105,7 +105,7 @@ def pick(
 
 
 def pick_page(recommendation: "Recommendation", everything: bool, why: bool = False) -> str:
-    """What `polhode pick` prints of a recommendation: what to run, the rows, and if asked why."""
+    """The page of `polhode pick` on a recommendation: what to run, the rows, and the reasons if `why`."""
     shown = recommendation.ranking if everything else recommendation.ranking[:FEW]
     rows = [
         [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, _ROWS), shown, strict=True)
@@ -124,7 +124,7 @@ def pick_page(recommendation: "Recommendation", everything: bool, why: bool = Fa
 
 
 def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
-    """What the table does not say of itself."""
+    """Notes below the table."""
     first = recommendation.ranking[0]
     notes = []
     if why:
@@ -140,7 +140,7 @@ def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
 
 
 def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
-    """Excluded methods, those of one form and one reason in one row; else forms that will not do at all, and why."""
+    """Excluded methods, a row for each form and reason; or only the forms that will not do at all, and why."""
     groups: dict[tuple[str, str], list[str]] = {}
     for row in recommendation.excluded:
         groups.setdefault((row.form, row.reason), []).append(row.solver)

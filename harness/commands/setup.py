@@ -106,7 +106,7 @@ def examine() -> dict[str, Any]:
 
 
 def look(name: str, folder: Path) -> dict[str, Any]:
-    """What a cache holds; a folder that does not exist yet counts as writable if it could be made."""
+    """Content of a cache; a folder that does not exist yet counts as writable if it could be made."""
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
     writable = above.is_dir() and os.access(above, os.W_OK)

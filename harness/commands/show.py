@@ -11,8 +11,9 @@ from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.text import fitting, on_terminal, scientific, short
 
-# What pictures end in, and the rotations up to the last moment: seconds of a run.
+# Endings of pictures.
 _FORMATS = (".png", ".svg", ".pdf")
+# Rotations up to the last moment, at most: a run of seconds.
 _MAX_DRAWN_ROTATIONS = 1e5
 
 

@@ -92,7 +92,7 @@ def solve(
         if not quiet:
             click.echo(fitting(words, sys.stderr), err=True)
 
-    # What came before this, in processor time.
+    # Processor time of all that came before this.
     SPENT.seconds["import"] = process_time()
     with Progress(quiet) as progress:
         with bad_input():
@@ -227,7 +227,7 @@ def _run(
             try:
                 solution = planned.run(watch)
             except Interrupted as interruption:
-                # Where it reached its end its error alone is missing.
+                # A run that reached its end lacks its error alone.
                 solution = planned.observed(interruption.solution)
             progress.begin("writing")
             if file:
@@ -255,7 +255,7 @@ def _run(
 
 
 def _remedy(planned: "Plan", solution: "SceneSolution") -> str:
-    """What to do about a failure at a tolerance that was given with neither form nor solver."""
+    """Advice on a failure at a tolerance that was given with neither form nor solver."""
     from polhode.harness.answers.rules import first_tolerance
 
     stopped = str(solution.status) == "interrupted"

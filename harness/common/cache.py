@@ -1,4 +1,4 @@
-"""Where references are kept between runs: files with a checksum of key and content, so that none stands for another."""
+"""References cached between runs: files with a checksum of key and content, so that none stands for another."""
 
 import hashlib
 import io

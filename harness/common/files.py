@@ -26,8 +26,8 @@ class PartialFile:
 
     If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be
     renamed, are written to at once (not `atomic`). A link stays, and what it points to is replaced;
-    ``-`` is standard output. Text is UTF-8, with line ends as written. Where it is `summed`, its
-    checksum is kept beside it, so that `read_file` notices damage. Raises OSError at once if the
+    ``-`` is standard output. Text is UTF-8, with line ends as written. The checksum of
+    a `summed` file is kept beside it, so that `read_file` notices damage. Raises OSError at once if the
     path is a folder or lies in none.
     """
 
@@ -76,16 +76,16 @@ class PartialFile:
             failure = error
             raise
         finally:
-            # Where the disk is full, the system says so without the file's name.
+            # The system reports a full disk without the file's name.
             if isinstance(failure, OSError) and failure.errno and not failure.filename:
                 failure.filename = str(self.path)
 
     def _close(self, failure: BaseException | None) -> None:
-        """Give the file its name, that of a partial one if the block failed."""
+        """Give the file its name, or the name of a partial file if the block failed."""
         file = self.open()
         kept = self.partial
         try:
-            # Where the disk is full, closing fails as flushing did.
+            # On a full disk, closing fails as flushing did.
             with file:
                 file.flush()
                 if self.atomic and failure is None:

@@ -35,7 +35,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
     from scipy import stats
 
     ordered = np.sort(values)
-    # So many values may lie below the median.
+    # Number of values that may lie below the median.
     first = int(stats.binom.ppf((1 - COVERAGE) / 2, len(ordered), 0.5))
     low = ordered[max(0, first - 1)]
     high = ordered[min(len(ordered) - 1, len(ordered) - first)]

@@ -51,7 +51,7 @@ def now() -> str:
 
 
 def here(**more: Any) -> dict[str, Any]:
-    """What is kept of when and where something was measured."""
+    """Date, machine and versions of a measurement."""
     return {"date": now(), "machine": machine(), "versions": versions(), **more}
 
 

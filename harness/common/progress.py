@@ -1,4 +1,4 @@
-"""What is said of work that takes longer than two seconds.
+"""Messages on work that takes longer than two seconds.
 
 On a terminal, one line that is rewritten: what, how far, and the time remaining. Anywhere, once, a
 note on a long run.
@@ -33,7 +33,7 @@ _KNOWN = "{desc}: {percentage:.0f} %, {remaining} left"
 
 
 def expectation(done: float, seconds: float) -> str:
-    """How long a run will take of which a share is done after so many seconds; empty if that is not long."""
+    """Words on the duration of a run whose share `done` took `seconds`; empty if that is not long."""
     if not done > 0:
         return f"it has hardly begun after {duration(seconds)}"
     expected = seconds / done
@@ -41,7 +41,7 @@ def expectation(done: float, seconds: float) -> str:
 
 
 class Progress:
-    """What is said on `stream`, by default standard error, by a thread of its own."""
+    """Messages on `stream`, by default standard error, by a thread of its own."""
 
     def __init__(self, quiet: bool = False, stream: IO[str] | None = None) -> None:
         self._stream = stream or sys.stderr

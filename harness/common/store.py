@@ -30,7 +30,7 @@ from polhode.harness.common.machine import now
 Record = dict[str, Any]
 Entry = TypeVar("Entry")
 
-# What marks a file as ours: "plhd", and the version of the table.
+# Marks of a file of ours: "plhd", and the version of the table.
 _APPLICATION = 0x706C6864
 _VERSION = 2
 # Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
@@ -67,7 +67,7 @@ class Store(AbstractContextManager["Store"]):
         # This alone does not wait for another process's.
         with alone(self.path.parent):
             run("PRAGMA journal_mode=WAL")
-        # Of larger ones each row is checked as it is read.
+        # Larger stores are checked row by row as they are read.
         small = self.path.stat().st_size <= _MOST_CHECKED_AT_ONCE
         if small and run("PRAGMA quick_check").fetchone()[0] != "ok":
             raise DamagedStoreError(f"{self.path}: the store is damaged")
@@ -128,14 +128,14 @@ class Store(AbstractContextManager["Store"]):
 
     def __iter__(self) -> Iterator[Record]:
         """All cases with their results, each as one flat dictionary, in the order of writing; one in memory."""
-        # The date is that of the writing where the result has none.
+        # A result without a date has the date of its writing.
         with self._readable():
             for row in self._connection.execute(_ROW + "ORDER BY rowid"):
                 key, case, result, written, _ = self._sound(row)
                 yield {"key": key, "date": written, **json.loads(case), **json.loads(result)}
 
     def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
-        """The row, whose digest is that of its content."""
+        """The row, once its digest has been checked against its content."""
         if digest(row[:4]) != row[4]:
             expected = "expected what was written; take an undamaged copy, or delete that row"
             raise DamagedStoreError(

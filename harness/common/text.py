@@ -140,7 +140,7 @@ def duration(seconds: float | None) -> str:
         return "–"
     if seconds == 0:
         return "0 s"
-    # What rounds to 1000 of a unit is 1.0 of the next.
+    # A value that rounds to 1000 of a unit is written as 1.0 of the next.
     size, unit = next((entry for entry in _UNITS if seconds >= 0.9995 * entry[0]), _UNITS[-1])
     value = seconds / size
     return (

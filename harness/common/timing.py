@@ -19,19 +19,17 @@ T = TypeVar("T")
 MOST_RUNS = 5
 BUDGET = 1.0
 _SENTINEL_ROUNDS = 20_000
-# A machine is steady while the sentinel takes at most this many times its quickest; else it is
-# looked at again after so many seconds.
+# A machine is steady while the sentinel takes at most this many times its quickest.
 _NEAR = 1.15
-_PAUSE = 0.02
-# A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the
-# fastest run, of at least so many seconds, had the processor for less than this share of it.
+_PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.
+# A time is disturbed if the sentinel beside it took more than BUSY times its quickest. It is
+# disturbed too if the fastest run had the processor for less than the share HAD of its time.
 BUSY = 1.5
-_JUDGED_FROM = 1e-3
+_JUDGED_FROM = 1e-3  # Seconds: the processor's share of a shorter run is not judged.
 HAD = 0.9
-# A run that its limit stopped while it lacked the processor is run again, so often at most, with so
-# much to spare.
-AGAIN = 2
-_MORE = 1.5
+# A run is repeated if its limit stopped it while it lacked the processor.
+AGAIN = 2  # Repetitions at most.
+_MORE = 1.5  # Factor on the time limit of a repetition.
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ def seconds_of(function: Callable[[], object]) -> float:
 
 
 def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
-    """What a call gives, its wall time, and that without waiting for others, in seconds."""
+    """The value of a call, its wall time, and its time without waiting for others, both in seconds."""
     before = getrusage(RUSAGE_SELF)
     began = perf_counter()
     value = function()
@@ -102,7 +100,7 @@ def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
 
 
 def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
-    """What a run gives that stops by itself after so many seconds, and whether other work is why it was stopped."""
+    """The value of a run that stops by itself after `limit` seconds, and whether other work stopped it."""
     # One that was stopped while it had to wait for the processor is run again, with more than as
     # much more time.
     value, seconds, had = with_processor(lambda: run(limit))
@@ -174,7 +172,7 @@ def disturbance(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Pace:
-    """What the sentinel usually takes, in seconds, on a machine, a Python included: another one's does not compare."""
+    """The sentinel's usual time, in seconds, on a machine with its Python; no other machine's compares."""
 
     machine: Mapping[str, Any] | None
     sentinel: float | None

@@ -1,8 +1,8 @@
 """A spawned process that runs one function after another, and is killed and replaced when it hangs or crashes.
 
-What the solvers' own deadlines cannot stop (a library that spins without calling back, a call that
-holds the interpreter's lock) is stopped here. What libraries print from C, on either stream, goes
-nowhere. It ends with its parent, and a call is tried again whose process something else killed,
+The worker stops calls that the solvers' own deadlines cannot stop: a library that spins without
+calling back, a call that holds the interpreter's lock. Prints of libraries from C, on either
+stream, go nowhere. It ends with its parent, and a call is tried again whose process something else killed,
 such as a system without memory.
 """
 
@@ -20,7 +20,7 @@ from threading import Thread
 from time import perf_counter
 from typing import Any
 
-# Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
+# Seconds after twice the limit: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
 _STARTUP = 120.0
 # Some 23 days: no system call waits longer at once.
@@ -46,7 +46,7 @@ class KilledFromOutsideError(RuntimeError):
 
 @dataclass(frozen=True)
 class Reply:
-    """What became of a call: its value, or how it failed and the limit, signal or traceback."""
+    """The outcome of a call: its value, or how it failed and the limit, signal or traceback."""
 
     value: Any
     failure: Failure | None
@@ -150,7 +150,7 @@ class Worker(AbstractContextManager["Worker"]):
 
 
 def _read(reply: bytes) -> tuple[Any, str]:
-    """What a process sent: a value, or a traceback, its own or that of a value which cannot be read on this side."""
+    """The value that a process sent, and a traceback: its own, or of a value that cannot be read on this side."""
     try:
         return pickle.loads(reply)
     except Exception:

@@ -25,7 +25,7 @@ _FIGURES = {
 }
 # Ties named in a cell.
 _SHOWN = 2
-# Columns of the table of scenes, and of that of uncertainties.
+# Columns of the table of scenes: heading, and column of the runs.
 _SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
 _SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
 _NOTHING = "No run gave a result: how each ended stands in runs.csv."
@@ -127,7 +127,7 @@ def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
 
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) -> list[str]:
-    """Where averaged forms win, in sentences, scene by scene."""
+    """The St and errors at which averaged forms win, in sentences, scene by scene."""
     wins = []
     for scene, runs in by_scene(records):
         if pareto.averaged_forms(runs):

@@ -29,7 +29,7 @@ from polhode.harness.pages.figures.style import power
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill
 
-# What the page says of them stands in `texts/sweep.md`.
+# Files beside the page; `texts/sweep.md` describes them.
 _FILES = {
     "moments.csv": summary.moment_rows,
     "voigt.csv": summary.voigt_rows,
@@ -43,7 +43,7 @@ _FILES = {
 # Components of a moment, and Stokes numbers from the smallest to the largest.
 _DASHES = ("-", "--", ":")
 _COLOURS = "viridis"
-# 95 % of a normal variable lie within so many standard deviations.
+# In standard deviations: 95 % of a normal variable lie within this distance of its mean.
 _STANDARD = 1.96
 # Sweeps whose cost is laid out.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
@@ -60,7 +60,7 @@ def write_results(
     pictures = []
     written = dict[str, csv.DictWriter]()
     with ExitStack() as files:
-        # Of all that the store holds, one task and the statistics of one shape are in memory.
+        # Memory holds one task of the store, and the statistics of one shape.
         for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
             of_shape = [(ensemble, gather(ensemble, store)) for ensemble in same]
             for ensemble, statistics in of_shape:
@@ -80,7 +80,7 @@ def write_results(
         _page(top, ensembles, [name for name in _FILES if name in written], pictures),
     )
     for name in _FILES.keys() - written.keys():
-        # Of a run by an earlier version.
+        # A run by an earlier version left it.
         (folder / name).unlink(missing_ok=True)
     return folder / "README.md", ensembles
 

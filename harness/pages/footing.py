@@ -31,7 +31,7 @@ _VERNER = "cyrk-vern8"
 # Libraries that run without Python in the loop, and what a right-hand side is called in each back
 # end.
 _ALONE = ("heyoka", "CyRK", "SUNDIALS")
-# What of `Measured` is no record.
+# Fields of `Measured` that hold no records.
 _COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
 _WAYS: dict[Backend, str] = {
     "python": "plain Python",
@@ -72,7 +72,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
 
 
 def pages(measured: Measured, command: str) -> dict[str, str]:
-    """The text of each file: the page, and that of all times."""
+    """The text of each file: the page, and the page of all times."""
     solvers, spheroid, backends = (
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
@@ -229,7 +229,7 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
 
 
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
-    """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
+    """Ratio of the times of two forms and solvers, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
     return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[
         [*times.index.unique(0)]

@@ -34,8 +34,8 @@ _ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(e
 ]
 _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the
-# larger St may take.
+# Limits of stroboscopic averaging: slow error, orientation error, ratio; and the factor by which a
+# run at the larger St may take longer.
 _REACHED = (5e-9, 3e-4, 30.0)
 _LONGER = 1.3
 _STOKES = 1e6
@@ -97,7 +97,7 @@ def _splitting(
 
 
 def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
-    """What averaging takes for tight errors of both kinds, and over how long a run."""
+    """The time that averaging takes for tight errors of both kinds, and for a longer run."""
     slow, orientation, _ = _REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == _STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))

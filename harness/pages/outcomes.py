@@ -24,8 +24,8 @@ from polhode.solvers.contract import Status
 # fails.
 _MOST = 0.9
 _CASE = ["scene", "St", "form", "tolerance"]
-# What the shared records leave out besides what is empty, for there are thousands: `polhode export`
-# writes all.
+# Columns that the shared records leave out, as they do empty ones: there are thousands of records,
+# and `polhode export` writes all columns.
 _LEFT_OUT = (
     "key",
     "errors",
@@ -34,8 +34,8 @@ _LEFT_OUT = (
     "statistics_distance",
     "solver_slow_uncertainty",
 )
-# A run that reached its end but is further off the exact solution of its own form, in units of
-# I_max or of the slow variables at the start if those are larger, has no digits to trust.
+# A run with a larger error against the exact solution of its own form has no digits to trust. The
+# unit is I_max, or the slow variables at the start if those are larger.
 INACCURATE = 1e-3
 _KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 

@@ -34,7 +34,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     # Seconds to each error: a row for each error and problem, a column for each solver.
     times: Any = costs(groups, _TARGETS).droplevel(0, axis=1)
-    # Of problems that somebody solves and solvers that solve some.
+    # Only problems that a solver solves, and solvers that solve a problem.
     profiled = times.loc[_PROFILED].dropna(how="all").dropna(axis="columns", how="all")
     if not profiled.empty:
         save(profiles(profiled), folder, "profiles")

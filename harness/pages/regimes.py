@@ -154,7 +154,7 @@ def _leads_somewhere(standing: Standing) -> bool:
 
 
 def sentence(panel: Sequence[Cell], quantity: str) -> str:
-    """What a map shows: which kind of method wins where, by how much, and in which form."""
+    """A map in words: which kind of method wins where, by how much, and in which form."""
     won: dict[str, list[Cell]] = {side: [] for side in HEADINGS}
     for cell in panel:
         if cell.winner:

@@ -15,7 +15,7 @@ _TABLES = tomllib.loads((_TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
-    """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
+    """The rows as Markdown, by one of `texts/tables.toml`; `fields` fill the headings."""
     spec = _TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
     right = spec["right"] if "right" in spec else range(spec.get("left", 1), len(columns))

@@ -1,4 +1,4 @@
-"""What an experiment computes with: the definitions and modules that its `compute` reaches by import.
+"""Code and data of an experiment: the definitions and modules that its `compute` reaches by import.
 
 Data that were kept are today's if none of these has changed. Inside `harness/paper` single
 definitions count, so that words, ranges and figures may change beside the computation. Elsewhere
@@ -60,7 +60,7 @@ def _key_of(module: str, name: str) -> str:
 
 
 def reached_from(module: str, name: str) -> _Reached:
-    """What a definition of a module reaches, with all catalogue entries that it names."""
+    """All that a definition of a module reaches, with the catalogue entries that it names."""
     reached = _Reached()
     _reach_definition(module, name, reached)
     before = -1
@@ -121,7 +121,7 @@ def _computing(node: ast.AST) -> ast.AST:
 
 
 def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
-    """Of an experiment's body the fields that are part of its settings, `compute` and the methods that it calls."""
+    """Statements of an experiment's body: fields of its settings, `compute`, and the methods that it calls."""
     methods = {part.name: part for part in body if isinstance(part, ast.FunctionDef)}
     if not set(_PRESENTATION) & set(methods):
         return body
@@ -172,7 +172,7 @@ def _reach_module(module: str, reached: _Reached) -> None:
     if module not in _CATALOGUES:
         reached.strings |= set(_strings(tree))
     else:
-        # Strings of functions name entries; those of the table are the table.
+        # Strings of functions name entries; strings of the table are the table.
         for node in tree.body:
             if isinstance(node, ast.FunctionDef):
                 reached.strings |= set(_strings(node))
@@ -182,7 +182,7 @@ def _reach_module(module: str, reached: _Reached) -> None:
 
 @cache
 def _tree(module: str) -> ast.Module:
-    # An experiment may stand outside the package, as those of tests do.
+    # Experiments of tests stand outside the package.
     path = source_of(module) or Path(str(sys.modules[module].__file__))
     return ast.parse(path.read_bytes())
 

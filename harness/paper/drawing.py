@@ -34,8 +34,8 @@ VERMILLION = "#D55E00"
 PURPLE = "#CC79A7"
 YELLOW = "#F0E442"
 CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
-# Of the averaged run and of full ones at several St, in turn; the planes have three at most: green
-# is a line of theirs.
+# Colours of the averaged run and of full ones at several St, in turn. The planes have three runs at
+# most: green is a line of theirs.
 AVERAGED = BLACK
 RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"

@@ -24,7 +24,7 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 # interpolation errs by 1e-4 at most.
 _STEP = 0.4
 _TOLERANCE = 1e-15
-# Of the tangents: their growth is wanted to a percent.
+# Tolerance of the tangents: a percent of their growth is enough.
 _TANGENT_TOLERANCE = 1e-12
 # Numbers of the state and of the parameters of the form `jeffery`.
 _DIMENSION = 4
@@ -33,7 +33,7 @@ _PARAMETERS = 6
 _ROOT_HALVINGS = 50
 # Beside ψ = 0, which some orbits never leave.
 PSI = 1e-9
-# Where ends of a layer are looked for, in rad from θ = π/2.
+# The search for ends of a layer covers this interval, in rad from θ = π/2.
 _SEARCHED = (0.0, 1.2)
 # Orbits that each round of the search for one end of a layer takes.
 _PROBES = 8
@@ -53,14 +53,14 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 
 
 def chaos_border(turns: float) -> float:
-    """Logarithm of the stretching above which an orbit is chaotic: of a regular one it grows like that of the turns."""
+    """Logarithm of the stretching above which an orbit is chaotic; on a regular one it grows like log(turns)."""
     return 3 * float(np.log(turns))
 
 
 def stretching(
     ellipsoid: Ellipsoid, angles: Sequence[Triple], half_turns: Sequence[int]
 ) -> np.ndarray:
-    """Logarithm of the stretching of a tangent of each orbit after so many half turns, shape (n, len(half_turns)).
+    """Logarithm of the stretching of a tangent of each orbit at `half_turns`, shape (n, len(half_turns)).
 
     Orbits start at Euler angles (θ, φ, ψ) in rad; the half turns increase. The tangent leads to the
     body turned a little about its axis (1, 1, 1), and is brought back to unit length after each

@@ -30,7 +30,7 @@ _FIRST_WORDS = (
     Word.MEASURED,
 )
 # Variables that libraries of linear algebra read when they are loaded. Threads of several processes
-# that wait for each other on the same cores took 90 times as long as one thread each.
+# wait for each other on the same cores: 90 times the wall time of one thread each.
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 # Digits that the pages write of a value without an interval.
 _DIGITS = 4
@@ -52,7 +52,7 @@ def write_pages(folder: Path, sections: Sequence[Section]) -> None:
 
 
 def _described(section: Section, item: Item, judgement: store.Judged) -> str:
-    """What the page of a section says of an item."""
+    """The text on an item on the page of its section."""
     if isinstance(judgement, str):
         return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{judgement}: `polhode paper {item.name}`.\n"
     data, verdict, *_ = judgement

@@ -1,4 +1,4 @@
-"""What the L_z–E phase planes share: slow trajectories with L along the vorticity, parabolas, fixed points."""
+"""Common parts of the L_z–E phase planes: slow trajectories with L along the vorticity, parabolas, fixed points."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What several items need: full and averaged solutions, starts with L along the vorticity."""
+"""Runs for several items: full and averaged solutions, starts with L along the vorticity."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ def run_form(
 ) -> Run:
     """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short.
 
-    Where the solver's library is missing, one of the same kind runs it.
+    A solver of the same kind runs it if the solver's library is missing.
     """
     solution = solve(
         form.problem(scene), available_like(solver), tolerance, times, max_seconds=_MAX_SECONDS
@@ -125,7 +125,7 @@ def graded(end: float, points: int) -> np.ndarray:
 
 
 def bisected(holds: Callable[[float], bool], low: float, high: float, halvings: int) -> float:
-    """Where a property that holds at the lower end is lost."""
+    """The place between `low` and `high` at which a property that holds at `low` is lost."""
     for _ in range(halvings):
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)

@@ -1,4 +1,4 @@
-"""Where the data of the items are kept: CSV files beside the figures, and a record that says whether they hold."""
+"""Data of the items: CSV files beside the figures, and a record that says whether they hold."""
 
 import json
 from io import BytesIO
@@ -15,7 +15,7 @@ from polhode.models.libraries import version_of
 ITEM_SCHEMA = 1
 DIGITS = 8
 _LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
-# What the computation of an item may end with.
+# Exceptions with which the computation of an item may end.
 ITEM_FAILURES = (
     ArithmeticError,
     AttributeError,

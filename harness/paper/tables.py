@@ -98,7 +98,7 @@ def spread(values: np.ndarray) -> float:
 
 
 def exponent(x: np.ndarray, y: np.ndarray) -> Estimate:
-    """Of a power law."""
+    """Exponent of a power law, with its interval."""
     slope, interval, _ = fits.power_law(x, y)
     return Estimate(slope, interval)
 

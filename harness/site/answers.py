@@ -1,4 +1,4 @@
-"""What the scripts of two pages read: the question with its answers and the map; cost against error, run by run."""
+"""Data for the scripts of two pages: the question with its answers and the map; cost against error, run by run."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from io import BytesIO
@@ -31,7 +31,7 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
 TITLE = "What should I run?"
-# What the page calls the two kinds of error, and the word of `--want`.
+# The two kinds of error: the word of `--want`, and the page's name.
 _WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Letters of a name that may be broken at its hyphens.
 _LONG = 12
@@ -84,7 +84,7 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
 def _answers(
     panels: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFrame
 ) -> list[dict[str, Any]]:
-    """What the script knows: of a particle, kind of error and St the span and averaging; of a cell there the answer."""
+    """Columns for the script: span and averaging by particle, kind of error and St; the answer of each cell there."""
     columns = []
     for (name, error), cells in panels.items():
         scene_runs = where(reached, (reached["scene_name"] == name) & reached[error].notna())
@@ -127,7 +127,7 @@ def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
 
 
 def _map(particle: str, error: str, panel: Sequence[Cell]) -> dict[str, Any]:
-    """What a map shows: its cells in rows by error, and the methods that win, by kind."""
+    """Content of a map: its cells in rows by error, and the methods that win, by kind."""
     ordered = sorted(panel, key=lambda cell: (-cell.target, cell.stokes))
     rows = [[*row] for _, row in groupby(ordered, key=lambda cell: cell.target)]
     key = by_side(cell.winner for cell in panel if cell.winner)
@@ -219,7 +219,7 @@ def read_studies(
     """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
     studies = {}
     unreadable = []
-    # What else stands in `reports`.
+    # Folders of `reports` that hold no study.
     not_studies = ("site", "paper", "accuracy", "pick", "problems")
     folders = [
         path

@@ -31,9 +31,9 @@ from polhode.models.scenes import SCENES
 
 # By folder of the reports: what the menu calls it, and the command that fills it.
 REPORTS = tomllib.loads(Path(__file__).with_name("reports.toml").read_text("utf-8"))
-# What the opening page takes from the page of the bench, by its own heading.
+# Sections of the bench's page for the opening page: its heading there, and on the bench's page.
 _SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
-# What these pictures show is on the page of costs.
+# The page of costs shows the content of these pictures.
 _ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 

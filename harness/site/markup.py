@@ -112,7 +112,7 @@ def page_name(path: Path) -> str:
 
 
 def section(text: str, heading: str) -> str:
-    """What stands below a heading of the second level, down to the next heading; empty if there is none."""
+    """Text below a heading of the second level, down to the next heading; empty if there is none."""
     match = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
     return match[1] if match else ""
 

@@ -26,10 +26,10 @@ from polhode.solvers.contract import SolverNotValidError
 _PER_ROTATION = 80
 _FEWEST = 400
 _MOST = 3000
-# The torque-free path, from so many moments, over so many turns, each of so many points.
+# The torque-free path is drawn from several moments of the run.
 _MOMENTS = 48
-_TURNS = 4
-_POINTS = 40
+_TURNS = 4  # Rotations that each path follows.
+_POINTS = 40  # Points of each rotation.
 _TOLERANCE = 1e-10
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
 _ALONG = 15.0
@@ -56,7 +56,7 @@ def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Pa
 
 
 def motion(scene: Scene) -> dict[str, Any]:
-    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved."""
+    """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved."""
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
     try:

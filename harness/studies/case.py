@@ -139,8 +139,8 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     The record's columns: `slow_error` and `orientation_error` against the exact solution of the
     full equations, `solver_*` against the exact solution of the same form, `model_*` of that exact
     solution against the full one. A full form has no model error. An error that cannot be measured
-    is None. Where the motion is chaotic, errors are those up to `meaningful_until`, and
-    `statistics_distance` compares the distributions over the whole run.
+    is None. In chaotic motion, errors count up to `meaningful_until`, and `statistics_distance`
+    compares the distributions over the whole run.
     """
     form = find_form(case.form)
     ellipsoid = case.scene.ellipsoid

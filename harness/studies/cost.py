@@ -1,4 +1,4 @@
-"""What one right-hand side, a first run in a fresh process, and `solve` beside the bare library call cost."""
+"""Costs of one right-hand side, of a first run in a fresh process, and of `solve` beside the bare library call."""
 
 import ctypes
 import os
@@ -163,7 +163,7 @@ class Overhead:
 
     @property
     def seconds(self) -> float:
-        """What `solve` costs on top."""
+        """Wall time of `solve` beyond the bare library call, in s."""
         return self.solve - self.bare
 
     @property

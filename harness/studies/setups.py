@@ -1,4 +1,4 @@
-"""What a work-precision study runs: solvers, of the catalogue or one's own, and plain functions, with options."""
+"""Setups of a work-precision study: solvers, of the catalogue or one's own, and plain functions, with options."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -52,7 +52,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class FunctionRun:
-    """What a solver that is a plain function did, with the names of a `Solution`."""
+    """The run of a solver that is a plain function, with the names of a `Solution`."""
 
     states: np.ndarray
     status: Status
@@ -69,7 +69,7 @@ class FunctionRun:
 def as_setups(solvers: Any, problem: Problem) -> list[Setup]:
     """Setups of a sequence or of a dictionary by labels; by default every solver that accepts the problem.
 
-    Of a function that runs as plain Python, those that take compiled ones alone are among them.
+    Solvers that take compiled functions alone are among them, even if the problem's runs as plain Python.
 
     An entry is a name, a `Solver`, a function of `ARGUMENTS`, or a pair of one of these and a
     dictionary of options. A ValueError says what is wrong with one, in one line.

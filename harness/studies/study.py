@@ -21,9 +21,9 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
-# Of a run that is compared with a reference.
+# Rows of a run that is compared with a reference.
 _MOST_SAMPLES = 100_000
-# What a study may say of a built-in scene.
+# Keys that a study may give beside a built-in scene.
 _BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
 Filter = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
@@ -37,7 +37,7 @@ Page = Literal["costs", "outcomes", "known-stokes"]
 
 
 class Choice(BaseModel):
-    """What a study says of one scene: its tags, forms and solvers if it is limited to some, and time limit."""
+    """Choices of a study for one scene: its tags, forms and solvers if it is limited to some, and time limit."""
 
     model_config = ConfigDict(strict=True)
     tags: list[str] = []
@@ -97,13 +97,13 @@ class Study:
                     yield cases
 
     def choice(self, scene_name: str, scene: Scene) -> Choice:
-        """What the study says of a scene."""
+        """The study's choices for a scene."""
         return self.choices.get((scene_name, scene.stokes), Choice())
 
     def part(
         self, *, scenes: Filter = (), tags: Filter = (), forms: Filter = (), solvers: Filter = ()
     ) -> "Study":
-        """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
+        """The part within all filters, none of a kind meaning all; ValueError by unknown names, or if it is empty."""
         all_tags = {*chain.from_iterable(choice.tags for choice in self.choices.values())}
         filters = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),
@@ -174,8 +174,8 @@ class StudySceneTable(Choice):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
     ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for
-    another duration. Tags are what a run may be limited to; forms and solvers, some of the study's,
-    limit those of the scene; `max_seconds` is a time limit of its own.
+    another duration. A run may be limited to scenes with given tags. `forms` and `solvers` list the
+    study's that the scene is run with; `max_seconds` is a time limit of its own.
     """
 
     # A built-in scene needs no stokes.
@@ -204,7 +204,7 @@ class StudySceneTable(Choice):
 
 
 class StudyTable(BaseModel):
-    """A study file; its name is that of the folder of its results."""
+    """A study file; its name is the name of the folder of its results."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     name: Name

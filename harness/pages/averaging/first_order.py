@@ -20,7 +20,7 @@ from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import columns_of, fill, lines_of
 
-# Where the paper says that the averaged equations are good.
+# St from which on, by the paper, the averaged equations are good.
 _GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 # Errors of which the page says from which St on they are met.
 _SHOWN = (1e-2, 1e-4)
@@ -62,7 +62,7 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
 
 
 def as_text(study: PaperStudy) -> str:
-    """What was found, and the table of the page, for a terminal."""
+    """The findings, and the table of the page, for a terminal."""
     columns = columns_of("accuracy")
     return "\n".join(
         [

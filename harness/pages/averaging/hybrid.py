@@ -47,7 +47,7 @@ def page(study: Study, command: str) -> str:
 
 
 def findings(study: Study) -> list[str]:
-    """What was found, in sentences."""
+    """The findings in sentences."""
     runs = _judged(study.errors)
     speeds = _compared(study.speed)
     gains = speeds.dropna(subset=["gain"]).groupby("stokes")

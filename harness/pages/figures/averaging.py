@@ -53,7 +53,7 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
 
 
 def errors_and_speed(runs: Any, speeds: Any) -> Figure:
-    """Of the form `hybrid`: errors against those asked for; speed against two full solvers."""
+    """Two panels on the form `hybrid`: measured over requested error; speed over two full solvers."""
     figure, (left, right) = plt.subplots(1, 2, figsize=_SIZE, layout="constrained")
     draw = np.random.default_rng(0)
     for stokes, stokes_runs in runs.groupby("stokes"):

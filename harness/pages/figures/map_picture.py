@@ -28,9 +28,9 @@ _CELL = (0.74, 0.43)
 _BESIDE = (0.85, 2.7)
 _ENTRY = 0.192
 _LINE = 0.36
-# The legend needs as much width as so many columns.
+# Columns of cells that are as wide as the legend.
 _LEAST_COLUMNS = 12
-# What a map is about: in sentences, and as its title.
+# Errors of the maps: the word for sentences, and the title.
 MAP_ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
     "slow_error": ("slow variables", "Slow variables: error over $I_{max}$"),

@@ -59,7 +59,7 @@ def tumbling(solution: SceneSolution) -> Figure:
     drawing, row = plt.subplots(1, count, figsize=(1.75 * count, 1.75), squeeze=False)
     ellipsoid = solution.scene.ellipsoid
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
-    # Of a spheroid the form may know the symmetry axis alone.
+    # A form may know the symmetry axis of a spheroid alone.
     full_rotations = completed(ellipsoid, solution.rotation)
     for axes, time, rotation in zip(
         row[0],

@@ -66,7 +66,7 @@ def colour(name: str) -> str:
 
 
 def rank(name: str) -> tuple[int, str]:
-    """Where a solver or form stands among others: solvers, then forms, each in the order of its catalogue."""
+    """Key to sort solvers and forms: solvers first, then forms, each in the order of its catalogue."""
     catalogue = [*SOLVERS, *FORMS]
     return (catalogue.index(name) if name in catalogue else len(catalogue)), name
 

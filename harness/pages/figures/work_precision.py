@@ -45,7 +45,7 @@ _DASHES = ("-", "--", ":", "-.")
 _PANEL = (3.35, 2.9)
 _NAMES_WIDTH = 1.05
 _LEGEND = 0.75
-# What the legend needs of one panel alone.
+# Width of a figure of one panel, in inches: the legend needs it.
 _LEAST_WIDTH = 6.4
 # Numbers left of a panel that shares no axis.
 _TICKS = 0.4
@@ -174,7 +174,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
 def name_lines(axes: Axes, few: int = 0) -> None:
     """Write each line's name beside the panel, near where it ends.
 
-    Of more lines than `few`, pale ones become grey, without markers or names.
+    A panel of more than `few` lines shows pale ones in grey, without markers or names.
     """
     axes.get_ylim()  # Limits that follow from the data are set once they are asked for.
     # In points, which a picture's resolution does not change.
@@ -349,7 +349,7 @@ def sentence(seconds: pd.DataFrame) -> str:
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     nearly_fastest = (ratios <= _NEAR).mean()
     reached = seconds.notna().mean()
-    # Of those that are equally sure it names the one that is fast more often.
+    # Among equally sure methods the sentence names the one that is fast more often.
     order = nearly_fastest.sort_values(ascending=False, kind="stable").index
     first = str(order[0])
     surest = str(reached.reindex(order).idxmax())

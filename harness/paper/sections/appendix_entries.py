@@ -1,7 +1,7 @@
 """The appendices' tables of averages, in their order: means over rotations, and the formulas printed for them.
 
-A formula is a function of n = L/|L| and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩). Of the words, x'1 x'2 y'3 are the
-components t_11, t_21, t_32; without a stroke they are components in axes along L.
+A formula is a function of n = L/|L| and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩). In names of
+entries, x'1 x'2 y'3 are the components t_11, t_21, t_32; without a stroke they are components in axes along L.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ Formula = Callable[[np.ndarray, np.ndarray], Value]
 """A formula's value from n and z, shape (3,) each."""
 
 _LETTERS = "xyz"
-# Of different rows, and of any columns, for the general formulas.
+# Indices of the general formulas: three different rows, and any three columns.
 _ROWS = tuple(permutations(range(3)))
 _COLUMN_TRIPLES = tuple(product(range(3), repeat=3))
 # The general formula of the mixed third moments.

@@ -1,4 +1,4 @@
-"""Beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, endings next to the saddle, basins."""
+"""Questions beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, the saddle, basins."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -64,12 +64,12 @@ _ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
 _SIDES = ("short", "long")
 # Slow time up to which the order of averaging is measured.
 _ORDER_TIME = 0.1
-# Faster than Taylor series over so many turns; it does not stop at a graze of L² = 2EI₂ either.
+# Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂ either.
 _FAST_SOLVER = "cyrk-vern8"
 # Smallest St of the fits of the order.
 _ASYMPTOTIC = 9e4
 # Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
-# side; those of the long side are close to L² = 2EI₂ and cross it soon.
+# side; starts of the long side are close to L² = 2EI₂ and cross it soon.
 _SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
@@ -96,7 +96,7 @@ def same_slow_start(start: BodyStart | EulerStart, generator: np.random.Generato
 
 
 def above_middle(slow: np.ndarray) -> np.ndarray:
-    """Where L² > 2EI₂, shape (n,)."""
+    """Whether L² > 2EI₂, shape (n,)."""
     middle = sorted(_ELLIPSOID.inertia)[1] / max(_ELLIPSOID.inertia)
     return np.sum(slow[:, :3] ** 2, axis=1) > 2 * slow[:, 3] * middle
 
@@ -256,7 +256,7 @@ class AveragingOrder(Experiment):
 
 @dataclass(frozen=True)
 class Laws:
-    """What the errors of averaging follow, without and with a crossing."""
+    """Laws of averaging's errors in St, without and with a crossing."""
 
     without: Table
     crossing: Table
@@ -387,7 +387,7 @@ def law(values: np.ndarray) -> np.ndarray:
 
 
 def fitted_level(count: int) -> float:
-    """5 % level of the distance from the law of so many of its own values, their mean and deviation fitted."""
+    """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted."""
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
     values = np.sort(
         (values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True)
@@ -407,7 +407,7 @@ class Scatter(NamedTuple):
 
 
 def scatter(part: Table) -> Scatter:
-    """Of deviations in L and E."""
+    """Scatter of deviations in L and E."""
     values = np.stack([part[name] for name in SLOW], axis=1)
     values = values - values.mean(axis=0)
     _, sizes, directions = np.linalg.svd(values, full_matrices=False)
@@ -582,7 +582,7 @@ _ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
 # angular velocities.
 _NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
-# What the shares of the starts next to the saddle and of those of the map are shares of.
+# Populations of the shares: of starts next to the saddle, and of starts of the map.
 _AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
 _ON_THE_MAP = "a map of starts even in θ and ψ, not of random ones"
 # Share of the averaged arrival by which a full one is off.

@@ -96,7 +96,7 @@ def _rates(grid: Grid) -> Computed:
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
             times = _DECAY_STOKES * slow_times
             run = full_run(Scene(body, _DECAY_STOKES, displaced(body, mode), times[-1]), times)
-            # Of a tumbling spheroid the fourth variable is η, whose square the wobble is.
+            # The fourth variable of a tumbling spheroid is η, and the wobble is η².
             share = 0.5 if mode == _WOBBLE and body.symmetry_axis == 0 else 1.0
             measured = share * fitted_rate(slow_times, amplitude(run, mode))
             rates = {"printed": printed, "measured": measured}
@@ -134,7 +134,7 @@ def large_decay(large: Table) -> list[float]:
 
 
 def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
-    """Rates of L_z per St, per St* of the longest axis, and per that of the axis turned about."""
+    """Rates of L_z per St, per St* of the longest axis, and per St* of the axis turned about."""
     chosen = table[table.mode == 2]
     rate = -chosen.measured
     clock = chosen.clock

@@ -102,8 +102,8 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
 
     Found by bisection of L_z' at the start: those that start with more pass the point with more. The
-    start is in units of I_max, the time slow. The last rest of the way, from one of so many rows of
-    each run, is the local solution's.
+    start is in units of I_max, the time slow. The local solution takes over the last part of the way, from a
+    row of each run.
     """
     local = Separatrix(_ELLIPSOID, "long")
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
@@ -395,7 +395,7 @@ class Plane(Experiment):
             yield "critical", {"kind": 1, "side": number, "Lz": slow[:, 2], "E": slow[:, 3]}
 
     def judge(self, data: Data) -> Verdict:
-        """Where the trajectories end; how good the local critical one is."""
+        """Ends of the trajectories; the error of the local critical one."""
         ends = data["ends"]
         left = (ends.Lz0 < 0) & (ends.share < 1.0)
         pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])

@@ -41,7 +41,7 @@ from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid, Triple
 
-# Where a start lies: an orientation uniform on SO(3); one with φ = 0 and cos θ, ψ uniform, which
+# Kinds of starts: an orientation uniform on SO(3); one with φ = 0 and cos θ, ψ uniform, which
 # the shear does not turn into the first; one next to the saddle; one about the separatrix, at ψ = 0.
 _ISOTROPIC = 0.0
 _ON_SECTION = 1.0
@@ -71,7 +71,7 @@ _ON_SECTION_STARTS = 72
 
 @dataclass(frozen=True)
 class Start:
-    """Where an orbit starts: a kind, and Euler angles in rad."""
+    """Start of an orbit: a kind, and Euler angles in rad."""
 
     kind: float
     theta: float
@@ -394,7 +394,7 @@ def _frayed_width(across: Table) -> tuple[float, tuple[float, float]]:
 
 
 def _thinned(points: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """At most about so many of the points: orbit, θ and ψ, shape (n, 3)."""
+    """About `count` of the points at most: orbit, θ and ψ, shape (n, 3)."""
     table = np.round(points[:: max(1, len(points) // count)], 6)
     return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))
 

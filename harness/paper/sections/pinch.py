@@ -45,7 +45,7 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
 
-# Of the planes: aspect ratio, L_z/I_max at the start, θ₀ in rad, and the tilt of L, in rad, in the
+# Settings of the planes: aspect ratio, L_z/I_max at the start, θ₀ in rad, and the tilt of L, in rad, in the
 # second plane.
 _KAPPA = 2.0
 _MOMENTUM = 0.4
@@ -301,7 +301,7 @@ def growth_exponent(kappa: float) -> float:
 
 def pinch_exponent(kappa: float) -> float:
     """Exponent in St of the smallest |L| of a prolate spheroid on its way past the pinch point."""
-    # What is left of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
+    # The remainder of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
     return -1 / (1 - growth_exponent(kappa))
 
 

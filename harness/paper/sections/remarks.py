@@ -1,4 +1,4 @@
-"""What the paper remarks in passing: drift of nearly circular bodies, frequencies, St* of spheroids."""
+"""Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids."""
 
 from dataclasses import dataclass
 from math import pi
@@ -42,7 +42,7 @@ class Drift(Experiment):
     """Slow drift of a body without inertia whose cross-section is nearly circular."""
 
     def compute(self, grid: Grid) -> Computed:
-        """θ at each passage of φ = nπ, beside that of the spheroid."""
+        """θ at each passage of φ = nπ, beside the spheroid's θ."""
         turns = grid.of(_DRIFT_TURNS, _DRIFT_TURNS // 4)
         bodies = {
             1.0: spheroid(2.0),

@@ -118,7 +118,7 @@ def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Change:
-    """Where turns like a Jeffery orbit's give way to those of a free top, by their durations."""
+    """The change from turns like a Jeffery orbit's to turns of a free top, by their durations."""
 
     time: float  # Start of the first short turn, in inverse shear rates.
     before: float  # Duration of the last long turn.

@@ -32,7 +32,7 @@ SLOW_LABELS = {
     "Lz": "$L_z/I_{max}$",
     "E": "$E/I_{max}$",
 }
-# Stokes numbers at which the error is measured beside those of the figure.
+# Stokes numbers at which the error is measured, besides the figure's.
 _MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
 # Largest error of L and E that counts as accurate, over the largest change of a slow variable in
 # the averaged run: beyond half of it a full run is nearer to a state of another time.
@@ -55,8 +55,8 @@ FALLS_LIKE_INVERSE = Range(
 class SlowMotion(Experiment):
     """One start at several Stokes numbers, full and averaged.
 
-    `constant` is the expected range of the largest error times St, `relative` that of the error at
-    St = 100 over the largest change of a slow variable.
+    `constant` is the expected range of the largest error times St. `relative` is the expected range
+    of the error at St = 100 over the largest change of a slow variable.
     """
 
     ellipsoid: Ellipsoid

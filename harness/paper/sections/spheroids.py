@@ -61,7 +61,7 @@ class Plane(Experiment):
         return plane_tables(_BODY, starts, grid.of(2001, 601), _ON_EDGE, chosen)
 
     def judge(self, data: Data) -> Verdict:
-        """Where the trajectories end."""
+        """Ends of the trajectories."""
         ends = data["ends"]
         on_edge = ends.share == 1.0
         left = (ends.Lz0 < 0) & ~on_edge
@@ -186,7 +186,7 @@ class Projections(Experiment):
                 yield "between", row
 
     def judge(self, data: Data) -> Verdict:
-        """Where all starts end, and how far paths leave the limiting ones."""
+        """Ends of all starts, and how far paths leave the limiting ones."""
         ends = data["ends"]
         between = data["between"]
         aside = {across: between.outside[between.across == across].max() for across in ("E", "Lxy")}
@@ -291,7 +291,7 @@ class LPlanes(Experiment):
             yield "ends", {**labels, **row}
 
     def judge(self, data: Data) -> Verdict:
-        """Where all starts end."""
+        """Ends of all starts."""
         ends = data["ends"]
         return Verdict(
             Word.SHARPENED,
