@@ -87,7 +87,7 @@ class Once(Generic[P, R]):
         return entry
 
     def _stored(self, part: Any, key: tuple[Any, ...]) -> Any:
-        """An argument as the cache holds it: what it refers to weakly takes the result along when it dies."""
+        """An argument as the cache holds it; a result dies with an argument held weakly."""
         weakly = getattr(part, "weakly", None)
         return part if weakly is None else weakly(self._forget)
 
@@ -101,7 +101,7 @@ class Once(Generic[P, R]):
                 self._entries.pop(key, None)
 
     def _trim(self) -> None:
-        """Drop the results that have not been used for the longest time, beyond the number allowed."""
+        """Drop the results beyond the number allowed that were unused for the longest time."""
         if len(self._entries) <= self.size:
             return
         with self._lock:
@@ -114,7 +114,7 @@ class Once(Generic[P, R]):
 
 
 def once(size: int = _MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
-    """Cache a function's results, at most `size` of them, and compute no result twice at the same time.
+    """Cache at most `size` results of a function; no two threads compute one result at once.
 
     Arguments are hashable. One that has a method ``weakly(forget)`` is cached as what that returns:
     an object that equals it, does not keep it alive, and is given to `forget` when it dies.
@@ -123,7 +123,7 @@ def once(size: int = _MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
 
 
 class OncePerThread(Generic[P, R], local):
-    """A function whose results are cached for the thread that asks, for objects that hold the state of a run."""
+    """A function whose results are cached per thread: objects that hold the state of a run."""
 
     def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED_IN_THREAD) -> None:
         self.cached = Once(function, size)

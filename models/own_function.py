@@ -1,4 +1,4 @@
-"""A vector field from an ordinary function of Python: recorded where that can be, else called as it is."""
+"""A vector field from an ordinary Python function: recorded if possible, else called as it is."""
 
 import inspect
 import math
@@ -105,7 +105,7 @@ class OwnField:
         return rhs
 
     def _called(self, y: Any, p: Any) -> tuple[Any, ...]:
-        """The function itself, of a state with the time in it if it is `timed`, else at the start's."""
+        """The function itself; the time is in the state if it is `timed`, else the start's."""
         state = np.array([y[i] for i in range(len(y) - self.timed)], dtype=float)
         elapsed = float(y[len(state)]) if self.timed else 0.0
         rates = numbers_of(self.rates(tuple(p))(elapsed, state))

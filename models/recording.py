@@ -1,4 +1,4 @@
-"""The operations of a function, recorded by calling it once with numbers that note what is done to them.
+"""The operations of a function, recorded by calling it once with numbers that note them.
 
 The numbers take NumPy's functions by NumPy's own protocols, `__array_ufunc__` and
 `__array_function__`; the function itself is called as it is. A recording is a straight line of
@@ -154,7 +154,7 @@ class _Recorder:
         return index
 
     def fail(self, words: str) -> _NeedsNumbersError:
-        """The error to raise; the failure stays noted, whatever the function makes of the error."""
+        """The error to raise; the failure stays noted even if the function catches the error."""
         self.failure = words
         return _NeedsNumbersError(words)
 
@@ -167,17 +167,17 @@ class _Recorder:
             if i in needed and nodes[i][0] not in _INPUTS:
                 needed.update(nodes[i][1:])
         places: dict[int, int] = {}
-        kept: list[Node] = []
+        used: list[Node] = []
         for i in sorted(needed):
-            places[i] = len(kept)
+            places[i] = len(used)
             name, *operands = nodes[i]
             if name == "constant":
-                kept.append((name, operands[0]))
+                used.append((name, operands[0]))
             elif name in _INPUTS:
-                kept.append(nodes[i])
+                used.append(nodes[i])
             else:
-                kept.append((name, *(places[j] for j in operands)))
-        return Recording(tuple(kept), tuple(places[i] for i in ends))
+                used.append((name, *(places[j] for j in operands)))
+        return Recording(tuple(used), tuple(places[i] for i in ends))
 
 
 _current = local()
@@ -615,7 +615,7 @@ _ARRAY_FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 
 def _array_function(function: Any, args: Any, named: Any) -> Any:
-    """One of NumPy's other functions: most of them move numbers about, or are made of elementwise ones."""
+    """One of NumPy's other functions: most move numbers about, or consist of elementwise ones."""
     recorded = _ARRAY_FUNCTIONS.get(function)
     if recorded:
         return recorded(*args, **named)
@@ -680,7 +680,7 @@ def record(function: Callable[..., Any], dimension: int, parameters: int) -> Rec
 
 
 def _in_words(error: Exception, words: str) -> str:
-    """The expression that cannot be recorded, the reason, and the user's line in which it stands."""
+    """The expression that cannot be recorded, the reason, and the user's line with it."""
     frame = line_of(error)
     if frame is None:
         return f"f {words} ({type(error).__name__}: {error}); use {_WAYS_OUT}"
@@ -706,7 +706,10 @@ _OURS = (__file__, os.path.join(os.path.dirname(__file__), "own_function.py"))
 
 
 def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
-    """The last line of a user's code on the way to an error: outside installed libraries and the files skipped."""
+    """The last line of a user's code on the way to an error.
+
+    Lines of installed libraries and of the files skipped do not count.
+    """
     lines = [
         line
         for line in extract_tb(error.__traceback__)

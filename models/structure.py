@@ -1,4 +1,4 @@
-"""A right-hand side's Jacobian as far as a user states it: as a function, by its pattern, or by its bands."""
+"""A Jacobian as far as a user states it: as a function, by its pattern, or by its bands."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Structure:
 
     @cached_property
     def bands(self) -> tuple[int, int] | None:
-        """Diagonals below and above the main one, as given, or where a pattern has few; else None."""
+        """Diagonals below and above the main one, as given, or of a pattern with few; else None."""
         if self.lower is not None and self.upper is not None:
             return self.lower, self.upper
         pattern = self.pattern

@@ -22,7 +22,7 @@ _BETWEEN = ("cyrk-dop853", "dop853")
 class LikeSolveIvp:
     """The names of `solve_ivp`'s result.
 
-    Counts not reported by the library, or not asked for, are None.
+    Counts that the library does not report, or that were not requested, are None.
     """
 
     t = property(attrgetter("times"), doc="Times, shape (n,).")
@@ -38,7 +38,7 @@ class LikeSolveIvp:
 
 
 def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
-    """Times asked of a solution as an array, shape (k,).
+    """Requested times of a solution as an array, shape (k,).
 
     ValueError unless they are numbers within it.
     """
@@ -66,13 +66,14 @@ def _of_components(tolerance: Any, problem: Any) -> Any:
 
 
 def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
-    """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
+    """States at any times of a run, shape (k, d).
 
-    Such states lie on the solver's own interpolation within its own steps, and have one step's
-    error more than the row. If a run has pieces with problems of their own, the exact problem
-    serves; solvers that choose their step over many periods leave this to an explicit Runge-Kutta
-    method of order 8. ValueError if the solver fails between two rows, or if a function of one's
-    own computes something else by now.
+    The run's own solver and tolerance lead from the last row before each time. Such states lie on
+    the solver's own interpolation within its own steps, and have one step's error more than the
+    row. If a run has pieces with problems of their own, the exact problem serves; solvers that
+    choose their step over many periods leave this to an explicit Runge-Kutta method of order 8.
+    ValueError if the solver fails between two rows, or if a function of one's own computes
+    something else by now.
     """
     row_times = solution.times
     settings = solution.settings

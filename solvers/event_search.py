@@ -1,4 +1,4 @@
-"""Events of a run: sought at every accepted step, placed on the step's own interpolation, as SciPy does.
+"""Events of a run, sought at every accepted step and placed on its interpolation, as in SciPy.
 
 An event is a function of time and state whose sign changes. Numbers that pass zero are placed by
 Brent's method. Conditions (True or False), and numbers that reach zero and stay there, are bisected
@@ -153,7 +153,7 @@ class EventSearch:
 
 
 def looks(steps: np.ndarray) -> np.ndarray:
-    """The times of steps, the first one the last look, and equispaced ones within each; without the first."""
+    """Equispaced times within steps, and their ends; the first step starts at the last look."""
     parts = _LOOKS_WITHIN_STEP + 1
     at = np.arange(1, (len(steps) - 1) * parts + 1) / parts
     return np.interp(at, np.arange(len(steps)), steps)

@@ -1,4 +1,4 @@
-"""A solution with rows where the steps of its solver lie: what follows the path of a run beforehand."""
+"""A solution with rows where the steps of its solver lie: the path of a run, beforehand."""
 
 import numpy as np
 
@@ -8,12 +8,14 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import array_callback, parameter_array
 from polhode.solvers.contract import installed
 
-# Steps after which a solution that is looked at beforehand is given up.
+# Steps after which such a solution is given up.
 _MAX_STEPS = 2000
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """At least `points` times of a solution, dense where its steps are, and its states there, as far as it goes.
+    """At least `points` times of a solution, dense where its steps are, and the states there.
+
+    They end where the solution does.
 
     By CyRK's method of order 7, or without it by SciPy's of order 8.
     """

@@ -37,7 +37,7 @@ _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 
 
 def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | None:
-    """The times between which a run of a user's function stepped over the end of its solution, in words; else None.
+    """In words, how a run of a user's function stepped over the end of its solution; else None.
 
     `run` is `polhode.solvers.solve.solve`; `shrunk` says that steps became much shorter on the way.
     """

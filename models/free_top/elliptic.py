@@ -1,4 +1,4 @@
-"""Elliptic integrals, Jacobi functions and theta phases in long double, for any parameter m in [0, 1].
+"""Elliptic integrals, Jacobi functions and theta phases in long double, for any m in [0, 1].
 
 SciPy's are double precision and take m, which loses 1−m near a separatrix; here 1−m (``m1``) is
 what is handed over. Scalars are ``np.longdouble`` throughout; where that type is no wider than
@@ -42,7 +42,7 @@ def rounded(value: Fraction) -> Long:
 
 
 def carlson_rf(x: Long, y: Long, z: Long) -> Long:
-    """Carlson's R_F(x, y, z) of non-negative arguments, infinite if two of them are zero (DLMF §19.36(i))."""
+    """Carlson's R_F(x, y, z), x, y, z ≥ 0, infinite if two of them are zero (DLMF §19.36(i))."""
     if sorted((x, y, z))[1] == 0:
         return Long(np.inf)
     spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * LONG_EPSILON / 8) ** (Long(1) / 8)
@@ -73,7 +73,7 @@ def complete_k(m1: Long) -> Long:
 
 
 def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
-    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs."""
+    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0, a, b ≥ 0, without subtraction."""
     # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969;
     # DLMF §19.2(iii)).
     product = kc
@@ -130,7 +130,10 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
 
 
 def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
-    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`)."""
+    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K].
+
+    It is the periodic part of the precession (`eq:prec1`).
+    """
     # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind
     # whose periodic part this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product
     # (DLMF §20.5(i)) each contribute one arctangent. Above m = 1/2 the factors of ϑ₂ in the

@@ -1,4 +1,4 @@
-"""Constants of the torque-free rotation: the axis that the polhode encircles, modulus, frequencies, mean speed."""
+"""Constants of the torque-free rotation: the polhode's axis, modulus, frequencies, mean speed."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -16,7 +16,7 @@ _QUARTER_NODES = 32
 
 @dataclass(frozen=True)
 class Polhode:
-    """Constants of one polhode, named for axes a, b, c: it encircles axis c, and b has the middle inertia.
+    """Constants of one polhode with axes a, b, c: it encircles c, and b has the middle inertia.
 
     On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔
     3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. If axis c is
@@ -30,7 +30,8 @@ class Polhode:
     precession: Long  # mean rate φ_LO,2 / t (`eq:prec2`)
     m: Long  # k²
     m1: Long  # 1−k²
-    n: Long  # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b))
+    # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b)).
+    n: Long
     amplitudes: tuple[
         Long, Long, Long
     ]  # factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`)
@@ -77,7 +78,7 @@ class Polhode:
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
+        """Periods T of the angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
         # T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T'
         # (`eq:prec2`, corrected) is 2πI₂/L on the separatrix and infinite at rest. A permanent
         # rotation about the axis of greatest or least inertia has the two periods of an
@@ -88,7 +89,11 @@ class Polhode:
 
 
 def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
-    """Mean precession rate over L: 1/I_a and 1/I_b weighted by the means of cn² and (1+n)sn², over cn² + (1+n)sn²."""
+    """Mean precession rate over L.
+
+    It is a mean of 1/I_a and 1/I_b. Their weights are the means of cn² and (1+n)sn², each over
+    cn² + (1+n)sn².
+    """
     # Both weights are integrals of the third kind with positive integrands: unlike in `eq:prec2`,
     # nothing is subtracted.
     if m1 == 0:
@@ -106,7 +111,7 @@ def exactly(numbers: Triple) -> tuple[Fraction, ...]:
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
-    """Mean of |ω| over the torque-free motion, shape (n,), at slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
+    """Mean of |ω| over the torque-free motion, shape (n,), at (L_x, L_y, L_z, E), shape (n, 4)."""
     # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative,
     # less on the separatrix itself.
     from scipy.special import ellipj, ellipk

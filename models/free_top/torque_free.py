@@ -1,4 +1,4 @@
-"""The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time asked for.
+"""The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time.
 
 The invariants come from the start in rational arithmetic, so that the distance from the separatrix
 L² = 2EI₂ and from the permanent rotations suffers no cancellation; the rest is long double.
@@ -39,7 +39,7 @@ class TorqueFree:
     inertia: Triple  # about the body axes, positive, in any order
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
     angular_velocity: (
-        Triple  # of the start, in body axes and any inverse unit of the times asked for
+        Triple  # of the start, in body axes and any inverse unit of the requested times
     )
 
     @cached_property
@@ -70,10 +70,10 @@ class TorqueFree:
     )
 
     def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
-        """Unit quaternions, shape (n, 4), continuous from the start, and body angular velocities, shape (n, 3).
+        """Unit quaternions, shape (n, 4), and body angular velocities, shape (n, 3).
 
-        At finite times since the start, shape (n,), of either sign; rounded from long double to
-        `dtype`.
+        Quaternions are continuous from the start. At finite times since the start, shape (n,), of
+        either sign; rounded from long double to `dtype`.
         """
         t = np.asarray(times, dtype=Long)
         turn, omega = self._permanent(t) if self.is_permanent else self._wobbling(t)
@@ -132,7 +132,10 @@ class TorqueFree:
 
 
 def _shortest_to_third(unit: LongArray) -> LongArray:
-    """Quaternions, shape (n, 4), of the shortest rotations of unit vectors, shape (n, 3), with z ≥ 0 to the z axis."""
+    """Quaternions, shape (n, 4), of the shortest rotations of unit vectors to the z axis.
+
+    The vectors, shape (n, 3), have z ≥ 0.
+    """
     x, y, z = unit.T
     unscaled = np.stack([1 + z, y, -x, np.zeros_like(x)], axis=1)
     return unscaled / np.sqrt(np.sum(unscaled**2, axis=1, keepdims=True))

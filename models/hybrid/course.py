@@ -128,7 +128,7 @@ def observed(scene: Scene, state: Array) -> Observables:
 
 
 def speed(scene: Scene) -> float:
-    """Approximate rate at which the body turns, in rad per unit of time, no less than by the shear."""
+    """Approximate rate of turning, in rad per unit of time, no less than by the shear."""
     return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
 
 
@@ -141,7 +141,7 @@ def wear(scene: Scene) -> float:
 def full_tolerance(
     ahead: Sequence[Stretch], stokes: float, tolerance: float, worn: float
 ) -> tuple[float, float]:
-    """Tolerance of the full equations in the first one of the stretches ahead, and what it takes of the error.
+    """Tolerance of the full equations in the first stretch ahead, and its share of the error.
 
     Windows share their error by how long they last, which costs least; those behind have taken
     `worn` of it.
@@ -157,7 +157,7 @@ def full_tolerance(
 
 
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
-    """Stretches of a run for an error asked for."""
+    """Stretches of a run for a requested error."""
     if speed(scene) * scene.time < 2 * np.pi * _SHORT:
         return (
             Stretch(

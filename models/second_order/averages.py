@@ -1,4 +1,4 @@
-"""Second-order averages of a triaxial ellipsoid: functions of h alone per shape and side of L² = 2EI₂.
+"""Second-order averages of a triaxial ellipsoid, per shape and side of L² = 2EI₂: functions of h.
 
 With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x) and W_n = ½(e_x n_y - e_y n_x), ⊥ marks the part
 across n; s₀ = n_x n_y and w₀ = n_z/2. Rates of first order:
@@ -40,15 +40,15 @@ _ROTATIONS = _ROTATIONS / np.array([[[3]], [[7]]])
 _EVERY_FRAME = np.repeat(_ROTATIONS, 2, axis=0)
 # |L| of the poses, shape (poses,).
 _SIZES = np.tile([1.0, 2.0], len(_ROTATIONS))
-# Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
+# Largest k₁ of modes (-k₁, k₂), k₂ = 1, 2, 3, whose strength is returned.
 MODES = 24
 
 
 def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]:
-    """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit.
+    """Coefficients by name, at y, each shape (m,), the largest relative residual, and strengths.
 
-    Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several
-    orientations of L. Its last index stands for the strength at l = 0, its gain per l, and the
+    The last are the strengths of modes in L', shape (m, k₁, k₂, 3), the largest of several
+    orientations of L. Their last index stands for the strength at l = 0, its gain per l, and the
     strength of all modes at l = 1.
     """
     counts = phases(side, y)
@@ -72,7 +72,7 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
 
 
 def phases(side: SidedBody, y: Array) -> Array:
-    """Numbers of polhode phases that resolve polhodes; many polhodes share one and are averaged at once."""
+    """Numbers of phases that resolve polhodes; many polhodes share one and are averaged at once."""
     from scipy.special import ellipk, ellipkm1
 
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
@@ -83,7 +83,7 @@ def phases(side: SidedBody, y: Array) -> Array:
 
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
-    """Coefficients of first and second order, shape (m,) each, from the means in all poses, and the largest misfit."""
+    """Coefficients, shape (m,) each, from the means in all poses, and the largest misfit."""
     x, y, z = (_EVERY_FRAME[:, i] for i in range(3))
     over = 1 / _SIZES
     s0 = x[:, 2] * y[:, 2]
@@ -102,7 +102,7 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
 
 
 def _strengths(spectrum: Array) -> Array:
-    """Strengths, shape (m, MODES, 3, 3), from Fourier coefficients of L', shape (3, poses, m, a, b)."""
+    """Strengths, shape (m, MODES, 3, 3), from the spectrum of L', shape (3, poses, m, a, b)."""
     size = np.linalg.norm(spectrum, axis=0).reshape(-1, 2, *spectrum.shape[2:])
     amplitudes = np.zeros((2, spectrum.shape[2], MODES, 3))
     most = min(MODES, spectrum.shape[3] // 2 - 1)
@@ -113,7 +113,10 @@ def _strengths(spectrum: Array) -> Array:
 
 
 def second_order(torus: Torus) -> Array:
-    """F₂ of (L in its frame, y), shape (4, ..., m): the mean of the torque's derivative along the generator, U·∂P."""
+    """F₂ of (L in its frame, y), shape (4, ..., m): the mean U·∂P.
+
+    U·∂P is the derivative of the torque along the generator.
+    """
     p = torus.polhode
     size = torus.size[..., None, None]
     x, y, tau = torus.driven
@@ -142,8 +145,9 @@ def second_order(torus: Torus) -> Array:
 
 
 def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array], float]:
-    """Real factors by which the arrays of every part give its values, and the largest misfit over the largest value.
+    """Real factors by which the columns of every part give its values, and the largest misfit.
 
+    The misfit is over the largest value.
     Values have shape (..., m) where the arrays have (...); factors have shape (m,).
     """
     factors = list[Array]()

@@ -39,7 +39,7 @@ _SLIGHT = 1e-12
 
 
 def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> Array:
-    """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times the root mean square."""
+    """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times its rms."""
     size = np.linalg.norm(momentum, axis=1)
     a = np.sqrt(a2)
     # Along L the flow's x and y are n_x and n_y, so that across it xy* is -n_x n_y - i n_z.

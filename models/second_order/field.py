@@ -7,8 +7,8 @@ stand in the parameters p behind each other:
 
 - `_HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
-- for each of `POLES` resonances, where the averages of second order are singular, its a², 1/(St |dD/da²|), and the 10
-  functions' residues of second and of first order.
+- for each of `POLES` resonances, where the averages of second order are singular, its a²,
+  1/(St |dD/da²|), and the 10 functions' residues of second and of first order.
 
 Within √(|dD/dt₂|/St) of its resonance a mode has no time to be averaged, and the poles end there
 (`regular`).
@@ -120,7 +120,7 @@ def polynomials(t: Any, count: int) -> list[Any]:
 
 
 def averaged_rates(ops: Operations) -> Callable[..., Any]:
-    """Averaged rates l'/l, g and L'⊥, as `averages` and `spheroid` list them, from the coefficients of these."""
+    """Averaged rates l'/l, g and L'⊥ from the coefficients that `averages` and `spheroid` list."""
 
     def averaged(size, n, f, g, r, p):
         over = 1 / size

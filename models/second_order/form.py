@@ -1,4 +1,4 @@
-"""Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
+"""Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -53,7 +53,7 @@ class SecondOrder(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and runs with windows."""
+        """Refuse spheres, St = 0 and inf, too small St, no orientation, and runs with windows."""
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
                 "a sphere has no symmetry axis, and L obeys a linear equation", full_form(scene)
@@ -79,7 +79,7 @@ class SecondOrder(Form):
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
     def orientation_of(self, scene: Scene) -> Orientation:
-        """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
+        """The complete orientation of a triaxial ellipsoid, the axis alone of a spheroid."""
         return "full" if scene.ellipsoid.kind == "triaxial" else "axis"
 
     def state_of(self, scene: Scene) -> tuple[str, ...]:

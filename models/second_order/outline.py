@@ -1,4 +1,4 @@
-"""Predicts which parts of a run averaging to second order can follow, and with what error, before any solution.
+"""Predicts, before a run, which parts of it averaging to second order can follow, and its error.
 
 The first-order solution says where the run goes. Along it rho, the size of the near-identity
 transformation over St, is the ratio of each order of averaging to the one before. Later kicks
@@ -46,7 +46,7 @@ _LONG_AGO = 600.0
 _FALL = 0.53
 # Least level over the largest one.
 _LEAST = 1e-8
-# Times at which a window is looked at, in half widths from its middle.
+# Times at which errors in a window are estimated, in half widths from its middle.
 _INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
@@ -65,8 +65,8 @@ class Stretch:
     end: float
     second_order: bool
     reason: str = ""
-    error: float = 0.0  # slow, over I_max, that averaging adds to the largest one of the run
-    decisive: bool = False  # whether what follows is to be looked at anew from where it ends
+    error: float = 0.0  # of L and E, over I_max, that averaging adds to the run's largest one
+    decisive: bool = False  # whether the run behind it needs a new outline
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
     turned: float = (
         0.0  # its `Path.wear` summed over slow time, times what later kicks amplify an error by
@@ -83,7 +83,7 @@ class Outline:
 
     @property
     def slow(self) -> float:
-        """Estimated slow error, over I_max, of a run by second order alone: inf if it cannot be followed."""
+        """Estimated error of L and E, over I_max, by second order alone; inf if that cannot be."""
         return (
             sum(stretch.error for stretch in self.stretches)
             if all(stretch.second_order for stretch in self.stretches)

@@ -1,4 +1,4 @@
-"""The first-order solution of a scene, the size of averaging along it, and the resonances that it passes."""
+"""The first-order solution of a scene, the size of averaging along it, and its resonances."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -110,7 +110,7 @@ class Path:
 
     @cached_property
     def scale(self) -> Array:
-        """Bound of the error of L and E, over I_max, per change of L over |L| and per rad of the pose."""
+        """Bound of the error of L and E, over I_max, per relative change of L and per rad of the pose."""
         return self.size * self.spin
 
     @cached_property
@@ -186,20 +186,23 @@ class Path:
 
     @cached_property
     def smaller(self) -> Array:
-        """Ratio of third-order terms to second-order ones: rho, or how far L changes in a radian."""
+        """Ratio of third-order terms to second-order ones: rho, or the change of L in a radian."""
         slow = self.change / np.maximum(self.size, TINY) * self.torque_factor / self.speed
         return np.hypot(_MARGIN * self.swing, slow)
 
     @cached_property
     def fading(self) -> Array:
-        """Change of the transformation in a radian over itself: the ratio of its next order to it."""
+        """Relative change of the transformation in a radian: the ratio of its next order to it."""
         with np.errstate(all="ignore"):
             rate = np.abs(np.gradient(np.log(self.swing), self.times))
         return np.where(np.isfinite(rate), rate, 0) * self.torque_factor / self.speed
 
     @property
     def third(self) -> Array:
-        """|L'| or |E'| of third order over I_max, also by first order: second order may vanish where a body settles."""
+        """|L'| or |E'| of third order over I_max.
+
+        First order has a part in it, as second order may vanish where a body settles.
+        """
         damped = max(self.ellipsoid.damping) * self.torque_factor / self.speed
         with np.errstate(invalid="ignore"):
             third = self.second * self.smaller + _DAMPED * self.change * damped**2
@@ -267,7 +270,7 @@ class Path:
         return [Kick(*row) for row in rows]
 
     def may_cross(self, error: float) -> Array:
-        """Whether an error of L and E over I_max carries the run to the end of the tables or across L² = 2EI₂."""
+        """Whether an error of L and E, over I_max, carries the run out of the tables or their side."""
         if self.ellipsoid.kind != "triaxial":
             return np.zeros(len(self.times), bool)
         unit = max(self.ellipsoid.inertia)
@@ -283,7 +286,7 @@ class Path:
 
     @cached_property
     def turned(self) -> Array:
-        """(α, β) turned until each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
+        """(α, β) turned by each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
         return self.summed(self.rates) / self.torque_factor
 
     def turned_at(self, times: Array) -> Array:
@@ -292,7 +295,7 @@ class Path:
 
     @cached_property
     def rates(self) -> Array:
-        """Change of the rates of (α, β), over St, per change of (|L|, E) over I_max, shape (m, 2, 2)."""
+        """Rates of (α, β), over St, per change of (|L|, E) over I_max, shape (m, 2, 2)."""
         unit = max(self.ellipsoid.inertia)
         size = self.size
         energy = self.slow[:, 3] / max(self.ellipsoid.inertia)
@@ -316,7 +319,7 @@ class Path:
 
     @property
     def wear(self) -> Array:
-        """Growth rate of a solver's error of the full equations: by angle, and by a fast body's energy."""
+        """Growth rate of a solver's error: by angle, and by a fast body's energy."""
         return self.speed * np.maximum(1, self.scale)
 
     def summed(self, rates: Array) -> Array:
@@ -326,18 +329,18 @@ class Path:
         return integrals
 
     def lag(self, swing: Array) -> Array:
-        """Errors of the angles, in rad: their rates miss the mean square of the swing, half its largest one's."""
+        """Errors of the angles, in rad: their rates miss the mean square of the swing, ρ²/2."""
         return self.summed(self.speed * swing**2 / 2) / self.torque_factor
 
     def phase(self, error: Array) -> Array:
-        """Errors of the angles, in rad, from the rates that lasting errors of L and E make wrong."""
+        """Errors of the angles, in rad: lasting errors of L and E make their rates wrong."""
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
         return np.minimum(speed * self.summed(error / self.spin), pi)
 
 
 @once(size=16)
 def path_of(scene: Scene) -> Path:
-    """The path of a scene, kept for outlines with other budgets."""
+    """The path of a scene, cached for outlines with other budgets."""
     try:
         return Path.of(scene)
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, with their two frequencies.
+"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, and frequencies.
 
 Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with
 i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
@@ -64,7 +64,10 @@ class SidedBody:
         return a2, 1 - a2, np.minimum(x1 / (1 - a2), 1)
 
     def normal(self, x: Array, x1: Array, phase: Array) -> Array:
-        """Body components of n, shape (..., 3), from x, x1 = 1 - x and α (`eq:omg1`–`eq:omg3` over the frequency)."""
+        """Body components of n, shape (..., 3), from x, x1 = 1 - x and α.
+
+        By `eq:omg1`–`eq:omg3`, over the frequency.
+        """
         from scipy.special import ellipj, ellipkm1
 
         a2, c2, complement = self.moduli(x, x1)
@@ -76,7 +79,10 @@ class SidedBody:
 
 @dataclass(frozen=True)
 class Polhodes:
-    """Polhodes of m values of y, shape (m,), at an even number `nodes` of phases each, from `phase`, shape (m,), on."""
+    """Polhodes of m values of y, shape (m,).
+
+    Each has an even number `nodes` of phases from `phase`, shape (m,), on.
+    """
 
     side: SidedBody
     y: Array
@@ -90,7 +96,10 @@ class Polhodes:
 
     @cached_property
     def moduli(self) -> tuple[Array, Array, Array]:
-        """A², C² and 1 - m, shape (m,) each: squared amplitudes of z₁ and z₃, complementary parameter of sn, cn, dn."""
+        """A², C² and 1 - m, shape (m,) each.
+
+        Squared amplitudes of z₁ and z₃, and the complementary parameter of sn, cn and dn.
+        """
         return self.side.moduli(self.x, 1 / (1 + np.exp(self.y)))
 
     @cached_property

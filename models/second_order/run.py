@@ -1,4 +1,4 @@
-"""Stretches of triaxial runs on one side of L² = 2EI₂ that averaging to second order follows, from pose to pose."""
+"""Stretches of triaxial runs that averaging to second order follows, from pose to pose."""
 
 from dataclasses import dataclass
 from math import atan2, copysign, log1p, pi, sqrt
@@ -36,7 +36,10 @@ class NotAveragedError(ValueError):
 
 @dataclass(frozen=True)
 class Entry:
-    """An initial value problem of `field` that follows a body from an exact pose on, in slow time since then."""
+    """An initial value problem of `field` that follows a body from an exact pose on.
+
+    Its slow time begins there.
+    """
 
     ellipsoid: Ellipsoid
     torque_factor: float
@@ -47,7 +50,10 @@ class Entry:
     series: Series
 
     def observe(self, states: Array) -> Observables:
-        """Observables with the complete rotation of states, shape (n, 9): fast phases and O(1/St) swing put back."""
+        """Observables with the complete rotation of states, shape (n, 9).
+
+        Fast phases and the O(1/St) swing are put back.
+        """
         if not len(states):
             return Observables(np.empty((0, 3)), np.empty(0), np.empty((0, 3, 3)))
         pieces = [
@@ -75,7 +81,9 @@ class Entry:
 
 
 def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentum: Array) -> Entry:
-    """Entry from a pose on: rows of `rotation`, shape (3, 3), are the body axes in space, L has shape (3,).
+    """Entry from a pose on.
+
+    Rows of `rotation`, shape (3, 3), are the body axes in space; L has shape (3,).
 
     Raises NotAveragedError where no slow state belongs to the pose: |L| is too small, or L² = 2EI₂
     too near.
@@ -105,7 +113,7 @@ def started(scene: Scene) -> Entry:
 def _slow_start(
     series: Series, torque_factor: float, exact: Array, pose: Array
 ) -> tuple[Array, Array, Place]:
-    """Slow L, the e₁ of its frame and its place on the torus, whose image is the exact L and R = `pose`."""
+    """Slow L, the e₁ of its frame and its place on the torus; their image is the exact L and pose."""
     momentum = exact
     rotation = pose
     moved = np.zeros((2, 3))

@@ -1,4 +1,4 @@
-"""Second-order averaged spheroid: slow variables to O(1/St²) and orientation to O(1/St), in slow time.
+"""Second-order averaged spheroid in slow time: L and E to O(1/St²), orientation to O(1/St).
 
 The state is y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, a torque-free
 spheroid turns its symmetry axis p about n = L/|L| at unit rate in any state. Hence p = Φ^s(q) with
@@ -12,7 +12,8 @@ W = ½(n_y, -n_x, 0), s₀ = n_x n_y and w₀ = n_z/2 the rates are:
 - n·L' = l f₀ + f₂w₀ + (a₁ + a₂w₀/l) s₀/(l St);
 - L'⊥ = n×(r₁S + r₂W) + [p₁S' + p₂W + n×(p₃S + p₄W) s₀/l + (p₅S' + p₆W) w₀/l]/(l St);
 - h' = h(1-h²) [g₀ + g₂w₀/l + (b₁ + b₂w₀/l) s₀/(l² St)];
-- n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in the orders above).
+- n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in
+  the orders above).
 """
 
 from collections.abc import Callable, Sequence
@@ -40,8 +41,8 @@ _TINY = 1e-300
 
 
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
-    """Coefficients of the torque over I_e, T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), L in units of I_e."""
-    # D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
+    """Coefficients of the torque T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), over I_e."""
+    # L in units of I_e; D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
     equatorial = spheroid.equatorial_damping
     axial = spheroid.axial_damping
     return {
@@ -53,7 +54,7 @@ def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
 
 
 def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
-    """Coefficients of the averaged equations as polynomials in h², lowest power first, from `torque_coefficients`."""
+    """Coefficients of the averaged equations as polynomials in h², lowest power first."""
     D, d, c, k = (torque[name] for name in "Ddck")
     return {
         "f0": (-D, -d),
@@ -81,7 +82,7 @@ def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
 
 
 def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
-    """Parameters p of `field`: the polynomials' coefficients one after another, second-order ones over St."""
+    """Parameters p of `field`: the polynomials' coefficients, second-order ones over St."""
     polynomials = coefficient_polynomials(torque_coefficients(spheroid))
     factors = {name: torque_factor if name[0] in "abp" else 1.0 for name in polynomials}
     numbers = list[float]()
@@ -136,7 +137,7 @@ def field(ops: Operations) -> Field:
         growth, rise, tx, ty, tz = rates(size, (nx, ny, nz), x, p)
 
         # n' carries q along: (n × n') × q = n'(n·q) - n(n'·q).
-        kept = h * over
+        carry = h * over
         lost = (tx * qx + ty * qy + tz * qz) * over
         fall = h * rise
         turn = nx * ny * over * (p[6] + p[7] * x)
@@ -144,9 +145,9 @@ def field(ops: Operations) -> Field:
             growth * lx + tx,
             growth * ly + ty,
             growth * lz + tz,
-            kept * tx - lost * nx + fall * (nx - h * qx) + turn * (ny * qz - nz * qy),
-            kept * ty - lost * ny + fall * (ny - h * qy) + turn * (nz * qx - nx * qz),
-            kept * tz - lost * nz + fall * (nz - h * qz) + turn * (nx * qy - ny * qx),
+            carry * tx - lost * nx + fall * (nx - h * qx) + turn * (ny * qz - nz * qy),
+            carry * ty - lost * ny + fall * (ny - h * qy) + turn * (nz * qx - nx * qz),
+            carry * tz - lost * nz + fall * (nz - h * qz) + turn * (nx * qy - ny * qx),
             size,
         )
 
@@ -156,7 +157,9 @@ def field(ops: Operations) -> Field:
 def generator(
     spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0
 ) -> tuple[Triple, ...]:
-    """Generator u of the near-identity transformation, and p: the exact (L, p) is the slow one plus u of it over St.
+    """Generator u of the near-identity transformation, and p.
+
+    The exact (L, p) is the slow one plus u of the slow one, over St.
 
     L is in units of I_e; p is first turned about L by an angle; the part of u for p is normal to p.
     As Φ^s(p) is hn + e cos s + f sin s, the torque has harmonics of s up to 2. The part of u for L
@@ -202,7 +205,10 @@ def generator(
 def swung(
     spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, *turn: Any
 ) -> tuple[Any, ...]:
-    """Exact L over I_e and p, six components, of slow ones, p turned about L before: p stays of unit length."""
+    """Exact L over I_e and p, of unit length, from slow ones: six components.
+
+    First the slow p is turned about L.
+    """
     change, tilt, axis = generator(spheroid, momentum, axis, *turn)
     return *plus(momentum, torque_factor, change), *unit(plus(axis, torque_factor, tilt))
 
@@ -245,7 +251,10 @@ def cross(u: Triple, v: Triple) -> Triple:
 def orders(
     spheroid: Spheroid, torque_factor: float, slow: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
+    """Size of the transformation, and |L'| or |E'| of second order over I_max.
+
+    The size is the largest change of L over |L| plus the change of p.
+    """
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
     square = dot(momentum, momentum)
     flattening = 1 / spheroid.inertia_ratio - 1

@@ -149,7 +149,7 @@ class Place:
         return (amplitudes @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
-        """The transformation in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
+        """Changes of L and turns of R in space, in frames Q, shape (m, 3, 3), at |L|."""
         added = q @ self.moved(coefficients(q, size), size, torque_factor)
         return added[..., 0], added[..., 1]
 
@@ -240,7 +240,7 @@ def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
-    """Finite values in place of 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian."""
+    """Finite values in place of 1/x² and 1/x, where a divisor x changes by q in a radian."""
     # The integral of the mode from long before its resonance, or behind the resonance to long after
     # it, and the integral of that integral: near the resonance by Faddeeva's function, elsewhere by
     # its asymptotic series in q/x².
@@ -321,9 +321,10 @@ def frame_of(momentum: Array) -> Array:
 def modes_at(
     series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array
 ) -> tuple[Array, Array, Array]:
-    """Modes P exp i(k₁α + k₂β) + c.c. of the rates in slow time, one for each L, shape (m, 3), and a²; k₂ > 0.
+    """Modes P exp i(k₁α + k₂β) + c.c. of the rates in slow time.
 
-    |P| of L', then P* of l' and of y', shape (m,) each.
+    One mode, k₂ > 0, for each L, shape (m, 3), and a²: |P| of L', then P* of l' and of y', shape
+    (m,) each.
     """
     size = np.linalg.norm(momentum, axis=1)
     many = np.arange(len(a2))

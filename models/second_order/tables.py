@@ -77,7 +77,8 @@ class Kick:
     size: float
     mode: tuple[int, int]
     width: float  # time that the phase takes to turn by a radian there
-    along: Array  # its change of (|L|, E), over I_max, complex: the part of the phase that happens to be is real
+    # Its change of (|L|, E), over I_max, complex: the real part belongs to the phase that occurs.
+    along: Array
     bend: float  # by how much the mode changes dD/dt, over that
     drift: float  # change of a² in its width
 
@@ -193,7 +194,7 @@ def _poles(side: SidedBody, resonances: Array) -> Array:
 
 
 def _fitted(values: Array, weight: Array) -> Array:
-    """Chebyshev series, shape (k, NODES), of functions at the Chebyshev points, some of which weigh little."""
+    """Chebyshev series, shape (k, NODES), of values at the Chebyshev points, by their weights."""
     terms = NODES - _SPARE
     basis = weight[:, None] * np.cos(np.outer(_ANGLES, np.arange(terms)))
     series = np.zeros((len(values), NODES))
@@ -239,7 +240,7 @@ def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tup
 
 
 def series_of(values: Array) -> Array:
-    """Chebyshev coefficients, shape (k, NODES), of functions given at the Chebyshev points, shape (k, NODES)."""
+    """Chebyshev coefficients of functions from values at the Chebyshev points, both (k, NODES)."""
     series = 2 / NODES * values @ np.cos(np.outer(_ANGLES, np.arange(NODES)))
     series[:, 0] /= 2
     return series

@@ -1,4 +1,6 @@
-"""The torque as a perturbation of the Euler top, on the torus of polhode phase α and precession phase β.
+"""The torque as a perturbation of the Euler top, on the torus of phases α and β.
+
+α is the polhode phase and β the precession phase.
 
 Q carries the frame of L (e₃ = n = L/l) to space, S the body
 (`polhode.models.second_order.polhodes`) to the frame of L: R = QS, S = R_z(β + χ)S₀(z), S₀ the
@@ -179,13 +181,16 @@ def carried(z: Array, turn: Array) -> Array:
 
 
 def least_rotation(z: Array) -> Array:
-    """Rotations, shape (..., 3, 3), about an axis normal to e₃ that carry z, shape (..., 3), z₃ > -1, to e₃."""
+    """Rotations, shape (..., 3, 3), about axes normal to e₃ that carry z, shape (..., 3), to e₃.
+
+    z₃ > -1.
+    """
     up = z + _UNITS[2]
     return _UPSIDE * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
 
 def turning(side: SidedBody, x: Triple, y: Triple) -> Triple:
-    """Angular velocity of the flow that drives the body, from its x and y in body axes; bilinear."""
+    """Angular velocity of the flow that drives the body, bilinear in its x and y in body axes."""
     return turned(side, lambda k, j: x[k] * y[j])
 
 

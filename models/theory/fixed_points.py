@@ -1,4 +1,4 @@
-"""Fixed points of the slow manifold and attractors: uniform rotation about an axis along the vorticity."""
+"""Fixed points of the slow manifold, uniform rotation about a principal axis, and attractors."""
 
 from dataclasses import dataclass
 from math import inf, pi, sqrt
@@ -69,7 +69,7 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
 
 
 def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, float]:
-    """Eigenvalues λ₁₋₄ of uniform rotation about a body axis along the vorticity, per unit of slow time.
+    """Eigenvalues λ₁₋₄ of uniform rotation about a body axis, per unit of slow time.
 
     The paper's lists for the longest and the shortest axis of an ellipsoid (section `elsa`) and for
     the spinning and the tumbling spheroid (section `lsds`) are one formula. About the middle axis
@@ -133,7 +133,10 @@ def attractors(
 
 
 def circle(ellipsoid: Ellipsoid, stokes: float) -> float:
-    """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis, to order 1/St."""
+    """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis.
+
+    To order 1/St.
+    """
     # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t; d is the damping rate and Λ the
     # anisotropy of the section across the axis. Hence ω oscillates by dΛ/(2 St) about -½, and
     # E = Iω²/2 by half that amplitude. The distance is 0 for oblate spheroids.

@@ -1,4 +1,4 @@
-"""Slow motion near the singular fixed point, rotation about the middle axis along the vorticity, L_x = L_y = 0.
+"""Slow motion near the singular fixed point, rotation about the middle axis, at L_x = L_y = 0.
 
 Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which
 is μ'δ of the paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative
@@ -37,7 +37,7 @@ class Separatrix:
 
     @cached_property
     def growth(self) -> float:
-        """Rate 2W of y ln(16/y) + y, per unit of slow time: negative on the long side, positive on the short one."""
+        """Rate 2W of y ln(16/y) + y, per unit of slow time, negative on the long side alone."""
         (i1, i2, i3), (x1, _, x3) = self._sorted
         size = 32 * pi / i2 * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
         return size if self.side == "short" else -size
@@ -49,7 +49,10 @@ class Separatrix:
 
     @cached_property
     def push(self) -> float:
-        """Ŵ of `lzassol`: -Ŵ/ln(16/y) drives L_z'. The same on both sides, as the exchange 1 ↔ 3 leaves it alone."""
+        """Ŵ of `lzassol`: -Ŵ/ln(16/y) drives L_z'.
+
+        Both sides have one Ŵ, as the exchange 1 ↔ 3 leaves it alone.
+        """
         (i1, i2, i3), (x1, _, x3) = self._sorted
         return 8 * pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1))
 
@@ -68,8 +71,9 @@ class Separatrix:
         return _passed(complement) / self.growth
 
     def complement(self, time: float) -> float:
-        """The y at a slow time since the separatrix, the inverse of `time`, by Lambert's function (DLMF 4.13).
+        """The y at a slow time since the separatrix, the inverse of `time`.
 
+        By Lambert's function (DLMF 4.13).
         Raises ValueError if the time has the wrong sign for the side, or lies beyond y = 1.
         """
         from scipy.special import lambertw
@@ -85,7 +89,7 @@ class Separatrix:
         return 16 * e * exp(float(lambertw(-passed / (16 * e), k=-1).real))
 
     def shift(self, complement: float, complement_start: float, shift_start: float) -> float:
-        """L_z' where y has the given value, from its value at a start (`lzassol` with the exact y of `time`)."""
+        """L_z' at a y, from L_z' at the y of a start (`lzassol` with the exact y of `time`)."""
         from scipy.integrate import quad
 
         rate = self.decay / self.growth
@@ -101,11 +105,11 @@ class Separatrix:
         return start * shift_start - self.push / self.growth * integral[0]
 
     def critical(self, complement: float) -> float:
-        """L_z' at y on the critical trajectory, the only one that meets the singular point y = L_z' = 0."""
+        """L_z' at y on the critical trajectory, the only one through y = L_z' = 0."""
         return self.shift(complement, 0.0, 0.0) if complement > 0 else 0.0
 
     def slow_state(self, complement: float, shift: float) -> tuple[float, float, float, float]:
-        """Slow variables (L_x, L_y, L_z, E) with L_x = L_y = 0 of y and L_z', without approximation."""
+        """Exact slow variables (L_x, L_y, L_z, E) of y and L_z', with L_x = L_y = 0."""
         i1, i2, i3 = self._sorted[0]
         encircled, opposite = (i3, i1) if self.side == "short" else (i1, i3)
         share = complement * (encircled - i2) / (encircled - opposite)

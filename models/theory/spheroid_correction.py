@@ -1,4 +1,4 @@
-"""The paper's first-order correction to a spheroid's slow motion (its appendix B), in corrected form."""
+"""The paper's first-order correction to a spheroid's slow motion (appendix B), corrected."""
 
 from math import atan2
 
@@ -36,14 +36,14 @@ def field(ops: Operations) -> Field:
 
 
 class CorrectedSpheroid(Form):
-    """State (L_z, η, Φ) in slow time: the averaged motion of L along the vorticity, and the phase of the precession.
+    """State (L_z, η, Φ) in slow time: averaged motion of L along z, phase of precession.
 
     To the slow L_z⁽⁰⁾ the observables add L_z⁽¹⁾/St with L_z⁽¹⁾ = -2πY_c Λ h̄² (I_e/L_z⁽⁰⁾) sin
     2(St Φ + φ₀) (`lzsfod2`, the phase taken along the slow solution, L_z signed); the slow solution
     starts at L_z(0) - L_z⁽¹⁾(0)/St. The error of L_z and E is then O(St⁻²).
 
-    Not in the catalogue: L_x and L_y keep their O(1/St) error, as the paper's first-order correction
-    leaves them at 0. As a whole the form has the order of `averaged-spheroid`.
+    Not in the catalogue: L_x and L_y keep their O(1/St) error, as the paper's first-order
+    correction leaves them at 0. As a whole the form has the order of `averaged-spheroid`.
     """
 
     name = "averaged-spheroid-corrected"

@@ -1,4 +1,4 @@
-"""Period of a tumbler: an ellipsoid that keeps a principal axis along the vorticity, at any Stokes number."""
+"""Period of a tumbler, an ellipsoid with a principal axis along the vorticity, at any St."""
 
 from math import isfinite, nan, pi, sqrt
 
@@ -50,7 +50,7 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
 
 
 def weak_inertia_period_change(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
-    """Leading change of the tumbling period at small St: -4π ε² (a - b)²/(a² + b²), ε = St I/(8πX)."""
+    """Leading change of the period at small St: -4π ε² (a - b)²/(a² + b²), ε = St I/(8πX)."""
     # For a prolate spheroid this is `vivtp`; the period decreases. The next term is of order St⁴.
     a, b = (ellipsoid.scaled_axes[(axis + step) % 3] for step in (1, 2))
     return -4 * pi * (stokes / ellipsoid.damping[axis]) ** 2 * (a - b) ** 2 / (a * a + b * b)

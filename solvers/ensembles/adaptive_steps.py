@@ -1,4 +1,6 @@
-"""Averaged forms for many particles at once: Dormand and Prince's pair in SIMD lanes, each particle with its own steps.
+"""Averaged forms for many particles at once: Dormand and Prince's pair in SIMD lanes.
+
+Each particle has its own steps.
 
 A Taylor series would be the wrong method here: every run of an ellipsoid that starts on the
 long-axis side crosses L² = 2EI₂. There the averaged field is continuous but not Lipschitz, no
@@ -65,12 +67,12 @@ _NOTHING = 1e-12
 def run_adaptive(
     problem: Problem, starts: Array, times: Array, tolerance: float
 ) -> tuple[Array, Array]:
-    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN from where one failed, and statuses.
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
 
-    The times increase from 0 to the end; the tolerance is of the local error per step, absolute
-    below 1 and relative above, in the Euclidean norm. Source: Dormand and Prince, J. Comput. Appl.
-    Math. 6 (1980) 19; Shampine's fourth-order interpolation. Without llvmlite the particles run
-    one by one, by another solver.
+    States are NaN from the time on at which a particle failed. The times increase from 0 to the
+    end; the tolerance is of the local error per step, absolute below 1 and relative above, in the
+    Euclidean norm. Source: Dormand and Prince, J. Comput. Appl. Math. 6 (1980) 19; Shampine's
+    fourth-order interpolation. Without llvmlite the particles run one by one, by another solver.
     """
     if not installed("llvmlite"):
         return run_one_by_one(problem, starts, times, tolerance)
@@ -171,7 +173,7 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
 
 @once()
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
-    """A function that fills the rows of states that steps in lanes have passed, and counts which is due next."""
+    """A function that fills the rows that steps in lanes have passed, and counts the next row."""
     # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due`
     # and `states`.
     size = 3 * dimension + 2

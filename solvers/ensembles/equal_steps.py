@@ -1,4 +1,4 @@
-"""Full forms for many particles at once by equal steps in SIMD lanes, the error of each particle checked.
+"""Full forms for many particles at once by equal steps in SIMD lanes.
 
 Method and step are chosen on a sample. Every particle then runs twice, by those steps and by steps
 twice as wide. The right runs of the sample bound the difference of the two; a particle beyond that
@@ -36,7 +36,7 @@ _ROUNDS = 6
 _SMALLER = 1.15
 # Times that a doubtful particle's steps are doubled; then Taylor's method runs it.
 _HALVINGS = 4
-# Tolerance of Taylor's method over the one asked for.
+# Tolerance of Taylor's method over the requested one.
 TAYLOR = 1e-3
 # Steps are first tried at this angle, in rad.
 _ANGLE = 1.0
@@ -50,8 +50,10 @@ class Plan:
 
     method: str  # of `polhode.solvers.ensembles.methods`
     steps: int  # from one time to the next, or of each piece where there are few times
-    apart: float  # largest difference between a run and one by steps twice as wide that is no reason for doubt
-    error: float  # that most particles of the sample stay below (`_KEPT`), those in doubt not yet run anew
+    # Largest difference from a run by steps twice as wide that is no reason for doubt.
+    apart: float
+    # Bound of most errors of the sample (`_KEPT`), before particles in doubt are run anew.
+    error: float
     cost: float  # of a particle, in flows of a splitting
 
 
@@ -168,13 +170,13 @@ def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
 
 @dataclass(frozen=True)
 class _Reference:
-    """States of the sample whose error is small against the tolerance, and a bound of that error."""
+    """States of the sample with an error far below the tolerance, and a bound of that error."""
 
     states: Array
     error: float  # that most particles stay below (`_KEPT`); rounding at least, never 0
 
     def error_of(self, states: Array) -> float:
-        """Error that most particles stay below: their distance from the reference, and its own error.
+        """Bound of most particles' errors: their distance from the reference, and its own error.
 
         A run by the reference's own method and steps has distance 0, and the reference's error.
         """

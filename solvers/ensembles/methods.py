@@ -1,4 +1,4 @@
-"""Methods of equal steps for many particles at once, each as a map of states: splitting, and an eighth-order pair's."""
+"""Methods of equal steps for many particles at once: splitting, and an eighth-order pair's."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

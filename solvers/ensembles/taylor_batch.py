@@ -1,4 +1,4 @@
-"""Full forms for many particles at once: heyoka's Taylor integrator with one particle in each SIMD lane."""
+"""Full forms for many particles at once: heyoka's Taylor integrator in SIMD lanes."""
 
 from copy import deepcopy
 from typing import Any
@@ -22,11 +22,12 @@ _MOST_STEPS = 10_000_000
 def run_batches(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where a particle failed, and statuses.
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
 
-    Particles of like speed share a batch, so that no lane waits long for the others. The problem
-    has no periodic components, whose angles would need wrapping; the times increase from 0 to the
-    end; the tolerance is heyoka's `tol`. Without heyoka the particles run one by one.
+    States of a particle that failed are NaN. Particles of like speed share a batch, so that no lane
+    waits long for the others. The problem has no periodic components, whose angles would need
+    wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`. Without heyoka
+    the particles run one by one.
     """
     if not installed("heyoka"):
         states, statuses = run_one_by_one(problem, starts, times, tolerance)

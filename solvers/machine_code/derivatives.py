@@ -1,4 +1,4 @@
-"""The exact Jacobian of a vector field: dual numbers, which carry their derivatives along, traced like any other."""
+"""The exact Jacobian of a vector field: traced numbers that carry their derivatives along."""
 
 from collections.abc import Callable
 from functools import partial
@@ -148,7 +148,9 @@ _DUAL = Operations(
 
 @once()
 def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
-    """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
+    """LLVM's lines that compute a field's Jacobian column by column.
+
+    They read and write arrays as the lines of `tracing.trace` do.
 
     With `mass` it is the residual's Jacobian, ``cj * mass - jacobian``, where the slope follows the
     state by %cj.

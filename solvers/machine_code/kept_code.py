@@ -1,4 +1,4 @@
-"""heyoka's machine code on disk, beside it a checksum of every entry: what is damaged is dropped, never run.
+"""heyoka's machine code on disk with a checksum of every entry: damaged code is never run.
 
 The checksums are for accidents. Who may write to the folder may write code, hence it is the user's
 alone.

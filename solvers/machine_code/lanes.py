@@ -1,4 +1,4 @@
-"""Maps of states, repeated for many particles at once in machine code: one particle in each SIMD lane.
+"""Maps of states, repeated in machine code with one particle in each SIMD lane.
 
 A map is a straight line of arithmetic, traced like a vector field; its lines serve vectors of
 doubles as they are.
@@ -40,7 +40,7 @@ class Lanes:
 
 
 def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
-    """States in lanes as states of particles, shape (particles, rows, d), component by component in memory."""
+    """States in lanes as states of particles, shape (particles, rows, d), components in blocks."""
     groups, rows, dimension, wide = states.shape
     return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[
         :particles

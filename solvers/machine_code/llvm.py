@@ -57,7 +57,7 @@ def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCod
 
 
 def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
-    """Compile definitions for this processor into an engine, which knows the addresses of the functions."""
+    """Compile definitions for this processor into an engine that knows the functions' addresses."""
     # At a lower level of optimization it takes less time. Extended, every double is x86's long
     # double of 80 bits.
     llvm = _llvm()

@@ -1,4 +1,6 @@
-"""Functions with loops and branches around traced numbers. Every number is a double, counts included.
+"""Functions with loops and branches around traced numbers.
+
+Every number is a double, counts included.
 
 A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. Numbers
 that outlive a block lie in an `Array`; LLVM keeps small arrays of the program in registers.
@@ -36,7 +38,7 @@ def width() -> int:
 
 
 def widened(line: str, lanes: int = 0) -> str:
-    """A line about numbers as one about vectors of them, of as many as this processor moves at once if not said."""
+    """A line about numbers as one about vectors, by default as wide as this processor's."""
     lanes = lanes or width()
     line = re.sub(r"\bdouble\b", f"<{lanes} x double>", line)
     line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)
@@ -45,7 +47,9 @@ def widened(line: str, lanes: int = 0) -> str:
 
 
 class Program(dict[str, str]):
-    """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
+    """A function without result; its arguments are arrays and numbers.
+
+    It is the dictionary of the lines of the present block, and holds the text of all blocks.
 
     Names of arguments stand between blanks. The linkage is "internal" if other programs alone are
     to call it, the attribute "noinline", or what registers it may take.

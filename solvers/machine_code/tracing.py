@@ -1,4 +1,4 @@
-"""Vector fields as lines of LLVM's language: a number type of our own over `Operations`, and what no field may do.
+"""Vector fields as lines of LLVM's language, by a number type of our own over `Operations`.
 
 A field is a straight line of arithmetic. Called with numbers that write down what is done to them,
 it yields one line for each operation, ``%v7 = fmul contract double %v1, %v4``. Equal lines are
@@ -36,7 +36,7 @@ class FieldError(ValueError):
 def either_side(
     operation: Callable[[Any, Any], Any],
 ) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
-    """An operator of numbers and arrays of them, and the one that Python calls where the number is on the right."""
+    """An operator of numbers and arrays, and its mirror image for a number on the right."""
 
     def of_any(left: Any, right: Any) -> Any:
         if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):

@@ -1,4 +1,4 @@
-"""The flows of a problem's parts, in lanes, with the constants of a step: kernels are made of them."""
+"""The flows of a problem's parts, in lanes, with the constants of a step: parts of kernels."""
 
 from collections.abc import Sequence
 
@@ -19,7 +19,9 @@ _MOST_STAGES = 16
 
 
 class Flows:
-    """The flows of kernels: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
+    """The flows of kernels.
+
+    `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
     Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
     constants belongs to stage i, a fast flow and a slow one. The row behind belongs to the last

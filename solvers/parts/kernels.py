@@ -1,4 +1,4 @@
-"""Machine code that composes the flows of a problem's parts: no Python per step, nor per requested time."""
+"""Machine code that composes the flows of a problem's parts: no Python per step or row."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -74,7 +74,7 @@ def clock(time: float, number: type = float) -> np.ndarray:
 
 @once()
 def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1) -> Kernels:
-    """Compile the kernels of splitting for a problem's parts, once in a process, over a type of numbers."""
+    """Compile the kernels of splitting for a problem's parts and a type of numbers, once."""
     flows = Flows(parts, dimension, number, chains)
     advance = _advance(flows)
     programs = flows.prepare, flows.spread, advance, _check(flows, advance, _ROUNDING[number])
@@ -98,14 +98,15 @@ def _advance(flows: Flows) -> Program:
     scheme, law, p, state, clock, times, rests, rows = program.arguments
     stages = scheme[0]
     dimension = flows.dimension
-    kept = flows.parts.moving[0]
+    # Number of first components that the fast flow leaves alone.
+    unmoved = flows.parts.moving[0]
     constants = flows.constants(program)
     number = program.room(2)
     y = program.room(dimension)
     at = program.room(dimension)
     chain_states = program.room(dimension, flows.chains)
-    remainder = program.room(kept)
-    remainder.store([0.0] * kept)
+    remainder = program.room(unmoved)
+    remainder.store([0.0] * unmoved)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
     open_ = program.cell(0.0)
@@ -173,9 +174,12 @@ def _advance(flows: Flows) -> Program:
             # equal sign in each step would pile up.
             start = y.load(dimension)
             chain_states.store(
-                [splat(number, flows.chains) for number in (*remainder.load(kept), *start[kept:])]
+                [
+                    splat(number, flows.chains)
+                    for number in (*remainder.load(unmoved), *start[unmoved:])
+                ]
             )
-            base = [splat(number, flows.chains) for number in start[:kept]]
+            base = [splat(number, flows.chains) for number in start[:unmoved]]
             with program.times(stages) as i:
                 flows.both_flows(
                     chain_states, flows.row(constants, i), flows.row(constants, i), base
@@ -183,7 +187,7 @@ def _advance(flows: Flows) -> Program:
             flows.fast_flow(chain_states, flows.row(constants, stages), base)
             weights = (scheme + 1).of(flows.chains)[2.0 * stages + 1.0]
             means = [(weights * number).total() for number in chain_states.load(dimension)]
-            ends = [before + gain for before, gain in zip(start, means[:kept], strict=False)]
+            ends = [before + gain for before, gain in zip(start, means[:unmoved], strict=False)]
             remainder.store(
                 [
                     gain - (end - before)
@@ -191,7 +195,7 @@ def _advance(flows: Flows) -> Program:
                 ]
             )
             assert flows.parts.restored is not None
-            y.store(flows.parts.restored([*ends, *means[kept:]]))
+            y.store(flows.parts.restored([*ends, *means[unmoved:]]))
         else:
             first = open_[0] * (stages + 1.0)
             with program.times(stages) as i:
@@ -223,7 +227,7 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
     rows = program.room((4 * _POINTS + 2) * dimension)
     y = program.room(dimension)
     times, rests = (program.room(2 * _POINTS + 1) for _ in range(2))
-    # From 0 on, since times far from there are rounded to more than is looked for.
+    # From 0 on: times far from 0 have a rounding larger than the differences that a check seeks.
     span, whole, rate = setting.load(3)
     times[0] = 0.0
     with program.times(points) as k:

@@ -8,9 +8,9 @@ import numpy as np
 from polhode.solvers.contract import Record
 
 # The law of errors. A step h leaves the slow components with errors of about
-# COEFFICIENT γ r**-POWER (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the slow
-# part relaxes. The time has no part in it: errors accumulate no longer than the slow components
-# remember, a time 1/γ. The angle h r is never wider than flows reach.
+# COEFFICIENT γ r**-POWER (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the
+# slow part relaxes. The time has no part in it: errors accumulate no longer than the slow
+# components remember, a time 1/γ. The angle h r is never wider than flows reach.
 _ORDER = 6
 _POWER = 2.0
 _COEFFICIENT = 6e-7
@@ -67,7 +67,7 @@ _HOPELESS = 1e3
 
 
 class Plan(NamedTuple):
-    """The number H of a step, the square of the least rate that counts, and the widest angle of a step."""
+    """The number H of steps, the square of the least rate that counts, and the widest angle."""
 
     factor: float
     floor: float
@@ -153,7 +153,7 @@ class Planner:
         return good[0] if good else plan
 
     def next(self, plan: Plan, ratio: float, order: float, rate: float, longest: float) -> Plan:
-        """A plan of the error aimed at, after one whose error over that is `ratio` and falls by `order`."""
+        """A plan of the error aimed at, after one with `ratio` times that error, of an order."""
         step = plan.step(rate) * (_MIDDLE / max(ratio, _LEAST)) ** (1 / order)
         law = _COEFFICIENT * rate ** (_ORDER - _POWER) * step**_ORDER
         self.scale = self.aim / (self.problem.strength * law)
@@ -168,10 +168,10 @@ class Planner:
     def estimated(
         self, plan: Plan, state: np.ndarray, now: float, record: Record
     ) -> tuple[float, float]:
-        """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.
+        """Error of the slow quantities in the remaining run, from short runs by two step sizes.
 
         The difference of the two in a turn's mean grows with time, as long as the slow quantities
-        remember; the remainder goes to and fro within a turn. Errors of the fast components, in rad
+        remember; the remainder oscillates within a turn. Errors of the fast components, in rad
         per turn, count as well: over their amplitude where that is small and grows, as at a saddle.
         The second number is the part of rounding in the estimate.
         """

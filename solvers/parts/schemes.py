@@ -32,7 +32,7 @@ class Scheme:
 
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
-        """The scheme and the one that leads to rows, as machine code receives them, by the type of its numbers."""
+        """The scheme and the one that leads to rows as numbers for machine code, by their type."""
         types = float, np.longdouble
         return {
             number: np.concatenate([self.listed(number), ABA.listed(number)[:-1]])
@@ -57,7 +57,7 @@ class Scheme:
 
 
 def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
-    """All shares; the middle takes up what rounding of the others leaves, since a sum beside 1 changes the clock."""
+    """All shares; the middle ones make their sum 1, as another sum would change the clock."""
     shares = np.array([*half, *half[: length - len(half)][::-1]], number)
     middle = shares[(length - 1) // 2 : length // 2 + 1]
     middle += (1 - shares.sum()) / len(middle)

@@ -1,4 +1,4 @@
-"""Splitting: exact flows of a problem's fast and slow parts in turns, by schemes for nearly integrable systems."""
+"""Splitting: exact flows of a problem's fast and slow parts in turns."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -25,7 +25,7 @@ from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import ABA, PARALLEL
 
-# Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
+# A call checks deadline and Ctrl-C once per this many steps, some 20 ms.
 _MAX_STEPS_PER_CALL = 120_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 # The kernels read half the relaxation's rate from its square as well, which holds for this number
@@ -52,7 +52,7 @@ _FAILED: dict[int, Status] = {
 
 
 class Split:
-    """A problem with parts, bound to machine code over a type of numbers, float or `numpy.longdouble`."""
+    """A problem with parts, bound to machine code over float or `numpy.longdouble`."""
 
     def __init__(self, problem: Problem, tolerance: float, number: type = float) -> None:
         assert problem.parts is not None
@@ -74,7 +74,7 @@ class Split:
 
     @cached_property
     def kernels(self) -> Kernels:
-        """The machine code, compiled when first asked for."""
+        """The machine code, compiled at first use."""
         return kernels(self.parts, self.dimension, self.number, self.scheme.chains)
 
     def rate(self, state: np.ndarray) -> float:
@@ -122,7 +122,7 @@ class Split:
                 if plan is not before:
                     run_clock[: At.FILLED] = clock(now, self.number)[: At.FILLED]
                 run_clock[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
-                # Ever wider, so that a rate that goes to and fro asks for few plans.
+                # Ever wider, so that an oscillating rate needs few plans.
                 law = plan.law((rate / width, rate * width))
                 width = width * _WIDER
             limit = min(

@@ -1,4 +1,4 @@
-"""Machine code of stroboscopic averaging: turns, their central differences, the stages of a macro-step, its rows."""
+"""Machine code of stroboscopic averaging: turns, their differences, macro-steps and rows."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 
 def _turn(flows: Flows) -> Program:
-    """One turn of the fast angle forth, of the first point, and back, of the second, side by side."""
+    """One turn of the fast angle, forth for the first point and back for the second, at once."""
     # Each takes `steps` steps, and two short ones that close it: one of the scheme, and one of
     # Strang for the angle that this leaves.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")

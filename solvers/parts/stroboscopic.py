@@ -1,4 +1,4 @@
-"""Stroboscopic averaging: the averaged field from turns of the full equations, integrated by steps of whole turns."""
+"""Stroboscopic averaging: turns of the full equations give the averaged field."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -56,7 +56,10 @@ _FIRST_STEP = 0.3
 
 @dataclass
 class Setting:
-    """How the next macro-step is tried: micro-steps per turn, whether fewer may do, turns (0: not known), failures."""
+    """Settings of the next macro-step.
+
+    Micro-steps per turn, whether fewer may do, turns (0: not known), failures.
+    """
 
     micro: int = _FIRST
     easy: bool = False
@@ -77,7 +80,7 @@ def interpolant() -> np.ndarray:
 
 
 class Strobe:
-    """A problem bound to the machine code of stroboscopic averaging, with splitting for what that cannot do."""
+    """A problem bound to the machine code of stroboscopic averaging, and to splitting elsewhere."""
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
         self.split = Split(problem, tolerance)
@@ -94,7 +97,7 @@ class Strobe:
 
     @cached_property
     def kernels(self) -> StrobeKernels:
-        """The machine code, compiled when first asked for."""
+        """The machine code, compiled at first use."""
         return strobe_kernels(self.split.parts, self.split.dimension)
 
     def pays(self, start: np.ndarray, length: float) -> bool:
@@ -233,7 +236,7 @@ class Strobe:
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
-        """Averaged fields, a row of `out` for each order from the second on, by `micro` micro-steps per turn."""
+        """Averaged fields, a row of `out` per order from the second on; `micro` steps a turn."""
         self.inner += 2 * micro * len(out)
         setting = np.array([micro, len(out), len(out)], dtype=float)
         self.kernels.mean(self.scheme, self.p, setting, _ROWS[1], point, out)
@@ -249,7 +252,7 @@ class Strobe:
         )
 
     def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:
-        """Error of a macro-step over the one allowed, as DOP853 has it, from its estimates of orders 5 and 3."""
+        """Error of a macro-step over the one allowed, by DOP853's estimates of orders 5 and 3."""
         with np.errstate(over="ignore"):
             fifth, third = (float(np.sum((estimate / scale) ** 2)) for estimate in estimates)
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
