@@ -46,10 +46,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Tolerances of the classical problems; QUICK is for a first look.
+# Tolerances of the classical problems.
 _TOLERANCES = tuple(10.0**-k for k in range(3, 13))
-QUICK = (1e-4, 1e-7, 1e-10)
-# Errors by name: the largest at any sample, that at the end, the root of the mean square.
+QUICK = (1e-4, 1e-7, 1e-10)  # Tolerances of a first look.
+# Errors by name: the largest at any sample, the one at the end, the root of the mean square.
 _ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
 _REFUSED = "refused"

@@ -14,9 +14,9 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import in_full
 from polhode.solvers.contract import Status
 
-# Versions of asv's file formats: results and benchmarks.json, and machine.json.
-_VERSION = 2
-_MACHINE_VERSION = 1
+# Versions of asv's file formats.
+_VERSION = 2  # Results and benchmarks.json.
+_MACHINE_VERSION = 1  # machine.json.
 # Series that asv shows of the suite: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
 _COLUMNS = ("result", "params", "version", "started_at")

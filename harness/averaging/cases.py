@@ -13,22 +13,22 @@ from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# St of the paper's cases; those up to FIRST_LOOK_STOKES make a first look. A run over T = 5e5 in long double
-# takes half a minute: only the paper's own figures are followed to further St.
+# St of the paper's cases. A run over T = 5e5 in long double takes half a minute: only the paper's
+# own figures are followed to further St.
 _STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
-FIRST_LOOK_STOKES = 1e3
+FIRST_LOOK_STOKES = 1e3  # Largest St of a first look.
 
 _AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 _GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
-# Starts of the second order's cases by name; the others are angular velocities at the orientation
-# TILTED.
+# Starts of the second order's cases by name. Cases without one start with an angular velocity at
+# the orientation TILTED.
 NAMED_STARTS = {
     "paper": scenes.SPHEROID_START,
     "paper, ψ̇ = -1": scenes.PAPER_START,
     "against": _AGAINST,
     "gentle": _GENTLE,
 }
-TILTED = (0.8, 0.3, -0.4, 0.2)
+TILTED = (0.8, 0.3, -0.4, 0.2)  # Quaternion, not normalised.
 _TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 
 

@@ -40,32 +40,33 @@ from polhode.solvers.taylor import extends_precision
 SEED = 15
 _HELD_OUT = (20261122, 7771)
 _RANDOM = 120  # Starts of each held-out seed.
-HYBRID_SAMPLES = 201
+HYBRID_SAMPLES = 201  # Output times of a run.
 WINDOW_SOLVER = "cyrk-vern8"
-_LEAST_AXIS = 0.15
+_LEAST_AXIS = 0.15  # Random semi-axes lie between this and 1.
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
-# Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it
-# two unrelated methods in double, whose difference is the truth's uncertainty; and where that takes
-# minutes, no more.
+# The truth of a run up to this duration, in inverse shear rates, is a run in long double; a looser
+# run shows its error.
 _LONG_DOUBLE_UP_TO = 1.2e5
-_LONGEST = 5.1e6
+# Longer runs have two unrelated methods in double, whose difference is the truth's uncertainty.
 _DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
-# Speed: random starts at each St, at one slow time and error, against these solvers at the loosest
-# tolerance that does.
+# Longer runs, in inverse shear rates, have no truth, which would take minutes.
+_LONGEST = 5.1e6
+# The speed of random starts is measured at one slow time and error, against FULL_SOLVERS at the
+# loosest tolerance that meets the error.
 _FAST_SEED = 16
-FAST = {1e6: 40, 1e7: 12, 1e8: 12}
+FAST = {1e6: 40, 1e7: 12, 1e8: 12}  # Number of starts by St.
 FAST_SLOW_TIME = 0.5
 FAST_ERROR = 1e-6
-FEW_SAMPLES = 11
-SPEED_REPEATS = 3
+FEW_SAMPLES = 11  # Output times of a run that shows few.
+SPEED_REPEATS = 3  # Turns, and runs of each turn, of which the fastest counts.
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
 KNOWING = "splitting"
 KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
-# A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the
-# vorticity.
+# Least |cos| of the angle between the vorticity and the shortest axis (the symmetry axis of a
+# spheroid) of a body that has settled.
 _SETTLED = 0.9
 HYBRID_PARTS = ("errors", "speed")
 

@@ -19,7 +19,7 @@ from polhode.models.second_order.form import SecondOrder
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-FORM_SAMPLES = 501
+FORM_SAMPLES = 501  # Output times of a run.
 # Solver and tolerance that a user would take for an averaged form; they make the solver error.
 FORM_SOLVER = "taylor"
 FORM_TOLERANCE = 1e-9

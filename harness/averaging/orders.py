@@ -12,16 +12,16 @@ from polhode.harness.averaging.data import VARIABLES, AveragingErrors, SecondOrd
 from polhode.harness.common.fits import power_law
 from polhode.models.second_order.form import SecondOrder
 
-NEEDED_ERRORS = (1e-1, 1e-2, 1e-3, 1e-4)
+NEEDED_ERRORS = (1e-1, 1e-2, 1e-3, 1e-4)  # Errors whose least St the page gives.
 # The law c/St^order is fitted from this St on, as it has set in there.
 FITTED_FROM = 300.0
 LEAST_POINTS = 4  # St of a fit, at least.
 # Runs of a case belong together if none ends before this share of the longest one: a shorter run
 # errs less.
 SAME_HORIZON = 0.99
-# Slopes are fitted to errors below the first and above the second times the reference's uncertainty.
+# Slopes are fitted to errors between these two.
 LARGEST_FITTED_ERROR = 1e-2
-LEAST_RESOLVED = 100.0
+LEAST_RESOLVED = 100.0  # Times the reference's uncertainty.
 
 
 @dataclass(frozen=True)

@@ -27,29 +27,29 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import solve
 
-SECOND_ORDER_SAMPLES = 2001
+SECOND_ORDER_SAMPLES = 2001  # Output times of a run.
+# Tolerances of the reference in long double, and of the looser run that shows its error.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
-SECOND_ORDER_TOLERANCE = 1e-14
+SECOND_ORDER_TOLERANCE = 1e-14  # Of runs of averaged forms.
 # Resonances want many small steps of these runs; each time is the fastest of PASSAGE_REPEATS.
 PASSAGE_SOLVER = "cyrk-vern8"
 PASSAGE_REPEATS = 3
 # Parts of the study that may be measured alone.
 SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 
-# The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
-COST_SLOW_TIME = 0.5
-COST_SAMPLES = 11
-_EXPONENTS = tuple(range(3, 9))
-# St at which first order and the full equations are run too, the full ones to this slow error.
-COMPARED = 1e6
-TARGET = 1e-6
-_COST_TOLERANCE = 1e-9
-_TRUE_TOLERANCE = 1e-16
+# The cost of a spheroid's run against St.
+COST_SLOW_TIME = 0.5  # Duration in slow time.
+COST_SAMPLES = 11  # Output times.
+_EXPONENTS = tuple(range(3, 9))  # Powers of ten of St.
+COMPARED = 1e6  # St at which first order and the full equations are run too.
+TARGET = 1e-6  # Slow error that the full equations have to meet.
+_COST_TOLERANCE = 1e-9  # Of averaged forms.
+_TRUE_TOLERANCE = 1e-16  # Of the truth of these runs.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
 COST_REPEATS = 50
-FULL_REPEATS = 3
+FULL_REPEATS = 3  # Runs of the full form, of which the fastest counts.
 _SECONDS = attrgetter("seconds")
 
 

@@ -29,11 +29,11 @@ from polhode.models.registry import plug_ins
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
-# From the first St on runs last this slow time, below it this many shear times, and no more than
-# this many relaxation times: the reference of a stiff scene costs seconds.
-_SLOW_FROM = 1.0
-_SLOW_TIME = 0.5
-_SHEAR_TIMES = 20.0
+# Durations of runs.
+_SLOW_FROM = 1.0  # St from which on the duration is in slow time.
+_SLOW_TIME = 0.5  # Slow time from that St on.
+_SHEAR_TIMES = 20.0  # Inverse shear rates below that St.
+# Relaxation times at most: the reference of a stiff scene costs seconds.
 _RELAXATION_TIMES = 2000.0
 # Seconds that a reference may take. If extended precision would take longer, as in long runs, two
 # unlike methods in double precision confirm each other.

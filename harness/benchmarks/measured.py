@@ -20,9 +20,9 @@ _COUNTS_FILE = "work_counts.json"
 # Counts of work that may be stored; those that a library does not report are not.
 _COUNTS = ("rhs_calls", "steps", "jacobians", "factorizations")
 # Another processor rounds a last bit otherwise, and a step more follows: a count may exceed the
-# stored one by this share, and by this many.
-_SLACK = 0.02
-_MORE = 1
+# stored one by both of these.
+_SLACK = 0.02  # Share of the stored count.
+_MORE = 1  # Calls or steps.
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,8 @@ _KINDS = {
     "forms": ("--form", "Only this form; may be given several times."),
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
-# Share of disturbed times from which on earlier results are not replaced; a few times may be
-# anything.
-_MOST_DISTURBED = 0.1
-FEW_TIMED_RUNS = 50
+_MOST_DISTURBED = 0.1  # Share of disturbed times from which on earlier results are not replaced.
+FEW_TIMED_RUNS = 50  # The share is of this number of runs at least: chance rules fewer.
 # Options that change nothing in what is measured.
 _ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(

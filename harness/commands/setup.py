@@ -21,10 +21,9 @@ _HERE = Path(__file__).parent
 _ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 # Seconds over which the sentinel is watched.
 _WATCH = 1.0
-# On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer
-# processes than this wait for each core.
-_STEADY = 1.05
-_BUSY = 0.5
+# A machine is fit for timing up to these values.
+_STEADY = 1.05  # Median over minimum of the sentinel's times.
+_BUSY = 0.5  # Processes that wait for each core.
 
 
 def scene_names(

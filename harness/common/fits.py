@@ -5,7 +5,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-COVERAGE = 0.95
+COVERAGE = 0.95  # Of all intervals.
 
 
 def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float], float]:

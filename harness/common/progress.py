@@ -13,12 +13,10 @@ from typing import IO, Any
 
 from polhode.harness.common.text import duration
 
-# Seconds before anything is shown, and between two looks.
-PATIENCE = 2.0
-INTERVAL = 0.2
-# Seconds after which a note is made of a long run, and those from which on it is long.
-NOTE_AFTER = 3.0
-_LONG = 30.0
+PATIENCE = 2.0  # Seconds before anything is shown.
+INTERVAL = 0.2  # Seconds between two looks.
+NOTE_AFTER = 3.0  # Seconds after which a note tells of a long run.
+_LONG = 30.0  # Seconds from which on a run is long.
 # Less of the work done says nothing about the rest.
 _TOO_EARLY = 1e-3
 _EVERY_LOOK: dict[str, Any] = {

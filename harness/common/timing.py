@@ -16,9 +16,10 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+# A case is repeated until either is reached.
 MOST_RUNS = 5
-BUDGET = 1.0
-_SENTINEL_ROUNDS = 20_000
+BUDGET = 1.0  # Seconds of all its runs.
+_SENTINEL_ROUNDS = 20_000  # Rounds of the sentinel's loop.
 # A machine is steady while the sentinel takes at most this many times its quickest.
 _NEAR = 1.15
 _PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.

@@ -22,7 +22,7 @@ from typing import Any
 
 # Seconds after twice the limit: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
-_STARTUP = 120.0
+_STARTUP = 120.0  # Seconds that a process may take to start.
 # Some 23 days: no system call waits longer at once.
 _LONGEST = 2e6
 # A call whose process is killed from outside this many times is given up.

@@ -47,7 +47,7 @@ _COLOURS = "viridis"
 _STANDARD = 1.96
 # Sweeps whose cost is laid out.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
-_BLOCK = 100_000
+_BLOCK = 100_000  # Particles of one task of such a sweep.
 
 Found = dict[str, Any]
 

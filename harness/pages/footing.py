@@ -23,8 +23,8 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-FOOTING_ERRORS = (1e-4, 1e-6, 1e-8)
-_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
+FOOTING_ERRORS = (1e-4, 1e-6, 1e-8)  # Slow errors at which solvers are compared.
+_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Slow errors at which forms are compared.
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
 _VERNER = "cyrk-vern8"

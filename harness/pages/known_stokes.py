@@ -34,13 +34,16 @@ _ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(e
 ]
 _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# Limits of stroboscopic averaging: slow error, orientation error, ratio; and the factor by which a
-# run at the larger St may take longer.
-_REACHED = (5e-9, 3e-4, 30.0)
-_LONGER = 1.3
-_STOKES = 1e6
-_LARGER = 1e8
-_ROUNDS = 7
+# Limits that stroboscopic averaging has to meet.
+_REACHED = (
+    5e-9,
+    3e-4,
+    30.0,
+)  # Slow error, orientation error in rad, speed over the best other solver.
+_STOKES = 1e6  # St of its runs.
+_LARGER = 1e8  # St of the longer run.
+_LONGER = 1.3  # Factor by which the longer run may take more time.
+_ROUNDS = 7  # Both runs take turns this often; the fastest count.
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:

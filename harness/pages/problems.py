@@ -18,8 +18,8 @@ from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.contract import Status
 
-_TARGETS = (1e-3, 1e-6, 1e-9)
-_PROFILED = 1e-6
+_TARGETS = (1e-3, 1e-6, 1e-9)  # Errors at the end to which the table gives the fastest solver.
+_PROFILED = 1e-6  # Error at the end of the figure of profiles.
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:

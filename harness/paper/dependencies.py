@@ -26,7 +26,7 @@ _PAPER = "polhode.harness.paper"
 _CATALOGUES = ("polhode.models.catalogue", "polhode.solvers.catalogue")
 # Data that code reads: they count with the module whose name they carry, or that names them.
 _DATA_SUFFIXES = (".toml", ".ll", ".json")
-# The method of an experiment that makes its data, and those that use them.
+# The method of an experiment that makes its data, and the methods that use them.
 _COMPUTATION = "compute"
 _PRESENTATION = ("judge", "draw", "expected")
 # The class variable that says when to begin an item, and changes no number of it.

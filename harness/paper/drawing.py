@@ -38,10 +38,10 @@ CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
 # most: green is a line of theirs.
 AVERAGED = BLACK
 RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
-BOUND = "0.55"
+BOUND = "0.55"  # Grey of the bounds of a plane.
 NODE = PURPLE
 FIGURE_FORMATS = ("png", "svg")
-_RESOLUTION = 150
+_RESOLUTION = 150  # Dots per inch.
 _STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
 
 

@@ -23,11 +23,11 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 # Sampling step, in inverse shear rates, between which section points are interpolated: the
 # interpolation errs by 1e-4 at most.
 _STEP = 0.4
-_TOLERANCE = 1e-15
+_TOLERANCE = 1e-15  # Of the orbits, without their tangents.
 # Tolerance of the tangents: a percent of their growth is enough.
 _TANGENT_TOLERANCE = 1e-12
-# Numbers of the state and of the parameters of the form `jeffery`.
-_DIMENSION = 4
+# Sizes of the form `jeffery`.
+_DIMENSION = 4  # Numbers of a state.
 _PARAMETERS = 6
 # Halvings of an interval in which a section point is looked for: down to rounding.
 _ROOT_HALVINGS = 50

@@ -14,7 +14,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-RUN_TOLERANCE = 1e-12
+RUN_TOLERANCE = 1e-12  # Tolerance of runs unless an item gives another.
 # A run takes seconds; a machine that sleeps or does other work may hold it up for minutes.
 _MAX_SECONDS = 1000.0
 RUN_SOLVER = "taylor"

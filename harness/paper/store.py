@@ -12,8 +12,8 @@ from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdic
 from polhode.harness.paper.tables import tables_of
 from polhode.models.libraries import version_of
 
-ITEM_SCHEMA = 1
-DIGITS = 8
+ITEM_SCHEMA = 1  # Version of the files.
+DIGITS = 8  # Significant digits of the numbers in them.
 _LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # Exceptions with which the computation of an item may end.
 ITEM_FAILURES = (

@@ -21,16 +21,15 @@ from polhode.models.scene import Scene, start_from
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import SolverNotValidError
 
-# Samples per rotation that make a smooth path, and the fewest and most samples of a page of
-# moderate size.
-_PER_ROTATION = 80
+_PER_ROTATION = 80  # Samples of a rotation that make a smooth path.
+# Fewest and most samples of a motion, so that the page has a moderate size.
 _FEWEST = 400
 _MOST = 3000
 # The torque-free path is drawn from several moments of the run.
 _MOMENTS = 48
 _TURNS = 4  # Rotations that each path follows.
 _POINTS = 40  # Points of each rotation.
-_TOLERANCE = 1e-10
+_TOLERANCE = 1e-10  # Of all runs: far tighter than a screen shows.
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
 _ALONG = 15.0
 

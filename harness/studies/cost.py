@@ -29,12 +29,11 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
-# A measurement repeats until it takes this long, in seconds, and is the best of `_ROUNDS`.
-_ENOUGH = 2e-3
-_ROUNDS = 5
-STARTS = 5
-_LIMIT = 60.0
-_TOLERANCE = 1e-8
+_ENOUGH = 2e-3  # Seconds that the calls of a measurement take at least.
+_ROUNDS = 5  # Measurements of which the best counts.
+STARTS = 5  # Starts of Python of which the fastest counts.
+_LIMIT = 60.0  # Seconds that a first run may take.
+_TOLERANCE = 1e-8  # Of first runs.
 # Part of a scene's time whose run shows what a first one takes more.
 _BEGINNING = 1e-6
 

@@ -13,7 +13,7 @@ from polhode.harness.pages.figures.style import colour, power as power_of
 
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 _ORDER_NAMES = {1: "first order", 2: "second order"}
-_SIZE = (8.0, 4.2)
+_SIZE = (8.0, 4.2)  # Inches: two panels beside each other.
 
 
 @dataclass(frozen=True)

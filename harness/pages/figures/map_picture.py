@@ -23,11 +23,10 @@ HEADINGS: dict[Side, tuple[str, str]] = {
     "explicit": ("Oscillatory middle", "explicit methods"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
-# In inches: a cell, what stands beside both maps, an entry of the legend; lines of a cell, in rows.
-_CELL = (0.74, 0.43)
-_BESIDE = (0.85, 2.7)
-_ENTRY = 0.192
-_LINE = 0.36
+_CELL = (0.74, 0.43)  # Inches: width and height of a cell.
+_BESIDE = (0.85, 2.7)  # Inches: width and height of all but cells and legend.
+_ENTRY = 0.192  # Inches: height of an entry of the legend.
+_LINE = 0.36  # Distance of the lines in a cell, over its height.
 # Columns of cells that are as wide as the legend.
 _LEAST_COLUMNS = 12
 # Errors of the maps: the word for sentences, and the title.

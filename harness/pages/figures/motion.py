@@ -13,14 +13,16 @@ from polhode.models.observables import completed
 
 # Okabe and Ito's palette, safe for colour-blind readers.
 _COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
-# The view: round the gradient axis, then down on it, in rad, as on the page of motions.
-TURN = 0.45
-TILT = 0.3
-_LIGHT = np.array([-0.5, 0.6, 0.62])
+# The view is the one of the page of motions.
+TURN = 0.45  # Rad: round the gradient axis.
+TILT = 0.3  # Rad: then down on it.
+_LIGHT = np.array([-0.5, 0.6, 0.62])  # Direction to the light: right, up, towards the eye.
+# Faces of the body's surface along a meridian and along a parallel.
 _PARALLELS = 36
 _MERIDIANS = 72
 # Share of the parallels that the coloured caps take at each end of the longest axis.
 _CAP = 0.14
+# Colours of the surface, as shares of red, green and blue: the halves show the spin, the caps the axis.
 _ONE_HALF = (0.47, 0.65, 0.80)
 _OTHER_HALF = (0.63, 0.76, 0.88)
 _CAPS = (0.84, 0.37, 0.0)

@@ -22,13 +22,13 @@ LOOKS: dict[str, tuple[str, Any]] = {
         Path(__file__).with_name("looks.toml").read_text("utf-8")
     ).items()
 }
-# Solvers and forms without a look of their own, those outside the catalogue among them: markers in
-# turn.
+# Solvers and forms without a look of their own share a colour, and take these markers in turn. Some
+# are outside the catalogue.
 OTHER = "#6B3F1D"
 _OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
-# Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
-_COLOURS = 128
-_LEAST_DIFFERENCE = 16
+# More colours, or nearer ones, only make a picture larger.
+_COLOURS = 128  # Colours of a picture at most.
+_LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
 
 
 @dataclass(frozen=True)

@@ -40,23 +40,22 @@ UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
 _DASHES = ("-", "--", ":", "-.")
-# In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800
-# pixels wide.
-_PANEL = (3.35, 2.9)
-_NAMES_WIDTH = 1.05
-_LEGEND = 0.75
+# A page shows figures 800 pixels wide.
+_PANEL = (3.35, 2.9)  # Inches: width and height of a panel.
+_NAMES_WIDTH = 1.05  # Inches: width of the names beside a panel.
+_LEGEND = 0.75  # Inches: height of the legend below all panels.
 # Width of a figure of one panel, in inches: the legend needs it.
 _LEAST_WIDTH = 6.4
 # Numbers left of a panel that shares no axis.
 _TICKS = 0.4
-# Names beside a panel, in points: their size, and the least distance between two.
-_LETTERS = 8.5
-_NAME_SPACING = 10.5
+# Names beside a panel.
+_LETTERS = 8.5  # Points: their size.
+_NAME_SPACING = 10.5  # Points: the least distance between two lines of them.
 BEHIND = "#BDBDBD"
 _BEHIND_NAME = "behind the front"
-# Factors over the fastest shown, and the one that the sentence is about.
-_LARGEST_FACTOR = 1000.0
-_NEAR = 2.0
+# Factors over the time of the fastest method.
+_LARGEST_FACTOR = 1000.0  # The figure ends here.
+_NEAR = 2.0  # The sentence names the method that stays most often within this factor.
 # Methods that the figure names, those that are fast and sure; the others are grey.
 NAMED = 7
 

@@ -250,13 +250,12 @@ def _deviations(entries: Sequence[Entry], worst: np.ndarray) -> dict[str, Any]:
     return {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}
 
 
-# The first-order correction: κ, L_z over I_e at the start, θ₀ and φ₀ in rad, and the slow time
-# followed.
+# Runs of the first-order correction.
 _KAPPA = 2.0
-_MOMENTUM = -0.9
-_THETA = 0.9
-_PHI = 0.6
-_SLOW_TIME = 0.04
+_MOMENTUM = -0.9  # L_z over I_e at the start.
+_THETA = 0.9  # Rad, at the start.
+_PHI = 0.6  # Rad, at the start.
+_SLOW_TIME = 0.04  # Slow time that they are followed.
 # St of the run that is shown.
 _SHOWN_STOKES = 200.0
 # Smallest St of the fits.

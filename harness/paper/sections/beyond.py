@@ -578,7 +578,7 @@ _ENDING_TIME = 1.5
 _TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
 # Distance from the node, over I_max, at which a run has arrived.
 _ARRIVED = 0.06
-_ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)
+_ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs.
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
 # angular velocities.
 _NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
@@ -761,7 +761,7 @@ def _flips(table: Table) -> dict[float, Estimate]:
     return flips
 
 
-_BASIN_STOKES = 1e3
+_BASIN_STOKES = 1e3  # St of the runs of the map.
 # Slow time after which the end of z' is taken.
 _BASIN_TIME = 0.6
 # Distance from the node, over I_max, at which a transient has ended.

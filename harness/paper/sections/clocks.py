@@ -46,14 +46,14 @@ _BODIES = tuple(
         (1.0, 0.95, 0.5),
     )
 )
-# St of the full runs, and how far, in rad or in the angular velocity, they start off the rotation.
+# Full runs that decay to the stable rotation.
 _DECAY_STOKES = 1e5
-_START_OFFSET = 0.03
-# |L|/I_max and St of the runs from large L.
-_LARGE = 1e3
+_START_OFFSET = 0.03  # Rad, or shear rates of the angular velocity, off the rotation at the start.
+# Runs from large L.
+_LARGE = 1e3  # |L|/I_max at the start.
 _LARGE_STOKES = 1e4
 _MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
-_WOBBLE = 3
+_WOBBLE = 3  # Place of the wobble among the modes.
 
 
 def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
@@ -290,10 +290,10 @@ class EllipsoidClock(_Decay):
         return figure
 
 
-# Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
-_STOKES_STAR = 2.071
-_MOMENTUM = -1.0
-_ENERGY = 0.6
+# The figure on the collapse.
+_STOKES_STAR = 2.071  # Effective Stokes number.
+_MOMENTUM = -1.0  # L_z over I_max at the start.
+_ENERGY = 0.6  # E over I_max at the start.
 _COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
 # Scaled time after which the curves should have become one.
 _LATE = 6.0

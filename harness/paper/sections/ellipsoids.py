@@ -52,9 +52,8 @@ from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix, Side
 
 _ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
-# The largest moment of inertia, and the middle one over it.
-_UNIT = max(_ELLIPSOID.inertia)
-_MIDDLE = sorted(_ELLIPSOID.inertia)[1] / _UNIT
+_UNIT = max(_ELLIPSOID.inertia)  # I_max, the unit of L and E.
+_MIDDLE = sorted(_ELLIPSOID.inertia)[1] / _UNIT  # The middle moment of inertia over I_max.
 _SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ up to which local and averaged rates are compared.
 _NEAR_Y = 1e-3
@@ -294,9 +293,9 @@ def _draw_sides(
     draw_each(axes, table, "side", x, lambda rows: size(rows[local]), **style)
 
 
-# St at which the irregularity of the oscillation is measured, and the slow time it is followed.
+# Runs that measure the irregularity of the oscillation.
 _IRREGULAR_STOKES = 500.0
-_IRREGULAR_SLOW_TIME = 0.1
+_IRREGULAR_SLOW_TIME = 0.1  # Slow time that they are followed.
 # Errors after L² = 2EI₂ over those before, up to which passing it has little effect.
 _LITTLE_EFFECT = 2.0
 

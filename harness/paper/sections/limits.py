@@ -41,22 +41,20 @@ from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid, Triple
 
-# Kinds of starts: an orientation uniform on SO(3); one with φ = 0 and cos θ, ψ uniform, which
-# the shear does not turn into the first; one next to the saddle; one about the separatrix, at ψ = 0.
-_ISOTROPIC = 0.0
-_ON_SECTION = 1.0
-_BESIDE = 2.0
-_ABOUT = 3.0
-# ψ, in rad, of the starts next to the saddle, and their distances from it along θ.
-_BESIDE_PSI = 1.57
-_BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)
+# Kinds of starts, as columns of tables hold them.
+_ISOTROPIC = 0.0  # Orientation uniform on SO(3).
+_ON_SECTION = 1.0  # φ = 0; cos θ, ψ uniform. The shear does not turn it into the first kind.
+_BESIDE = 2.0  # Next to the saddle.
+_ABOUT = 3.0  # About the separatrix, at ψ = 0.
+# Starts next to the saddle.
+_BESIDE_PSI = 1.57  # ψ in rad.
+_BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
 # Distances from the separatrix, over its own from θ = π/2, of the starts about it.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # Width, in rad, that rounding alone gives a separatrix.
 _ROUNDING = 1e-12
-# Orbits that start across a layer, and the half of their window over the layer's width as the
-# search for its ends finds it: the edges are frayed.
-_ACROSS = 1000
+_ACROSS = 1000  # Orbits that start across a layer.
+# Half of their window over the layer's width by the search for its ends: the edges are frayed.
 _WINDOW = 2.5
 # Chaotic orbits from which on the median of their exponents is given.
 _FEW = 30

@@ -281,9 +281,9 @@ class Period(Experiment):
 _DRIFT_KAPPAS = (0.3, 0.5, 2.0, 4.0)
 # Components of L and of the axis across the vorticity in the state of `spheroid-axis`.
 _ACROSS = [0, 1, 3, 4]
-# St at which the growth is also taken from a run in time, and the tilt, in rad, at its start.
+# The growth is also taken from a run in time.
 _FOLLOWED_STOKES = 0.02
-_FOLLOWED_TILT = 1e-3
+_FOLLOWED_TILT = 1e-3  # Rad, at the start.
 # St between which the largest rate is looked for.
 _PEAK_STOKES = (5.0, 3000.0)
 

@@ -45,12 +45,11 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
 
-# Settings of the planes: aspect ratio, L_z/I_max at the start, θ₀ in rad, and the tilt of L, in rad, in the
-# second plane.
-_KAPPA = 2.0
-_MOMENTUM = 0.4
-_THETA = 0.3
-_TILT = 0.2
+# Runs of the planes.
+_KAPPA = 2.0  # Aspect ratio.
+_MOMENTUM = 0.4  # L_z/I_max at the start.
+_THETA = 0.3  # Rad, at the start.
+_TILT = 0.2  # Rad: tilt of L in the second plane.
 _SHOWN_STOKES = (1e3, 1e4, 1e5)
 _SLOW_TIME = 0.12
 # Half sizes of the magnified view, over I_max.

@@ -30,9 +30,9 @@ from polhode.models.shape import Ellipsoid
 
 # Ratio of the two equatorial semi-axes of the body whose cross-section is nearly circular.
 _NEARLY_CIRCULAR = 1.02
-# θ and ψ, in rad, at φ = 0 of the orbits.
-_DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)
-_DRIFT_PSI = 0.3
+# Starts of the orbits, at φ = 0.
+_DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)  # θ in rad.
+_DRIFT_PSI = 0.3  # ψ in rad.
 # Half turns that the orbits are followed.
 _DRIFT_TURNS = 400
 
@@ -189,10 +189,10 @@ class StokesStar(Experiment):
         return figure
 
 
-# St of the trajectories, their L_z/I_max and θ₀, and the slow time over which swings are counted.
+# Trajectories whose swings are counted.
 _WAVE_STOKES = 1e3
-_WAVE_START = (-0.7, 0.9)
-_WAVE_SLOW_TIME = 0.05
+_WAVE_START = (-0.7, 0.9)  # L_z/I_max, and θ in rad.
+_WAVE_SLOW_TIME = 0.05  # Slow time over which swings are counted.
 _SPHEROID_KAPPAS = (2.0, 3.33)
 
 

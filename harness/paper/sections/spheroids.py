@@ -145,11 +145,11 @@ class SpheroidPlanes(PlanesOfBodies):
         ]
 
 
-# Energies over I_e, and |L|/I_e, of the starts of the projections.
-_ENERGIES = (2 / 9, 0.305, 0.472)
-_PROJECTED_MOMENTUM = 2 / 3
-# Azimuths of L, in degrees, that the figure shows, and those whose path is held against the two
-# limiting ones.
+# Starts of the projections.
+_ENERGIES = (2 / 9, 0.305, 0.472)  # E over I_e.
+_PROJECTED_MOMENTUM = 2 / 3  # |L| over I_e.
+# Azimuths of L in degrees: the figure shows the first; paths of _BETWEEN are compared with the two
+# limiting paths.
 _AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
 _BETWEEN = (15.0, 45.0, 75.0)
 
