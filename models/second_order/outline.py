@@ -91,7 +91,7 @@ class Outline:
         )
 
 
-# At extreme St and times estimates overflow; what is not finite is not averaged.
+# At extreme St and times estimates overflow; a run is not averaged where they are not finite.
 @once()
 @np.errstate(over="ignore", invalid="ignore")
 def outline(scene: Scene, budget: float = inf) -> Outline:
@@ -100,7 +100,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     Windows are as wide as the requested error demands.
     """
     path = path_of(scene)
-    share = _SHARE * budget
+    allowed = _SHARE * budget
     ahead = Ahead.of(path, budget)
     kicks = path.kicks
     if kicks:
@@ -108,56 +108,64 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         halves = [ahead.strong.get(kick, kick.width) for kick in kicks]
         path = path.at(np.outer(_INSIDE, halves) + [kick.time for kick in kicks])
     times = path.times
-    weight = ahead.weight(path.times)
+    amplification = ahead.weight(path.times)
     reasons = [*_REASONS]
-    # Why averaging means nothing, by number: 0 where it does.
-    beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    why = np.where(beyond, _SEPARATRIX, np.where(path.swing < _MEANINGLESS, 0, _TOO_SLOW))
-    why[~(path.size > TINY)] = _TOO_SLOW
-    why[(why == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
-    sound = why == 0
-    sudden = np.zeros(len(times))
+    # Number of the reason for which averaging does not hold, per time: 0 if it holds.
+    at_separatrix = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
+    cause = np.where(at_separatrix, _SEPARATRIX, np.where(path.swing < _MEANINGLESS, 0, _TOO_SLOW))
+    cause[~(path.size > TINY)] = _TOO_SLOW
+    cause[(cause == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
+    averaged = cause == 0
+    kick_errors = np.zeros(len(times))
     swing, smaller, third = (
-        np.where(sound, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
+        np.where(averaged, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
     )
-    local = swing * np.hypot(smaller, path.fading) * path.scale
+    # Errors that pass with the swing: its next order.
+    local_errors = swing * np.hypot(smaller, path.fading) * path.scale
     for kick, half in ahead.strong.items():
-        why[np.abs(times - kick.time) <= half] = len(reasons)
+        cause[np.abs(times - kick.time) <= half] = len(reasons)
         reasons.append(f"resonance {kick.mode}")
-        local = local + kick.missed(times)
+        local_errors = local_errors + kick.missed(times)
     for kick in kicks:
         if kick in ahead.left:
             at = np.searchsorted(times, kick.time)
-            sudden[at] = hypot(sudden[at], ahead.left[kick])
-    sound = why == 0
+            kick_errors[at] = hypot(kick_errors[at], ahead.left[kick])
+    averaged = cause == 0
+    # Sum of the kicks left out so far, at random phases.
     if kicks:
-        sudden = _RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
-    held = third * np.gradient(times) * weight
-    unknown = sound & ~(np.isfinite(held) & np.isfinite(local))
-    why[unknown] = _INACCURATE
-    sound &= ~unknown
-    held = np.where(unknown, 0, held)
-    local = np.where(unknown, 0, local)
-    late = np.exp(min(_FADING * min(scene.ellipsoid.damping), _LONG_AGO / float(times[-1])) * times)
+        kick_errors = _RANDOM * np.sqrt(np.cumsum(np.where(averaged, kick_errors, 0) ** 2))
+    # Lasting errors that third order adds at each time, as later kicks amplify them.
+    gains = third * np.gradient(times) * amplification
+    unknown = averaged & ~(np.isfinite(gains) & np.isfinite(local_errors))
+    cause[unknown] = _INACCURATE
+    averaged &= ~unknown
+    gains = np.where(unknown, 0, gains)
+    local_errors = np.where(unknown, 0, local_errors)
+    # Lasting errors fade: an error of the past counts by the ratio of growth then and now.
+    growth = np.exp(
+        min(_FADING * min(scene.ellipsoid.damping), _LONG_AGO / float(times[-1])) * times
+    )
     # An error of the phase puts the swing back wrongly.
-    swung = np.where(sound & (local <= share), swing * path.scale, 0)
-    level = most = held.max()
+    swing_per_radian = np.where(averaged & (local_errors <= allowed), swing * path.scale, 0)
+    # Times of the largest gains become windows, until the others stay within the allowed error.
+    level = highest_level = gains.max()
     while True:
-        errors = (late * np.where(held <= level, held, 0)).cumsum() / late
-        wrong = path.phase(errors) * swung
-        if not (errors + wrong).max() > share:
+        lasting_errors = (growth * np.where(gains <= level, gains, 0)).cumsum() / growth
+        phase_errors = path.phase(lasting_errors) * swing_per_radian
+        if not (lasting_errors + phase_errors).max() > allowed:
             break
-        level = _FALL * level if level > _LEAST * most else 0.0
-    why[sound & ((held > level) | (local > share))] = _INACCURATE
-    lag = path.lag(np.where(why == 0, swing, 0))
-    local = local + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
-    why[(why == 0) & (local > share)] = _INACCURATE
-    drifting = errors + sudden
-    passing = np.where(why == 0, local + wrong, 0)
+        level = _FALL * level if level > _LEAST * highest_level else 0.0
+    cause[averaged & ((gains > level) | (local_errors > allowed))] = _INACCURATE
+    lag = path.lag(np.where(cause == 0, swing, 0))
+    local_errors = local_errors + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
+    cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE
+    # Errors that last, and errors that pass.
+    drifting = lasting_errors + kick_errors
+    passing = np.where(cause == 0, local_errors + phase_errors, 0)
     orientation = pi
     if np.isfinite(path.swing).all():
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
-    stretches = tuple(_stretches(path, why, reasons, drifting, passing, lag, weight))
+    stretches = tuple(_stretches(path, cause, reasons, drifting, passing, lag, amplification))
     return Outline(stretches, kicks, float(orientation))
 
 
@@ -173,14 +181,14 @@ class Ahead:
     path: Path
     strong: dict[Kick, float]  # half widths of windows
     left: dict[Kick, float]  # error at the end of the run of each kick that is left out
-    behind: list[
-        tuple[float, Array, Array]
-    ]  # time of each kick that is not left out, G before it, and (α, β) turned until then
+    # For each kick that is not left out: its time, G before it, and (α, β) turned until then.
+    behind: list[tuple[float, Array, Array]]
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
         """The kicks of a path, where windows are to miss no more than a budget."""
         ahead = cls(path, {}, {}, [])
+        # Error of all kicks left out so far.
         together = 0.0
         kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
         if not kicks:
@@ -189,9 +197,11 @@ class Ahead:
         last = path.turned[-1]
         turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
         for kick, turned in zip(kicks, turned_at_kicks, strict=True):
+            # Map of an error from this kick to the next one that is not left out.
             onwards = np.eye(4)
             onwards[2:, :2] = last - turned
             response = onwards[:, :2] @ kick.along
+            # Mean square of the kick's error at the end of the run, and of the error per radian.
             square = 0.5 * (response.conj() @ g @ response).real
             size = max(kick.size, sqrt(square))
             if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
@@ -227,19 +237,20 @@ class Ahead:
 
 def _stretches(
     path: Path,
-    why: Array,
+    cause: Array,
     reasons: list[str],
     drifting: Array,
     passing: Array,
     lag: Array,
-    weight: Array,
+    amplification: Array,
 ) -> Iterator[Stretch]:
     """Stretches of the run; those by second order last a while, unless it is the whole run."""
     times = path.times
     turns = path.summed(path.speed) / (2 * pi * path.torque_factor)
-    # Windows reach from a sound point to a sound point.
-    between = np.where(why[:-1] > 0, why[:-1], why[1:])
+    # Windows reach from one point at which averaging holds to another.
+    between = np.where(cause[:-1] > 0, cause[:-1], cause[1:])
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
+    # First and last points of stretches; short ones between windows join them.
     ranges: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
         if (
@@ -250,13 +261,13 @@ def _stretches(
             ranges[-1] = ranges[-1][0], last
         else:
             ranges.append((first, last))
-    gained = path.summed(path.wear * weight)
+    gained = path.summed(path.wear * amplification)
     for first, last in ranges:
         part = slice(first, last + 1)
-        causes = [cause for cause in dict.fromkeys(between[first:last].tolist()) if cause]
-        if causes:
-            reason = "; ".join(dict.fromkeys(reasons[cause] for cause in causes))
-            decisive = _SEPARATRIX in causes or _TOO_SLOW in causes
+        numbers = [number for number in dict.fromkeys(between[first:last].tolist()) if number]
+        if numbers:
+            reason = "; ".join(dict.fromkeys(reasons[number] for number in numbers))
+            decisive = _SEPARATRIX in numbers or _TOO_SLOW in numbers
             until = last
             while first < last:
                 cut = int(
