@@ -171,7 +171,8 @@ def complaint(error: click.ClickException) -> str:
     message = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in message)
     if not isinstance(error, click.UsageError) or error.ctx is None:
         return f"polhode: {message}"
-    command, message = error.ctx.command, message.removesuffix(".")
+    command = error.ctx.command
+    message = message.removesuffix(".")
     if not isinstance(error, click.BadParameter) or isinstance(error, click.MissingParameter):
         message += " expected: " if message.endswith("?") else ", expected: "
         message += " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
@@ -199,13 +200,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     warnings.filterwarnings("ignore", category=RuntimeWarning)
     warnings.filterwarnings("always", category=Question)
     warnings.showwarning = lambda message, *where, **more: click.echo(f"note: {message}", err=True)
-    code, said = 1, ""
+    code = 1
+    said = ""
     try:
         result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)
         code = result if isinstance(result, int) else 0
         sys.stdout.flush()
     except click.ClickException as error:
-        code, said = error.exit_code, complaint(error)
+        code = error.exit_code
+        said = complaint(error)
     except (KeyboardInterrupt, click.Abort):
         said = "polhode: interrupted"
     except BrokenPipeError:

@@ -14,11 +14,13 @@ from polhode.models.theory.fixed_points import attractors
 
 # The function is looked at so often per step of the run, and between two rows at least; and so
 # often at most.
-LOOKS_PER_STEP, LOOKS_PER_ROW, MOST_LOOKS = 16, 4, 1_000_000
+_LOOKS_PER_STEP = 16
+_LOOKS_PER_ROW = 4
+_MOST_LOOKS = 1_000_000
 # SciPy's least.
-RTOL = np.float64(4 * np.finfo(float).eps)
+_RTOL = np.float64(4 * np.finfo(float).eps)
 # Of the largest value: further apart one row's values are not the same but for the order of sums.
-SAME = 1e-9
+_SAME = 1e-9
 # Distance in L and E, over I_max, within which a particle has arrived.
 ARRIVED = 0.05
 
@@ -52,7 +54,8 @@ class Event:
             what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
             raise ValueError(f"event {self.name!r}: got {what}") from error
         if values.shape != solution.times.shape:
-            got, expected = values.shape, solution.times.shape
+            got = values.shape
+            expected = solution.times.shape
             raise ValueError(f"event {self.name!r}: got values of shape {got}, expected {expected}")
         if values.size and np.isnan(values).all():
             raise ValueError(f"event {self.name!r}: got no numbers, expected what the form knows")
@@ -78,7 +81,8 @@ def separatrix(solution: SceneSolution) -> np.ndarray:
 
 def distance_to_settled(solution: SceneSolution) -> np.ndarray:
     """Distance of L and E, over I_max, from the nearest stable state, less that within which it counts as arrived."""
-    scene, form = solution.scene, solution.equations
+    scene = solution.scene
+    form = solution.equations
     if scene.flow is not None:
         expected = "simple shear, whose stable states are known"
         raise ValueError(f"event 'settled': got {scene.flow.words}, expected {expected}")
@@ -109,10 +113,8 @@ def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
             expected = f"one of {', '.join(EVENTS)}, or a function{hint(str(what), EVENTS)}"
             raise ValueError(f"events: got {what!r}, expected {expected}")
         else:
-            direction, terminal = (
-                getattr(what, "direction", 0.0),
-                getattr(what, "terminal", None) or False,
-            )
+            direction = getattr(what, "direction", 0.0)
+            terminal = getattr(what, "terminal", None) or False
             found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))
     names = [event.name for event in found]
     if len(set(names)) < len(names):
@@ -132,17 +134,19 @@ def happened(solution: Any, event: Event) -> Any:
 
     def value(t: float) -> float:
         # From the look before t: a step or two.
-        i, alone = np.searchsorted(looked.times, t), float(event.values(looked(t))[0])
+        i = np.searchsorted(looked.times, t)
+        alone = float(event.values(looked(t))[0])
         if t < looked.times[i]:
             return alone
-        if abs(alone - values[i]) > SAME * np.nanmax(np.abs(values)):
+        if abs(alone - values[i]) > _SAME * np.nanmax(np.abs(values)):
             got = f"got {alone:g} at t = {t:g} alone, {values[i]:g} among others"
             raise ValueError(
                 f"event {event.name!r}: {got}, expected values that depend on their own row alone"
             )
         return float(values[i])
 
-    sign, times = np.sign(values), []
+    sign = np.sign(values)
+    times = []
     rising = np.where(sign[1:] != 0, sign[1:], -sign[:-1])
     passed = (sign[1:] != sign[:-1]) & (np.abs(sign[:-1]) == 1) & (event.direction * rising >= 0)
     for i in np.flatnonzero(passed).tolist():
@@ -150,7 +154,7 @@ def happened(solution: Any, event: Event) -> Any:
         times.append(
             high
             if values[i + 1] == 0
-            else brentq(value, low, high, xtol=1e-300, rtol=RTOL, maxiter=2000)
+            else brentq(value, low, high, xtol=1e-300, rtol=_RTOL, maxiter=2000)
         )
     return looked(np.array(times))
 
@@ -170,6 +174,6 @@ def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSoluti
 def _looks(solution: Any) -> np.ndarray:
     """The solution's times and equispaced ones between each two of them."""
     rows = len(solution.times) - 1
-    wanted = max(LOOKS_PER_ROW * rows, LOOKS_PER_STEP * (solution.work.steps or rows))
-    between = max(1, -(-min(wanted, MOST_LOOKS) // max(rows, 1)))
+    wanted = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))
+    between = max(1, -(-min(wanted, _MOST_LOOKS) // max(rows, 1)))
     return np.interp(np.arange(rows * between + 1) / between, np.arange(rows + 1), solution.times)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Numbers of which Python finds the largest in less time than NumPy.
 _FEW = 20
 # A table of more rows would hold gigabytes.
-MOST_SAMPLES = 10_000_000
+_MOST_SAMPLES = 10_000_000
 
 
 # The catalogue's names of SciPy's methods, by SciPy's own.
@@ -56,7 +56,7 @@ def solve_ivp(
     uband: int | None = None,
     mass: Any = None,
     dense_output: bool = True,
-    **others: Any,
+    **options: Any,
 ) -> "OptimizeResult":
     """Solve ``y' = fun(t, y, *args)`` by a solver of the catalogue or of one's own.
 
@@ -99,7 +99,7 @@ def solve_ivp(
         M in ``M y' = fun(t, y)``, its diagonal or a matrix; where it is singular, by `ida` alone.
     dense_output : bool
         For SciPy's sake: `sol` is always there.
-    others
+    options
         Any other of SciPy's options is refused.
 
     Returns
@@ -115,13 +115,13 @@ def solve_ivp(
     """
     from scipy.optimize import OptimizeResult
 
-    if others:
+    if options:
         taken = (
             "t_eval, events, args, rtol, atol, max_step, first_step, jac, jac_sparsity, lband, "
             "uband, dense_output"
         )
         raise ValueError(
-            f"solve_ivp: got {', '.join(others)}, expected no options of SciPy's but {taken}"
+            f"solve_ivp: got {', '.join(options)}, expected no options of SciPy's but {taken}"
         )
     require_numbers("t_span", t_span, 2)
     check_tolerance("rtol", rtol)
@@ -129,24 +129,32 @@ def solve_ivp(
         raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
     if t_span[0] == t_span[1] or not all(map(isfinite, t_span)):
         raise ValueError(f"t_span: got {t_span!r}, expected a start and another, finite end")
-    (began, end), args = map(float, t_span), () if args is None else _numbers_of(args)
-    known = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband, "mass": mass}
+    began, end = map(float, t_span)
+    args = () if args is None else _numbers_of(args)
+    structure = {"jac_sparsity": jac_sparsity, "lband": lband, "uband": uband, "mass": mass}
     problem = Problem.from_function(
-        fun, y0, end, args, t_start=began, jacobian=jac if jacobian is None else jacobian, **known
+        fun,
+        y0,
+        end,
+        args,
+        t_start=began,
+        jacobian=jac if jacobian is None else jacobian,
+        **structure,
     )
     if isinstance(method, str):
         method = _SCIPYS_NAMES.get(method, method)
     solver = find_solver(_default_method(problem) if method is None else method)
-    # What has just been recorded is not recorded again.
+    # A function that has just been recorded is not recorded again.
     problem = prepared(problem, solver)
     direction = 1.0 if end > began else -1.0
     every_step = t_eval is None and problem.plain and solver.shows_steps
-    wanted = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
+    requested = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
     # A run has its start and its end besides.
-    before, behind = bool(wanted[0] > 0), bool(wanted[-1] < problem.end)
-    times = wanted
+    before = bool(requested[0] > 0)
+    behind = bool(requested[-1] < problem.end)
+    times = requested
     if before or behind:
-        times = np.concatenate([[0.0] * before, wanted, [problem.end] * behind])
+        times = np.concatenate([[0.0] * before, requested, [problem.end] * behind])
     note = ""
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
@@ -161,11 +169,12 @@ def solve_ivp(
     extra = behind and len(run.times) == len(times)
     if ended:
         # By default the event is the last row, as in SciPy.
-        extra = t_eval is not None and run.times[-1] not in wanted
+        extra = t_eval is not None and run.times[-1] not in requested
     shown = slice(int(before), -1 if extra else None)
     message = "a terminal event happened" if ended else _words(run, note)
     if run.problem.plain:
         message += "; plain Python"
+    scipy_status = 0 if run.success else -1
     return OptimizeResult(
         t=users_times(problem, run.times[shown]),
         y=run.y[:d, shown],
@@ -174,7 +183,7 @@ def solve_ivp(
         y_events=[_states_of(event, d) for event in sought],
         nfev=run.nfev,
         njev=run.njev,
-        status=1 if ended else 0 if run.success else -1,
+        status=1 if ended else scipy_status,
         message=message,
         success=run.success,
     )
@@ -182,11 +191,11 @@ def solve_ivp(
 
 def _numbers_of(args: Any) -> tuple[float, ...]:
     """The arguments of `solve_ivp`; ValueError, with the way out, if one is no number."""
-    given = args if np.iterable(args) and not isinstance(args, str | dict) else [args]
-    for each in given:
-        if not isinstance(each, Real):
-            raise ValueError(f"args: got {in_one_line(each)}, expected numbers; {INTO_A_CLOSURE}")
-    return tuple(given)
+    numbers = args if np.iterable(args) and not isinstance(args, str | dict) else [args]
+    for number in numbers:
+        if not isinstance(number, Real):
+            raise ValueError(f"args: got {in_one_line(number)}, expected numbers; {INTO_A_CLOSURE}")
+    return tuple(numbers)
 
 
 def _default_method(problem: Problem) -> str:
@@ -200,7 +209,7 @@ def _default_method(problem: Problem) -> str:
 
 
 def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: int) -> np.ndarray:
-    """Times of a run at which rows are asked for, increasing; by default so many."""
+    """Requested times of a run, increasing; `count` of them by default."""
     if t_eval is None:
         return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
     if end > began:
@@ -210,9 +219,11 @@ def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: in
 
 def _sought(events: Any, value: Callable[..., Any]) -> list[SoughtEvent]:
     """The events of `solve_ivp` as a run seeks them."""
-    given = events if isinstance(events, Iterable) else [] if events is None else [events]
+    functions = () if events is None else events
+    if not isinstance(functions, Iterable):
+        functions = [functions]
     sought = []
-    for function in given:
+    for function in functions:
         if not (callable(function) or isinstance(function, Event)):
             got = in_one_line(function)
             raise ValueError(f"events: got {got}, expected a function event(t, y)")
@@ -242,69 +253,70 @@ def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
 
 
 def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.ndarray:
-    """What SciPy's `sol` is: states at t, shape (d,) or (d, k)."""
+    """SciPy's `sol`: states at t, shape (d,) or (d, k)."""
     return run.sol(direction * (np.asarray(t) - began))[:d]
 
 
-def _words(found: Solution, note: str) -> str:
-    reason = f" ({found.message})" if found.message else ""
-    return found.status.meaning + reason + (f"; {note}" if note else "")
+def _words(run: Solution, note: str) -> str:
+    reason = f" ({run.message})" if run.message else ""
+    return run.status.meaning + reason + (f"; {note}" if note else "")
 
 
 def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:
     """The absolute tolerance where none is given, and what is to be said of it."""
     size = max(map(abs, y0)) if len(y0) < _FEW else np.max(np.abs(y0))
-    size, least = float(size), float(np.min(rtol))
+    size = float(size)
+    least = float(np.min(rtol))
     if size > 0:
         return least * size, ""
     return least, f"atol = rtol = {least:g}, as y0 is 0; give atol if the solution is small"
 
 
-def check_tolerance(name: str, given: Any) -> None:
+def check_tolerance(name: str, value: Any) -> None:
     """Raise ValueError unless it is a finite positive number or several."""
     # NumPy would take a few microseconds to say so.
-    if isinstance(given, float) and 0 < given < inf:
+    if isinstance(value, float) and 0 < value < inf:
         return
     try:
-        numbers = np.array(given, dtype=float)
+        numbers = np.array(value, dtype=float)
     except (TypeError, ValueError):
         numbers = np.zeros(0)
     good = numbers.ndim < 2 and numbers.size and (np.isfinite(numbers) & (numbers > 0)).all()
-    if not good or isinstance(given, str | bool):
-        raise ValueError(f"{name}: got {given!r:.60}, expected a finite positive number")
+    if not good or isinstance(value, str | bool):
+        raise ValueError(f"{name}: got {value!r:.60}, expected a finite positive number")
 
 
 def check_samples(samples: int) -> None:
     """Raise ValueError for what is no number of output times."""
-    if not (isinstance(samples, Integral) and 2 <= samples <= MOST_SAMPLES):
+    if not (isinstance(samples, Integral) and 2 <= samples <= _MOST_SAMPLES):
         raise ValueError(
-            f"samples: got {samples!r}, expected a whole number from 2 to {MOST_SAMPLES}"
+            f"samples: got {samples!r}, expected a whole number from 2 to {_MOST_SAMPLES}"
         )
 
 
-def increasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
+def increasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
     """Times as an array; ValueError unless they are increasing numbers within a run."""
-    times = _times(given)
+    times = _times(values)
     if not (_rise(times) and begin <= times[0] and times[-1] <= end):
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
-        raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
+        raise ValueError(f"{name}: got {values!r:.60}, expected {expected}")
     return times
 
 
-def decreasing(name: str, given: Any, begin: float, end: float) -> np.ndarray:
+def decreasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
     """Times as an array; ValueError unless they are decreasing numbers within a run backwards."""
-    times = _times(given)
+    times = _times(values)
     if not (_rise(-times) and end <= times[-1] and times[0] <= begin):
         expected = f"decreasing numbers from {in_full(begin)} to {in_full(end)}"
-        raise ValueError(f"{name}: got {given!r:.60}, expected {expected}")
+        raise ValueError(f"{name}: got {values!r:.60}, expected {expected}")
     return times
 
 
-def _times(given: Any) -> np.ndarray:
+def _times(values: Any) -> np.ndarray:
     """Times as an array, empty if they are no numbers."""
     try:
-        found = np.array(given)
-        return found.astype(float) if found.dtype.kind in "biufO" else np.empty(0)
+        array = np.array(values)
+        return array.astype(float) if array.dtype.kind in "biufO" else np.empty(0)
     except (TypeError, ValueError, OverflowError):
         return np.empty(0)
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from html import escape
+from itertools import product
 from math import nan
 from operator import attrgetter
 from typing import IO, TYPE_CHECKING, Any
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 # Rows between two notes on how much is written.
-ROWS = 10_000
-COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E", *(f"R{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))]
+_ROWS = 10_000
+COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E"]
+COLUMNS += [f"R{i}{j}" for i, j in product((1, 2, 3), repeat=2)]
 # On demand: ω in space axes.
 OMEGA = ["wx", "wy", "wz"]
 
@@ -48,7 +50,7 @@ class SceneSolution(LikeSolveIvp):
     `message`, `success`.
 
     `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the
-    rotation matrix there; `run`, that of the form's problem, has states, status and work. `error`
+    rotation matrix there; `run`, of the form's problem, has states, status and work. `error`
     is estimated for this very run: `slow` and `orientation`. `events` has by name the motion at the
     times at which an event asked for happened.
     """
@@ -64,7 +66,7 @@ class SceneSolution(LikeSolveIvp):
     def __call__(self, t: "ArrayLike") -> "SceneSolution":
         """The motion at other times of the run."""
         times = times_within(self, t)
-        # Where they are the run's, they are so to the last bit.
+        # At times of the run the motion is the run's to the last bit.
         return self.at(times, self.run(np.interp(times, self.times, self.run.times)))
 
     def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
@@ -96,7 +98,7 @@ class SceneSolution(LikeSolveIvp):
         lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
         if self.error is not UNKNOWN:
             lines.append(f"  error: {self.error.words()}")
-        lines += [f"  piece: {each}" for each in self.pieces_in_words()]
+        lines += [f"  piece: {words}" for words in self.pieces_in_words()]
         return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
 
     def _repr_html_(self) -> str:
@@ -112,15 +114,16 @@ class SceneSolution(LikeSolveIvp):
         """Pieces of a run of several: their begin and end in slow time, reason, expected error, steps; else none."""
         unit = self.run.problem.time_unit / self.scene.stokes if self.run.stages else 1.0
         return tuple(
-            replace(each, begin=unit * each.begin, end=unit * each.end) for each in self.run.stages
+            replace(stage, begin=unit * stage.begin, end=unit * stage.end)
+            for stage in self.run.stages
         )
 
     def pieces_in_words(self, most: int = 8) -> list[str]:
         """The pieces, one a line, the first ones if there are many."""
         lines = [
-            f"t₂ = {each.begin:.3g} to {each.end:.3g}: {each.reason}"
-            f"{'' if each.averaged else ', full equations'}, error below {scientific(each.error)}"
-            for each in self.pieces
+            f"t₂ = {piece.begin:.3g} to {piece.end:.3g}: {piece.reason}"
+            f"{'' if piece.averaged else ', full equations'}, error below {scientific(piece.error)}"
+            for piece in self.pieces
         ]
         return (
             lines
@@ -187,7 +190,7 @@ class SceneSolution(LikeSolveIvp):
         return table
 
     def provenance(self) -> dict[str, Any]:
-        """Where the numbers come from, as plain data: scene, form, solver, tolerance, error, versions."""
+        """The origin of the numbers, as plain data: scene, form, solver, tolerance, error, versions."""
         from polhode.models.files.scene_file import scene_table
 
         names = ("form", "solver", "tolerance", "seconds")
@@ -196,7 +199,7 @@ class SceneSolution(LikeSolveIvp):
             **{name: getattr(self, name) for name in names},
             "status": str(self.status),
             "error": self.error.summary(),
-            "pieces": [asdict(each) for each in self.pieces],
+            "pieces": [asdict(piece) for piece in self.pieces],
             "versions": versions(),
         }
 
@@ -225,8 +228,8 @@ class SceneSolution(LikeSolveIvp):
             },
             # Numbers and text alone can be written to any file.
             {
-                name: dumps(each) if isinstance(each, dict | list) else each
-                for name, each in self.provenance().items()
+                name: dumps(value) if isinstance(value, dict | list) else value
+                for name, value in self.provenance().items()
             },
         )
 
@@ -262,7 +265,12 @@ def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]
     """Write `COLUMNS`, and `OMEGA` if the table has them; `advance` hears how much is done, from 0 to 1."""
     # In 17 significant digits, NaN as an empty cell.
     file.write(",".join([*COLUMNS, *OMEGA][: table.shape[1]]) + "\n")
-    for first in range(0, len(table), ROWS):
-        rows = table[first : first + ROWS].tolist()
-        file.writelines(",".join("" if x != x else f"{x:.17g}" for x in row) + "\n" for row in rows)
+    for first in range(0, len(table), _ROWS):
+        rows = table[first : first + _ROWS].tolist()
+        file.writelines(map(_line, rows))
         advance(first / len(table))
+
+
+def _line(row: list[float]) -> str:
+    """One line of CSV, NaN as an empty cell."""
+    return ",".join("" if x != x else f"{x:.17g}" for x in row) + "\n"

@@ -46,13 +46,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Of the classical problems.
-TOLERANCES, QUICK = tuple(10.0**-k for k in range(3, 13)), (1e-4, 1e-7, 1e-10)
-# Errors by name: the largest at any sample, that at the end, the root of the mean square.
-ERRORS = ("max", "final", "L2")
+# Tolerances of the classical problems.
+_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+QUICK = (1e-4, 1e-7, 1e-10)  # Tolerances of a first look.
+# Errors by name: the largest at any sample, the one at the end, the root of the mean square.
+_ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
-REFUSED = "refused"
-PLAIN_PYTHON = "plain Python"
+_REFUSED = "refused"
+_PLAIN_PYTHON = "plain Python"
 # An error above this share of the state's size is no accuracy: it is not known, and no success.
 _NO_ACCURACY = 0.1
 # A reference less certain than this contradicts no run.
@@ -132,19 +133,26 @@ class WorkPrecision:
             expected = "expected a Problem: Problem.from_function(f, y0, t_end), or a form's"
             raise ValueError(f"problem: got {problem!r:.60}, {expected}")
         check_samples(samples)
-        given = [*tolerances] if np.iterable(tolerances) else []
-        if not (given and all(isinstance(each, Real) and each > 0 for each in given)):
+        values = [*tolerances] if np.iterable(tolerances) else []
+        if not (values and all(isinstance(value, Real) and value > 0 for value in values)):
             raise ValueError(f"tolerances: got {tolerances!r}, expected positive numbers")
-        if error not in ERRORS:
-            raise ValueError(f"error: got {error!r}, expected one of {', '.join(ERRORS)}")
+        if error not in _ERRORS:
+            raise ValueError(f"error: got {error!r}, expected one of {', '.join(_ERRORS)}")
         if not max_seconds > 0:
             raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
-        self.solvers, self.tolerances, self.samples = solvers, tuple(given), samples
-        self.max_seconds, self.quiet, self.classical = max_seconds, quiet, classical
-        self.atol, self.error, self.relative = atol, error, relative
+        self.solvers = solvers
+        self.tolerances = tuple(values)
+        self.samples = samples
+        self.max_seconds = max_seconds
+        self.quiet = quiet
+        self.classical = classical
+        self.atol = atol
+        self.error = error
+        self.relative = relative
         if classical and atol is None:
             self.atol = classical.atol
-        self.own_reference, self.over = reference, dict(over or {})
+        self.own_reference = reference
+        self.over = dict(over or {})
         began = perf_counter()
         self.problem = frozen(problem) if isinstance(problem, Problem) else problem
         self.trace_seconds = perf_counter() - began
@@ -197,14 +205,14 @@ class WorkPrecision:
 
     @property
     def source(self) -> str:
-        """Where the reference comes from, in words."""
+        """The source of the reference, in words."""
         return self._reference.source
 
     @cached_property
     def _reference(self) -> OwnReference:
         problem = self.one
         if self.classical:
-            # What the end is worth is part of the test problem.
+            # The reference at the end is part of the test problem.
             ends = np.array([problem.start, self.classical.reference])
             return OwnReference(ends, 0.0, self.classical.source)
         if self.own_reference is not None:
@@ -213,23 +221,26 @@ class WorkPrecision:
 
     def _given(self, reference: Any) -> np.ndarray:
         """States of a reference of one's own, shape (samples, d)."""
-        problem, times = self.one, self.times
+        problem = self.one
+        times = self.times
         states: np.ndarray
         if hasattr(reference, "sol") and callable(reference.sol):
-            own = isinstance(getattr(reference, "problem", None), Problem)
-            states = np.asarray(reference.sol(times if own else users_times(problem, times))).T
+            dense_solution = isinstance(getattr(reference, "problem", None), Problem)
+            states = np.asarray(
+                reference.sol(times if dense_solution else users_times(problem, times))
+            ).T
         elif callable(reference):
             own_times = users_times(problem, times).tolist()
             try:
                 rows = [reference(t) for t in own_times]
                 states = np.array(rows, dtype=float).reshape(len(times), -1)
             except Exception as error:
-                what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
-                raise ValueError(f"reference: got {what}, expected states") from error
+                failure = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+                raise ValueError(f"reference: got {failure}, expected states") from error
         else:
             states = np.asarray(reference)
-        wanted = (self._components, self.one.dimension)
-        if states.ndim != 2 or len(states) != len(times) or states.shape[1] not in wanted:
+        dimensions = (self._components, self.one.dimension)
+        if states.ndim != 2 or len(states) != len(times) or states.shape[1] not in dimensions:
             expected = f"states of shape {(len(times), self._components)}"
             raise ValueError(f"reference: got shape {states.shape}, expected {expected}")
         if not np.isfinite(states.astype(float)).all():
@@ -253,7 +264,8 @@ class WorkPrecision:
             return pd.concat(
                 [study.frame.assign(**point) for point, study in self.studies], ignore_index=True
             )
-        rows, setups = [], as_setups(self.solvers, self.one)
+        rows = []
+        setups = as_setups(self.solvers, self.one)
         if any(setup.solver for setup in setups):
             check_field(self.one)
         with Progress(self.quiet) as progress:
@@ -262,7 +274,9 @@ class WorkPrecision:
                 _prepared(one, self.one, loosest, self._atol_of(one, loosest)) for one in setups
             ]
             progress.begin(f"{self.name}: reference")
-            exact, uncertainty, missing = None, None, ""
+            exact = None
+            uncertainty = None
+            missing = ""
             try:
                 exact, uncertainty = self.reference
             except ReferenceFailedError as error:
@@ -297,7 +311,7 @@ class WorkPrecision:
         return {
             "solver": setup.label,
             "tolerance": tolerance,
-            "status": REFUSED,
+            "status": _REFUSED,
             "message": reason,
             **dict.fromkeys(nothing),
             "trace_seconds": self.trace_seconds,
@@ -337,7 +351,7 @@ class WorkPrecision:
         return write_file(Path(path), dumps({**self.settings(), "rows": rows}) + "\n")
 
     def settings(self) -> dict[str, Any]:
-        """What was asked for, and what the reference is."""
+        """The requested settings, and the reference."""
         sources = [_source(study) for _, study in self.studies]
         return {
             "problem": self.name,
@@ -391,7 +405,9 @@ class WorkPrecision:
 
     def runner(self, setup: Setup, tolerance: float) -> Callable[..., Any]:
         """One run as ``run(max_seconds, count=, doubt=)``, by a solver or by a function in its place."""
-        problem, times, atol = self.one, self.times, self._atol_of(setup, tolerance)
+        problem = self.one
+        times = self.times
+        atol = self._atol_of(setup, tolerance)
         options = {name: value for name, value in setup.options.items() if name != "atol"}
 
         def run(limit: float = inf, *, count: bool = False, doubt: bool = False) -> Any:
@@ -413,18 +429,20 @@ class WorkPrecision:
             partial(run, count=True, doubt=True),
             lambda one: one.status is Status.TIME_LIMIT,
         )
-        status, message = first.status, first.message
+        status = first.status
+        message = first.message
         error = self.error_of(first.states, exact) if first.success and exact is not None else None
         if error is not None and exact is not None:
             apart = self._apart(first.states, exact)
             if apart > _NO_ACCURACY and uncertainty is not None and uncertainty < _SURE:
-                status, error = Status.FALSE_SUCCESS, None
+                status = Status.FALSE_SUCCESS
+                error = None
                 message = f"off by {apart:.2g} of the state's size"
         timing = None
         if status.success and first.seconds <= self.max_seconds:
             timing = _timed(run)
         if setup.solver is None and timing:
-            # What the first call took beyond the others: a library's own compilation.
+            # Time of the first call beyond the others: a library's own compilation.
             compile_seconds = max(0.0, first.seconds - timing.seconds)
         least = least_known(uncertainty)
         return {
@@ -461,7 +479,7 @@ def _runs_as(run: Any) -> str:
     if settings is None:
         # It may compile the right-hand side or not.
         return FUNCTION
-    return PLAIN_PYTHON if settings.backend == "python" else "compiled"
+    return _PLAIN_PYTHON if settings.backend == "python" else "compiled"
 
 
 def _timed(run: Callable[[], Any]) -> Timing:
@@ -547,21 +565,22 @@ def run_problems(
     quiet: bool = False,
 ) -> list[Record]:
     """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
-    settings = {"tolerances": QUICK if quick else TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
+    settings = {"tolerances": QUICK if quick else _TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
     pairs = pairs_of(names, solvers)
     cases = (
         {"problem": name, "solver": solver, **settings, "versions": versions()}
         for name, solver in pairs
     )
-    wanted = {digest(case): case for case in cases}
-    known, found = store.keys(), []
+    cases_by_key = {digest(case): case for case in cases}
+    stored_keys = store.keys()
+    all_rows = []
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
     progress = tqdm(
-        wanted.items(), disable=quiet or None, unit="case", desc="problems", leave=False
+        cases_by_key.items(), disable=quiet or None, unit="case", desc="problems", leave=False
     )
     with Worker() as worker, progress:
         for key, case in progress:
-            if key in known:
+            if key in stored_keys:
                 continue
             reply = worker.run(
                 measured, case["problem"], case["solver"], *settings.values(), limit=limit
@@ -582,10 +601,10 @@ def run_problems(
                 {"rows": rows, "machine": machine(), "versions": versions()},
             )
     for record in store:
-        if record["key"] in wanted:
+        if record["key"] in cases_by_key:
             kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}
-            found += [{**row, **kept} for row in record["rows"]]
-    return found
+            all_rows += [{**row, **kept} for row in record["rows"]]
+    return all_rows
 
 
 def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, str]]:
@@ -600,9 +619,13 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
         method = find_solver(solver)
         return method.available and solver not in one.hopeless and method.takes(one.problem)
 
-    own, methods = names or PROBLEMS, solvers or SOLVERS
-    if pairs := [(name, each) for name in own for each in methods if takes(each, PROBLEMS[name])]:
+    problem_names = names or PROBLEMS
+    methods = solvers or SOLVERS
+    pairs = []
+    for name in problem_names:
+        pairs += [(name, method) for method in methods if takes(method, PROBLEMS[name])]
+    if pairs:
         return pairs
     raise ValueError(
-        f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(own)}"
+        f"solver: got {', '.join(methods)}, expected one that takes {' or '.join(problem_names)}"
     )

@@ -84,7 +84,8 @@ class Flow:
         Between the times, the knots, it is the cubic spline through them: its error falls as the
         fourth power of their distance, and its second derivative is continuous.
         """
-        knots, gradients = _checked_knots(times), _listed(gradients)
+        knots = _checked_knots(times)
+        gradients = _listed(gradients)
         if len(gradients) != len(knots):
             raise ValueError(
                 f"flow.track: got {len(gradients)} gradients at {len(knots)} times, expected one at each"

@@ -23,7 +23,9 @@ class FormNotValidError(ValueError):
 
     def __init__(self, condition: str, form: str = "", instead: str = "") -> None:
         super().__init__(condition, form, instead)
-        self.condition, self.form, self.instead = condition, form, instead
+        self.condition = condition
+        self.form = form
+        self.instead = instead
 
     @property
     def reason(self) -> str:
@@ -125,11 +127,14 @@ class Form(ABC):
         """Raise FormNotValidError in other flows than shear, at St = 0 and inf, and unless `rest` at L = 0."""
         self.require_flow(scene)
         if scene.stokes == 0:
-            why, instead = "St = 0 has no slow variables", "jeffery"
+            why = "St = 0 has no slow variables"
+            instead = "jeffery"
         elif scene.torque_factor == 0:
-            why, instead = "at St = inf the slow variables are constant", "euler-top"
+            why = "at St = inf the slow variables are constant"
+            instead = "euler-top"
         elif not rest and not np.any(scene.initial.angular_momentum):
-            why, instead = "the start has L = 0, where averaging does not apply", full_form(scene)
+            why = "the start has L = 0, where averaging does not apply"
+            instead = full_form(scene)
         else:
             return
         if isinstance(scene.start, SlowStart):

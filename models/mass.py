@@ -13,19 +13,24 @@ from polhode.models.structure import Structure
 _MAX_FULL_MASS = 500
 
 
-def mass_of(given: Any, dimension: int) -> np.ndarray | None:
-    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d); None of none."""
-    if given is None:
+def mass_of(matrix: Any, dimension: int) -> np.ndarray | None:
+    """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d).
+
+    None if there is none.
+    """
+    if matrix is None:
         return None
     expected = f"the diagonal, {dimension} numbers, or a matrix of shape {(dimension, dimension)}"
-    if hasattr(given, "toarray"):
-        given = given.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(given)
+    if hasattr(matrix, "toarray"):
+        dense = matrix.toarray() if dimension <= _MAX_FULL_MASS else _diagonal(matrix)
+    else:
+        dense = matrix
     try:
-        mass = np.array(given, dtype=float)
+        mass = np.array(dense, dtype=float)
     except (TypeError, ValueError):
         mass = np.empty(0)
     if mass.shape not in ((dimension,), (dimension, dimension)) or not np.isfinite(mass).all():
-        raise ValueError(f"mass: got {given!r:.60}, expected {expected}")
+        raise ValueError(f"mass: got {dense!r:.60}, expected {expected}")
     if mass.ndim == 2 and not (mass - np.diag(mass.diagonal())).any():
         mass = mass.diagonal().copy()
     if mass.ndim == 2 and dimension > _MAX_FULL_MASS:
@@ -89,11 +94,11 @@ class Unmassed:
         values = values if isinstance(values, np.ndarray) else np.array(values)
         return self.inverse * values if self.mass.ndim == 1 else self.inverse @ values
 
-    def structure(self, known: Structure | None) -> Structure | None:
-        """What is known of the Jacobian of these rates."""
-        if known is None:
+    def structure(self, structure: Structure | None) -> Structure | None:
+        """The structure of these rates' Jacobian, from the structure of the function's."""
+        if structure is None:
             return None
-        jacobian = known.jacobian
+        jacobian = structure.jacobian
         if callable(jacobian):
             jacobian = partial(self._times_given, jacobian)
         elif jacobian is not None:
@@ -101,10 +106,12 @@ class Unmassed:
         if self.mass.ndim == 2:
             # Products with a full matrix have no pattern of their own.
             return None if jacobian is None else Structure(jacobian)
-        return replace(known, jacobian=jacobian)
+        return replace(structure, jacobian=jacobian)
 
-    def _times_given(self, given: Callable[..., Any], t: float, y: Any, *parameters: float) -> Any:
-        return self._times(given(t, y, *parameters))
+    def _times_given(
+        self, jacobian: Callable[..., Any], t: float, y: Any, *parameters: float
+    ) -> Any:
+        return self._times(jacobian(t, y, *parameters))
 
     def _times(self, matrix: Any) -> Any:
         if self.mass.ndim == 2:

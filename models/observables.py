@@ -62,18 +62,17 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
     direction = rotation[:, axis]
     across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    rotation[:, axis - 2], rotation[:, axis - 1] = across, np.cross(direction, across)
+    rotation[:, axis - 2] = across
+    rotation[:, axis - 1] = np.cross(direction, across)
     return rotation
 
 
 def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
     """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open."""
     # Of a spheroid the symmetry axis' row is enough, of a sphere L.
-    momentum, rotation, inertia = (
-        observables.angular_momentum,
-        observables.rotation,
-        np.array(ellipsoid.inertia),
-    )
+    momentum = observables.angular_momentum
+    rotation = observables.rotation
+    inertia = np.array(ellipsoid.inertia)
     axis = ellipsoid.symmetry_axis
     if ellipsoid.kind == "triaxial":
         return np.einsum("nij,i,nik,nk->nj", rotation, 1 / inertia, rotation, momentum)

@@ -1,4 +1,6 @@
-"""Results that are computed once, whatever the number of threads that ask for them; the latest ones are cached.
+"""Results that are computed once, whatever the number of threads that ask for them.
+
+The latest ones are cached.
 
 A call that finds its result takes no lock. Threads that miss the same result wait for the one that
 computes it, those that miss others do not. A result lives as long as somebody holds it: whoever
@@ -15,9 +17,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 # Results of one function that are cached; a compiled field takes 0.8 MB.
-MAX_CACHED = 64
+_MAX_CACHED = 64
 # Results for one thread; an integrator of heyoka takes 0.2 to 0.7 MB.
-MAX_CACHED_IN_THREAD = 16
+_MAX_CACHED_IN_THREAD = 16
 
 _clock = count()
 
@@ -37,8 +39,9 @@ class _Entry:
 class Once(Generic[P, R]):
     """A function whose results are computed once; see `once`."""
 
-    def __init__(self, function: Callable[P, R], size: int = MAX_CACHED) -> None:
-        self.function, self.size = function, size
+    def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED) -> None:
+        self.function = function
+        self.size = size
         self.__wrapped__ = function
         self._entries: dict[tuple[Any, ...], _Entry] = {}
         self._lock = RLock()
@@ -84,31 +87,34 @@ class Once(Generic[P, R]):
         return entry
 
     def _stored(self, part: Any, key: tuple[Any, ...]) -> Any:
-        """An argument as the cache holds it: what it refers to weakly takes the result along when it dies."""
+        """An argument as the cache holds it; a result dies with an argument held weakly."""
         weakly = getattr(part, "weakly", None)
         return part if weakly is None else weakly(self._forget)
 
     def _forget(self, dead: Any) -> None:
-        """Drop the results whose key holds an argument that has died; any thread may call this at any time."""
+        """Drop the results whose key holds an argument that has died.
+
+        Any thread may call this at any time.
+        """
         for key in self._entries.copy():
             if any(part is dead for part in key):
                 self._entries.pop(key, None)
 
     def _trim(self) -> None:
-        """Drop the results that have not been used for the longest time, beyond the number allowed."""
+        """Drop the results beyond the number allowed that were unused for the longest time."""
         if len(self._entries) <= self.size:
             return
         with self._lock:
             ready = [
-                (each.last_use, key) for key, each in self._entries.copy().items() if each.ready
+                (entry.last_use, key) for key, entry in self._entries.copy().items() if entry.ready
             ]
             ready.sort(key=lambda pair: pair[0])
             for _, key in ready[: max(0, len(ready) - self.size)]:
                 self._entries.pop(key, None)
 
 
-def once(size: int = MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
-    """Cache a function's results, at most `size` of them, and compute no result twice at the same time.
+def once(size: int = _MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
+    """Cache at most `size` results of a function; no two threads compute one result at once.
 
     Arguments are hashable. One that has a method ``weakly(forget)`` is cached as what that returns:
     an object that equals it, does not keep it alive, and is given to `forget` when it dies.
@@ -117,9 +123,9 @@ def once(size: int = MAX_CACHED) -> Callable[[Callable[P, R]], Once[P, R]]:
 
 
 class OncePerThread(Generic[P, R], local):
-    """A function whose results are cached for the thread that asks, for objects that hold the state of a run."""
+    """A function whose results are cached per thread: objects that hold the state of a run."""
 
-    def __init__(self, function: Callable[P, R], size: int = MAX_CACHED_IN_THREAD) -> None:
+    def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED_IN_THREAD) -> None:
         self.cached = Once(function, size)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:

@@ -62,7 +62,8 @@ def polynomial(coefficients: Sequence[Any], x: Any) -> Any:
         pairs = [
             low + high * x for low, high in zip(coefficients[::2], coefficients[1::2], strict=False)
         ]
-        coefficients, x = [*pairs, *coefficients[2 * len(pairs) :]], x * x
+        coefficients = [*pairs, *coefficients[2 * len(pairs) :]]
+        x = x * x
     return coefficients[0]
 
 
@@ -75,7 +76,8 @@ class WithRate:
 
     def __call__(self, ops: Operations) -> Field:
         """The field of both."""
-        rates, rate = ops.use(self.field), ops.use(self.rate)
+        rates = ops.use(self.field)
+        rate = ops.use(self.rate)
         return lambda y, p: (*rates(y, p), rate(y, p))
 
 

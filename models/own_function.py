@@ -1,4 +1,4 @@
-"""A vector field from an ordinary function of Python: recorded where that can be, else called as it is."""
+"""A vector field from an ordinary Python function: recorded if possible, else called as it is."""
 
 import inspect
 import math
@@ -24,7 +24,7 @@ MAX_RECORDED = 200
 # Components up to which the exact Jacobian is compiled, entry by entry: 0.3 s. Beyond, solvers that
 # can call Python do.
 MAX_EXACT_JACOBIAN = 50
-# What users do with arguments that are no numbers.
+# Advice in messages about arguments that are no numbers.
 INTO_A_CLOSURE = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
 # Relative deviation of a recording from the function at the start, above which it is none.
 _SAME_RATES = 1e-9
@@ -42,12 +42,12 @@ class OwnField:
     timed: bool
     t_start: float
     t_end: float
-    # What it computes, recorded when a run began: names that it reads may mean something else
-    # later. None if it runs as plain Python.
+    # The operations that it computes, recorded when a run began: names that it reads may mean
+    # something else later. None if it runs as plain Python.
     recording: Recording | None = field(default=None, repr=False)
     # Why it is not recorded, in one line.
     plain_reason: str = field(default="", compare=False, repr=False)
-    # What is known of its Jacobian.
+    # Its Jacobian, as far as the user states it.
     structure: Structure | None = field(default=None, compare=False, repr=False)
     # Whether it stays so, whatever those names come to mean.
     frozen: bool = field(default=False, compare=False, repr=False)
@@ -75,7 +75,9 @@ class OwnField:
 
     def rates(self, parameters: Sequence[float]) -> Callable[[float, Any], Any]:
         """The function as ``rates(elapsed, y)`` of the run's time, in plain Python."""
-        function, begin, end = self.function, self.t_start, self.t_end
+        function = self.function
+        begin = self.t_start
+        end = self.t_end
         if self.backwards:
             return lambda t, y: -np.asarray(function(max(begin - t, end), y, *parameters))
         if begin:
@@ -90,7 +92,8 @@ class OwnField:
             return self._called
         if self.recording is None:
             raise UntraceableError(self.plain_reason)
-        recording, backwards = self.recording, self.backwards
+        recording = self.recording
+        backwards = self.backwards
 
         def rhs(y, p):
             time = self._time(ops, y[len(y) - 1]) if self.timed else math.nan
@@ -102,14 +105,14 @@ class OwnField:
         return rhs
 
     def _called(self, y: Any, p: Any) -> tuple[Any, ...]:
-        """The function itself, of a state with the time in it if it is `timed`, else at the start's."""
+        """The function itself; the time is in the state if it is `timed`, else the start's."""
         state = np.array([y[i] for i in range(len(y) - self.timed)], dtype=float)
         elapsed = float(y[len(state)]) if self.timed else 0.0
         rates = numbers_of(self.rates(tuple(p))(elapsed, state))
         return (*rates, *[1.0] * self.timed)
 
     def _time(self, ops: Operations, elapsed: Any) -> Any:
-        # Beyond the end a function of time need not have rates.
+        # A function of time need not have rates beyond the end.
         if self.backwards:
             time = self.t_start - elapsed
             return ops.where_positive(time - self.t_end, time, self.t_end + 0.0 * elapsed)
@@ -117,7 +120,10 @@ class OwnField:
         return ops.where_positive(self.t_end - time, time, self.t_end + 0.0 * elapsed)
 
     def recorded_anew(self, dimension: int, parameters: int) -> "OwnField":
-        """The field as its names have it now; an UntraceableError says what cannot be recorded any more."""
+        """The field as its names have it now.
+
+        An UntraceableError says what cannot be recorded any more.
+        """
         if self.frozen or self.recording is None:
             return self
         recording = record(self.function, dimension - self.timed, parameters)
@@ -132,7 +138,7 @@ class OwnField:
         return self.structure is not None and self.structure.jacobian is not None
 
     def weakly(self, forget: Callable[[Any], None]) -> Any:
-        """What equals this field, and dies with its function (`polhode.models.once`)."""
+        """An object that equals this field, and dies with its function (`polhode.models.once`)."""
         try:
             return _WeakField(self, forget)
         except TypeError:
@@ -140,9 +146,9 @@ class OwnField:
             return self
 
 
-# What makes a field besides its function.
+# The attributes by which fields of one function are compared.
 _REST = attrgetter(
-    *(each.name for each in fields(OwnField) if each.compare and each.name != "function")
+    *(part.name for part in fields(OwnField) if part.compare and part.name != "function")
 )
 
 
@@ -154,7 +160,8 @@ class _WeakField:
     def __init__(self, field: OwnField, forget: Callable[[Any], None]) -> None:
         kind: Any = WeakMethod if isinstance(field.function, MethodType) else ref
         self._function = kind(field.function, lambda _: forget(self))
-        self._hash, self._rest = hash(field), _REST(field)
+        self._hash = hash(field)
+        self._rest = _REST(field)
 
     def __hash__(self) -> int:
         return self._hash
@@ -177,11 +184,15 @@ def own_field(
     structure: tuple[Any, Any, Any, Any] = (None, None, None, None),
     mass: np.ndarray | None = None,
 ) -> tuple[tuple[float, ...], OwnField]:
-    """The start and the factory of a function's field; raises ValueError as `Problem.from_function` does."""
+    """The start and the factory of a function's field.
+
+    Raises ValueError as `Problem.from_function` does.
+    """
     if not callable(f):
         raise ValueError(f"f: got {in_one_line(f)}, expected a function f(t, y)")
-    start, given = _numbers("y0", y0), _numbers("parameters", parameters)
-    # What is compiled is kept under the function; a method can be a key where its object cannot.
+    start = _numbers("y0", y0)
+    values = _numbers("parameters", parameters)
+    # Machine code is cached under the function; a method can be a key where its object cannot.
     if not start:
         raise ValueError("y0: got no numbers, expected one per component")
     for name, time in zip(("t_start", "t_end"), span, strict=True):
@@ -190,17 +201,17 @@ def own_field(
         raise ValueError(
             f"t_end: got {span[1]!r}, expected a finite number other than {span[0]!r}, the start"
         )
-    known = structure_of(*structure, len(start))
+    jacobian = structure_of(*structure, len(start))
     if mass is not None and not is_singular(mass):
-        _check_signature(f, span[0], start, given)
+        _check_signature(f, span[0], start, values)
         f = Unmassed(f, mass)
-        known = f.structure(known)
+        jacobian = f.structure(jacobian)
     key = f if f.__hash__ else f.__call__
     reason = _known_reason(key)
     if not reason:
-        _check_signature(f, span[0], start, given)
+        _check_signature(f, span[0], start, values)
     try:
-        rates = numbers_of(f(span[0], np.array(start), *given))
+        rates = numbers_of(f(span[0], np.array(start), *values))
     except Exception as error:
         raise ValueError(
             f"f: got {type(error).__name__} at the start: {error}{place_of(error)}"
@@ -220,12 +231,12 @@ def own_field(
     recording = None
     if not reason:
         try:
-            recording = _recorded(key, start, given, span[0], rates)
+            recording = _recorded(key, start, values, span[0], rates)
         except UntraceableError as error:
             reason = str(error)
     timed = recording is not None and recording.timed
-    own = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, known)
-    return (*start, 0.0) if timed else start, own
+    vector_field = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, jacobian)
+    return (*start, 0.0) if timed else start, vector_field
 
 
 def _known_reason(f: Callable[..., Any]) -> str:
@@ -243,7 +254,10 @@ def _recorded(
     time: float,
     rates: list[float],
 ) -> Recording:
-    """The function recorded, and compared with itself at the start; UntraceableError if it cannot be."""
+    """The function recorded, and compared with itself at the start.
+
+    UntraceableError if it cannot be.
+    """
     if len(start) > MAX_RECORDED:
         raise UntraceableError(
             f"{getattr(f, '__name__', 'f')} has {len(start)} components, of which at most "
@@ -255,8 +269,8 @@ def _recorded(
             again = recording.evaluate(ARRAYS, start, parameters, np.float64(time))
         size = max(map(abs, rates))
         if not all(
-            abs(rate - float(own)) <= _SAME_RATES * size
-            for rate, own in zip(rates, again, strict=True)
+            abs(rate - float(repeated)) <= _SAME_RATES * size
+            for rate, repeated in zip(rates, again, strict=True)
         ):
             name = getattr(f, "__name__", "f")
             raise UntraceableError(f"{name} computes something else when it is recorded")
@@ -276,46 +290,49 @@ def _all_finite(rates: list[Any]) -> bool:
 
 
 def _check_signature(
-    f: Callable[..., Any], time: float, start: tuple[float, ...], given: tuple[float, ...]
+    f: Callable[..., Any], time: float, start: tuple[float, ...], parameters: tuple[float, ...]
 ) -> None:
     signature = inspect.signature(f)
     try:
-        signature.bind(time, start, *given)
+        signature.bind(time, start, *parameters)
         if [*signature.parameters][1:2] in (["t"], ["time"]):
             raise TypeError("the time comes first")
     except TypeError as error:
-        words = f"f(t, y{''.join(f', p{i}' for i in range(len(given)))})"
+        words = f"f(t, y{''.join(f', p{i}' for i in range(len(parameters)))})"
         got = f"{getattr(f, '__name__', 'f')}{signature}"
         raise ValueError(
-            f"f: got {got}, expected {words}, with the {len(given)} parameters ({error})"
+            f"f: got {got}, expected {words}, with the {len(parameters)} parameters ({error})"
         ) from None
 
 
 def place_of(error: BaseException, *skipped: str) -> str:
-    """The user's line on the way to an error, with its file, in brackets; empty if there is none."""
+    """The user's line on the way to an error, with its file, in brackets.
+
+    Empty if there is none.
+    """
     line = line_of(error, *skipped)
     return f" ({line.filename}:{line.lineno}: {line.line})" if line else ""
 
 
 def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    found = None
+    numbers = None
     with suppress(TypeError, ValueError):
         array = np.asarray(values)
         if array.ndim == 1 and array.dtype.kind != "c":
-            found = tuple(array.astype(float).tolist())
-    if found is None or not all(map(math.isfinite, found)):
+            numbers = tuple(array.astype(float).tolist())
+    if numbers is None or not all(map(math.isfinite, numbers)):
         expected = f"a sequence of finite numbers{_way_out(name, values)}"
         raise ValueError(f"{name}: got {in_one_line(values)}, expected {expected}")
-    return found
+    return numbers
 
 
-def in_one_line(given: Any) -> str:
-    """What was given, shortened, for messages."""
-    return " ".join(repr(given).split())[:60]
+def in_one_line(value: Any) -> str:
+    """A value, shortened, for messages."""
+    return " ".join(repr(value).split())[:60]
 
 
 def _way_out(name: str, values: Any) -> str:
-    """What to do with numbers that are none, as far as that is known."""
+    """Advice for values that are no numbers; empty if there is none."""
     if name == "y0" and _is_complex(values):
         return ": give real and imaginary parts as components of their own"
     if name == "y0" and np.ndim(values) > 1:

@@ -220,7 +220,8 @@ class Problem:
         masses = mass_of(mass, len(y0)) if mass is not None else None
         start, field = own_field(f, y0, (t_start, t_end), parameters, structure, masses)
         name = name or getattr(f, "__name__", "f")
-        duration, numbers = abs(float(t_end - t_start)), tuple(map(float, parameters))
+        duration = abs(float(t_end - t_start))
+        numbers = tuple(map(float, parameters))
         if masses is None or not is_singular(masses):
             return cls(name, field, start, duration, numbers)
         if field.timed:

@@ -1,11 +1,12 @@
-"""What a function computes, recorded by calling it once with numbers that note what is done to them.
+"""The operations of a function, recorded by calling it once with numbers that note them.
 
-The numbers take NumPy's functions by NumPy's own protocols, `__array_ufunc__` and `__array_function__`; the function
-itself is called as it is. A recording is a straight line of operations, which `Recording.evaluate` repeats over any
-kind of number: machine code, heyoka's expressions, numbers with derivatives.
+The numbers take NumPy's functions by NumPy's own protocols, `__array_ufunc__` and
+`__array_function__`; the function itself is called as it is. A recording is a straight line of
+operations, which `Recording.evaluate` repeats over any kind of number: machine code, heyoka's
+expressions, numbers with derivatives.
 
-What needs plain numbers (`math`, tables, splines, branches on the state) cannot be recorded: `record` raises an
-UntraceableError that shows the user's own line.
+A function that needs plain numbers (`math`, tables, splines, branches on the state) cannot be
+recorded: `record` raises an UntraceableError that shows the user's own line.
 """
 
 import linecache
@@ -25,6 +26,7 @@ from polhode.models.operations import NUMPY_NAMES, Operations
 
 # A node is the name of an operation and the indices of its operands, or of an input and its place.
 Node = tuple[Any, ...]
+# Names of nodes that no operation computes.
 _INPUTS = ("y", "p", "t", "constant")
 
 
@@ -46,13 +48,17 @@ _ARITHMETIC: dict[str, Callable[..., Any]] = {
 }
 # Functions that every kind of number has a field for in `Operations`.
 _COMMON = ("sin", "cos", "sqrt", "exp", "log")
+# Advice in messages.
 _WAYS_OUT = (
     "NumPy's functions for math's, np.where for a branch, np.zeros_like(y) or np.array for np.zeros"
 )
 
 
 class UntraceableError(Exception):
-    """A function does what cannot be recorded; the message has its own words for it, and its line."""
+    """A function does what cannot be recorded.
+
+    The message has its own words for it, and its line.
+    """
 
 
 class _NeedsNumbersError(TypeError):
@@ -123,7 +129,7 @@ class Recording:
 
 
 class _Recorder:
-    """What is being recorded: equal operations are noted once."""
+    """A recording under way: equal operations are noted once."""
 
     def __init__(self) -> None:
         self.nodes: dict[Node, int] = {}
@@ -148,7 +154,7 @@ class _Recorder:
         return index
 
     def fail(self, words: str) -> _NeedsNumbersError:
-        """The error to raise; the failure stays noted, whatever the function makes of the error."""
+        """The error to raise; the failure stays noted even if the function catches the error."""
         self.failure = words
         return _NeedsNumbersError(words)
 
@@ -161,17 +167,17 @@ class _Recorder:
             if i in needed and nodes[i][0] not in _INPUTS:
                 needed.update(nodes[i][1:])
         places: dict[int, int] = {}
-        kept: list[Node] = []
+        used: list[Node] = []
         for i in sorted(needed):
-            places[i] = len(kept)
+            places[i] = len(used)
             name, *operands = nodes[i]
             if name == "constant":
-                kept.append((name, operands[0]))
+                used.append((name, operands[0]))
             elif name in _INPUTS:
-                kept.append(nodes[i])
+                used.append(nodes[i])
             else:
-                kept.append((name, *(places[j] for j in operands)))
-        return Recording(tuple(kept), tuple(places[i] for i in ends))
+                used.append((name, *(places[j] for j in operands)))
+        return Recording(tuple(used), tuple(places[i] for i in ends))
 
 
 _current = local()
@@ -318,7 +324,8 @@ class Condition(_Protocols):
     def __or__(self, other: Any) -> Any:
         return _one_of(self, other)
 
-    __rand__, __ror__ = __and__, __or__
+    __rand__ = __and__
+    __ror__ = __or__
 
     def __invert__(self) -> "Condition":
         return Condition(lambda a, b: self.choose(b, a))
@@ -404,7 +411,7 @@ def _half_sum(a: Any, b: Any) -> Any:
 
 
 def _maximum(a: Any, b: Any) -> Any:
-    # What is no number stays none, as in NumPy.
+    # NaN stays NaN, as in NumPy.
     return _chosen(_apply("sub", a, b), a, b, _half_sum(a, b))
 
 
@@ -413,7 +420,7 @@ def _minimum(a: Any, b: Any) -> Any:
 
 
 def _nothing_of(x: Any) -> Any:
-    """Zero, or NaN of what is no number."""
+    """Zero, or NaN if x is NaN or infinite."""
     return _apply("mul", 0.0, x)
 
 
@@ -478,7 +485,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "bitwise_or": _one_of,
     "invert": _not,
 }
-# Those whose operands are conditions.
+# Functions whose operands are conditions.
 _LOGICAL = ("logical_and", "logical_or", "logical_not", "bitwise_and", "bitwise_or", "invert")
 
 
@@ -542,7 +549,8 @@ def _ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...], named: dict[str, An
 
 def _product(left: Any, right: Any) -> Any:
     """A matrix product, without terms of zeros in a matrix of numbers."""
-    left, right = _plain(left), _plain(right)
+    left = _plain(left)
+    right = _plain(right)
     if left.ndim == 2 and right.ndim == 1 and left.dtype != object:
         return _wrapped(_combined(left, right))
     if left.ndim == 1 and right.ndim == 2 and right.dtype != object:
@@ -572,14 +580,15 @@ def _norm(x: Any, order: Any = None, axis: Any = None, keepdims: bool = False) -
 def _where_arrays(condition: Any, *choices: Any) -> Any:
     if len(choices) != 2:
         raise _recorder().fail("branches on the state or the time")
-    given = (condition, *choices)
-    if not any(_is_array(x) for x in given):
-        return _where(*(_wrapped(_plain(x)) for x in given))
-    return _wrapped(np.frompyfunc(_where, 3, 1)(*(_plain(x) for x in given)))
+    arguments = (condition, *choices)
+    if not any(_is_array(x) for x in arguments):
+        return _where(*(_wrapped(_plain(x)) for x in arguments))
+    return _wrapped(np.frompyfunc(_where, 3, 1)(*(_plain(x) for x in arguments)))
 
 
 def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
-    low, high = named.pop("min", low), named.pop("max", high)
+    low = named.pop("min", low)
+    high = named.pop("max", high)
     if any(value is not None for value in named.values()):
         raise _recorder().fail("cannot be compiled")
     x = x if low is None else np.maximum(x, low)
@@ -606,10 +615,10 @@ _ARRAY_FUNCTIONS: dict[Any, Callable[..., Any]] = {
 
 
 def _array_function(function: Any, args: Any, named: Any) -> Any:
-    """One of NumPy's other functions: most of them move numbers about, or are made of elementwise ones."""
-    own = _ARRAY_FUNCTIONS.get(function)
-    if own:
-        return own(*args, **named)
+    """One of NumPy's other functions: most move numbers about, or consist of elementwise ones."""
+    recorded = _ARRAY_FUNCTIONS.get(function)
+    if recorded:
+        return recorded(*args, **named)
     args = tuple(_protocolled(x) for x in args)
     named = {name: _protocolled(x) for name, x in named.items()}
     array = np.empty(0, dtype=object).view(RecordedArray)
@@ -623,7 +632,7 @@ def _protocolled(x: Any) -> Any:
     """Numbers among the arguments of a function as arrays of no dimension."""
     if isinstance(x, Recorded | Condition):
         return _plain(x).view(RecordedArray)
-    if isinstance(x, tuple | list) and any(isinstance(each, Recorded | Condition) for each in x):
+    if isinstance(x, tuple | list) and any(isinstance(entry, Recorded | Condition) for entry in x):
         array = np.empty(len(x), dtype=object)
         array[:] = x
         return array.view(RecordedArray)
@@ -644,7 +653,10 @@ def numbers_of(rates: Any) -> list[Any]:
 
 
 def record(function: Callable[..., Any], dimension: int, parameters: int) -> Recording:
-    """Record ``function(t, y, *p)``; an UntraceableError says, in one line, what cannot be recorded, and where."""
+    """Record ``function(t, y, *p)``.
+
+    An UntraceableError says, in one line, what cannot be recorded, and where.
+    """
     before = getattr(_current, "recorder", None)
     recorder = _current.recorder = _Recorder()
     try:
@@ -668,7 +680,7 @@ def record(function: Callable[..., Any], dimension: int, parameters: int) -> Rec
 
 
 def _in_words(error: Exception, words: str) -> str:
-    """What cannot be recorded, as it stands in the user's own line, what it does, and the line."""
+    """The expression that cannot be recorded, the reason, and the user's line with it."""
     frame = line_of(error)
     if frame is None:
         return f"f {words} ({type(error).__name__}: {error}); use {_WAYS_OUT}"
@@ -689,11 +701,15 @@ def _segment(frame: FrameSummary) -> str:
 
 # Folders whose lines are no user's: of Python's own modules and of installed libraries.
 _LIBRARIES = tuple({os.path.dirname(os.__file__), os.path.dirname(os.path.dirname(np.__file__))})
+# Files of our own, whose lines are no user's.
 _OURS = (__file__, os.path.join(os.path.dirname(__file__), "own_function.py"))
 
 
 def line_of(error: BaseException, *skipped: str) -> FrameSummary | None:
-    """The last line of a user's code on the way to an error: outside installed libraries and the files skipped."""
+    """The last line of a user's code on the way to an error.
+
+    Lines of installed libraries and of the files skipped do not count.
+    """
     lines = [
         line
         for line in extract_tb(error.__traceback__)

@@ -14,7 +14,8 @@ from polhode.models.spent import spent_on
 
 T = TypeVar("T")
 # A shorter word is a part of too much; less alike (`difflib`), a word is another one.
-SHORTEST_PART, ALIKE = 3, 0.7
+_SHORTEST_PART = 3
+_ALIKE = 0.7
 
 
 def hint(word: str, names: Iterable[str]) -> str:
@@ -26,8 +27,8 @@ def hint(word: str, names: Iterable[str]) -> str:
 def near(word: str, names: Iterable[str]) -> str | None:
     """The name that a mistyped word is nearest to, or the only one that it is a part of; None if none is near."""
     known = list(names)
-    whole = [name for name in known if len(word) >= SHORTEST_PART and word.lower() in name]
-    found = whole if len(whole) == 1 else get_close_matches(word.lower(), known, n=1, cutoff=ALIKE)
+    whole = [name for name in known if len(word) >= _SHORTEST_PART and word.lower() in name]
+    found = whole if len(whole) == 1 else get_close_matches(word.lower(), known, n=1, cutoff=_ALIKE)
     return found[0] if found else None
 
 
@@ -40,7 +41,10 @@ class NotFoundError(ValueError):
 
     def __init__(self, kind: str, name: str, expected: str, advice: str = "") -> None:
         super().__init__(kind, name, expected, advice)
-        self.kind, self.name, self.expected, self.advice = kind, name, expected, advice
+        self.kind = kind
+        self.name = name
+        self.expected = expected
+        self.advice = advice
 
     def __str__(self) -> str:
         """The message: what was got and what expected."""
@@ -57,7 +61,8 @@ class Catalogue(dict[str, str], Generic[T]):
         super().__init__(targets)
         for name, target in plug_ins(kind + "s").items():
             self.setdefault(name, target)
-        self.kind, self.base = kind, base
+        self.kind = kind
+        self.base = base
         self._made: dict[str, T] = {}
         # Classes whose objects were found complete.
         self._checked: WeakSet[type] = WeakSet()

@@ -17,17 +17,21 @@ _SMALLEST_SIZE = 1e-140
 
 def quaternion_from_euler(angles: Any, ops: Operations = FLOAT) -> Any:
     """Unit quaternion of the zxz Euler angles (θ, φ, ψ) in rad; rows of its matrix are the body axes (`tiju`)."""
-    cos, sin = ops.cos, ops.sin
+    cos = ops.cos
+    sin = ops.sin
     theta, phi, psi = angles
-    c, s = cos(theta / 2), sin(theta / 2)
-    plus, minus = (phi + psi) / 2, (phi - psi) / 2
+    c = cos(theta / 2)
+    s = sin(theta / 2)
+    plus = (phi + psi) / 2
+    minus = (phi - psi) / 2
     return c * cos(plus), s * cos(minus), s * sin(minus), c * sin(plus)
 
 
 def euler_from_quaternion(q: Quaternion) -> Triple:
     """Euler angles (θ, φ, ψ) in rad of a unit quaternion; φ = 0 is chosen where θ = 0 or π leaves one free."""
     q0, q1, q2, q3 = q
-    c, s = hypot(q0, q3), hypot(q1, q2)
+    c = hypot(q0, q3)
+    s = hypot(q1, q2)
     plus = atan2(q3, q0) if c > 0 else 0.0
     minus = atan2(q2, q1) if s > 0 else -plus
     if c == 0:
@@ -39,7 +43,8 @@ def angular_velocity_from_euler(
     angles: Any, rates: Any, ops: Operations = FLOAT
 ) -> tuple[Any, Any, Any]:
     """Body angular velocity (ω₁, ω₂, ω₃) of Euler angles and their rates (θ̇, φ̇, ψ̇) (`omg1def`–`omg3def`)."""
-    cos, sin = ops.cos, ops.sin
+    cos = ops.cos
+    sin = ops.sin
     theta, _, psi = angles
     dtheta, dphi, dpsi = rates
     return (
@@ -85,17 +90,27 @@ def matrix_from_quaternion(q: Array) -> Array:
     # the norm drift.
     q0, q1, q2, q3 = (q[..., i] for i in range(4))
     with np.errstate(over="ignore"):
-        a, b, c, d = q0 * q0, q1 * q1, q2 * q2, q3 * q3
+        a = q0 * q0
+        b = q1 * q1
+        c = q2 * q2
+        d = q3 * q3
         square = a + b + c + d
     if not ((square > _SMALLEST_SIZE**2) & (square < 1 / _SMALLEST_SIZE**2)).all():
         # Squares vanish or overflow; a quaternion of zeros has no matrix.
         with np.errstate(invalid="ignore"):
             q = q / np.abs(q).max(axis=-1, keepdims=True)
         q0, q1, q2, q3 = (q[..., i] for i in range(4))
-        a, b, c, d = q0 * q0, q1 * q1, q2 * q2, q3 * q3
+        a = q0 * q0
+        b = q1 * q1
+        c = q2 * q2
+        d = q3 * q3
         square = a + b + c + d
-    x, y, z = q1 * q2, q1 * q3, q2 * q3
-    u, v, w = q0 * q1, q0 * q2, q0 * q3
+    x = q1 * q2
+    y = q1 * q3
+    z = q2 * q3
+    u = q0 * q1
+    v = q0 * q2
+    w = q0 * q3
     matrix = np.empty((*q.shape[:-1], 3, 3), dtype=square.dtype)
     matrix[..., 0, 0] = a + b - c - d
     matrix[..., 1, 1] = a - b + c - d
@@ -112,9 +127,15 @@ def matrix_from_quaternion(q: Array) -> Array:
 def quaternion_from_matrix(matrices: Array) -> Array:
     """Unit quaternions, shape (..., 4), of matrices t_ij, shape (..., 3, 3), each of either sign."""
     t = np.moveaxis(np.asarray(matrices), (-2, -1), (0, 1))
-    a, b, c = t[0, 0], t[1, 1], t[2, 2]
-    x, y, z = t[1, 2] - t[2, 1], t[2, 0] - t[0, 2], t[0, 1] - t[1, 0]
-    u, v, w = t[1, 2] + t[2, 1], t[2, 0] + t[0, 2], t[0, 1] + t[1, 0]
+    a = t[0, 0]
+    b = t[1, 1]
+    c = t[2, 2]
+    x = t[1, 2] - t[2, 1]
+    y = t[2, 0] - t[0, 2]
+    z = t[0, 1] - t[1, 0]
+    u = t[1, 2] + t[2, 1]
+    v = t[2, 0] + t[0, 2]
+    w = t[0, 1] + t[1, 0]
     # 4 q_i q_j: the row of the largest component is the quaternion but for its size.
     rows = [
         [1 + a + b + c, x, y, z],

@@ -21,8 +21,9 @@ from polhode.models.shape import Ellipsoid, require_numbers
 
 # Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of
 # floating-point numbers.
-LARGEST = 1e30
-LEAST, MOST = 1e-60, 1e60
+_LARGEST = 1e30
+_LEAST = 1e-60
+MOST = 1e60
 
 
 @dataclass(frozen=True)
@@ -93,14 +94,14 @@ class SlowStart:
 
 def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
     require_numbers(name, numbers, length)
-    if not all(abs(number) <= LARGEST for number in numbers):
+    if not all(abs(number) <= _LARGEST for number in numbers):
         raise ValueError(
-            f"{name}: got {[*map(float, numbers)]}, expected finite numbers of at most {LARGEST:g}"
+            f"{name}: got {[*map(float, numbers)]}, expected finite numbers of at most {_LARGEST:g}"
         )
 
 
 # L² / 2E may lie outside by roundoff.
-SLACK = 1e-12
+_SLACK = 1e-12
 Start = EulerStart | BodyStart | SlowStart
 
 
@@ -147,14 +148,15 @@ class Scene:
             )
         require_numbers("stokes", self.stokes)
         require_numbers("time", self.time)
-        if not (self.stokes == 0 or LEAST <= self.stokes <= inf):
+        if not (self.stokes == 0 or _LEAST <= self.stokes <= inf):
             raise ValueError(
-                f"stokes: got {self.stokes}, expected 0 or a number from {LEAST:g} to inf"
+                f"stokes: got {self.stokes}, expected 0 or a number from {_LEAST:g} to inf"
             )
-        if not LEAST <= self.time < inf:
-            raise ValueError(f"time: got {self.time}, expected a finite number from {LEAST:g} on")
+        if not _LEAST <= self.time < inf:
+            raise ValueError(f"time: got {self.time}, expected a finite number from {_LEAST:g} on")
         if self.flow is not None and not self.flow.covers(self.time):
-            begin, end = self.flow.knots[0], self.flow.knots[-1]
+            begin = self.flow.knots[0]
+            end = self.flow.knots[-1]
             raise ValueError(
                 f"flow.track: got times from {begin:g} to {end:g}, expected the run, 0 to {self.time:g}"
             )
@@ -164,10 +166,12 @@ class Scene:
             )
         if isinstance(self.start, SlowStart):
             # Of any rotation L² / 2E lies between the extreme moments of inertia.
-            momentum, twice_energy = hypot(*self.start.angular_momentum), 2 * self.start.energy
-            low, high = min(self.ellipsoid.inertia), max(self.ellipsoid.inertia)
+            momentum = hypot(*self.start.angular_momentum)
+            twice_energy = 2 * self.start.energy
+            low = min(self.ellipsoid.inertia)
+            high = max(self.ellipsoid.inertia)
             ratio = momentum / twice_energy * momentum if twice_energy > 0 else inf
-            if not low * (1 - SLACK) <= ratio <= high * (1 + SLACK) and (
+            if not low * (1 - _SLACK) <= ratio <= high * (1 + _SLACK) and (
                 momentum,
                 twice_energy,
             ) != (0, 0):

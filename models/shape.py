@@ -11,10 +11,10 @@ Kind = Literal["sphere", "prolate", "oblate", "triaxial"]
 Triple = tuple[float, float, float]
 
 # Below it the moments of inertia, of fourth order in the semi-axes, lose digits to underflow.
-LEAST_RATIO = 1e-70
+_LEAST_RATIO = 1e-70
 # Distances from the mean, relative to it, below which the series of `carlson_rd` holds to double
 # precision.
-CARLSON_SPREAD = 1 / 400
+_CARLSON_SPREAD = 1 / 400
 
 
 def require_numbers(name: str, given: Any, count: int = 0) -> None:
@@ -67,8 +67,8 @@ class Ellipsoid:
             if not (isfinite(length) and length > 0):
                 raise ValueError(f"semi_axes: got {length}, expected finite positive numbers")
         ratio = min(self.semi_axes) / max(self.semi_axes)
-        if ratio < LEAST_RATIO:
-            expected = f"shortest / longest of at least {LEAST_RATIO:g}"
+        if ratio < _LEAST_RATIO:
+            expected = f"shortest / longest of at least {_LEAST_RATIO:g}"
             raise ValueError(f"semi_axes: got {[*map(float, self.semi_axes)]}, expected {expected}")
 
     @cached_property
@@ -115,7 +115,9 @@ class Ellipsoid:
         symmetric integrals (DLMF 19.16.5), free of cancellation for every shape.
         """
         a2, b2, c2 = (length * length for length in self.scaled_axes)
-        beta1, beta2, beta3 = carlson_rd(b2, c2, a2), carlson_rd(c2, a2, b2), carlson_rd(a2, b2, c2)
+        beta1 = carlson_rd(b2, c2, a2)
+        beta2 = carlson_rd(c2, a2, b2)
+        beta3 = carlson_rd(a2, b2, c2)
         return (
             (b2 + c2) / (b2 * beta2 + c2 * beta3),
             (c2 + a2) / (c2 * beta3 + a2 * beta1),
@@ -141,31 +143,30 @@ def carlson_rd(x: float, y: float, z: float) -> float:
     # Duplication brings the arguments together, then a series in their distances serves (DLMF
     # 19.26.20, 19.36.2).
     mean = (x + y + 3 * z) / 5
-    distance_x, distance_y, spread = (
-        mean - x,
-        mean - y,
-        max(abs(mean - x), abs(mean - y), abs(mean - z)),
-    )
-    total, share = 0.0, 1.0
-    while share * spread > CARLSON_SPREAD * mean:
-        root_x, root_y, root_z = sqrt(x), sqrt(y), sqrt(z)
+    distance_x = mean - x
+    distance_y = mean - y
+    spread = max(abs(mean - x), abs(mean - y), abs(mean - z))
+    total = 0.0
+    share = 1.0
+    while share * spread > _CARLSON_SPREAD * mean:
+        root_x = sqrt(x)
+        root_y = sqrt(y)
+        root_z = sqrt(z)
         shift = root_x * root_y + root_z * (root_x + root_y)
         total += share / (root_z * (z + shift))
-        x, y, z, mean, share = (
-            (x + shift) / 4,
-            (y + shift) / 4,
-            (z + shift) / 4,
-            (mean + shift) / 4,
-            share / 4,
-        )
-    u, v = share * distance_x / mean, share * distance_y / mean
-    uv, w = u * v, -(u + v) / 3
-    e2, e3, e4, e5 = (
-        uv - 6 * w * w,
-        (3 * uv - 8 * w * w) * w,
-        3 * (uv - w * w) * w * w,
-        uv * w * w * w,
-    )
+        x = (x + shift) / 4
+        y = (y + shift) / 4
+        z = (z + shift) / 4
+        mean = (mean + shift) / 4
+        share = share / 4
+    u = share * distance_x / mean
+    v = share * distance_y / mean
+    uv = u * v
+    w = -(u + v) / 3
+    e2 = uv - 6 * w * w
+    e3 = (3 * uv - 8 * w * w) * w
+    e4 = 3 * (uv - w * w) * w * w
+    e5 = uv * w * w * w
     series = (
         *(
             1,

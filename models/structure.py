@@ -1,4 +1,4 @@
-"""What a user knows of a right-hand side's Jacobian: a function that gives it, its pattern, its bands."""
+"""A Jacobian as far as a user states it: as a function, by its pattern, or by its bands."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Structure:
 
     @cached_property
     def bands(self) -> tuple[int, int] | None:
-        """Diagonals below and above the main one, as given, or where a pattern has few; else None."""
+        """Diagonals below and above the main one, as given, or of a pattern with few; else None."""
         if self.lower is not None and self.upper is not None:
             return self.lower, self.upper
         pattern = self.pattern
@@ -54,7 +54,8 @@ class Structure:
             return None
         rows = pattern.indices.astype(int)
         below = rows - np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
-        lower, upper = max(0, int(below.max(initial=0))), max(0, -int(below.min(initial=0)))
+        lower = max(0, int(below.max(initial=0)))
+        upper = max(0, -int(below.min(initial=0)))
         fullest = int(np.bincount(rows, minlength=1).max())
         return (lower, upper) if lower + upper + 1 <= _MAX_DIAGONALS * fullest else None
 
@@ -71,7 +72,8 @@ def structure_of(
     if sparsity is not None:
         sparsity = _matrix("jac_sparsity", sparsity, shape, "that is zero where the Jacobian is")
     if (lower is None) != (upper is None):
-        lower, upper = lower or 0, upper or 0
+        lower = lower or 0
+        upper = upper or 0
     for name, bands in (("lband", lower), ("uband", upper)):
         if bands is not None and not (
             isinstance(bands, int | np.integer) and 0 <= bands < dimension
@@ -82,17 +84,17 @@ def structure_of(
     return Structure(jacobian, sparsity, lower, upper)
 
 
-def _matrix(name: str, given: Any, shape: tuple[int, int], more: str) -> Any:
-    if not hasattr(given, "tocsc"):
+def _matrix(name: str, matrix: Any, shape: tuple[int, int], more: str) -> Any:
+    if not hasattr(matrix, "tocsc"):
         try:
-            given = np.array(given, dtype=float)
+            matrix = np.array(matrix, dtype=float)
         except (TypeError, ValueError):
             raise ValueError(
-                f"{name}: got {given!r:.60}, expected a matrix of shape {shape}, {more}"
+                f"{name}: got {matrix!r:.60}, expected a matrix of shape {shape}, {more}"
             ) from None
-    if given.shape != shape:
-        raise ValueError(f"{name}: got shape {given.shape}, expected {shape}, {more}")
-    return given
+    if matrix.shape != shape:
+        raise ValueError(f"{name}: got shape {matrix.shape}, expected {shape}, {more}")
+    return matrix
 
 
 def in_run_time(

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from polhode.solvers.contract import Solver
 
 _TEXT = Path(__file__).with_name("methods.toml").read_text(encoding="utf-8")
-METHODS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(_TEXT)
+_METHODS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(_TEXT)
 SOLVERS: "Catalogue[Solver]" = Catalogue(
     "solver",
     "polhode.solvers.contract:Solver",
@@ -18,7 +18,7 @@ SOLVERS: "Catalogue[Solver]" = Catalogue(
         "taylor": "polhode.solvers.taylor:Taylor",
         **{
             traits["name"]: f"polhode.solvers.{module}:{kind}"
-            for module, kinds in METHODS.items()
+            for module, kinds in _METHODS.items()
             for kind, traits in kinds.items()
         },
         "splitting": "polhode.solvers.parts.splitting:Splitting",
@@ -55,5 +55,5 @@ def methods(base: "type[Base]") -> "list[type[Base]]":
         }
         return type(kind, (base,), {"__doc__": doc, "__module__": base.__module__, **own})
 
-    tables = METHODS[base.__module__.removeprefix("polhode.solvers.")]
+    tables = _METHODS[base.__module__.removeprefix("polhode.solvers.")]
     return [made(kind, **table) for kind, table in tables.items()]

@@ -67,7 +67,8 @@ def as_plain(problem: Problem) -> Problem:
     field = problem.field
     if not isinstance(field, OwnField) or field.plain:
         return problem
-    start, form = problem.start[: problem.dimension - problem.timed], problem.mass_form
+    start = problem.start[: problem.dimension - problem.timed]
+    form = problem.mass_form
     if form and problem.timed:
         form = replace(form, mass=in_rows(without_time(np.array(form.mass))))
     field = replace(field, recording=None, timed=False)

@@ -25,7 +25,8 @@ Jacobian = Literal["exact", "difference"]
 # More steps than any run takes.
 UNLIMITED = 10**9
 # Seconds before a deadline from which on it is looked at so many times as often.
-NEAR, OFTEN = 0.05, 16
+_NEAR = 0.05
+_OFTEN = 16
 
 # A run crawls if its steps are shorter than this share of those before, and more than so many are
 # left: minutes of compiled code. Relaxation oscillations shrink theirs as far, for a few steps.
@@ -73,7 +74,8 @@ class SolverNotValidError(ValueError):
 
     def __init__(self, reason: str, solver: str = "") -> None:
         super().__init__(reason, solver)
-        self.reason, self.solver = reason, solver
+        self.reason = reason
+        self.solver = solver
 
     def __str__(self) -> str:
         """The message: solver and reason."""
@@ -94,7 +96,8 @@ class Work:
     def add(self, other: "Work") -> None:
         """Add the work of a further piece of the run; a count that is None in one of them stays None."""
         for name in vars(self):
-            mine, more = getattr(self, name), getattr(other, name)
+            mine = getattr(self, name)
+            more = getattr(other, name)
             setattr(self, name, None if mine is None or more is None else mine + more)
 
 
@@ -176,7 +179,7 @@ class Record:
 
     def chunk(self, usual: int) -> int:
         """Steps until the deadline is looked at again: fewer if it is near."""
-        return usual if self.deadline - perf_counter() > NEAR else max(1, usual // OFTEN)
+        return usual if self.deadline - perf_counter() > _NEAR else max(1, usual // _OFTEN)
 
     @property
     def expired(self) -> bool:
@@ -196,8 +199,10 @@ class Record:
 
         A solver that chatters about a singularity takes steps of the square of its tolerance.
         """
-        begin, end = float(self.times[0]), float(self.times[-1])
-        before, self.looked = self.looked, (steps, time)
+        begin = float(self.times[0])
+        end = float(self.times[-1])
+        before = self.looked
+        self.looked = (steps, time)
         if before is None or steps <= before[0] or time < before[1]:
             return None
         self.longest = max(self.longest, (before[1] - begin) / before[0])

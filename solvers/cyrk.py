@@ -57,17 +57,17 @@ _FIRST_LOOK = 256
 # Shares of the steps of a chunk that failed, up to which it is run again.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which a solution that is looked at beforehand is given up.
-MOST_STEPS = 2000
-MAX_RAM_MB = 2000
+_MOST_STEPS = 2000
+_MAX_RAM_MB = 2000
 # Of rates over what is tolerated, with a square below infinity.
-LARGEST_NORM = 1.3e154
+_LARGEST_NORM = 1.3e154
 
 # CyrkErrorCodes of the library's c_common.hpp.
 _STEPS_EXCEEDED = (-52, -53)
 _UNDERFLOW = (-54, -55, -80, -90, -91, -92)
 # Versions whose C functions have the signatures stated here; of others the package itself is
 # imported.
-KNOWN = ("0.20.",)
+_KNOWN = ("0.20.",)
 
 # The C++ function `baseline_cysolve_ivp` under the name that compilers for Linux give it, with the
 # types of its arguments; another version's, with others, has another name and is not found.
@@ -86,7 +86,7 @@ _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_
 @spent_on("import")
 def load_cyrk() -> Any:
     """The library's C functions, as its bridge to numba names them, without the 0.3 s that numba takes to import."""
-    if version("CyRK").startswith(KNOWN):
+    if version("CyRK").startswith(_KNOWN):
         with suppress(ImportError, AttributeError):
             return SimpleNamespace(**_functions())
     from CyRK.nb import numba_solver
@@ -119,7 +119,7 @@ def entry_with_jacobian() -> Callable[..., None] | None:
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     spec = importlib.util.find_spec("CyRK")
-    if spec is None or spec.origin is None or not version("CyRK").startswith(KNOWN):
+    if spec is None or spec.origin is None or not version("CyRK").startswith(_KNOWN):
         return None
     # The module that `load_cyrk` imports, without importing it: a list of solvers asks, too.
     modules = list(Path(spec.origin).with_name("nb").glob("numba_c_api*.so"))
@@ -127,7 +127,9 @@ def entry_with_jacobian() -> Callable[..., None] | None:
         entry = ctypes.CDLL(str(modules[0]))[_WITH_JACOBIAN]
     except (IndexError, OSError, AttributeError):
         return None
-    pointer, number, size = ctypes.c_void_p, ctypes.c_double, ctypes.c_size_t
+    pointer = ctypes.c_void_p
+    number = ctypes.c_double
+    size = ctypes.c_size_t
     entry.restype = None
     entry.argtypes = [
         *(pointer, pointer, number, number, pointer),
@@ -163,7 +165,8 @@ def _announce() -> None:
     spec = importlib.util.find_spec("CyRK")
     if spec is None or spec.loader is None:
         raise ModuleNotFoundError("No module named 'CyRK'", name="CyRK")
-    package, loader = importlib.util.module_from_spec(spec), spec.loader
+    package = importlib.util.module_from_spec(spec)
+    loader = spec.loader
 
     def complete(name: str) -> Any:
         vars(package).pop("__getattr__", None)
@@ -206,7 +209,8 @@ class CyrkSolver(Solver):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         calls = np.zeros(1, dtype=np.int64)
-        call, count = self._call(problem, settings, calls), len(problem.parameters or ())
+        call = self._call(problem, settings, calls)
+        count = len(problem.parameters or ())
 
         def integrate(record: Record) -> Outcome:
             change(call.parameters, count, record)
@@ -234,7 +238,9 @@ class CyrkSolver(Solver):
     ) -> Callable[[], object] | None:
         """CyRK's C entry with these times; its rows stay there."""
         call = self._call(problem, replace(settings, count=False), np.empty(0))
-        start, end, wanted = np.array(problem.start), float(times[-1]), times[1:]
+        start = np.array(problem.start)
+        end = float(times[-1])
+        wanted = times[1:]
         return lambda: call.library.c_free(call(0.0, end, start, wanted, UNLIMITED))
 
 
@@ -286,12 +292,13 @@ class Call:
                 address_of(rates), 0.0, address_of(state), self.parameters_address
             )
         # One tolerance counts for all components. In NumPy it would take twice as long.
-        rtols, atols = cycle(self.rtol.tolist()), cycle(self.atol.tolist())
+        rtols = cycle(self.rtol.tolist())
+        atols = cycle(self.atol.tolist())
         scaled = []
         for rate, y in zip(rates.tolist(), state.tolist(), strict=True):
             scale = next(atols) + next(rtols) * abs(y)
             scaled.append(rate / scale if scale else inf)
-        return hypot(*scaled) < (inf if switching else LARGEST_NORM)
+        return hypot(*scaled) < (inf if switching else _LARGEST_NORM)
 
     def __call__(
         self,
@@ -310,7 +317,7 @@ class Call:
                 # Expected size: the library's guess; extra outputs.
                 *(self.method, 0, 0, self.parameters_address, self.parameters.nbytes),
                 # Dense output is used, and kept where a run is to be looked through.
-                *(max_steps, MAX_RAM_MB, dense, address_of(times), times.size),
+                *(max_steps, _MAX_RAM_MB, dense, address_of(times), times.size),
                 # No function before the right-hand side, no events.
                 *(None, None, 0),
                 *self.tolerances,
@@ -320,13 +327,15 @@ class Call:
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been asked"
-        result, nothing = ctypes.c_void_p(), _Vector()
+        result = ctypes.c_void_p()
+        nothing = _Vector()
         # All arrays live until the entry returns.
-        vector, reference = _Vector.of, ctypes.byref
+        vector = _Vector.of
+        reference = ctypes.byref
         entry(
             *(reference(result), self.code.address, start, end, reference(vector(state))),
             *(self.method, 0, 0, reference(vector(self.parameters))),
-            *(max_steps, MAX_RAM_MB, dense, reference(vector(times))),
+            *(max_steps, _MAX_RAM_MB, dense, reference(vector(times))),
             *(None, reference(nothing)),
             *(reference(vector(self.rtol)), reference(vector(self.atol))),
             *(self.max_step, first_step, True, self.jacobian.address),
@@ -335,9 +344,15 @@ class Call:
 
 
 def _run(call: Call, record: Record) -> Outcome:
-    library, dimension, work = call.library, len(record.start), record.work
-    end, time, state = float(record.times[-1]), float(record.times[0]), record.start
-    steps, last_step, look = 0, call.first_step, CHUNK
+    library = call.library
+    dimension = len(record.start)
+    work = record.work
+    end = float(record.times[-1])
+    time = float(record.times[0])
+    state = record.start
+    steps = 0
+    last_step = call.first_step
+    look = CHUNK
     if record.events:
         look = _FIRST_LOOK
     while True:
@@ -346,7 +361,8 @@ def _run(call: Call, record: Record) -> Outcome:
         with call.flushed_to_zero:
             result = call(time, end, state, wanted, chunk, last_step, bool(record.events))
         try:
-            size, code = library.c_get_size(result), library.c_get_status(result)
+            size = library.c_get_size(result)
+            code = library.c_get_status(result)
             steps += library.c_get_steps(result)
             work.steps = steps
             if record.events:
@@ -380,7 +396,8 @@ def _look_through(
     call: Call, record: Record, result: Any, time: float, state: np.ndarray, first_step: float
 ) -> float:
     """Look for events in the steps of a chunk and fill its rows; the length of its last whole step."""
-    library, dimension = call.library, len(record.start)
+    library = call.library
+    dimension = len(record.start)
     steps = _array(library.c_get_t_ptr(result), library.c_get_size(result))
     if len(steps) < 2:
         return first_step
@@ -420,7 +437,8 @@ def _interpolated(
     if library.c_get_status(result) > 0:
         return result, len(steps)
     counted = call.calls.copy()
-    again, count = None, 1
+    again = None
+    count = 1
     for share in _SHARES:
         count = max(2, int(share * len(steps)))
         with call.flushed_to_zero:
@@ -436,16 +454,19 @@ def _interpolated(
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
     """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes."""
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
-    start, library = np.array(problem.start), call.library
+    start = np.array(problem.start)
+    library = call.library
     if not call.begins(start):
         return np.zeros(1), start[None]
 
     def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         with call.flushed_to_zero:
-            result = call(0.0, end, start, wanted, MOST_STEPS)
+            result = call(0.0, end, start, wanted, _MOST_STEPS)
         try:
-            size, d = library.c_get_size(result), start.size
-            times, states = library.c_get_t_ptr(result), library.c_get_y_ptr(result)
+            size = library.c_get_size(result)
+            d = start.size
+            times = library.c_get_t_ptr(result)
+            states = library.c_get_y_ptr(result)
             return _array(times, size), _array(states, size * d).reshape(size, d)
         finally:
             library.c_free(result)

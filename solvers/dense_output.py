@@ -14,11 +14,16 @@ from polhode.solvers.compile import as_it_stands, frozen
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-BETWEEN = ("cyrk-dop853", "dop853")
+# Methods that fill in between rows of solvers that choose steps over many periods; the first
+# available one serves.
+_BETWEEN = ("cyrk-dop853", "dop853")
 
 
 class LikeSolveIvp:
-    """The names of `solve_ivp`'s result; counts not reported by the library, or not asked for, are None."""
+    """The names of `solve_ivp`'s result.
+
+    Counts that the library does not report, or that were not requested, are None.
+    """
 
     t = property(attrgetter("times"), doc="Times, shape (n,).")
     y = property(attrgetter("states.T"), doc="States, shape (d, n).")
@@ -33,39 +38,46 @@ class LikeSolveIvp:
 
 
 def times_within(solution: Any, t: "ArrayLike") -> np.ndarray:
-    """Times asked of a solution as an array, shape (k,); ValueError unless they are numbers within it."""
-    known, times = solution.times, np.empty((0, 0))
+    """Requested times of a solution as an array, shape (k,).
+
+    ValueError unless they are numbers within it.
+    """
+    rows = solution.times
+    times = np.empty((0, 0))
     with suppress(TypeError, ValueError):
         times = np.atleast_1d(np.asarray(t, dtype=float))
     if times.ndim > 1:
         raise ValueError(f"t: got {t!r:.60}, expected a number or an array of one dimension")
-    if not len(known):
+    if not len(rows):
         raise ValueError(
             f"t: got {times!r:.60}, expected a solution with rows, not one that is {solution.status}"
         )
-    outside = times[~((times >= known[0]) & (times <= known[-1]))]
+    outside = times[~((times >= rows[0]) & (times <= rows[-1]))]
     if len(outside):
         raise ValueError(
-            f"t: got {float(outside[0])!r}, expected times from {known[0]:g} to {known[-1]:g}"
+            f"t: got {float(outside[0])!r}, expected times from {rows[0]:g} to {rows[-1]:g}"
         )
     return times
 
 
 def _of_components(tolerance: Any, problem: Any) -> Any:
-    """A tolerance as a user gives it, without that of a time in the state."""
+    """A tolerance as a user gives it, without the entry of a time in the state."""
     return tolerance[: problem.dimension - problem.timed] if np.ndim(tolerance) else tolerance
 
 
 def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.ndarray:
-    """States at any times of a run, shape (k, d): from the last row before each, by the run's own solver and tolerance.
+    """States at any times of a run, shape (k, d).
 
-    So they lie on the solver's own interpolation within steps of its own, and add one step's error
-    to that of the row. Where a run has pieces with problems of their own, the exact one serves;
-    solvers that choose their step over many periods leave this to an explicit Runge-Kutta method of
-    order 8. ValueError if the solver fails between two rows, or if a function of one's own computes
+    The run's own solver and tolerance lead from the last row before each time. Such states lie on
+    the solver's own interpolation within its own steps, and have one step's error more than the
+    row. If a run has pieces with problems of their own, the exact problem serves; solvers that
+    choose their step over many periods leave this to an explicit Runge-Kutta method of order 8.
+    ValueError if the solver fails between two rows, or if a function of one's own computes
     something else by now.
     """
-    known, settings, problem = solution.times, solution.settings, solution.problem
+    row_times = solution.times
+    settings = solution.settings
+    problem = solution.problem
     if as_it_stands(problem).field != problem.field:
         raise ValueError(
             "t: the function names values that have changed since the run, expected those of the run"
@@ -74,32 +86,29 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         return problem.closed_form(times)
     # Nor is it traced again for every row.
     problem = frozen(problem)
-    method, how = (
-        solution.method,
-        {"backend": settings.backend, "atol": _of_components(settings.atol, problem)},
-    )
+    method = solution.method
+    how = {"backend": settings.backend, "atol": _of_components(settings.atol, problem)}
     if method.many_periods:
-        method, how = (
-            find_solver(next(name for name in BETWEEN if find_solver(name).available)),
-            {"atol": how["atol"]},
-        )
+        method = find_solver(next(name for name in _BETWEEN if find_solver(name).available))
+        how = {"atol": how["atol"]}
     if "max_step" in method.limits:
         how["max_step"] = settings.max_step
     if method.jacobians:
         how["jacobian"] = settings.jacobian
     rtol = _of_components(settings.rtol, problem)
-    rows = np.searchsorted(known, times, side="right") - 1
+    rows = np.searchsorted(row_times, times, side="right") - 1
     states = solution.states[rows]
-    for row in np.unique(rows[times > known[rows]]).tolist():
-        here = (rows == row) & (times > known[row])
-        since, order = np.unique(times[here] - known[row], return_inverse=True)
+    for row in np.unique(rows[times > row_times[rows]]).tolist():
+        within = (rows == row) & (times > row_times[row])
+        since, order = np.unique(times[within] - row_times[row], return_inverse=True)
         start = tuple(solution.states[row].tolist())
-        piece = problem.continued(float(known[row]), start, float(since[-1]))
+        piece = problem.continued(float(row_times[row]), start, float(since[-1]))
         piece = replace(piece, least_steps=0, invariant=None, course=None)
-        found = run(piece, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
-        if not found.success:
+        continued = run(piece, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
+        if not continued.success:
             raise ValueError(
-                f"t: no solution after t = {known[row]:g}: {found.status}. {found.message}".strip()
+                f"t: no solution after t = {row_times[row]:g}: "
+                f"{continued.status}. {continued.message}".strip()
             )
-        states[here] = found.states[1:][order]
+        states[within] = continued.states[1:][order]
     return states

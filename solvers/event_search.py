@@ -1,7 +1,8 @@
-"""Events of a run: sought at every accepted step, placed on the step's own interpolation, as SciPy does.
+"""Events of a run, sought at every accepted step and placed on its interpolation, as in SciPy.
 
-An event is a function of time and state whose sign changes. Numbers that pass zero are placed by Brent's method.
-Conditions (True or False), and numbers that reach zero and stay there, are bisected to the first time of the new value.
+An event is a function of time and state whose sign changes. Numbers that pass zero are placed by
+Brent's method. Conditions (True or False), and numbers that reach zero and stay there, are bisected
+to the first time of the new value.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,9 +23,9 @@ _PLACE = np.float64(4 * np.finfo(float).eps)
 _MAX_ITERATIONS = 300
 # Looks within a step, where its interpolation costs next to nothing: a step of high order is
 # longer than a half period of what it follows.
-LOOKS_WITHIN_STEP = 8
-# Solvers that run many steps in one call look after few of them at first, and after so many times
-# more each time: a terminal event soon after the start costs no more than a few steps.
+_LOOKS_WITHIN_STEP = 8
+# Solvers that run many steps in one call look after few of them at first; the number grows by this
+# factor each time: a terminal event soon after the start costs no more than a few steps.
 LOOK_GROWTH = 4
 
 
@@ -54,7 +55,10 @@ class SoughtEvent:
     condition: bool = False  # whether its values are True and False
 
     def value(self, time: float, state: np.ndarray) -> float:
-        """Its value as a number, 1 and -1 of True and False; ValueError, in one line, if it has none."""
+        """Its value as a number, 1 and -1 of True and False.
+
+        ValueError, in one line, if it has none.
+        """
         try:
             value = self.function(time, state)
             kind = type(value)
@@ -63,8 +67,8 @@ class SoughtEvent:
                 return 1.0 if value else -1.0
             return float(value.item() if kind is np.ndarray else value)
         except Exception as error:
-            what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
-            raise ValueError(f"event {self.name!r}: got {what}") from error
+            words = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+            raise ValueError(f"event {self.name!r}: got {words}") from error
 
     def passed(self, value: float) -> bool:
         """Whether it happened between the last look and this value."""
@@ -117,7 +121,10 @@ class EventSearch:
             event.last = event.value(time, state)
 
     def through(self, times: Sequence[float], states: Any, between: Between) -> bool:
-        """Look at states, one per time, at increasing times; `between` interpolates from the last look on."""
+        """Look at states, one per time, at increasing times.
+
+        `between` interpolates from the last look on.
+        """
         for time, state in zip(times, states, strict=True):
             passages = []
             for event in self.events:
@@ -140,12 +147,13 @@ class EventSearch:
             event.times.append(time)
             event.states.append(state)
             if event.terminal and len(event.times) >= event.terminal and self.ended is None:
-                self.ended, self.end_state = time, state
+                self.ended = time
+                self.end_state = state
         return self.ended is not None
 
 
 def looks(steps: np.ndarray) -> np.ndarray:
-    """The times of steps, the first one the last look, and equispaced ones within each; without the first."""
-    parts = LOOKS_WITHIN_STEP + 1
+    """Equispaced times within steps, and their ends; the first step starts at the last look."""
+    parts = _LOOKS_WITHIN_STEP + 1
     at = np.arange(1, (len(steps) - 1) * parts + 1) / parts
     return np.interp(at, np.arange(len(steps)), steps)

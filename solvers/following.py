@@ -1,4 +1,4 @@
-"""A solution with rows where the steps of its solver lie: what follows the path of a run beforehand."""
+"""A solution with rows where the steps of its solver lie: the path of a run, beforehand."""
 
 import numpy as np
 
@@ -8,12 +8,14 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import array_callback, parameter_array
 from polhode.solvers.contract import installed
 
-# Steps after which a solution that is looked at beforehand is given up.
+# Steps after which such a solution is given up.
 _MAX_STEPS = 2000
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes.
+    """At least `points` times of a solution, dense where its steps are, and the states there.
+
+    They end where the solution does.
 
     By CyRK's method of order 7, or without it by SciPy's of order 8.
     """
@@ -43,7 +45,8 @@ def _followed_by_scipy(
             if not np.isfinite(rates(0.0, start)).all():
                 return alone
             stepper = DOP853(rates, 0.0, start, problem.end, rtol=tolerance, atol=tolerance)
-            times, pieces = [0.0], []
+            times = [0.0]
+            pieces = []
             while stepper.status == "running" and len(pieces) < _MAX_STEPS:
                 stepper.step()
                 if stepper.status == "failed" or not np.isfinite(stepper.y).all():
@@ -56,5 +59,5 @@ def _followed_by_scipy(
             return alone
         steps = np.array(times)
         count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-        wanted = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
-        return wanted, OdeSolution(steps, pieces)(wanted).T
+        sampled = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
+        return sampled, OdeSolution(steps, pieces)(sampled).T

@@ -29,9 +29,9 @@ from polhode.solvers.segments import by_segments
 
 # Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
 # it would lose.
-WRAP_AFTER = 100 * pi
+_WRAP_AFTER = 100 * pi
 # Times closer than this share of the run count as the same one.
-CLOSE = 1e-12
+_CLOSE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,18 @@ class Run:
     def __init__(
         self, problem: Problem, method: Solver, settings: Settings, times: np.ndarray
     ) -> None:
-        self.problem, self.method, self.settings, self.times = problem, method, settings, times
+        self.problem = problem
+        self.method = method
+        self.settings = settings
+        self.times = times
         self.rows = np.empty((len(times), problem.dimension))
         self.rows[0] = self.state = np.array(problem.start)
-        self.now, self.done, self.stages = float(times[0]), 1, []
-        self.work, self.status, self.message = Work(), Status.REACHED_END, ""
+        self.now = float(times[0])
+        self.done = 1
+        self.stages = []
+        self.work = Work()
+        self.status = Status.REACHED_END
+        self.message = ""
         self.prepared: tuple[Problem, float, Integrator] | None = None
         self.shrunk = False  # whether steps became much shorter on the way
         self.events: EventSearch | None = None
@@ -72,10 +79,12 @@ class Run:
         while self.status.success and self.now < self.times[-1]:
             steps = self.work.steps or 0
             if (steps_left := max_steps - steps) < 1:
-                self.status, self.message = Status.STEP_LIMIT, f"{steps} steps"
+                self.status = Status.STEP_LIMIT
+                self.message = f"{steps} steps"
                 return
             if perf_counter() > self.began + seconds and self.stages:
-                self.status, self.message = Status.TIME_LIMIT, f"stopped at t = {self.now!r}"
+                self.status = Status.TIME_LIMIT
+                self.message = f"stopped at t = {self.now!r}"
                 return
             piece = None
             try:
@@ -88,7 +97,8 @@ class Run:
                     raise
                 self.status, self.message = _crash(error, self.method.name)
                 return
-            course, end = piece.then or course, self._aligned(piece.end)
+            course = piece.then or course
+            end = self._aligned(piece.end)
             record = self._record(piece, end, self.began + seconds, steps_left)
             record.events = self.events if self.method.seeks_events else None
             if self.every_step:
@@ -102,7 +112,8 @@ class Run:
                 if record.taken:
                     self._keep_steps(record.taken)
             if self.events and self.events.ended is not None:
-                self.status, self.message = Status.REACHED_END, ""
+                self.status = Status.REACHED_END
+                self.message = ""
                 return
             if not self.status.success:
                 if record.filled == 1 and not _has_rates(piece.problem, record.start):
@@ -121,13 +132,14 @@ class Run:
         last = float(self.times[-1])
         if end >= last:
             return last
-        close = CLOSE * last
+        close = _CLOSE * last
         near = float(self.times[self.times.searchsorted(end - close)])
         return near if near <= end + close else end
 
     def _integrator(self, piece: Piece) -> Integrator:
         """The solver, ready for a piece; compilation is not the run's time."""
-        tolerance, before = self._tolerance(piece)[0], perf_counter()
+        tolerance = self._tolerance(piece)[0]
+        before = perf_counter()
         if self.prepared and self.prepared[0] is piece.problem and self.prepared[1] == tolerance:
             return self.prepared[2]
         same = tolerance == self.settings.tolerance
@@ -150,7 +162,8 @@ class Run:
 
     def _record(self, piece: Piece, end: float, deadline: float, steps: int) -> Record:
         """Where the solver writes: among the run's rows where the piece's are those, else in rows of its own."""
-        first, last = self.done - 1, int(self.times.searchsorted(end, side="right")) - 1
+        first = self.done - 1
+        last = int(self.times.searchsorted(end, side="right")) - 1
         unit = piece.problem.time_unit / self.problem.time_unit
         if (
             piece.problem is self.problem
@@ -178,18 +191,18 @@ class Run:
         new = found[1 : wanted + 1]
         if piece.states or record.rows.base is not self.rows:
             self.rows[self.done : self.done + len(new)] = new
-        self.done, self.state = self.done + len(new), found[-1]
+        self.done = self.done + len(new)
+        self.state = found[-1]
         self.shrunk = self.shrunk or record.shrunk
         if self.stages:
             self.work.add(record.work)
         else:
             self.work = record.work
-        begin, self.now = (
-            self.now,
-            min(record.reached, end) if record.filled < len(record.times) else end,
-        )
+        begin = self.now
+        self.now = min(record.reached, end) if record.filled < len(record.times) else end
         tolerance, over = self._tolerance(piece)
-        error, angle = over * piece.error, min(pi, over * piece.angle)
+        error = over * piece.error
+        angle = min(pi, over * piece.angle)
         own = piece.reason, error, record.work.steps, angle, piece.averaged, tolerance
         self.stages.append(Stage(begin, self.now, *own))
 
@@ -223,7 +236,8 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
     except Exception as error:
         outcome = _crash(error, solver)
     if not 1 <= record.filled <= len(record.times):
-        filled, record.filled = record.filled, 1
+        filled = record.filled
+        record.filled = 1
         return (
             Status.CRASHED,
             f"solver {solver!r} filled {filled} rows, expected 1 to {len(record.times)}",
@@ -260,10 +274,11 @@ def wrapped(problem: Problem, times: np.ndarray) -> Course:
     """The course of a run of one problem, in pieces between which its angles are wrapped."""
     if not problem.periodic or problem.parameters is None:
         return lambda time, state, tolerance: Piece(problem, float(times[-1]))
-    columns, most = list(problem.periodic), WRAP_AFTER
+    columns = list(problem.periodic)
+    most = _WRAP_AFTER
     with suppress(ArithmeticError, ValueError):
         rates = problem.field(FLOAT)(problem.start, problem.parameters)
-        most = WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
+        most = _WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
 
     def wrap(states: np.ndarray) -> np.ndarray:
         states[1:, columns] %= 2 * pi

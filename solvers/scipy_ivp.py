@@ -35,11 +35,11 @@ Callback = Callable[[float, np.ndarray], np.ndarray]
 
 
 # Right-hand sides with which an explicit method chooses its first step.
-START_CALLS = 2
+_START_CALLS = 2
 # Steps that do not advance the time, after which a run has stalled.
-STALLED = 1000
+_STALLED = 1000
 # Steps between two looks at how far a run has come: a second at most.
-LOOK = 5000
+_LOOK = 5000
 
 
 _lsoda_lock = RLock()
@@ -107,10 +107,11 @@ class ScipySolver(Solver):
             # Explicit methods and LSODA count theirs all themselves.
             work.rhs_calls = (calls if counts else stepper.nfev) if asked else None
             if self.implicit:
-                work.jacobians, work.factorizations = int(stepper.njev), int(stepper.nlu)
+                work.jacobians = int(stepper.njev)
+                work.factorizations = int(stepper.nlu)
             if self.attempt and work.steps:
                 attempts = (
-                    stepper.nfev - START_CALLS - self.interpolation * interpolated
+                    stepper.nfev - _START_CALLS - self.interpolation * interpolated
                 ) // self.attempt
                 work.rejected = attempts - work.steps
             return outcome
@@ -148,7 +149,8 @@ class ScipySolver(Solver):
 
     def _jacobian_options(self, problem: Problem) -> dict[str, Any]:
         """What the user knows of the Jacobian, as SciPy's classes take it."""
-        jacobian, options = jacobian_of(problem), {}
+        jacobian = jacobian_of(problem)
+        options = {}
         if self.method == "LSODA":
             bands = bands_of(problem)
             if bands:
@@ -167,7 +169,8 @@ class ScipySolver(Solver):
         from scipy.integrate import solve_ivp
 
         fun, options, _ = self.bind(problem, settings)
-        start, span = np.array(problem.start), (times[0], times[-1])
+        start = np.array(problem.start)
+        span = (times[0], times[-1])
         return lambda: solve_ivp(fun, span, start, self.method, times, **options)
 
 
@@ -187,7 +190,8 @@ class _Step:
     """States within a stepper's last step, (d,) at a time and (k, d) at k times, by its own interpolation."""
 
     def __init__(self, stepper: Any) -> None:
-        self.stepper, self.interpolant = stepper, None
+        self.stepper = stepper
+        self.interpolant = None
 
     def __call__(self, times: Any) -> np.ndarray:
         if self.interpolant is None:
@@ -211,14 +215,22 @@ def _failed(stepper: Any, message: str | None) -> Outcome:
 
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     """Step to the end; the outcome, and how many steps were interpolated."""
-    times, work, events, taken = record.times, record.work, record.events, record.taken
-    work.steps, interpolated, stalled, filled = 0, 0, 0, record.filled
-    count, next_row = len(times), float(times[filled]) if filled < len(times) else inf
+    times = record.times
+    work = record.work
+    events = record.events
+    taken = record.taken
+    work.steps = 0
+    interpolated = 0
+    stalled = 0
+    filled = record.filled
+    count = len(times)
+    next_row = float(times[filled]) if filled < len(times) else inf
     rates = getattr(stepper, "f", None)
     if rates is not None and not np.isfinite(rates).all():
         # An explicit method would look for a first step without end.
         return NO_RATES, 0
-    steps, before = 0, stepper.t
+    steps = 0
+    before = stepper.t
     running = stepper.status == "running"
     while running:
         try:
@@ -233,7 +245,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         reached = record.now = stepper.t
         # LSODA takes steps too small to advance the time for no error.
         stalled = stalled + 1 if reached == before else 0
-        if stalled > STALLED:
+        if stalled > _STALLED:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
         before = reached
         if taken is not None:
@@ -256,7 +268,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
         if ended:
             return (Status.REACHED_END, ""), interpolated
         if running:
-            if steps % LOOK == 0 and (crawling := record.crawls(steps, reached)):
+            if steps % _LOOK == 0 and (crawling := record.crawls(steps, reached)):
                 return crawling, interpolated
             if steps >= record.max_steps or record.expired:
                 return record.stopped or (Status.TIME_LIMIT, ""), interpolated

@@ -32,14 +32,18 @@ class _Cut:
 def _cut(segments: Segments, record: Record) -> _Cut:
     """Where a record is to be cut, in the direction of its times, which may go back."""
     times = record.times
-    begin, end = float(times[0]), float(times[-1])
+    begin = float(times[0])
+    end = float(times[-1])
     offset = float(record.start[-1]) - begin
-    knots, values = segments.times - offset, segments.values
+    knots = segments.times - offset
+    values = segments.values
     sign = 1.0 if end > begin else -1.0
     if sign < 0:
         # From each segment's end to its beginning.
-        knots, values = -knots[::-1], values[::-1]
-        begin, end = -begin, -end
+        knots = -knots[::-1]
+        values = values[::-1]
+        begin = -begin
+        end = -end
     close = _CLOSE * (end - begin)
     # The outer segments go on beyond the table, whose ends may be rounded.
     first = int(
@@ -57,17 +61,20 @@ def _cut(segments: Segments, record: Record) -> _Cut:
 def _through(integrate: Integrator, segments: Segments, record: Record) -> Outcome:
     """Fill a record's rows, segment by segment."""
     cut = _cut(segments, record)
-    now, room = float(record.times[0]), np.empty((2, record.rows.shape[1]), record.rows.dtype)
+    now = float(record.times[0])
+    room = np.empty((2, record.rows.shape[1]), record.rows.dtype)
     state = record.start.copy()
     done: list[Work] = []
     steps = 0
-    status, message = Status.REACHED_END, ""
+    status = Status.REACHED_END
+    message = ""
     for end, upto, values in zip(cut.ends.tolist(), cut.rows, cut.values, strict=True):
         if done and (record.expired or steps >= record.max_steps):
             status = Status.TIME_LIMIT if record.expired else Status.STEP_LIMIT
             message = f"after {steps} steps"
             break
-        times, rows = np.array((now, end)), room
+        times = np.array((now, end))
+        rows = room
         wanted = upto - record.filled
         if wanted:
             inner = record.times[record.filled : upto]
@@ -77,18 +84,23 @@ def _through(integrate: Integrator, segments: Segments, record: Record) -> Outco
         state[-1] = state.dtype.type(cut.offset + now)
         rows[0] = state
         piece = Record(times, rows, record.deadline, record.max_steps - steps)
-        piece.unit, piece.events, piece.taken = record.unit, record.events, record.taken
-        piece.changed, piece.goes_on = values, bool(done)
+        piece.unit = record.unit
+        piece.events = record.events
+        piece.taken = record.taken
+        piece.changed = values
+        piece.goes_on = bool(done)
         status, message = integrate(piece)
         done.append(piece.work)
         steps += piece.work.steps or 0
         if wanted:
             record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
-        record.now, record.shrunk = piece.now, record.shrunk or piece.shrunk
+        record.now = piece.now
+        record.shrunk = record.shrunk or piece.shrunk
         ended = record.events is not None and record.events.ended is not None
         if not status.success or ended:
             break
-        state, now = rows[-1].copy(), end
+        state = rows[-1].copy()
+        now = end
         record.now = now
     record.work = _summed(done)
     return status, message

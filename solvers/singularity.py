@@ -1,6 +1,6 @@
 """Whether a run that claims success has stepped over the end of its solution.
 
-Where a rate is infinite, a step can land beyond: a multistep method then goes on with states of
+A step can land beyond the place of an infinite rate: a multistep method then goes on with states of
 1e20, an explicit one chatters about the place. Three signs cost next to nothing to look for: a
 denominator of the field changes its sign between two rows, a state grows a hundredfold between two
 rows, or steps shrink while a run is under way. They are no proof: a quotient may have a limit. So
@@ -22,8 +22,9 @@ from polhode.solvers.contract import Status
 _MAX_STRETCHES = 3
 # Growth of the largest component from one row to the next that is looked into.
 _GROWTH = 100.0
-# Who runs a stretch again, the first of a line that takes the problem, and how much more tightly.
 _RADAU = ("cyrk-radau", "radau")
+# Witnesses that run a stretch again: the first of the names that takes the problem, and the factor
+# of its tolerance.
 _WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
 # Tolerances of the witnesses: a run that is right need not be looser than the second.
 _TOLERANCES = (1e-8, 1e-4)
@@ -31,11 +32,12 @@ _TOLERANCES = (1e-8, 1e-4)
 _MAX_STEPS = 20_000
 # A witness may take this long, in seconds, or as long as the run itself.
 _LEAST_SECONDS = 0.5
+# Statuses of a witness that finds no solution.
 _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 
 
 def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | None:
-    """Where a run of a function of one's own has stepped over the end of its solution, in words; None if it has not.
+    """In words, how a run of a user's function stepped over the end of its solution; else None.
 
     `run` is `polhode.solvers.solve.solve`; `shrunk` says that steps became much shorter on the way.
     """
@@ -63,17 +65,15 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
         divisors = denominators(problem.field, problem.dimension, len(problem.field_parameters))
     if divisors:
         function, count = divisors
-        parameters, values = (
-            np.array(problem.field_parameters, dtype=float),
-            np.empty((len(states), count)),
-        )
+        parameters = np.array(problem.field_parameters, dtype=float)
+        values = np.empty((len(states), count))
         for state, out in zip(np.ascontiguousarray(states), values, strict=True):
             function(state, parameters, out)
         suspects |= (np.sign(values[1:]) * np.sign(values[:-1]) < 0).any(axis=1)
     components = states[:, : problem.dimension - problem.timed]
     spread = components.max() - components.min()
     if divisors is None and spread <= (_GROWTH - 1) * abs(states[0, 0]):
-        # No component can have grown so much.
+        # No component can have grown by that factor.
         return []
     size = np.abs(components).max(axis=1)
     # A start of 0 says nothing of the size of what comes.
@@ -83,8 +83,10 @@ def _suspects(problem: Problem, states: np.ndarray) -> list[int]:
 
 def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str:
     """How the witnesses ended between two rows; empty if one of them did not."""
-    problem, settings = frozen(solution.problem), solution.settings
-    begin, end = float(solution.times[first]), float(solution.times[last])
+    problem = frozen(solution.problem)
+    settings = solution.settings
+    begin = float(solution.times[first])
+    end = float(solution.times[last])
     piece = problem.continued(begin, tuple(solution.states[first].tolist()), end - begin)
     size = float(np.abs(solution.states[: first + 1]).max())
     usual = float(np.clip(settings.tolerance, *_TOLERANCES))
@@ -96,13 +98,13 @@ def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str
             return ""
         tolerance = factor * usual
         absolute = tolerance * size or tolerance
-        found = run(piece, witness, tolerance, atol=absolute, doubt=False, **limits)
-        implicit = found.method.implicit
+        repeated = run(piece, witness, tolerance, atol=absolute, doubt=False, **limits)
+        implicit = repeated.method.implicit
         # One that an explicit method does not finish may be stiff, or have no solution.
-        if found.success or (implicit and found.status not in _ENDED):
+        if repeated.success or (implicit and repeated.status not in _ENDED):
             return ""
         if implicit:
-            words = f"the solution ends, by {witness}: {found.status}"
+            words = f"the solution ends, by {witness}: {repeated.status}"
     return words
 
 

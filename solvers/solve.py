@@ -35,8 +35,11 @@ if TYPE_CHECKING:
 # An invariant may drift by this many tolerances, within these bounds, before success counts as
 # false; and at each step by so many, up to the limit: norms of quaternions, which fields divide
 # out, drift by 0.6 in 5000 good steps at 1e-4.
-INVARIANT_TOLERANCES, EACH_STEP = 1e6, 3.0
-INVARIANT_FLOOR, INVARIANT_CEILING, INVARIANT_LIMIT = 1e-6, 0.5, 2.0
+INVARIANT_TOLERANCES = 1e6
+_EACH_STEP = 3.0
+INVARIANT_FLOOR = 1e-6
+_INVARIANT_CEILING = 0.5
+_INVARIANT_LIMIT = 2.0
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,8 @@ def solve(
     Interrupted
         On Ctrl-C, with the finished part.
     """
-    method, problem = find_solver(solver), wrapped_start(as_it_stands(problem))
+    method = find_solver(solver)
+    problem = wrapped_start(as_it_stands(problem))
     problem = _for_method(problem, method, backend)
     if problem.plain:
         backend, jacobian = _plain_choices(problem, method, backend, jacobian)
@@ -206,13 +210,17 @@ def solve(
     if method.available:
         method.check(problem)
     else:
-        run.status, run.message = Status.ADAPTER_MISSING, str(method.why_not)
+        run.status = Status.ADAPTER_MISSING
+        run.message = str(method.why_not)
     if run.status.success and (unweighted := _unweighted(problem, method, settings)):
-        run.status, run.message = Status.TOLERANCE_UNATTAINABLE, unweighted
+        run.status = Status.TOLERANCE_UNATTAINABLE
+        run.message = unweighted
 
     def finished() -> Solution:
-        seconds, stages = perf_counter() - run.began, tuple(run.stages) if problem.course else ()
-        reached, rows = run.times[: run.done], run.rows[: run.done]
+        seconds = perf_counter() - run.began
+        stages = tuple(run.stages) if problem.course else ()
+        reached = run.times[: run.done]
+        rows = run.rows[: run.done]
         if search and search.ended is not None:
             reached, rows = _until(search.ended, search.end_state, reached, rows)
         head = problem, method, settings, reached, rows
@@ -225,7 +233,8 @@ def solve(
         if search and not method.seeks_events:
             _look_through(search, finished())
     except KeyboardInterrupt:
-        run.status, run.message = Status.INTERRUPTED, ""
+        run.status = Status.INTERRUPTED
+        run.message = ""
         raise Interrupted(_examined(finished(), times)) from None
     except EventFailedError as error:
         raise ValueError(str(error)) from error
@@ -360,14 +369,15 @@ def _doubt(solution: Solution, times: np.ndarray) -> str | None:
     """Why a claimed success is none, if it is none."""
     if len(solution.times) != len(times):
         return f"the library stopped at t = {float(solution.times[-1])!r}, expected {float(times[-1])!r}"
-    steps, least = solution.work.steps, solution.problem.least_steps
+    steps = solution.work.steps
+    least = solution.problem.least_steps
     if steps is not None and steps < least:
         return f"the library claims success after {steps} steps, expected at least {least}"
     invariant = solution.problem.invariant
     if invariant is not None:
         worst = float(np.abs(invariant(solution.states)).max())
         tolerance = solution.settings.tolerance
-        most = min(INVARIANT_LIMIT, max(INVARIANT_CEILING, EACH_STEP * tolerance * (steps or 0)))
+        most = min(_INVARIANT_LIMIT, max(_INVARIANT_CEILING, _EACH_STEP * tolerance * (steps or 0)))
         allowed = min(most, max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance))
         if not worst <= allowed:
             return f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"

@@ -16,7 +16,8 @@ def structure_of(problem: Problem) -> Structure | None:
 
 def jacobian_of(problem: Problem) -> Any:
     """The user's Jacobian, a matrix or ``(t, y) -> matrix`` in the run's time; None if there is none."""
-    structure, field = structure_of(problem), problem.field
+    structure = structure_of(problem)
+    field = problem.field
     if structure is None or not isinstance(field, OwnField):
         return None
     sign = -1.0 if field.backwards else 1.0

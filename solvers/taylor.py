@@ -89,15 +89,18 @@ def propagate(
     ``states(rows, times)`` are the states that its rows mean.
     """
     outcome = load_heyoka().taylor_outcome
-    number, work = integrator.state.dtype, record.work
-    steps, grid = 0, record.times.astype(number, copy=False)
+    number = integrator.state.dtype
+    work = record.work
+    steps = 0
+    grid = record.times.astype(number, copy=False)
     while True:
         result = integrator.propagate_grid(
             grid,
             max_steps=min(record.chunk(CHUNK), record.max_steps - steps),
             max_delta_t=number.type(max_step),
         )
-        reason, steps = result[0], steps + result[3]
+        reason = result[0]
+        steps = steps + result[3]
         work.steps = steps
         rows = states(result[-1][1:], grid[1:])
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
@@ -125,7 +128,9 @@ def propagate_with_events(
 ) -> Outcome:
     """As `propagate`, with the record's events looked for on the series of every step."""
     outcome = load_heyoka().taylor_outcome
-    steps, look, end = 0, _FIRST_LOOK, float(record.times[-1])
+    steps = 0
+    look = _FIRST_LOOK
+    end = float(record.times[-1])
     while True:
         result = integrator.propagate_until(
             end,
@@ -133,8 +138,10 @@ def propagate_with_events(
             max_delta_t=max_step,
             c_output=True,
         )
-        reason, series = result[0], result[4]
-        steps, record.now = steps + result[3], float(integrator.time)
+        reason = result[0]
+        series = result[4]
+        steps = steps + result[3]
+        record.now = float(integrator.time)
         record.work.steps = steps
         look = min(CHUNK, look * LOOK_GROWTH)
         if series is not None:
@@ -172,7 +179,8 @@ class Bound:
         *,
         paced: bool = False,
     ) -> None:
-        self.timed, self.max_step = problem.timed, max_step
+        self.timed = problem.timed
+        self.max_step = max_step
         self.variables = problem.dimension - self.timed
         if units is not None:
             units = np.broadcast_to(units, problem.dimension)[: self.variables]
@@ -191,14 +199,17 @@ class Bound:
 
     def begin(self, time: float, start: np.ndarray) -> None:
         """Set time, state and parameters; the start has any precision up to the integrator's own."""
-        integrator, number = self.integrator, self.integrator.state.dtype
+        integrator = self.integrator
+        number = self.integrator.state.dtype
         start = start.astype(number)
         integrator.time = number.type(time)
         if self.units is None:
-            integrator.state[:], integrator.pars[:] = start, self.parameters.astype(number)
+            integrator.state[:] = start
+            integrator.pars[:] = self.parameters.astype(number)
             return
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
-        given, behind = len(self.parameters), len(self.parameters) + self.variables
+        given = len(self.parameters)
+        behind = len(self.parameters) + self.variables
         integrator.pars[:given] = self.parameters.astype(number)
         integrator.pars[given:behind] = self.units.astype(number)
         if self.timed:
@@ -252,10 +263,13 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
     below its units: an absolute one would let a step leave the series' radius there.
     """
     outcome = load_heyoka().taylor_outcome
-    integrator, work, units = bound.integrator, record.work, bound.units
+    integrator = bound.integrator
+    work = record.work
+    units = bound.units
     assert units is not None, "bound in units"
     steps = work.steps or 0
-    time, end = float(record.times[record.filled - 1]), float(record.times[-1])
+    time = float(record.times[record.filled - 1])
+    end = float(record.times[-1])
     state = record.rows[record.filled - 1].astype(float)
     pieces: list[float] = []
     length = _PACED_STEPS
@@ -269,7 +283,8 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
             max_steps=min(record.chunk(length), record.max_steps - steps),
             max_delta_t=bound.max_step / bound.pace,
         )
-        reason, steps = result[0], steps + result[3]
+        reason = result[0]
+        steps = steps + result[3]
         work.steps = steps
         reached = bound.pace * float(integrator.time)
         after = bound.states(integrator.state.copy()[None], np.array([reached]))[0]
@@ -290,7 +305,9 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
                 Status.NON_FINITE if reason == outcome.err_nf_state else Status.STEP_UNDERFLOW,
                 str(reason),
             )
-        before, time, state = time, time + reached, after
+        before = time
+        time = time + reached
+        state = after
         if time == before:
             return Status.STEP_UNDERFLOW, f"stalled at t = {time!r}"
         record.now = time
@@ -361,7 +378,8 @@ class Taylor(Solver):
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
     ) -> Callable[[], object] | None:
-        bound, start = self._bound(problem, settings), np.array(problem.start)
+        bound = self._bound(problem, settings)
+        start = np.array(problem.start)
 
         def call() -> object:
             bound.begin(0.0, start)

@@ -8,7 +8,8 @@ class _Unwarned:
     """No warnings while any thread is within: Python's filters belong to the whole process."""
 
     def __init__(self) -> None:
-        self.lock, self.threads = Lock(), 0
+        self.lock = Lock()
+        self.threads = 0
         self.before = warnings.catch_warnings()
 
     def __enter__(self) -> None:

@@ -21,7 +21,7 @@ from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
 from polhode.harness.pages.pick import summary
-from polhode.harness.pages.regimes import ERRORS, read_cells, sentence
+from polhode.harness.pages.regimes import MAP_ERRORS, read_cells, sentence
 from polhode.harness.paper import claims, store
 from polhode.harness.paper.pages import write_pages
 from polhode.harness.studies.cost import FirstRun, Overhead
@@ -54,7 +54,8 @@ def hard_cases() -> Iterable[str]:
 def regimes() -> Iterable[str]:
     maps = read_cells(REPORTS / "regimes" / "cells.csv")
     return [
-        f"The {name}, {sentence(found, ERRORS[error][0])}" for (name, error), found in maps.items()
+        f"The {name}, {sentence(found, MAP_ERRORS[error][0])}"
+        for (name, error), found in maps.items()
     ]
 
 

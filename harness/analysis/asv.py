@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import in_full
 from polhode.solvers.contract import Status
 
-# Of asv's files: results and benchmarks.json, and machine.json.
-_VERSION = 2
-_MACHINE_VERSION = 1
-# What asv shows of the suite, the column of a record, and asv's kind and unit.
+# Versions of asv's file formats.
+_VERSION = 2  # Results and benchmarks.json.
+_MACHINE_VERSION = 1  # machine.json.
+# Series that asv shows of the suite: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
 _COLUMNS = ("result", "params", "version", "started_at")
 
@@ -90,12 +91,10 @@ def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
     for (scene, stokes, form), runs in groups.items():
         solvers = list(dict.fromkeys(run["solver"] for run in runs))
         tolerances = sorted({run["tolerance"] for run in runs}, reverse=True)
-        found = {(run["solver"], run["tolerance"]): run for run in runs}
+        run_of = {(run["solver"], run["tolerance"]): run for run in runs}
         for series, (column, kind, unit) in _SERIES.items():
             results = [
-                _value(found.get((solver, tolerance)), column)
-                for solver in solvers
-                for tolerance in tolerances
+                _value(run_of.get(method), column) for method in product(solvers, tolerances)
             ]
             tables[f"{scene}.St{in_full(stokes)}.{form}.{series}"] = {
                 "result": results,
@@ -113,7 +112,7 @@ def _value(record: Record | None, column: str) -> float | None:
 
 
 def _benchmarks(path: Path, tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The list of benchmarks, those of earlier runs included."""
+    """The list of benchmarks, with the ones of earlier runs."""
     earlier = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     new = {
         name: {

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from math import inf
 from pathlib import Path
 from statistics import median
@@ -15,8 +16,8 @@ from polhode.harness.common.store import Record, Store, read_export
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.solvers.contract import Status
 
-# What makes two records the same case, whatever the versions they were made with.
-IDENTITY = [
+# Records that agree in these columns are of the same case; versions may differ.
+_IDENTITY = [
     "scene_name",
     "stokes",
     "scene.time",
@@ -28,12 +29,12 @@ IDENTITY = [
     "jacobian",
 ]
 # An error below this says nothing, however well the reference is known.
-LEAST_ERROR = 1e-13
+_LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
-LEAST_SECONDS = 2e-5
-ERRORS = ("slow_error", "orientation_error")
+_LEAST_SECONDS = 2e-5
+_ERRORS = ("slow_error", "orientation_error")
 # Timed cases of which the median ratio tells how much slower another machine is.
-MIN_MACHINE_CASES = 5
+_MIN_MACHINE_CASES = 5
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Comparison:
     are compared after division by it, or by what it took beside the case itself if that is more: a
     slow moment is no regression. On another machine or Python the sentinel does not compare:
     `drift` is then the median ratio of the cases' times, and 1 where fewer than
-    `MIN_MACHINE_CASES` are shared.
+    `_MIN_MACHINE_CASES` are shared.
     """
 
     shared: int
@@ -52,45 +53,50 @@ class Comparison:
     only_after: int
     drift: float
     same_machine: bool
-    regressions: pd.DataFrame  # `IDENTITY`, `what`, `before` and `after`
+    regressions: pd.DataFrame  # `_IDENTITY`, `what`, `before` and `after`
 
 
 def compare(
     before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float
 ) -> Comparison:
     """Compare two frames of records by factors above 1, beyond the scatter of times and what references know."""
-    first, second = _by_identity(before), _by_identity(after)
+    first = _by_identity(before)
+    second = _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
     shared = first.keys() & second.keys()
     if same_machine:
         drift = _sentinel(second) / _sentinel(first)
     else:
         drift = _ratio([(first[case], second[case]) for case in shared])
-    worse = [
-        {**dict(zip(IDENTITY, case, strict=False)), **change}
-        for case in first
-        if case in shared
-        for change in _changes(first[case], second[case], drift, slower, less_accurate)
-    ]
-    regressions = pd.DataFrame(worse, columns=pd.Index([*IDENTITY, "what", "before", "after"]))
+    worse = []
+    for case in first:
+        if case in shared:
+            identity = dict(zip(_IDENTITY, case, strict=False))
+            changes = _changes(first[case], second[case], drift, slower, less_accurate)
+            worse += [{**identity, **change} for change in changes]
+    regressions = pd.DataFrame(worse, columns=pd.Index([*_IDENTITY, "what", "before", "after"]))
     alone = len(first) - len(shared), len(second) - len(shared)
     return Comparison(len(shared), *alone, drift, same_machine, regressions)
 
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
     """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
-    return {(*(row.get(column) for column in IDENTITY), _scene(row)): row for row in rows_of(table)}
+    rows = {}
+    for row in rows_of(table):
+        identity = (*map(row.get, _IDENTITY), _scene(row))
+        rows[identity] = row
+    return rows
 
 
 def _scene(row: Record) -> frozenset[tuple[str, Any]]:
     """Shape and start, which another study may give the same name."""
-    known = [
+    features = [
         (name, value)
         for name, value in row.items()
         if name.startswith("scene.") and value is not None
     ]
     return frozenset(
-        (name, tuple(value) if isinstance(value, list) else value) for name, value in known
+        (name, tuple(value) if isinstance(value, list) else value) for name, value in features
     )
 
 
@@ -107,34 +113,37 @@ def _ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
         for before, after in pairs
         if before.get("seconds") and after.get("seconds")
     ]
-    return median(ratios) if len(ratios) >= MIN_MACHINE_CASES else 1.0
+    return median(ratios) if len(ratios) >= _MIN_MACHINE_CASES else 1.0
 
 
 def _changes(
     before: Record, after: Record, drift: float, slower: float, less_accurate: float
 ) -> list[Record]:
-    """What got worse in one case."""
+    """Changes for the worse in one case."""
     if before["status"] == Status.REACHED_END != after["status"]:
         # One that came near its time limit before may miss it by chance.
-        near = before["counted_seconds"] * slower * drift > after["max_seconds"]
+        close_to_limit = before["counted_seconds"] * slower * drift > after["max_seconds"]
         change = {"what": "status", "before": before["status"], "after": after["status"]}
-        return [] if near and after["status"] == Status.TIME_LIMIT else [change]
+        return [] if close_to_limit and after["status"] == Status.TIME_LIMIT else [change]
     changes = []
     if before.get("seconds") is not None and after.get("seconds") is not None:
         # How many times as long the sentinel took beside the case itself, where that compares.
-        alone, beside = before.get("sentinel_seconds"), after.get("sentinel_seconds")
+        alone = before.get("sentinel_seconds")
+        beside = after.get("sentinel_seconds")
         pace = (
             max(drift, beside / alone)
             if alone and beside and _machine(before) == _machine(after)
             else drift
         )
-        first, second = before["seconds"], after["seconds"] / pace
+        first = before["seconds"]
+        second = after["seconds"] / pace
         noise = _scatter(before) + _scatter(after) / pace
-        if second > slower * first and second - first > max(LEAST_SECONDS, noise):
+        if second > slower * first and second - first > max(_LEAST_SECONDS, noise):
             changes.append({"what": "seconds", "before": first, "after": second})
-    for error in ERRORS:
-        first, second = before.get(error), after.get(error)
-        floor = max(LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
+    for error in _ERRORS:
+        first = before.get(error)
+        second = after.get(error)
+        floor = max(_LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
         if first is not None and second is not None and second > max(floor, less_accurate * first):
             changes.append({"what": error.replace("_", " "), "before": first, "after": second})
     return changes
@@ -154,9 +163,9 @@ def _scatter(row: Record) -> float:
 
 def read_runs(path: Path) -> pd.DataFrame:
     """Records as a frame: of JSON of the benchmark suite or a folder of such, a ``.sqlite`` store, its ``.jsonl``."""
-    # Of all runs in a folder the failed ones come first and the shortest last, which counts.
+    # The last run of a case counts: in a folder, failed runs come first and the shortest last.
     paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    records = [record for each in paths for record in _records(each)]
+    records = [*chain.from_iterable(map(_records, paths))]
     if path.is_dir():
         records.sort(key=lambda record: record.get("seconds") or inf, reverse=True)
     return of_runs(frame(records), path)
@@ -191,7 +200,8 @@ def benchmark_records(contents: dict[str, Any]) -> list[Record]:
         record = {"key": info["key"], **info["case"], **info["result"], **surroundings}
         record |= {"sentinel_seconds": info["sentinel_seconds"], "date": contents.get("datetime")}
         if "seconds_runs" in info:
-            shortest, longest = benchmark["stats"]["min"], benchmark["stats"]["max"]
+            shortest = benchmark["stats"]["min"]
+            longest = benchmark["stats"]["max"]
             record |= {
                 "seconds": shortest,
                 "seconds_spread": longest - shortest,

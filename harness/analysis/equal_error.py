@@ -1,4 +1,6 @@
-"""What solvers of a work-precision study take for an error, who is the best of a library, and both over a parameter."""
+"""Times of a work-precision study's solvers to an error, the best solver of a library, both over a parameter."""
+
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -9,7 +11,7 @@ from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.setups import FUNCTION
 
 # Errors at which solvers are compared.
-TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
+STUDY_TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def seconds_to(frame: pd.DataFrame, target: float) -> dict[str, float]:
@@ -27,11 +29,11 @@ def seconds_to(frame: pd.DataFrame, target: float) -> dict[str, float]:
 
 
 def best_of_families(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows of one solver of each family: the one that is the fastest at most of `TARGETS`.
+    """The rows of one solver of each family: the one that is the fastest at most of `STUDY_TARGETS`.
 
     Functions of the user's are a family each.
     """
-    reached = {target: seconds_to(frame, target) for target in TARGETS}
+    reached = {target: seconds_to(frame, target) for target in STUDY_TARGETS}
     kept = []
     functions = frame["family"] == FUNCTION
     families = frame["family"].where(~functions, frame["solver"])
@@ -39,17 +41,16 @@ def best_of_families(frame: pd.DataFrame) -> pd.DataFrame:
         names = list(dict.fromkeys(rows["solver"]))
         wins = dict.fromkeys(names, 0)
         for times in reached.values():
-            own = {name: times[name] for name in names if name in times}
-            if own:
-                wins[min(own, key=own.__getitem__)] += 1
+            family_times = {name: times[name] for name in names if name in times}
+            if family_times:
+                wins[min(family_times, key=family_times.__getitem__)] += 1
         kept.append(max(names, key=wins.__getitem__))
     return where(frame, frame["solver"].isin(kept)).reset_index(drop=True)
 
 
 def over_table(frame: pd.DataFrame, name: str, target: float) -> pd.DataFrame:
     """Seconds to an error: a row for each value of a parameter, a column for each solver that gets there."""
-    rows = {value: seconds_to(own, target) for value, own in frame.groupby(name)}
-    solvers = [
-        one for one in dict.fromkeys(frame["solver"]) if any(one in row for row in rows.values())
-    ]
+    rows = {value: seconds_to(runs, target) for value, runs in frame.groupby(name)}
+    reaching = {*chain.from_iterable(rows.values())}
+    solvers = [solver for solver in dict.fromkeys(frame["solver"]) if solver in reaching]
     return pd.DataFrame.from_dict(rows, orient="index", columns=None).reindex(columns=solvers)

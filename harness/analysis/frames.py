@@ -10,7 +10,7 @@ import pandas as pd
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 
-# Of a run, what a reader of its page looks for.
+# Columns of a run that a reader of its page looks for.
 RUN_COLUMNS = [
     "scene_name",
     "stokes",
@@ -36,12 +36,12 @@ RUN_COLUMNS += [
     "scene.time",
     "scene.shape.semi_axes",
 ]
-STOKES = "scene.stokes"
-# What every record of a run of a scene has.
+_STOKES = "scene.stokes"
+# Columns of every record of a run of a scene.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
-# What a run that fails has not: where every run of a study failed, these columns are there, and
+# Columns that a failed run lacks: if every run of a study failed, these columns are there, and
 # empty.
-OF_SUCCESSES = (
+_OF_SUCCESSES = (
     "slow_error",
     "orientation_error",
     "slow_uncertainty",
@@ -57,9 +57,9 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     then.
     """
     kept = (_picked(record, columns) for record in records) if columns else records
-    table = pd.json_normalize(list(kept)).rename(columns={STOKES: "stokes"})
+    table = pd.json_normalize(list(kept)).rename(columns={_STOKES: "stokes"})
     table = table.convert_dtypes(dtype_backend="numpy_nullable")
-    for name in OF_SUCCESSES:
+    for name in _OF_SUCCESSES:
         if name not in table and (name in columns or not columns):
             table[name] = pd.array([pd.NA] * len(table), dtype="Float64")
     return table
@@ -84,15 +84,15 @@ def frame_of(kind: type, rows: Sequence[Any]) -> Any:
 
 def _picked(record: Record, columns: Collection[str]) -> Record:
     """The values that go into these columns."""
-    found = {}
+    picked = {}
     for name in columns:
-        path = STOKES if name == "stokes" else name
+        path = _STOKES if name == "stokes" else name
         value: Any = record
         for part in path.split("."):
             value = value.get(part) if isinstance(value, dict) else None
         if value is not None:
-            found[path] = value
-    return found
+            picked[path] = value
+    return picked
 
 
 def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
@@ -106,10 +106,10 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    """Runs of each scene under its name, in the order of the records; those of a single one under none."""
+    """Runs of each scene under its name, in the order of the records; runs of a single scene under none."""
     if "scene_name" not in table or len(set(table["scene_name"])) < 2:
         return [("", table)]
-    return [(str(name), own) for name, own in table.groupby("scene_name", sort=False)]
+    return [(str(name), runs) for name, runs in table.groupby("scene_name", sort=False)]
 
 
 def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:

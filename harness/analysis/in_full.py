@@ -9,7 +9,7 @@ from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, foreseen
 from polhode.models.scene import Scene
 
 HYBRID = "hybrid"
-# What two runs with the same steps share to the last digit, at whatever tolerance each was asked for.
+# Columns that two runs with the same steps share to the last digit, even at unequal tolerances.
 _SHARED = (
     "scene_name",
     "stokes",
@@ -43,7 +43,7 @@ def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) ->
     plans = {
         (name, stokes, tolerance): planned_in_full(by_name[name, stokes], tolerance)
         for name, stokes, tolerance in {
-            case for case, own in zip(cases, hybrid, strict=True) if own
+            case for case, is_hybrid in zip(cases, hybrid, strict=True) if is_hybrid
         }
         if (name, stokes) in by_name
     }

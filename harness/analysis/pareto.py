@@ -48,14 +48,14 @@ class Method(NamedTuple):
 
     @property
     def label(self) -> str:
-        """What sets it apart on a map: the name of a form that averages, since any solver will do, or the solver."""
+        """Its name on a map: the form's where it averages, since any solver will do, else the solver's."""
         return self.form if self.side == "averaged" or self.form == HYBRID else self.solver
 
 
 def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:
     """Runs of each form and solver."""
-    for (form, solver), own in runs.groupby(["form", "solver"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
-        yield Method(str(form), str(solver)), own
+    for (form, solver), method_runs in runs.groupby(["form", "solver"], sort=False):  # pyright: ignore[reportGeneralTypeIssues]
+        yield Method(str(form), str(solver)), method_runs
 
 
 def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
@@ -77,7 +77,8 @@ def cost(points: np.ndarray, target: float) -> float:
         return float("nan")
     if points[0, 0] <= target:
         return float(points[0, 1])
-    sizes, seconds = np.log(np.maximum(points[:, 0], np.finfo(float).tiny)), np.log(points[:, 1])
+    sizes = np.log(np.maximum(points[:, 0], np.finfo(float).tiny))
+    seconds = np.log(points[:, 1])
     return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
 
 
@@ -85,16 +86,18 @@ def costs(
     groups: Iterable[tuple[Any, pd.DataFrame]], targets: Sequence[float], error: str = "slow_error"
 ) -> pd.DataFrame:
     """Times at errors: a row for each error and scene, a column for each form and solver; NaN where none is known."""
-    found = {}
+    rows = {}
     for name, runs in groups:
         needed: Any = runs[["form", "solver", "status", "seconds", error]]
-        fronts = {method: front(own, error) for method, own in methods(needed)}
+        fronts = {method: front(method_runs, error) for method, method_runs in methods(needed)}
         for target, resolved in zip(
             targets, np.array(targets) > limit_of(runs, error), strict=True
         ):
-            known = {method: cost(points, target) for method, points in fronts.items() if resolved}
-            found[target, name] = known or dict.fromkeys(fronts, np.nan)
-    return pd.DataFrame.from_dict(found, orient="index")
+            seconds = {
+                method: cost(points, target) for method, points in fronts.items() if resolved
+            }
+            rows[target, name] = seconds or dict.fromkeys(fronts, np.nan)
+    return pd.DataFrame.from_dict(rows, orient="index")
 
 
 def limit_of(runs: pd.DataFrame, error: str) -> float:
@@ -113,8 +116,8 @@ def cheapest(
     )
     if good.empty:
         return None
-    near = where(good, good["seconds"] <= TIE * good.iloc[0]["seconds"])
-    return good.iloc[0].to_dict(), tuple(method for method, _ in methods(near))[1:]
+    ties = where(good, good["seconds"] <= TIE * good.iloc[0]["seconds"])
+    return good.iloc[0].to_dict(), tuple(method for method, _ in methods(ties))[1:]
 
 
 def averaged_wins_from(records: pd.DataFrame, target: float) -> float | None:
@@ -144,7 +147,8 @@ def cost_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, li
     )
     if len(table.columns) < 2 or table.empty:
         return None
-    first, last = table.columns[0], table.columns[-1]
+    first = table.columns[0]
+    last = table.columns[-1]
     return (
         float(first),
         float(last),
@@ -154,7 +158,7 @@ def cost_over_stokes(records: pd.DataFrame, form: str) -> tuple[float, float, li
 
 @dataclass(frozen=True)
 class Cell:
-    """The cheapest method at one St and error, and that of another label; None and NaN where none is known."""
+    """The cheapest method at one St and error, and the next of another label; None and NaN where none is known."""
 
     stokes: float
     target: float
@@ -172,26 +176,29 @@ class Cell:
 
 def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARGETS) -> list[Cell]:
     """Cells of the map of one scene at several St, by St and then by error, a column such as "slow_error"."""
-    found, groups = [], by_stokes(records)
+    row_of_cells = []
+    groups = by_stokes(records)
     times: Any = costs(groups, targets, error)
     for stokes, runs in groups:
         limit = limit_of(runs, error)
         for target in targets:
-            own = times.loc[target, stokes].dropna()
-            found.append(
-                _cell(stokes, target, own) if target > limit else Cell(stokes, target, known=False)
+            seconds = times.loc[target, stokes].dropna()
+            row_of_cells.append(
+                _cell(stokes, target, seconds)
+                if target > limit
+                else Cell(stokes, target, known=False)
             )
-    return found
+    return row_of_cells
 
 
 def _cell(stokes: float, target: float, times: pd.Series) -> Cell:
-    found: Any = times.to_dict()
-    ranked = sorted((seconds, Method(*method)) for method, seconds in found.items())
+    seconds_of: Any = times.to_dict()
+    ranked = sorted((seconds, Method(*method)) for method, seconds in seconds_of.items())
     if not ranked:
         return Cell(stokes, target, known=True)
     seconds, winner = ranked[0]
-    others = [entry for entry in ranked[1:] if entry[1].label != winner.label]
-    later, second = others[0] if others else (float("nan"), None)
+    rivals = [entry for entry in ranked[1:] if entry[1].label != winner.label]
+    later, second = rivals[0] if rivals else (float("nan"), None)
     return Cell(stokes, target, True, winner, second, seconds, later / seconds)
 
 
@@ -207,21 +214,19 @@ class Standing:
     failures: dict[str, int]  # runs without a result, by status
 
 
-def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[Standing]:
+def standings(records: pd.DataFrame, error: str, panel: Sequence[Cell]) -> list[Standing]:
     """Every method of one scene at several St, those that win most of the cells first."""
     done = where(records, (records["status"] == Status.REACHED_END) & records["seconds"].notna())
     sure = where(done, known(done, error).fillna(value=False))
-    on_front = [
-        method
-        for _, runs in sure.groupby("stokes")
-        for method, _ in methods(pareto_front(runs, error))
-    ]
-    winners = [cell.winner for cell in found]
-    ties = [cell.second for cell in found if cell.tied]
+    on_front = []
+    for _, runs in sure.groupby("stokes"):
+        on_front += [method for method, _ in methods(pareto_front(runs, error))]
+    winners = [cell.winner for cell in panel]
+    ties = [cell.second for cell in panel if cell.tied]
     rows = []
-    for method, own in methods(records):
+    for method, method_runs in methods(records):
         failures = (
-            own.loc[own["status"] != Status.REACHED_END, "status"]
+            method_runs.loc[method_runs["status"] != Status.REACHED_END, "status"]
             .astype(str)
             .value_counts(sort=False)
             .to_dict()
@@ -230,15 +235,15 @@ def standings(records: pd.DataFrame, error: str, found: Sequence[Cell]) -> list[
             winners.count(method),
             ties.count(method),
             on_front.count(method),
-            len(set(own["stokes"])),
+            len(set(method_runs["stokes"])),
         )
         rows.append(Standing(method, *counts, failures))
     return sorted(rows, key=lambda row: (-row.won, -row.front, -row.tied, str(row.method)))
 
 
-def usual_form(found: Sequence[Cell]) -> str:
+def usual_form(panel: Sequence[Cell]) -> str:
     """The full form that wins most cells."""
     forms = [
-        cell.winner.form for cell in found if cell.winner and cell.winner.label != cell.winner.form
+        cell.winner.form for cell in panel if cell.winner and cell.winner.label != cell.winner.form
     ]
     return max(dict.fromkeys(forms), key=forms.count, default="")

@@ -20,19 +20,19 @@ from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 
 # Rotations up to which an averaged run is compared with a full one.
-DIRECT_TURNS = 1_000.0
+_DIRECT_TURNS = 1_000.0
 # Rotations of a surrogate.
-SURROGATE_TURNS = 500.0
+_SURROGATE_TURNS = 500.0
 # Tolerance of full runs that averaged ones are compared with.
-FULL_TOLERANCE = 1e-8
+_FULL_TOLERANCE = 1e-8
 # Steps of such a run, at most.
-MAX_STEPS = 300_000
+_MAX_STEPS = 300_000
 # Tolerance of an averaged run whose own error counts for nothing.
-EXACT_TOLERANCE = 1e-12
+_EXACT_TOLERANCE = 1e-12
 # Rotations in a damping time from which on there is something to average over.
-LEAST_TURNS = 0.3
+_LEAST_TURNS = 0.3
 # The tolerance of a second run in pieces over that of the run: it has fewer and narrower windows.
-LOOSER_PIECES = 10.0
+_LOOSER_PIECES = 10.0
 
 
 class NotKnownError(ValueError):
@@ -47,16 +47,16 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
         note = f"estimate of its pieces, and {other.words}"
         return "estimate", "hybrid", with_estimate(runner, run, other), note
     turns = rotations(runner.scene)
-    if turns <= DIRECT_TURNS and not isinstance(runner.scene.start, SlowStart):
+    if turns <= _DIRECT_TURNS and not isinstance(runner.scene.start, SlowStart):
         method = full_method(runner.scene)
-        other = runner.run(method, FULL_TOLERANCE, MAX_STEPS)
+        other = runner.run(method, _FULL_TOLERANCE, _MAX_STEPS)
         if other.success:
             apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
             return "unlike", "averaged", apart, f"unlike: {other.words}"
     usual = run.method
     if not run.method.solver.implicit:
         usual = Method(form, first_available(EXPLICIT))
-    exact = runner.run(usual, min(run.tolerance, EXACT_TOLERANCE), MAX_STEPS)
+    exact = runner.run(usual, min(run.tolerance, _EXACT_TOLERANCE), _MAX_STEPS)
     if not exact.success:
         raise NotKnownError(f"a second run ended with {exact.solution.status}")
     own = difference(runner.scene.ellipsoid, run.observables, exact.observables)
@@ -93,10 +93,12 @@ def _other_in_pieces(runner: Runner, run: Run) -> Run:
     """A second run in pieces: by an unlike solver where the run's own is not the usual one, else looser."""
     usual = first_available(EXPLICIT)
     if run.method.solver.name == usual.name:
-        method, tolerance = run.method, min(1.0, LOOSER_PIECES * run.tolerance)
+        method = run.method
+        tolerance = min(1.0, _LOOSER_PIECES * run.tolerance)
     else:
-        method, tolerance = Method(run.method.form, usual), run.tolerance
-    other = runner.run(method, tolerance, MAX_STEPS + 4 * run.steps)
+        method = Method(run.method.form, usual)
+        tolerance = run.tolerance
+    other = runner.run(method, tolerance, _MAX_STEPS + 4 * run.steps)
     if not other.success:
         raise NotKnownError(f"a second run ended with {other.solution.status}")
     return other
@@ -105,12 +107,12 @@ def _other_in_pieces(runner: Runner, run: Run) -> Run:
 def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.ndarray, float]:
     """The slow error of first-order averaging at the compared times, from a surrogate, and the latter's St."""
     scene = oriented(runner.scene)
-    ratio = min(1.0, SURROGATE_TURNS / max(turns, 1e-300))
+    ratio = min(1.0, _SURROGATE_TURNS / max(turns, 1e-300))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
-    if LEAST_TURNS * damping_times(surrogate) > SURROGATE_TURNS:
+    if _LEAST_TURNS * damping_times(surrogate) > _SURROGATE_TURNS:
         raise NotKnownError("St is too small to average over rotations")
     small = Runner(surrogate, np.array([0.0, surrogate.time]))
-    full = small.run(full_method(surrogate), FULL_TOLERANCE, MAX_STEPS)
+    full = small.run(full_method(surrogate), _FULL_TOLERANCE, _MAX_STEPS)
     if not full.success:
         raise NotKnownError(f"the surrogate's run ended with {full.solution.status}")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
@@ -131,18 +133,21 @@ def oriented(scene: Scene) -> Scene:
     """The scene itself, or one of those that a start by L and E alone stands for: the middle axis across L."""
     if not isinstance(scene.start, SlowStart):
         return scene
-    ellipsoid, momentum = scene.ellipsoid, np.array(scene.start.angular_momentum)
+    ellipsoid = scene.ellipsoid
+    momentum = np.array(scene.start.angular_momentum)
     size = float(np.linalg.norm(momentum))
     if size == 0:
         raise NotKnownError("the start has L = 0 and no orientation")
     first, _, last = ellipsoid.order
-    low, high = ellipsoid.inertia[first], ellipsoid.inertia[last]
+    low = ellipsoid.inertia[first]
+    high = ellipsoid.inertia[last]
     share = 1.0
     if low < high:
         share = (2 * scene.start.energy / size**2 - 1 / high) / (1 / low - 1 / high)
         share = min(1.0, max(0.0, share))
     body = np.zeros(3)
-    body[first], body[last] = sqrt(share), sqrt(1 - share)
+    body[first] = sqrt(share)
+    body[last] = sqrt(1 - share)
     from scipy.spatial.transform import Rotation
 
     x, y, z, w = Rotation.align_vectors([momentum], [body])[0].as_quat().tolist()

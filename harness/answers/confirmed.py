@@ -51,54 +51,54 @@ from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Sta
 from polhode.solvers.solve import Interrupted, Solution
 
 # The tolerance of a tighter run over that of the run before: a third more steps at order 8.
-TIGHTER = 0.1
+_TIGHTER = 0.1
 # The same of splitting, whose steps come in few sizes: 1.5 to 1.8 times the steps.
-TIGHTER_SPLITTING = 1 / 30
+_TIGHTER_SPLITTING = 1 / 30
 # The tolerance of a looser second run over that of the run: 0.65 of its steps at order 8.
-LOOSER = 30.0
+_LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing.
-LOOSE = 1e-5
+_LOOSE = 1e-5
 # The better one of two runs of a method takes at least so many times the steps of the other: at
 # order 6 it errs by as much as they differ, and by more where they are closer.
-LEAST_STEP_RATIO = 1.15
+_LEAST_STEP_RATIO = 1.15
 # The same of splitting, where smaller factors hide errors up to 60 times the difference.
 LEAST_STEP_RATIO_SPLITTING = 1.35
 # The same along a track, where steps end at knots and both runs take the same between many of them: at
 # 1.15, 14 of 200 random runs by explicit methods erred by more than they stated, at 1.7 one.
-LEAST_STEP_RATIO_TRACK = 1.7
+_LEAST_STEP_RATIO_TRACK = 1.7
 # The tolerance of a last second run where others took too similar steps.
-FAR_TIGHTER = 1e-3
+_FAR_TIGHTER = 1e-3
 # Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
-SATURATED = 0.03
+_SATURATED = 0.03
 # No run is credited with an error below this share of its tolerance: that would be luck.
-LEAST_ERROR_PER_TOLERANCE = 1e-3
+_LEAST_ERROR_PER_TOLERANCE = 1e-3
 # Runs of a method that look for an error, at most.
-MAX_RUNS = 6
+_MAX_RUNS = 6
 # Where two runs have not met an error, the next one is planned to have this share of it.
-PLANNED_SHARE = 0.3
+_PLANNED_SHARE = 0.3
 # A tolerance is divided by this much at most for that.
-MAX_STRIDE = 1e4
+_MAX_STRIDE = 1e4
 # A tighter run has this share of the difference before; else tolerance no longer sets the errors.
-FALLING = 0.7
+_FALLING = 0.7
 # A search ends when the difference has not fallen so often: once may be chance, near L² = 2EI₂.
-MAX_STALLS = 2
+_MAX_STALLS = 2
 # Steps that a second run may take: so many times those of the run, and an amount that costs little.
 STEP_RATIO = 30
 STEP_FLOOR = 20_000
 # The tightest tolerance of a run that a tighter one confirms.
-LEAST_CONFIRMED = 1e-14
+_LEAST_CONFIRMED = 1e-14
 # An unlike run is tighter by this than equal errors ask for.
-UNLIKE_SHARE = 0.2
+_UNLIKE_SHARE = 0.2
 # Rounding of L and E in a step, in eps of the largest, that steps add up: DOP853 errs by 0.07 a step
 # after 8e4 steps.
-ROUNDING_PER_STEP = 0.1
+_ROUNDING_PER_STEP = 0.1
 # The same of Verner's methods, whose coefficients round in one direction: they err by 0.6 to 0.8.
-ROUNDING_PER_STEP_VERNER = 1.0
+_ROUNDING_PER_STEP_VERNER = 1.0
 # Explicit methods that confirm each other along tracks.
 _ALONG_TRACKS = ("taylor", "cyrk-dop853", "dop853")
-VERNER = ("cyrk-vern8", "cyrk-vern7")
+_VERNER = ("cyrk-vern8", "cyrk-vern7")
 # Error per rotation and tolerance of a solver that states none.
-USUAL_ERROR_CONSTANT = 20.0
+_USUAL_ERROR_CONSTANT = 20.0
 
 
 @dataclass(frozen=True)
@@ -149,13 +149,15 @@ def meet(
     watch: Watch = None,
 ) -> Answer:
     """Run the methods in turn until one meets an error; the best run of them where none does."""
-    best, smallest = None, inf
+    best = None
+    smallest = inf
     for method in methods:
         answer = _meet(runner, method, error, want, estimate, watch)
         interval = answer.error.wanted(want)
         high = interval.high if interval and answer.solution.success else inf
         if best is None or high < smallest or not best.solution.success:
-            best, smallest = answer, high
+            best = answer
+            smallest = high
         if smallest <= error or not estimate:
             break
     assert best is not None
@@ -170,7 +172,7 @@ def _meet(
     if not estimate or method.solver.closed_form or method.form.averaged:
         return confirm(runner, method, tolerance, estimate, watch)
     search = _Search(runner, method, error, want)
-    for _ in range(MAX_RUNS):
+    for _ in range(_MAX_RUNS):
         run = _next_run(runner, method, tolerance, search.previous, watch)
         if run.success and search.previous is None and want == "slow":
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
@@ -185,7 +187,10 @@ class _Search:
     """Runs of a method, each tighter than the one before, and the best of them."""
 
     def __init__(self, runner: Runner, method: Method, error: float, want: str) -> None:
-        self.runner, self.method, self.error, self.want = runner, method, error, want
+        self.runner = runner
+        self.method = method
+        self.error = error
+        self.want = want
         self.in_pairs = _partner(runner, method) is None
         self.previous: Run | None = None  # The last one that others are compared with.
         self.last: Run | None = None
@@ -208,19 +213,20 @@ class _Search:
                 self.previous = run
                 return _tighter(self.method)
             # The steps hardly changed: the tolerance does not set them yet.
-            return FAR_TIGHTER
+            return _FAR_TIGHTER
         self.previous = run
         interval = stated_error.wanted(self.want)
         if interval is None:
             return _tighter(self.method)
-        if self.high < inf and interval.high > FALLING * self.high:
+        if self.high < inf and interval.high > _FALLING * self.high:
             self.stalls += 1
         if interval.high < self.high:
-            self.best, self.high = (run, stated_error), interval.high
-        if interval.high <= self.error or self.stalls >= MAX_STALLS:
+            self.best = (run, stated_error)
+            self.high = interval.high
+        if interval.high <= self.error or self.stalls >= _MAX_STALLS:
             return 1.0
-        planned = PLANNED_SHARE * self.error / interval.high
-        return min(_tighter(self.method), max(1 / MAX_STRIDE, planned))
+        planned = _PLANNED_SHARE * self.error / interval.high
+        return min(_tighter(self.method), max(1 / _MAX_STRIDE, planned))
 
     def _stated(self, run: Run, before: Run | None) -> RunError | None:
         """The error of a run, from a second one by another method, or from the one before."""
@@ -265,7 +271,8 @@ def _next_run(
 
 def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     """The error of an answer, with advice if it is not confirmed to be below the requested one."""
-    found, interval = answer.error, answer.error.wanted(want)
+    found = answer.error
+    interval = answer.error.wanted(want)
     if not answer.solution.success or (interval and interval.high <= error):
         return found
     head = f"the error asked for, {short(error)},"
@@ -273,14 +280,15 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
         return replace(found, advice=f"{head} is not confirmed: {found.note}")
     sure = "was probably missed" if interval.predicted > error else "may have been missed"
     size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
-    form, full = answer.method.form, full_form(scene)
+    form = answer.method.form
+    full = full_form(scene)
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
     remedy = "no second run could confirm a tighter one"
     if found.kind == "estimate" or form.averaged:
         remedy = "no full form takes such a start"
         if find_form(full).takes(scene) and form.name != full:
             remedy = f"do: --form {full}, whose error its tolerance alone sets"
-    elif tighter > LEAST_CONFIRMED:
+    elif tighter > _LEAST_CONFIRMED:
         remedy = f"do: --tolerance {short(tighter)}"
     return replace(found, advice=f"{head} {sure}: it is {size}; {remedy}")
 
@@ -289,7 +297,8 @@ def confirmation(runner: Runner, run: Run) -> RunError:
     """The error of a run that has ended, from a second one that costs less."""
     if not run.success:
         return RunError(None, None, "the run did not reach its end")
-    began, before = perf_counter(), SPENT.seconds["compilation"]
+    began = perf_counter()
+    before = SPENT.seconds["compilation"]
     try:
         with np.errstate(all="ignore"):
             found = _confirmation(runner, run)
@@ -301,7 +310,8 @@ def confirmation(runner: Runner, run: Run) -> RunError:
 
 def _confirmation(runner: Runner, run: Run) -> RunError:
     if run.method.solver.closed_form:
-        scene, seen = runner.scene, run.observables
+        scene = runner.scene
+        seen = run.observables
         # Without inertia the flow alone turns the body, and L and E follow its orientation.
         apart = of_rounding(scene.ellipsoid, seen, turns(scene, seen), scene.stokes == 0)
         return _stated(runner, "closed form", "exact", run, apart, "closed form: rounding")
@@ -327,33 +337,36 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
 
 def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     """Second runs of a full run, the most telling one first."""
-    method, tolerance = run.method, run.tolerance
+    method = run.method
+    tolerance = run.tolerance
     tighter = max(TIGHTEST, _tighter(method) * tolerance)
-    looser = min(1.0, LOOSER * tolerance)
+    looser = min(1.0, _LOOSER * tolerance)
     if partner := _partner(runner, method):
         unlike = Second("unlike", partner, _equal_error_tolerance(run, partner))
         if steps_of(runner.scene, partner, unlike.tolerance) < _limit(run):
             yield unlike
     stroboscopic = method.solver.many_periods and method.solver.name not in SPLITTING
-    if looser < LOOSE and not stroboscopic:
+    if looser < _LOOSE and not stroboscopic:
         yield Second("looser", method, looser)
     if tighter < tolerance:
         yield Second("sharper", method, tighter)
-    if looser >= LOOSE or stroboscopic:
+    if looser >= _LOOSE or stroboscopic:
         yield Second("looser", method, looser)
-    far = max(TIGHTEST, FAR_TIGHTER * tolerance)
+    far = max(TIGHTEST, _FAR_TIGHTER * tolerance)
     if far < tighter:
         yield Second("sharper", method, far)
 
 
 def _tighter(method: Method) -> float:
     """The tolerance of a tighter run over that of a run by a method."""
-    return TIGHTER_SPLITTING if method.solver.many_periods else TIGHTER
+    return _TIGHTER_SPLITTING if method.solver.many_periods else _TIGHTER
 
 
 def _partner(runner: Runner, method: Method) -> Method | None:
     """An unlike method, by which a second run tells more or costs less; None where there is none."""
-    solver, form, scene = method.solver, method.form, runner.scene
+    solver = method.solver
+    form = method.form
+    scene = runner.scene
     if solver.name in SPLITTING:
         return None
     if form.angles or not _is_ours(form):
@@ -390,9 +403,9 @@ def _equal_error_tolerance(run: Run, partner: Method) -> float:
     """The tolerance at which a partner errs by a share of what the run does."""
     if partner.solver.closed_form:
         return run.tolerance
-    constant = getattr(run.method.solver, "error_constant", USUAL_ERROR_CONSTANT)
-    other = getattr(partner.solver, "error_constant", USUAL_ERROR_CONSTANT)
-    ratio = min(1.0, UNLIKE_SHARE * constant / other)
+    constant = getattr(run.method.solver, "error_constant", _USUAL_ERROR_CONSTANT)
+    other = getattr(partner.solver, "error_constant", _USUAL_ERROR_CONSTANT)
+    ratio = min(1.0, _UNLIKE_SHARE * constant / other)
     return max(TIGHTEST, ratio * run.tolerance)
 
 
@@ -407,11 +420,11 @@ def _sharpens(better: Run, worse: Run) -> bool:
     """Whether a run took clearly more steps than another, or if these are not reported, differs at all."""
     if not (better.steps and worse.steps):
         return bool(np.any(better.observables.energy != worse.observables.energy))
-    least = LEAST_STEP_RATIO
+    least = _LEAST_STEP_RATIO
     if better.method.solver.many_periods:
         least = LEAST_STEP_RATIO_SPLITTING
     elif better.solution.problem.segments is not None:
-        least = LEAST_STEP_RATIO_TRACK
+        least = _LEAST_STEP_RATIO_TRACK
     return better.steps >= least * worse.steps
 
 
@@ -420,7 +433,7 @@ def _saturated(runner: Runner, run: Run, other: Run) -> bool:
     ellipsoid = runner.scene.ellipsoid
     size = {"slow": magnitude(ellipsoid, run.observables), "orientation": pi}
     apart = difference(ellipsoid, run.observables, other.observables).largest
-    return any(value > SATURATED * size[want] for want, value in apart.items())
+    return any(value > _SATURATED * size[want] for want, value in apart.items())
 
 
 def _limit(run: Run) -> int:
@@ -439,11 +452,11 @@ def _stated(
 ) -> RunError:
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
-    lucky = 0.0 if run.method.solver.closed_form else LEAST_ERROR_PER_TOLERANCE * run.tolerance
+    lucky = 0.0 if run.method.solver.closed_form else _LEAST_ERROR_PER_TOLERANCE * run.tolerance
     rounded = 0.0
     if family_name in ("explicit", "implicit"):
-        verner = run.method.solver.name in VERNER
-        rounded = run.steps * (ROUNDING_PER_STEP_VERNER if verner else ROUNDING_PER_STEP)
+        verner = run.method.solver.name in _VERNER
+        rounded = run.steps * (_ROUNDING_PER_STEP_VERNER if verner else _ROUNDING_PER_STEP)
     return stated(
         ellipsoid, kind, family_name, apart, run.observables, rotations, lucky, note, rounded
     )

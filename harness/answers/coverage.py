@@ -32,37 +32,37 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
-FACTORS = Path(__file__).with_name("factors.json")
+_FACTORS = Path(__file__).with_name("factors.json")
 SCHEMA = 2
 # Times at which a solution is compared with its reference.
 SAMPLES = 2001
 # Seconds that a reference may take.
-REFERENCE_SECONDS = 60.0
+_REFERENCE_SECONDS = 60.0
 # Tolerances of two references in long double.
-REFERENCE_TOLERANCES = (1e-19, 1e-17)
+_REFERENCE_TOLERANCES = (1e-19, 1e-17)
 # The uncertainty of the tighter one over their difference.
-UNCERTAINTY = 3.0
+_UNCERTAINTY = 3.0
 # A reference of a larger uncertainty, of L and E over I_max or in rad, judges nothing: chaos.
-MOST_UNCERTAINTY = 1e-10
+_MOST_UNCERTAINTY = 1e-10
 # Runs of each group by a scene, which share its reference.
-RUNS_PER_SCENE = 2
+_RUNS_PER_SCENE = 2
 # Rotations of a scene, at most: references of more take minutes.
-MAX_TURNS = 3_000.0
+_MAX_TURNS = 3_000.0
 # Rotations from which on solvers and forms that average do so.
-LEAST_AVERAGED_TURNS = 1_200.0
+_LEAST_AVERAGED_TURNS = 1_200.0
 # Share of the runs of a fit above the upper end, and below the lower one.
-FITTED_ABOVE = 0.015
-FITTED_BELOW = 0.025
+_FITTED_ABOVE = 0.015
+_FITTED_BELOW = 0.025
 # Fewer runs fit nothing.
-LEAST_FITTED = 40
+_LEAST_FITTED = 40
 # The upper end over what the runs of a fit show: another set of runs shows a little more.
-FIT_MARGIN = 1.1
+_FIT_MARGIN = 1.1
 # What a page calls too many: this share of the runs above the upper end, and such a factor of the
 # upper end over the true error in the median.
 MOST_MISSED = 0.025
 LARGEST_FACTOR = 15.0
 # Errors below so many uncertainties of a reference say nothing of a ratio.
-CLEAR = 10.0
+_CLEAR = 10.0
 
 
 class Group(NamedTuple):
@@ -77,14 +77,14 @@ class Group(NamedTuple):
 
 
 # Runs as `solve` chooses them, drawn for these sorts of scenes.
-BY_DEFAULT = {
+_BY_DEFAULT = {
     "ordinary": Group("ordinary", True, (), errors=(-9.0, -3.0)),
     "stiff": Group("stiff", True, (), errors=(-9.0, -3.0)),
     "spheroids": Group("spheroids", True, (), errors=(-9.0, -3.0)),
     "fast": Group("fast", True, (), errors=(-9.0, -3.0)),
 }
-GROUPS = {
-    **{f"by default, {sort}": group for sort, group in BY_DEFAULT.items()},
+_GROUPS = {
+    **{f"by default, {sort}": group for sort, group in _BY_DEFAULT.items()},
     "explicit": Group("ordinary", True, ("full cyrk-vern8", "full cyrk-dop853", "full cyrk-vern7")),
     "explicit at a tolerance": Group(
         "ordinary", False, ("full cyrk-vern8", "full cyrk-dop853", "full cyrk-vern7")
@@ -152,11 +152,11 @@ def scene_of(sort: str, seed: int, index: int) -> Scene:
 
 def cases_of(scene: Scene, sort: str, seed: int, index: int) -> Iterator[Case]:
     """Random runs of a scene, of each group that draws such scenes."""
-    for number, (group, drawn) in enumerate(GROUPS.items()):
+    for number, (group, drawn) in enumerate(_GROUPS.items()):
         if drawn.scenes != sort:
             continue
         random = np.random.default_rng((seed, number, index, 1))
-        for _ in range(RUNS_PER_SCENE):
+        for _ in range(_RUNS_PER_SCENE):
             tolerance = float(f"{10 ** random.uniform(*drawn.tolerances):.0e}")
             error = float(f"{10 ** random.uniform(*drawn.errors):.1e}")
             want = "orientation" if random.random() < 0.5 else "slow"
@@ -183,9 +183,9 @@ def _method(scene: Scene, name: str) -> Method:
 def _is_fit(scene: Scene, sort: str) -> bool:
     """Whether a scene is one of its sort, and not too long for a reference."""
     turns = rotations(scene)
-    if sort in ("many turns", "slow", "fast") and turns < LEAST_AVERAGED_TURNS / 2:
+    if sort in ("many turns", "slow", "fast") and turns < _LEAST_AVERAGED_TURNS / 2:
         return False
-    return turns <= 1.01 * MAX_TURNS and (sort == "stiff") == stiff(scene)
+    return turns <= 1.01 * _MAX_TURNS and (sort == "stiff") == stiff(scene)
 
 
 def measured(sort: str, seed: int, index: int) -> list[Record]:
@@ -204,7 +204,8 @@ def measured(sort: str, seed: int, index: int) -> list[Record]:
 
 def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Record:
     """What a run states, and its true errors."""
-    scene, to_error = case.scene, GROUPS[case.group].to_error
+    scene = case.scene
+    to_error = _GROUPS[case.group].to_error
     try:
         answer = _answer(case, to_error)
     except ValueError as refusal:
@@ -227,7 +228,8 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
     }
     ends = stated.at(np.linspace(0.0, 1.0, SAMPLES)).along
     for want, largest in off.largest.items():
-        interval, along = stated.wanted(want), getattr(ends, want)
+        interval = stated.wanted(want)
+        along = getattr(ends, want)
         row[want] = largest
         row[f"{want}_uncertainty"] = uncertainty[want]
         row[f"{want}_stated"] = interval and [interval.low, interval.predicted, interval.high]
@@ -250,15 +252,15 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     times = np.linspace(0.0, problem.end, SAMPLES)
-    deadline = perf_counter() + REFERENCE_SECONDS
+    deadline = perf_counter() + _REFERENCE_SECONDS
     found = []
-    for tolerance in REFERENCE_TOLERANCES:
+    for tolerance in _REFERENCE_TOLERANCES:
         states = extended_run(problem, times, "long double", tolerance, deadline)
         parts = (each.astype(float) for each in vars(form.observe(scene, states)).values())
         found.append(Observables(*parts))
     apart = difference(scene.ellipsoid, *found).largest
-    uncertainty = {want: UNCERTAINTY * value for want, value in apart.items()}
-    if max(uncertainty.values()) > MOST_UNCERTAINTY:
+    uncertainty = {want: _UNCERTAINTY * value for want, value in apart.items()}
+    if max(uncertainty.values()) > _MOST_UNCERTAINTY:
         raise ReferenceFailedError("the motion is chaotic")
     return found[0], {"orientation": 0.0} | uncertainty
 
@@ -293,7 +295,8 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
 def _stiff(random: np.random.Generator) -> Scene:
     """Damping so fast that stability holds explicit methods back."""
-    ellipsoid, start = Ellipsoid(_axes(random, random.random() < 0.4)), _start(random)
+    ellipsoid = Ellipsoid(_axes(random, random.random() < 0.4))
+    start = _start(random)
     stokes = float(10 ** random.uniform(-4.0, -1.0))
     damping_times = 10 ** random.uniform(4.4, 5.3)
     return Scene(ellipsoid, stokes, start, float(damping_times * stokes / max(ellipsoid.damping)))
@@ -308,9 +311,10 @@ def _spheroids(random: np.random.Generator) -> Scene:
 
 def _turning(random: np.random.Generator, spheroid: bool) -> Scene:
     """Large St and thousands of rotations, where averaging applies."""
-    ellipsoid, start = Ellipsoid(_axes(random, spheroid)), _start(random)
+    ellipsoid = Ellipsoid(_axes(random, spheroid))
+    start = _start(random)
     stokes = float(10 ** random.uniform(3.0, 6.0))
-    turns = 10 ** random.uniform(*np.log10([LEAST_AVERAGED_TURNS, MAX_TURNS]))
+    turns = 10 ** random.uniform(*np.log10([_LEAST_AVERAGED_TURNS, _MAX_TURNS]))
     whole = Scene(ellipsoid, stokes, start, 2 * stokes)
     return replace(whole, time=min(whole.time, whole.time * turns / rotations(whole)))
 
@@ -324,7 +328,8 @@ def _fast(random: np.random.Generator) -> Scene:
 def _exact(random: np.random.Generator) -> Scene:
     """No torque, or a spheroid without inertia: closed forms."""
     spheroid = random.random() < 0.5
-    ellipsoid, start = Ellipsoid(_axes(random, spheroid)), _start(random)
+    ellipsoid = Ellipsoid(_axes(random, spheroid))
+    start = _start(random)
     time = float(10 ** random.uniform(0.5, 4.0))
     return Scene(ellipsoid, 0.0 if spheroid else inf, start, time)
 
@@ -391,7 +396,7 @@ def counted(rows: Sequence[Record]) -> list[Count]:
         doubt = np.array([row[f"{want}_uncertainty"] for row in found])
         high = np.array([row[f"{want}_stated"][2] for row in found])
         missed = int(np.sum(true > high + doubt))
-        clear = true > CLEAR * doubt
+        clear = true > _CLEAR * doubt
         factor = float(np.median(high[clear] / true[clear])) if clear.any() else np.nan
         bound = wilson(missed, len(found))[1]
         counts.append(Count(kind, family, want, len(found), missed, bound, factor))
@@ -442,7 +447,8 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]
         for want in WANTS:
             if not (row.get("kind") and row.get(f"{want}_stated")):
                 continue
-            high, apart = row[f"{want}_stated"][2], row[f"{want}_apart"]
+            high = row[f"{want}_stated"][2]
+            apart = row[f"{want}_apart"]
             if want == "orientation" and high >= pi:
                 continue
             # What was added to the difference, for rounding and luck, is not the factor's.
@@ -452,10 +458,10 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]
                 ratios.setdefault((row["kind"], row["family"], want), []).append(ratio)
     found: dict[str, dict[str, dict[str, list[float]]]] = {}
     for (kind, family, want), values in sorted(ratios.items()):
-        if len(values) < LEAST_FITTED:
+        if len(values) < _LEAST_FITTED:
             continue
-        low, middle, high = np.quantile(values, [FITTED_BELOW, 0.5, 1 - FITTED_ABOVE])
-        three = [low, middle, FIT_MARGIN * max(high, middle)]
+        low, middle, high = np.quantile(values, [_FITTED_BELOW, 0.5, 1 - _FITTED_ABOVE])
+        three = [low, middle, _FIT_MARGIN * max(high, middle)]
         rounded = [float(f"{each:.2g}") for each in three]
         found.setdefault(kind, {}).setdefault(family, {})[want] = rounded
     return found
@@ -463,10 +469,10 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]
 
 def save(found: Mapping[str, Any], command: str) -> None:
     """Write fitted factors beside this module; kinds and families without a run keep theirs."""
-    known = json.loads(FACTORS.read_text(encoding="utf-8"))["factors"]
+    known = json.loads(_FACTORS.read_text(encoding="utf-8"))["factors"]
     for kind, families in found.items():
         for family, wants in families.items():
             known.setdefault(kind, {}).setdefault(family, {}).update(wants)
     text = json.dumps({"command": command, "factors": known}, indent=1)
-    write_file(FACTORS, text + "\n")
+    write_file(_FACTORS, text + "\n")
     factors.cache_clear()

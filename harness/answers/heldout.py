@@ -45,9 +45,9 @@ SHARE_NEAR = 0.92
 FAR = 5.0
 # Asking may take so many runs of the choice, or so many seconds; of runs longer than a second, this
 # share of them.
-ASKING_RUNS = 3.0
-ASKING_SECONDS = 0.005
-ASKING_SHARE = 0.1
+_ASKING_RUNS = 3.0
+_ASKING_SECONDS = 0.005
+_ASKING_SHARE = 0.1
 # Seconds that a reference may take.
 _REFERENCE_SECONDS = 120.0
 # Uncertainty of a reference over the error requested, at most.
@@ -78,7 +78,9 @@ class Evaluation:
 
 def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evaluation:
     """Ask about random scenes, measure them into a store, and compare."""
-    scenes, runs, left_out = [], [], dict[str, str]()
+    scenes = []
+    runs = []
+    left_out = dict[str, str]()
     asked = tqdm(questions(seed, count), disable=quiet or None, desc="held-out", leave=False)
     for question in asked:
         content = {"held-out": question.name, "schema": SCHEMA}
@@ -153,7 +155,8 @@ def ask(question: Question) -> tuple[Recommendation | None, str, float]:
     """What `pick` says, or why it refuses, and what asking takes with everything compiled and paced."""
     _asked(question)
     forget()
-    began, compiling = perf_counter(), SPENT.seconds["compilation"]
+    began = perf_counter()
+    compiling = SPENT.seconds["compilation"]
     answer, refusal = _asked(question)
     return answer, refusal, perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
 
@@ -169,7 +172,8 @@ class _Track:
     """Runs of a question, and their true errors."""
 
     def __init__(self, question: Question, true: Observables) -> None:
-        self.question, self.true = question, true
+        self.question = question
+        self.true = true
 
     def run(self, form: str, solver: str, tolerance: float, limit: float = inf) -> Record:
         """One run: its seconds, its error, whether it met the one requested, its observables."""
@@ -190,7 +194,8 @@ class _Track:
         self, form: Form, solver: str, tolerance: float, scene: Scene, limit: float
     ) -> tuple[float, Observables | None]:
         """Seconds from a scene to its observables, and these; None if the run fails."""
-        began, compiling = perf_counter(), SPENT.seconds["compilation"]
+        began = perf_counter()
+        compiling = SPENT.seconds["compilation"]
         try:
             problem = form.problem(scene)
             times = np.linspace(0.0, problem.end, self.question.samples)

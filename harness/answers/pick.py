@@ -94,7 +94,8 @@ def _ranked(entries: Sequence[Entry]) -> tuple[RankedRun, ...]:
     tied = sum(near) > 1
     rows = []
     for entry, close in zip(entries, near, strict=True):
-        form, solver = FORMS.name_of(entry.method.form), SOLVERS.name_of(entry.method.solver)
+        form = FORMS.name_of(entry.method.form)
+        solver = SOLVERS.name_of(entry.method.solver)
         rows.append(
             RankedRun(
                 form or "",

@@ -90,7 +90,8 @@ def _turning(random: np.random.Generator) -> Scene:
 
 def _ordinary(random: np.random.Generator) -> Scene:
     """Whatever a user may ask for, within hundreds of rotations."""
-    ellipsoid, limit = Ellipsoid(_semi_axes(random)), random.random()
+    ellipsoid = Ellipsoid(_semi_axes(random))
+    limit = random.random()
     stokes = float(10 ** random.uniform(-4, 6))
     if limit < _AT_ZERO:
         stokes = 0.0
@@ -103,7 +104,8 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
 def _planar(random: np.random.Generator) -> Scene:
     """A start with body axis z' along the vorticity."""
-    stokes, size = float(10 ** random.uniform(-4, 6)), random.uniform(0.1, 3)
+    stokes = float(10 ** random.uniform(-4, 6))
+    size = random.uniform(0.1, 3)
     half = random.uniform(0, pi)
     start = BodyStart((float(np.cos(half)), 0.0, 0.0, float(np.sin(half))), (0.0, 0.0, size))
     ellipsoid = Ellipsoid(_semi_axes(random))

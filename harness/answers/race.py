@@ -132,7 +132,8 @@ def contenders(
 ) -> tuple[list[Method], list[Refusal]]:
     """Methods that may take a scene and can run here: of the list, and of `names`, or of the catalogues."""
     pairs = [(form, solver) for form in FORMS for solver in SOLVERS] if everything else listed()
-    methods, refusals = [], []
+    methods = []
+    refusals = []
     for form, solver in dict.fromkeys((*pairs, *names)):
         method = Method(find_form(form), find_solver(solver))
         reason = why_not(scene, want, method, looking_ahead=False)
@@ -226,7 +227,9 @@ class _Segment:
     """What methods are raced on, and a confirmed run of it, the reference."""
 
     def __init__(self, course: Course, usual: Method, error: float, want: str) -> None:
-        self.course, self.usual, self.want = course, usual, want
+        self.course = course
+        self.usual = usual
+        self.want = want
         # The error on the course that a method may have, so that the run's is below the one requested.
         self.budget = error / course.growth(want) / course.spread
         self.runner = _Remembering(course.scene)
@@ -246,12 +249,14 @@ class _Segment:
         whole = self.course.of_the_whole()
         if self.reference or whole.turns <= _MAX_STEPS / 10:
             self.budget *= self.course.growth(self.want) * self.course.spread / whole.spread
-            self.course, self.runner = whole, _Remembering(whole.scene)
+            self.course = whole
+            self.runner = _Remembering(whole.scene)
             self._confirm()
 
     def _confirm(self) -> float:
         """Look for the reference; the power of time with which the difference of its two runs grows."""
-        self.reference, self.apart = None, inf
+        self.reference = None
+        self.apart = inf
         try:
             answer = meet(self.runner, [self.usual], self.budget, self.want)
         except NotAttainableError:
@@ -259,7 +264,8 @@ class _Segment:
         interval = answer.error.wanted(self.want)
         if not (interval and answer.solution.success):
             return 0.0
-        self.apart, self.most = interval.predicted, interval.high
+        self.apart = interval.predicted
+        self.most = interval.high
         if self.apart <= _KNOWN * self.budget:
             form = answer.method.form
             self.reference = form.observe(self.course.scene, answer.solution.states)
@@ -278,7 +284,10 @@ class _Race:
     """The runs of one race, and what came of them."""
 
     def __init__(self, scene: Scene, error: float, want: str, samples: int) -> None:
-        self.scene, self.error, self.want, self.samples = scene, error, want, samples
+        self.scene = scene
+        self.error = error
+        self.want = want
+        self.samples = samples
         self.bare = isinstance(scene.start, SlowStart)
         self.entries: list[Entry] = []
         self.refusals: list[Refusal] = []
@@ -375,7 +384,8 @@ class _Race:
         """Run a method on a segment until its error is close to the one requested."""
         cost = pace(method, 1e-8)
         met: tuple[float, float, int] | None = None  # Tolerance, error and steps.
-        least, why = inf, ""
+        least = inf
+        why = ""
         tolerance = _rounded(
             method, first_tolerance(segment.course.scene, method, segment.budget, self.want)
         )
@@ -391,7 +401,8 @@ class _Race:
                 why = f"{why}: chaotic, or rounding along the run"
                 least = segment.most
                 break
-            error, budget = segment.error(run), segment.budget - segment.apart
+            error = segment.error(run)
+            budget = segment.budget - segment.apart
             least = min(least, error + segment.apart)
             if error <= budget and (met is None or tolerance > met[0]):
                 met = tolerance, error, steps_in(run.solution)
@@ -417,7 +428,8 @@ class _Race:
         self, method: Method, segment: _Segment, tolerance: float, error: float, steps: int
     ) -> None:
         course = segment.course
-        growth, spread = course.growth(self.want), course.spread
+        growth = course.growth(self.want)
+        spread = course.spread
         predicted = growth * error
         high = min(self.error, spread * growth * (error + segment.apart))
         seconds = pace(method, tolerance).seconds(steps * course.stretch, self.samples)

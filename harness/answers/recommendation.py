@@ -85,7 +85,8 @@ class Recommendation:
         """What to run, in a line, and how far to trust it."""
         first = self.ranking[0]
         others = sum(row.tied for row in self.ranking) - 1
-        low, high = duration(first.seconds.low), duration(first.seconds.high)
+        low = duration(first.seconds.low)
+        high = duration(first.seconds.high)
         of = "L and E within {} of I_max" if self.want == "slow" else "orientation within {} rad"
         ties = ""
         if others > 0:

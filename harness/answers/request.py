@@ -12,9 +12,9 @@ from polhode.models.shape import require_numbers
 WANTS = ("slow", "orientation")
 EPS = float(np.finfo(float).eps)
 # A tighter tolerance is lost in the rounding of double precision.
-LEAST_TOLERANCE = 1e-16
+_LEAST_TOLERANCE = 1e-16
 # A looser tolerance holds nothing.
-LARGEST_TOLERANCE = 1.0
+_LARGEST_TOLERANCE = 1.0
 
 
 class NotAttainableError(ValueError):
@@ -22,7 +22,8 @@ class NotAttainableError(ValueError):
 
     def __init__(self, error: float, reason: str) -> None:
         super().__init__(error, reason)
-        self.error, self.reason = error, reason
+        self.error = error
+        self.reason = reason
 
     def __str__(self) -> str:
         """The message: what was requested and the reason."""
@@ -43,9 +44,9 @@ def check_request(error: float, want: str) -> None:
 def check_tolerance(tolerance: float) -> None:
     """Raise ValueError for a tolerance that is of no use in double precision."""
     require_numbers("tolerance", tolerance)
-    if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
-        least = f"{LEAST_TOLERANCE:g}, the rounding of double precision,"
-        expected = f"a number from {least} to {LARGEST_TOLERANCE:g}"
+    if not _LEAST_TOLERANCE <= tolerance <= _LARGEST_TOLERANCE:
+        least = f"{_LEAST_TOLERANCE:g}, the rounding of double precision,"
+        expected = f"a number from {least} to {_LARGEST_TOLERANCE:g}"
         raise ValueError(f"tolerance: got {tolerance}, expected {expected}")
 
 

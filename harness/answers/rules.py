@@ -20,24 +20,24 @@ IMPLICIT = ("cyrk-radau", "cvode-bdf", "radau")
 SPLITTING = ("splitting", "splitting-extended")
 # The explicit solver where an eps a step would be more than this share of the error: it takes about
 # as many steps as Verner's method, whose coefficients round in one direction, and errs by a tenth.
-ROUNDS_LESS = "cyrk-dop853"
-ROUNDED_SHARE = 0.1
+_ROUNDS_LESS = "cyrk-dop853"
+_ROUNDED_SHARE = 0.1
 # St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta.
-SPLITTING_FROM = 300.0
+_SPLITTING_FROM = 300.0
 # St from which on a run is averaged where that is cheaper.
-HYBRID_FROM = 1e4
+_HYBRID_FROM = 1e4
 # The least error that `hybrid` is tried for: at tighter ones its windows cover the run.
-HYBRID_LEAST_ERROR = 3e-9
+_HYBRID_LEAST_ERROR = 3e-9
 # Steps of a full run that cost as much as the second-order tables of a triaxial shape.
-STEPS_OF_TABLES = 600_000
+_STEPS_OF_TABLES = 600_000
 # Steps of a full run that cost as much as a run of `hybrid` by a spheroid.
-STEPS_OF_SPHEROID = 60_000
+_STEPS_OF_SPHEROID = 60_000
 # Tolerance of `hybrid` over the error that it meets with a margin.
-HYBRID_TOLERANCE = 1 / 200
+_HYBRID_TOLERANCE = 1 / 200
 # Tolerance of an averaged run over its error: its steps cost nothing.
-AVERAGED_TOLERANCE = 1e-2
+_AVERAGED_TOLERANCE = 1e-2
 # The same of triaxial shapes, where L² = 2EI₂ amplifies errors.
-AVERAGED_TOLERANCE_TRIAXIAL = 1e-3
+_AVERAGED_TOLERANCE_TRIAXIAL = 1e-3
 # The shear turns a body at half its rate, in rad per unit of time.
 _SHEAR = 0.5
 # The tightest and the loosest first tolerance.
@@ -58,8 +58,8 @@ class Pace(NamedTuple):
 
 # In the median of random scenes; a step of splitting takes a third of the time of one of Runge and
 # Kutta.
-EXPLICIT_PACE = Pace(12.0, 8.0)
-SPLITTING_PACE = Pace(2.0, 6.0)
+_EXPLICIT_PACE = Pace(12.0, 8.0)
+_SPLITTING_PACE = Pace(2.0, 6.0)
 
 
 class Growth(NamedTuple):
@@ -171,12 +171,12 @@ def methods_for(scene: Scene, error: float, want: str) -> list[Method]:
 
 def _rounding_less(scene: Scene, method: Method, error: float, want: str) -> Method:
     """The method, or where rounding of its steps would count one that rounds less."""
-    other = find_solver(ROUNDS_LESS)
+    other = find_solver(_ROUNDS_LESS)
     if method.solver.name != EXPLICIT[0] or not other.available:
         return method
     steps = steps_of(scene, method, first_tolerance(scene, method, error, want))
     rounding = EPS * steps * (1 + rotations(scene) if want == "orientation" else 1)
-    return method._replace(solver=other) if rounding > ROUNDED_SHARE * error else method
+    return method._replace(solver=other) if rounding > _ROUNDED_SHARE * error else method
 
 
 def _form_for(scene: Scene, solver: Solver) -> Form:
@@ -201,19 +201,23 @@ def splits(scene: Scene) -> bool:
     spheroid = scene.ellipsoid.symmetry_axis is not None
     if scene.flow is not None and scene.flow.varies:
         return False
-    return spheroid and SPLITTING_FROM <= scene.stokes < inf
+    return spheroid and _SPLITTING_FROM <= scene.stokes < inf
 
 
 def _hybrid_pays(scene: Scene, error: float, want: str) -> bool:
     """Whether a run by `hybrid`, and the tables of a shape, cost less than a full run."""
-    if want != "slow" or error < HYBRID_LEAST_ERROR or not HYBRID_FROM <= scene.stokes < inf:
+    if want != "slow" or error < _HYBRID_LEAST_ERROR or not _HYBRID_FROM <= scene.stokes < inf:
         return False
     if not find_form("hybrid").takes(scene):
         return False
     turns = rotations(scene)
-    kind, pace, most = ("explicit", EXPLICIT_PACE, STEPS_OF_TABLES)
+    kind = "explicit"
+    pace = _EXPLICIT_PACE
+    most = _STEPS_OF_TABLES
     if splits(scene):
-        kind, pace, most = ("splitting", SPLITTING_PACE, STEPS_OF_SPHEROID)
+        kind = "splitting"
+        pace = _SPLITTING_PACE
+        most = _STEPS_OF_SPHEROID
     tolerance = error / _GROWTH[kind, "slow"].after(turns)
     return pace.per_turn(tolerance) * turns > most
 
@@ -221,10 +225,10 @@ def _hybrid_pays(scene: Scene, error: float, want: str) -> bool:
 def first_tolerance(scene: Scene, method: Method, error: float, want: str) -> float:
     """The tolerance at which four of five runs meet an error."""
     if method.form.name == "hybrid":
-        return one_digit(_within(HYBRID_TOLERANCE * error))
+        return one_digit(_within(_HYBRID_TOLERANCE * error))
     if method.form.averaged:
         crosses = scene.ellipsoid.kind == "triaxial"
-        share = AVERAGED_TOLERANCE_TRIAXIAL if crosses else AVERAGED_TOLERANCE
+        share = _AVERAGED_TOLERANCE_TRIAXIAL if crosses else _AVERAGED_TOLERANCE
         return one_digit(_within(share * error))
     if method.solver.many_periods:
         kind = "splitting"
@@ -245,5 +249,5 @@ def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
         return 0.0
     turns = rotations(scene)
     if method.solver.many_periods:
-        return SPLITTING_PACE.per_turn(tolerance) * turns
-    return EXPLICIT_PACE.per_turn(tolerance) * turns
+        return _SPLITTING_PACE.per_turn(tolerance) * turns
+    return _EXPLICIT_PACE.per_turn(tolerance) * turns

@@ -67,7 +67,8 @@ class Runner:
     def __init__(
         self, scene: Scene, times: np.ndarray, problems: Mapping[Form, Problem] | None = None
     ) -> None:
-        self.scene, self.times = scene, times
+        self.scene = scene
+        self.times = times
         end = float(times[-1])
         inner = INNER * end
         # A row that lies next to a compared time takes its place.

@@ -23,7 +23,7 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Share of the runs whose error stays below the upper end, as `polhode validate` counts.
-BOUNDED = 0.975
+_BOUNDED = 0.975
 # Times at which two runs are compared: equispaced ones, and ones that grow from the start on by a
 # constant ratio, since what damping leaves of an error lies there.
 _EQUISPACED = 96
@@ -89,7 +89,7 @@ class RunError:
     orientation: Interval | None  # in rad
     note: str  # what the estimate rests on, or why there is none
     kind: str | None = None
-    share: float = BOUNDED  # of the runs, whose error stays below the upper end
+    share: float = _BOUNDED  # of the runs, whose error stays below the upper end
     seconds: float = 0.0  # what the confirmation cost, compilation left out
     advice: str = ""  # what to do about a requested error that was missed; empty if none was
     largest_lz: float = 0.0  # the whole run's largest |L_z| over I_max; 0 where it is not known

@@ -28,19 +28,19 @@ Ask = Callable[[Scene, float, str], tuple[Observables | None, float | None, str]
 
 # Strata by the seconds of plain practice, and what an answer may take over it: in the median, and in
 # nine of ten scenes.
-STRATA = {"below 10 ms": 0.01, "10 to 100 ms": 0.1, "above 0.1 s": inf}
-TARGETS = {"below 10 ms": (1.4, 3.0), "10 to 100 ms": (0.8, 1.2), "above 0.1 s": (0.3, 1.0)}
+_STRATA = {"below 10 ms": 0.01, "10 to 100 ms": 0.1, "above 0.1 s": inf}
+_TARGETS = {"below 10 ms": (1.4, 3.0), "10 to 100 ms": (0.8, 1.2), "above 0.1 s": (0.3, 1.0)}
 # Rows of a solution.
 SAMPLES = 201
 # Decades of St and of the error.
-STOKES = (-2.0, 7.0)
-ERRORS = (-9.0, -3.0)
+_STOKES = (-2.0, 7.0)
+_ERRORS = (-9.0, -3.0)
 # St from which on the orientation is not asked for: it would have to be followed through all turns.
-SLOW_FROM = 3e4
+_SLOW_FROM = 3e4
 # Errors beyond so many times the one requested are missed: plain practice is the reference.
 MISSED = 1.5
 # Scenes that are asked about first, so that all is compiled.
-WARM_UP = 12
+_WARM_UP = 12
 # Runs of plain practice, at most, its tightest tolerance, and seconds of a run.
 _RUNS = 8
 _TIGHTEST = 1e-14
@@ -79,10 +79,10 @@ def drawn(seed: int, index: int) -> tuple[Scene, float, str, str]:
     }[family]
     angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
     x, y, z = random.normal(size=3).tolist()
-    stokes = float(10 ** random.uniform(*STOKES))
+    stokes = float(10 ** random.uniform(*_STOKES))
     time = stokes * float(10 ** random.uniform(-1.3, 0)) if stokes > 20 else 20.0
-    error = float(f"{10 ** random.uniform(*ERRORS):.1e}")
-    want = "orientation" if stokes < SLOW_FROM and random.random() < 0.5 else "slow"
+    error = float(f"{10 ** random.uniform(*_ERRORS):.1e}")
+    want = "orientation" if stokes < _SLOW_FROM and random.random() < 0.5 else "slow"
     a, b, c = (float(axis) for axis in axes)
     start = BodyStart(EulerStart(angles).quaternion, (x, y, z))
     return Scene(Ellipsoid((a, b, c)), stokes, start, time), error, want, family
@@ -98,7 +98,8 @@ def plain_practice(
     if not solver.takes(problem):
         return inf, None
     before: Observables | None = None
-    began, compiling = perf_counter(), SPENT.seconds["compilation"]
+    began = perf_counter()
+    compiling = SPENT.seconds["compilation"]
     for k in range(1, _RUNS + 1):
         tolerance = max(_TIGHTEST, error * 10.0**-k)
         problem = form.problem(scene)
@@ -116,7 +117,7 @@ def plain_practice(
 
 def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Timing]:
     """Time answers and plain practice on random scenes, those that plain practice solves."""
-    for index in range(WARM_UP):
+    for index in range(_WARM_UP):
         scene, error, want, _ = drawn(seed, scenes + index)
         ask(scene, error, want)
         plain_practice(scene, error, want, SAMPLES)
@@ -160,7 +161,7 @@ def strata(timings: Sequence[Timing]) -> list[Stratum]:
     """Timings by the time that plain practice takes."""
     rows = []
     least = 0.0
-    for name, most in STRATA.items():
+    for name, most in _STRATA.items():
         mine = [timing for timing in timings if least <= timing.plain < most]
         least = most
         if not mine:
@@ -181,7 +182,7 @@ def strata(timings: Sequence[Timing]) -> list[Stratum]:
                 float(np.mean(ratios < 1)),
                 len(missed),
                 len(doubted),
-                TARGETS[name],
+                _TARGETS[name],
             )
         )
     return rows

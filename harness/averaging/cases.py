@@ -1,4 +1,4 @@
-"""The bodies and starts that the studies of averaging follow: the paper's, and those of the second order."""
+"""The bodies and starts that the studies of averaging follow: the paper's, and the second order's."""
 
 import tomllib
 from dataclasses import dataclass
@@ -13,21 +13,22 @@ from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# St of the paper's cases; those up to QUICK make a first look. A run over T = 5e5 in long double
-# takes half a minute: only the paper's own figures are followed to further St.
-STOKES, QUICK = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5), 1e3
+# St of the paper's cases. A run over T = 5e5 in long double takes half a minute: only the paper's
+# own figures are followed to further St.
+_STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
+FIRST_LOOK_STOKES = 1e3  # Largest St of a first look.
 
-AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
-GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
-# Starts of the second order's cases by name; the others are angular velocities at the orientation
-# TILTED.
-NAMED = {
+_AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
+_GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
+# Starts of the second order's cases by name. Cases without one start with an angular velocity at
+# the orientation TILTED.
+NAMED_STARTS = {
     "paper": scenes.SPHEROID_START,
     "paper, ψ̇ = -1": scenes.PAPER_START,
-    "against": AGAINST,
-    "gentle": GENTLE,
+    "against": _AGAINST,
+    "gentle": _GENTLE,
 }
-TILTED = (0.8, 0.3, -0.4, 0.2)
+TILTED = (0.8, 0.3, -0.4, 0.2)  # Quaternion, not normalised.
 _TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 
 
@@ -43,7 +44,7 @@ class Subject:
 
     @property
     def family(self) -> str:
-        """What the paper calls the shape: "spheroid" or "ellipsoid"."""
+        """The paper's name for the shape: "spheroid" or "ellipsoid"."""
         return "ellipsoid" if Ellipsoid(self.semi_axes).kind == "triaxial" else "spheroid"
 
     @property
@@ -61,14 +62,14 @@ def paper_cases() -> list[Subject]:
     cases = []
     for name, row in _TABLES["paper"].items():
         scene = scenes.named_scene(row["scene"])
-        stokes = (*STOKES, *row.get("further", ()))
+        stokes = (*_STOKES, *row.get("further", ()))
         cases.append(
             Subject(name, scene.ellipsoid.semi_axes, cast("EulerStart", scene.start), 0.5, stokes)
         )
     for name, (a, b, c) in _TABLES["planes"].items():
         body = Ellipsoid((a, b, c))
         start = scenes.aligned_start(body, -max(body.inertia), pi / 4)
-        cases.append(Subject(f"phase plane {name}", (a, b, c), start, 0.5, STOKES))
+        cases.append(Subject(f"phase plane {name}", (a, b, c), start, 0.5, _STOKES))
     return cases
 
 
@@ -83,14 +84,22 @@ def _case(
     """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it."""
     exponents = np.linspace(lowest, lowest + 2, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
-    made = NAMED[start] if start else BodyStart(TILTED, (*spin,))
+    body_start = NAMED_STARTS[start] if start else BodyStart(TILTED, (*spin,))
     return Subject(
-        name, (*axes,), made, slow_time, tuple(float(f"{10**each:.3g}") for each in exponents)
+        name,
+        (*axes,),
+        body_start,
+        slow_time,
+        tuple(float(f"{10**exponent:.3g}") for exponent in exponents),
     )
 
 
-# Cases of the second order away from resonances, through those of polhode and precession, and up to
-# L² = 2EI₂.
-AWAY, RESONANT, CROSSING = (
-    tuple(_case(**row) for row in _TABLES[name]) for name in ("away", "resonant", "crossing")
-)
+def _cases(table: str) -> tuple[Subject, ...]:
+    """All cases of one table of the file."""
+    return tuple(_case(**row) for row in _TABLES[table])
+
+
+# Cases of the second order.
+AWAY = _cases("away")  # From resonances of polhode and precession.
+RESONANT = _cases("resonant")  # Their runs pass through resonances.
+CROSSING = _cases("crossing")  # Up to L² = 2EI₂.

@@ -1,8 +1,9 @@
-"""What the studies of averaging measure, and the files beside their pages."""
+"""Rows of the studies of averaging, and the files beside their pages."""
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from math import nan
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
@@ -14,7 +15,7 @@ from polhode.models.rotation import Triple
 VARIABLES = ("Lx", "Ly", "Lz", "E")
 Each = tuple[float, float, float, float]
 # When and where a study was measured, and of how many runs each time is the fastest.
-TIMED = "timed.json"
+_TIMED = "timed.json"
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ _HEAD = ("case", "family", "form")
 _COLUMNS = {
     AveragingErrors: (
         *(*_HEAD, "a", "b", "c", "St", "slow_time"),
-        *(f"{kind}_{name}" for kind in ("model", "solver") for name in VARIABLES),
+        *map("_".join, product(("model", "solver"), VARIABLES)),
         *("reference_uncertainty", "pieces"),
     ),
     Absent: (*_HEAD, "St", "reason"),
@@ -137,7 +138,7 @@ def write_study(study: Any, folder: Path) -> None:
     """Write each of a study's tables into a folder, and `timed.json`."""
     for name, kind in _tables(type(study)).items():
         write_table(folder / f"{name}.csv", kind, getattr(study, name), _COLUMNS.get(kind, ()))
-    write_file(folder / TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
+    write_file(folder / _TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
 
 
 def read_study(kind: type[Study], folder: Path) -> Study:
@@ -146,8 +147,8 @@ def read_study(kind: type[Study], folder: Path) -> Study:
     tables = {
         name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows
     }
-    made: Any = kind
-    return made(**tables, timed=json.loads(read_file(folder / TIMED)))
+    study_kind: Any = kind
+    return study_kind(**tables, timed=json.loads(read_file(folder / _TIMED)))
 
 
 def _tables(kind: type) -> dict[str, type]:

@@ -36,34 +36,39 @@ from polhode.solvers.pieces import Stage
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
-# The constants of `hybrid` were chosen on starts of SEED; errors are measured on those of HELD_OUT,
-# so many of each.
-SEED, HELD_OUT, RANDOM, SAMPLES, SOLVER = 15, (20261122, 7771), 120, 201, "cyrk-vern8"
-LEAST_AXIS = 0.15
-STOKES, SLOW_TIMES = (1e4, 1e5, 1e6, 1e7), (0.05, 0.2, 0.5, 1.0, 2.0)
-ERRORS = (1e-4, 1e-6, 1e-8)
-# Duration up to which the truth is a run in long double, whose error a looser one shows; beyond it
-# two unrelated methods in double, whose difference is the truth's uncertainty; and where that takes
-# minutes, no more.
-LONG_DOUBLE_UP_TO, LONGEST = 1.2e5, 5.1e6
-DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
-# Speed: random starts at each St, at one slow time and error, against these solvers at the loosest
-# tolerance that does.
-FAST_SEED, FAST, FAST_SLOW_TIME, FAST_ERROR, FEW, REPEATS = (
-    16,
-    {1e6: 40, 1e7: 12, 1e8: 12},
-    0.5,
-    1e-6,
-    11,
-    3,
-)
+# The constants of `hybrid` were chosen on starts of SEED; errors are measured on starts of _HELD_OUT.
+SEED = 15
+_HELD_OUT = (20261122, 7771)
+_RANDOM = 120  # Starts of each held-out seed.
+HYBRID_SAMPLES = 201  # Output times of a run.
+WINDOW_SOLVER = "cyrk-vern8"
+_LEAST_AXIS = 0.15  # Random semi-axes lie between this and 1.
+STOKES = (1e4, 1e5, 1e6, 1e7)
+SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
+REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
+# The truth of a run up to this duration, in inverse shear rates, is a run in long double; a looser
+# run shows its error.
+_LONG_DOUBLE_UP_TO = 1.2e5
+# Longer runs have two unrelated methods in double, whose difference is the truth's uncertainty.
+_DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
+# Longer runs, in inverse shear rates, have no truth, which would take minutes.
+_LONGEST = 5.1e6
+# The speed of random starts is measured at one slow time and error, against FULL_SOLVERS at the
+# loosest tolerance that meets the error.
+_FAST_SEED = 16
+FAST = {1e6: 40, 1e7: 12, 1e8: 12}  # Number of starts by St.
+FAST_SLOW_TIME = 0.5
+FAST_ERROR = 1e-6
+FEW_SAMPLES = 11  # Output times of a run that shows few.
+SPEED_REPEATS = 3  # Turns, and runs of each turn, of which the fastest counts.
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
-KNOWING, KNOWING_TOLERANCES = "splitting", (1e-6, 1e-7, 1e-8, 1e-9)
-# A body has settled where its shortest axis (the symmetry axis of a spheroid) is so near the
-# vorticity.
-SETTLED = 0.9
-PARTS = ("errors", "speed")
+KNOWING = "splitting"
+KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
+# Least |cos| of the angle between the vorticity and the shortest axis (the symmetry axis of a
+# spheroid) of a body that has settled.
+_SETTLED = 0.9
+HYBRID_PARTS = ("errors", "speed")
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,8 @@ class Speed:
     stokes: float
     slow: float
     full_share: float
-    seconds: float  # with SAMPLES output times
-    few_seconds: float  # with FEW
+    seconds: float  # with HYBRID_SAMPLES output times
+    few_seconds: float  # with FEW_SAMPLES output times
     solver: str
     tolerance: float
     full_seconds: float
@@ -109,13 +114,14 @@ class Speed:
     full_steps: float = nan  # and of the best full solution, if that is by the same solver
 
 
-def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
+def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
     """Random starts, every other one triaxial, over all St and slow times."""
     # Axes are log-uniform, orientations isotropic, angular velocities of three standard normals.
     draw = np.random.default_rng(seed)
     for i in range(count):
-        axes = np.exp(draw.uniform(np.log(LEAST_AXIS), 0.0, 3))
-        quaternion, spin = draw.normal(size=4), draw.normal(size=3)
+        axes = np.exp(draw.uniform(np.log(_LEAST_AXIS), 0.0, 3))
+        quaternion = draw.normal(size=4)
+        spin = draw.normal(size=3)
         if i % 2:
             axes[(i // 2 % 3 + 1) % 3] = axes[(i // 2 % 3 + 2) % 3]
         stokes = STOKES[i // 2 % len(STOKES)]
@@ -124,7 +130,7 @@ def random_scenes(count: int = RANDOM, seed: int = SEED) -> Iterator[Scene]:
         yield Scene(Ellipsoid(tuple(axes.tolist())), stokes, start, time)
 
 
-def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, float]:
+def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, float, float]:
     """The full equations' solution at equispaced times, from the cache or computed, and how far it may be off."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -136,60 +142,63 @@ def truth(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, float, flo
             [value.hex() for value in values],
             samples,
             REFERENCE_TOLERANCES,
-            DOUBLE,
+            _DOUBLE,
             *([] if extends_precision() else ["without heyoka"]),
         ]
     )
-    found = cache.load(key)
-    if found is None:
-        if problem.end <= LONG_DOUBLE_UP_TO:
+    cached = cache.load(key)
+    if cached is None:
+        if problem.end <= _LONG_DOUBLE_UP_TO:
             tight, apart = true_observables(scene, samples)
         else:
             times = np.linspace(0.0, problem.end, samples)
             runs = (
-                (solve(problem, *how, times).states for how in DOUBLE)
-                if all(find_solver(name).available for name, _ in DOUBLE)
+                (solve(problem, *how, times).states for how in _DOUBLE)
+                if all(find_solver(name).available for name, _ in _DOUBLE)
                 else unlike_runs(problem, times).values()
             )
-            tight, other = (form.observe(scene, states) for states in runs)
-            apart = errors(scene.ellipsoid, other, tight)
-        found = {name: each.astype(float) for name, each in vars(tight).items()}
-        found = cache.keep(key, found | {"uncertainty": np.array([apart.slow, apart.orientation])})
-    slow, orientation = found.pop("uncertainty").tolist()
-    return Observables(**found), slow, orientation
+            tight, double = (form.observe(scene, states) for states in runs)
+            apart = errors(scene.ellipsoid, double, tight)
+        cached = {name: values.astype(float) for name, values in vars(tight).items()}
+        cached = cache.keep(
+            key, cached | {"uncertainty": np.array([apart.slow, apart.orientation])}
+        )
+    slow, orientation = cached.pop("uncertainty").tolist()
+    return Observables(**cached), slow, orientation
 
 
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
     """Runs of the scenes at every error; scenes whose truth takes minutes are left out."""
     rows = []
     for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
-        if scene.time <= LONGEST:
-            known = truth(scene)
-            rows += [_measured(i, scene, error, known) for error in ERRORS]
+        if scene.time <= _LONGEST:
+            reference = truth(scene)
+            rows += [_measured(i, scene, error, reference) for error in REQUESTED_ERRORS]
     return rows
 
 
 def _measured(
-    start: int, scene: Scene, error: float, known: tuple[Observables, float, float]
+    start: int, scene: Scene, error: float, reference: tuple[Observables, float, float]
 ) -> HybridError:
-    true, slow_off, orientation_off = known
+    true, slow_off, orientation_off = reference
     run = plan(
         scene,
         Hybrid.name,
-        available_like(SOLVER),
+        available_like(WINDOW_SOLVER),
         error / ERROR_PER_TOLERANCE,
         error,
         "slow",
-        SAMPLES,
+        HYBRID_SAMPLES,
     ).run()
     slow = orientation = mirror = nan
     if run.success:
-        found = errors(scene.ellipsoid, run.observables, true)
-        slow, orientation = found.slow, found.orientation or nan
+        measured = errors(scene.ellipsoid, run.observables, true)
+        slow = measured.slow
+        orientation = measured.orientation or nan
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
         up = float(true.rotation[-1, axis, 2])
-        if abs(up) > SETTLED and orientation_off < 1 - SETTLED:
+        if abs(up) > _SETTLED and orientation_off < 1 - _SETTLED:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
     axes = ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
     return HybridError(
@@ -201,20 +210,21 @@ def _measured(
 
 def measure_speed(quiet: bool = False) -> list[Speed]:
     """Times of random starts at each St."""
-    scenes = [
-        (i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes))
-        for stokes, count in FAST.items()
-        for i, scene in enumerate(random_scenes(count, FAST_SEED))
-    ]
+    scenes = []
+    for stokes, count in FAST.items():
+        for i, scene in enumerate(random_scenes(count, _FAST_SEED)):
+            scenes.append((i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes)))
     return [
         _timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)
     ]
 
 
 def _timed(start: int, scene: Scene) -> Speed:
-    form, times = Hybrid(), np.linspace(0.0, scene.time, SAMPLES)
-    problem, tolerance = form.problem(scene), FAST_ERROR / ERROR_PER_TOLERANCE
-    solver_of_windows = available_like(SOLVER)
+    form = Hybrid()
+    times = np.linspace(0.0, scene.time, HYBRID_SAMPLES)
+    problem = form.problem(scene)
+    tolerance = FAST_ERROR / ERROR_PER_TOLERANCE
+    solver_of_windows = available_like(WINDOW_SOLVER)
 
     def seconds(times: np.ndarray) -> float:
         for kept in (outline, path_of):
@@ -223,13 +233,11 @@ def _timed(start: int, scene: Scene) -> Speed:
         solve(problem, solver_of_windows, tolerance, times)
         return perf_counter() - began
 
-    run, slow, full = (
-        solve(problem, solver_of_windows, tolerance, times),
-        nan,
-        dict[tuple[str, float], float](),
-    )
+    run = solve(problem, solver_of_windows, tolerance, times)
+    slow = nan
+    full = dict[tuple[str, float], float]()
     exact = find_form(full_form(scene)).problem(scene)
-    if scene.time <= LONGEST:
+    if scene.time <= _LONGEST:
         true, *_ = truth(scene)
         slow = (
             errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
@@ -241,19 +249,21 @@ def _timed(start: int, scene: Scene) -> Speed:
     # before left in caches.
     ways: list[Callable[[], float]] = [
         lambda: seconds(times),
-        lambda: seconds(times[:: SAMPLES // (FEW - 1)]),
+        lambda: seconds(times[:: HYBRID_SAMPLES // (FEW_SAMPLES - 1)]),
     ]
     ways += [
         lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full
     ]
-    turns = [[min(way() for _ in range(REPEATS)) for way in ways] for _ in range(REPEATS)]
-    taken, few, *others = np.min(turns, axis=0).tolist()
-    known = dict(zip(full, others, strict=True))
-    knowing = min((known.pop(way) for way in full if way[0] == KNOWING), default=nan)
-    (solver, at), best = min(known.items(), key=lambda each: each[1], default=(("", nan), nan))
-    own = slow, _share(run.stages, scene.time), taken, few, solver, at, best
+    turns = [[*map(_fastest, ways)] for _ in range(SPEED_REPEATS)]
+    taken, few, *full_seconds = np.min(turns, axis=0).tolist()
+    seconds_of = dict(zip(full, full_seconds, strict=True))
+    knowing = min((seconds_of.pop(way) for way in full if way[0] == KNOWING), default=nan)
+    (solver, at), best = min(
+        seconds_of.items(), key=lambda entry: entry[1], default=(("", nan), nan)
+    )
+    costs = slow, _share(run.stages, scene.time), taken, few, solver, at, best
     steps = (
-        sum(each.steps or 0 for each in run.stages if not each.averaged),
+        sum(stage.steps or 0 for stage in run.stages if not stage.averaged),
         full.get((solver_of_windows, at), nan),
     )
     steps = steps if solver == solver_of_windows else (nan, nan)
@@ -261,7 +271,7 @@ def _timed(start: int, scene: Scene) -> Speed:
         start,
         scene.ellipsoid.kind,
         scene.stokes,
-        *own,
+        *costs,
         *_prepared(scene.ellipsoid),
         knowing,
         *steps,
@@ -291,11 +301,17 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     return perf_counter() - began, read()
 
 
+def _fastest(way: Callable[[], float]) -> float:
+    """Shortest wall time, in seconds, of several runs one after the other."""
+    return min(way() for _ in range(SPEED_REPEATS))
+
+
 def _full(
     scene: Scene, problem: Problem, times: np.ndarray, true: Observables
 ) -> dict[tuple[str, float], float]:
     """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
-    form, found = find_form(full_form(scene)), dict[tuple[str, float], float]()
+    form = find_form(full_form(scene))
+    steps = dict[tuple[str, float], float]()
     tried: list[tuple[str, Sequence[float]]] = [(name, FULL_TOLERANCES) for name in FULL_SOLVERS]
     if find_solver(KNOWING).takes(problem):
         tried.append((KNOWING, KNOWING_TOLERANCES))
@@ -309,22 +325,22 @@ def _full(
                 and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
                 <= FAST_ERROR
             ):
-                found[solver, tolerance] = run.work.steps or nan
+                steps[solver, tolerance] = run.work.steps or nan
                 break
-    return found
+    return steps
 
 
 def _share(pieces: Sequence[Stage], whole: float) -> float:
-    return sum(each.end - each.begin for each in pieces if not each.averaged) / whole
+    return sum(piece.end - piece.begin for piece in pieces if not piece.averaged) / whole
 
 
 def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Study":
     """Both parts, or one of them anew; quick: a few starts, and no times."""
     study = old or Study([], [])
     if part in ("", "errors"):
-        scenes = [
-            scene for seed in HELD_OUT for scene in random_scenes(4 if quick else RANDOM, seed)
-        ]
+        scenes = []
+        for seed in _HELD_OUT:
+            scenes += random_scenes(4 if quick else _RANDOM, seed)
         rows = measure_errors(scenes, quiet)
         study = replace(study, errors=rows, timed={**study.timed, "errors": here()})
     if part in ("", "speed") and not quick:

@@ -8,7 +8,7 @@ from typing import cast
 
 from tqdm import tqdm
 
-from polhode.harness.averaging.cases import QUICK, Subject, paper_cases
+from polhode.harness.averaging.cases import FIRST_LOOK_STOKES, Subject, paper_cases
 from polhode.harness.averaging.data import Absent, AveragingErrors, Each, PaperStudy
 from polhode.harness.common.machine import here
 from polhode.harness.references.errors import errors
@@ -19,9 +19,10 @@ from polhode.models.second_order.form import SecondOrder
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-SAMPLES = 501
-# What a user would integrate an averaged form with; its error is the column of the solver error.
-SOLVER, TOLERANCE = "taylor", 1e-9
+FORM_SAMPLES = 501  # Output times of a run.
+# Solver and tolerance that a user would take for an averaged form; they make the solver error.
+FORM_SOLVER = "taylor"
+FORM_TOLERANCE = 1e-9
 
 
 def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], list[Absent]]:
@@ -31,50 +32,57 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
     reason. Raises ReferenceFailedError if there is no certified reference of the full solution.
     """
     whole = subject.scene(stokes)
-    rows, absent = list[AveragingErrors](), list[Absent]()
+    rows = list[AveragingErrors]()
+    absent = list[Absent]()
     for name in (averaged_form(whole), SecondOrder.name):
-        form, head = find_form(name), (subject.name, subject.family, name)
+        form = find_form(name)
+        head = (subject.name, subject.family, name)
         try:
             until = form.reach(whole)
         except FormNotValidError as refusal:
             absent.append(Absent(*head, stokes, f"refused: {refusal.condition}"))
             continue
         scene = replace(whole, time=until * stokes)
-        full = reference(scene, "quaternion", SAMPLES)
+        full = reference(scene, "quaternion", FORM_SAMPLES)
         try:
-            exact = reference(scene, form, SAMPLES)
+            exact = reference(scene, form, FORM_SAMPLES)
         except ReferenceFailedError as failure:
             absent.append(
                 Absent(*head, stokes, f"its own exact solution is not certified: {failure}")
             )
             continue
-        solution = solve(form.problem(scene), available_like(SOLVER), TOLERANCE, exact.times)
+        solution = solve(
+            form.problem(scene), available_like(FORM_SOLVER), FORM_TOLERANCE, exact.times
+        )
         if not solution.success:
             raise ReferenceFailedError(
                 f"{subject.name}, St = {stokes:g}: {name} ended with {solution.status}"
             )
         model = errors(scene.ellipsoid, exact.observables, full.observables).slow_each
-        own = errors(
+        solver_error = errors(
             scene.ellipsoid, form.observe(scene, solution.states), exact.observables
         ).slow_each
         about = full.slow_uncertainty, full.certificate.pieces
-        each = cast("Each", model), cast("Each", own)
-        rows.append(AveragingErrors(*head, subject.semi_axes, stokes, until, *each, *about))
+        both_errors = cast("Each", model), cast("Each", solver_error)
+        rows.append(AveragingErrors(*head, subject.semi_axes, stokes, until, *both_errors, *about))
     return rows, absent
 
 
 def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     """Measure all cases over all St, the longest runs first, on as many processes as there are cores."""
     cases = paper_cases()
-    tasks = [
-        (case, stokes) for case in cases for stokes in case.stokes if stokes <= QUICK or not quick
-    ]
+    tasks = []
+    for case in cases:
+        tasks += [
+            (case, stokes) for stokes in case.stokes if stokes <= FIRST_LOOK_STOKES or not quick
+        ]
     tasks.sort(key=lambda task: -task[1])
-    rows, absent = list[AveragingErrors](), list[Absent]()
+    rows = list[AveragingErrors]()
+    absent = list[Absent]()
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        found = pool.map(measure, *zip(*tasks, strict=True))
+        results = pool.map(measure, *zip(*tasks, strict=True))
         shown = tqdm(
-            found, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference"
+            results, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference"
         )
         for measured, missing in shown:
             rows += measured

@@ -1,4 +1,4 @@
-"""What the measured errors say about orders in 1/St, and the St that an error needs."""
+"""Orders in 1/St that follow from the measured errors, and the St that an error needs."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -12,16 +12,16 @@ from polhode.harness.averaging.data import VARIABLES, AveragingErrors, SecondOrd
 from polhode.harness.common.fits import power_law
 from polhode.models.second_order.form import SecondOrder
 
-TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)
-# The law c/St^order is fitted from this St on, where it has set in, to at least so many St.
+NEEDED_ERRORS = (1e-1, 1e-2, 1e-3, 1e-4)  # Errors whose least St the page gives.
+# The law c/St^order is fitted from this St on, as it has set in there.
 FITTED_FROM = 300.0
-LEAST_POINTS = 4
+LEAST_POINTS = 4  # St of a fit, at least.
 # Runs of a case belong together if none ends before this share of the longest one: a shorter run
 # errs less.
 SAME_HORIZON = 0.99
-# Slopes are fitted where the error is below this and above so many times the reference's
-# uncertainty.
-LARGEST_ERROR, FLOORS = 1e-2, 100.0
+# Slopes are fitted to errors between these two.
+LARGEST_FITTED_ERROR = 1e-2
+LEAST_RESOLVED = 100.0  # Times the reference's uncertainty.
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,8 @@ class Law:
         if i + 1 == len(stokes):
             further = (error[-1] / target) ** (1 / self.order) if self.order > 0 else nan
             return float(stokes[-1] * further), "extrapolated"
-        x, y = np.log10(stokes[i : i + 2]), np.log10(error[i : i + 2])
+        x = np.log10(stokes[i : i + 2])
+        y = np.log10(error[i : i + 2])
         return float(10 ** np.interp(-log10(target), -y, x)), "measured"
 
 
@@ -122,16 +123,18 @@ def first_order(form: str) -> bool:
 
 def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
     """Fitted exponents of St, one pair for each case; the orientation's over the top two decades."""
-    found = []
+    fitted = []
     for case in dict.fromkeys((row.shape, row.start) for row in rows):
-        own = [row for row in rows if (row.shape, row.start) == case]
-        top = max(row.stokes for row in own)
+        case_rows = [row for row in rows if (row.shape, row.start) == case]
+        top = max(row.stokes for row in case_rows)
         slow = [
-            (r.stokes, r.slow) for r in own if FLOORS * r.slow_uncertainty < r.slow < LARGEST_ERROR
+            (r.stokes, r.slow)
+            for r in case_rows
+            if LEAST_RESOLVED * r.slow_uncertainty < r.slow < LARGEST_FITTED_ERROR
         ]
-        turned = [(r.stokes, r.orientation) for r in own if r.stokes >= 0.99e-2 * top]
-        found.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
-    return found
+        turned = [(r.stokes, r.orientation) for r in case_rows if r.stokes >= 0.99e-2 * top]
+        fitted.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
+    return fitted
 
 
 def _exponent(points: Sequence[tuple[float, float]]) -> float:

@@ -27,29 +27,35 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import solve
 
-SAMPLES = 2001
+SECOND_ORDER_SAMPLES = 2001  # Output times of a run.
+# Tolerances of the reference in long double, and of the looser run that shows its error.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
-TOLERANCE = 1e-14
-# Resonances want many small steps of these runs; each time is the fastest of so many.
-PASSAGE_SOLVER, PASSAGE_REPEATS = "cyrk-vern8", 3
-# What may be measured alone.
-PARTS = ("orders", "resonances", "cost")
+SECOND_ORDER_TOLERANCE = 1e-14  # Of runs of averaged forms.
+# Resonances want many small steps of these runs; each time is the fastest of PASSAGE_REPEATS.
+PASSAGE_SOLVER = "cyrk-vern8"
+PASSAGE_REPEATS = 3
+# Parts of the study that may be measured alone.
+SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 
-# The cost of a spheroid's run against St: duration, output times, and the powers of ten of St.
-SLOW_TIME, FEW, EXPONENTS = 0.5, 11, tuple(range(3, 9))
-# St at which first order and the full equations are run too, the full ones to this slow error.
-COMPARED, TARGET = 1e6, 1e-6
-COST_TOLERANCE, TRUE_TOLERANCE = 1e-9, 1e-16
+# The cost of a spheroid's run against St.
+COST_SLOW_TIME = 0.5  # Duration in slow time.
+COST_SAMPLES = 11  # Output times.
+_EXPONENTS = tuple(range(3, 9))  # Powers of ten of St.
+COMPARED = 1e6  # St at which first order and the full equations are run too.
+TARGET = 1e-6  # Slow error that the full equations have to meet.
+_COST_TOLERANCE = 1e-9  # Of averaged forms.
+_TRUE_TOLERANCE = 1e-16  # Of the truth of these runs.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
-FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
+_FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
-REPEATS, FULL_REPEATS = 50, 3
-SECONDS = attrgetter("seconds")
+COST_REPEATS = 50
+FULL_REPEATS = 3  # Runs of the full form, of which the fastest counts.
+_SECONDS = attrgetter("seconds")
 
 
 @dataclass(frozen=True)
 class TimedRun:
-    """What a run gave, and its wall times in s: the integration, and with the observables."""
+    """Observables of a run, and its wall times in s: the integration, and with the observables."""
 
     observables: Observables
     integration: float
@@ -61,7 +67,7 @@ def timed_run(
 ) -> TimedRun:
     """Run a form over equispaced times; raises RuntimeError if it does not reach its end.
 
-    Where the solver's library is missing, one of the same kind runs it.
+    A solver of the same kind runs it if the solver's library is missing.
     """
     form = find_form(name)
     problem = form.problem(scene)
@@ -75,7 +81,9 @@ def timed_run(
     return TimedRun(observables, solution.seconds, solution.seconds + perf_counter() - began)
 
 
-def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables, Errors]:
+def true_observables(
+    scene: Scene, samples: int = SECOND_ORDER_SAMPLES
+) -> tuple[Observables, Errors]:
     """Observables of the full form in long double, and what a hundredfold tolerance changes in them."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -89,10 +97,13 @@ def true_observables(scene: Scene, samples: int = SAMPLES) -> tuple[Observables,
 
 
 def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any], Errors]:
-    """What both tables say of a run: errors, first order's, and the form's estimate; and the truth's uncertainty."""
+    """Cells of a run for both tables: errors, first order's, the form's estimate; and the truth's uncertainty."""
     true, uncertainty = true_observables(scene)
-    first = timed_run(scene, averaged_form(scene), TOLERANCE, SAMPLES).observables
-    error, estimate = errors(scene.ellipsoid, run.observables, true), SecondOrder().estimate(scene)
+    first = timed_run(
+        scene, averaged_form(scene), SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES
+    ).observables
+    error = errors(scene.ellipsoid, run.observables, true)
+    estimate = SecondOrder().estimate(scene)
     row = {
         "shape": case.axes,
         "start": case.name,
@@ -108,7 +119,9 @@ def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
     """Errors of first and second order, and the form's own estimate."""
     scene = case.scene(stokes)
     row, uncertainty = _compared(
-        case, scene, timed_run(scene, SecondOrder.name, TOLERANCE, SAMPLES)
+        case,
+        scene,
+        timed_run(scene, SecondOrder.name, SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES),
     )
     turned = _known(uncertainty.orientation)
     return SecondOrderErrors(
@@ -118,64 +131,76 @@ def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
 
 def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage:
     """A run through resonances; where it is not to be followed whole, as much of it as the form follows."""
-    scene, form = case.scene(stokes), SecondOrder()
+    scene = case.scene(stokes)
+    form = SecondOrder()
     try:
         if not whole:
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
         repeats = range(PASSAGE_REPEATS)
-        found = min(
-            (timed_run(scene, form.name, TOLERANCE, SAMPLES, PASSAGE_SOLVER) for _ in repeats),
-            key=SECONDS,
+        fastest = min(
+            (
+                timed_run(
+                    scene, form.name, SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES, PASSAGE_SOLVER
+                )
+                for _ in repeats
+            ),
+            key=_SECONDS,
         )
     except (FormNotValidError, RuntimeError) as refusal:
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
-    row, _ = _compared(case, scene, found)
+    row, _ = _compared(case, scene, fastest)
     # Kicks far below the slow error estimated are not named.
-    strong = [each for each in outline(scene).kicks if each.size > 0.1 * row["estimated_slow"]]
-    modes = " ".join(
-        f"({k1:.0f}, {k2:.0f})" for k1, k2 in dict.fromkeys(each.mode for each in strong)
-    )
-    kick = max((each.size for each in strong), default=nan)
+    strong = [kick for kick in outline(scene).kicks if kick.size > 0.1 * row["estimated_slow"]]
+    different = dict.fromkeys(kick.mode for kick in strong)
+    modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in different)
+    kick = max((kick.size for kick in strong), default=nan)
     return Passage(
-        **row, modes=modes, kick=kick, integration=found.integration, seconds=found.seconds
+        **row, modes=modes, kick=kick, integration=fastest.integration, seconds=fastest.seconds
     )
 
 
-def costs(exponents: Sequence[int] = EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
+def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
     """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
-    # Of each full solver the loosest tolerance is taken that meets `TARGET`.
-    there, tolerance, name = _spheroid(compared), COST_TOLERANCE, SecondOrder.name
-    full, first = full_form(there), averaged_form(there)
-    true = timed_run(there, full, TRUE_TOLERANCE, FEW).observables
+    # Each full solver runs at the loosest tolerance that meets `TARGET`.
+    there = _spheroid(compared)
+    tolerance = _COST_TOLERANCE
+    name = SecondOrder.name
+    full = full_form(there)
+    first = averaged_form(there)
+    true = timed_run(there, full, _TRUE_TOLERANCE, COST_SAMPLES).observables
     averaged_by = available_like("taylor")
 
     def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
         slow = errors(scene.ellipsoid, run.observables, true).slow if scene == there else nan
-        return Cost(name, solver, tolerance, scene.stokes, FEW, run.integration, run.seconds, slow)
+        return Cost(
+            name, solver, tolerance, scene.stokes, COST_SAMPLES, run.integration, run.seconds, slow
+        )
 
     scenes = [_spheroid(10.0**exponent) for exponent in exponents]
-    rounds = [[timed_run(scene, name, tolerance, FEW) for scene in scenes] for _ in range(REPEATS)]
+    averaged_run = partial(timed_run, name=name, tolerance=tolerance, samples=COST_SAMPLES)
+    rounds = [[*map(averaged_run, scenes)] for _ in range(COST_REPEATS)]
     for scene, *runs in zip(scenes, *rounds, strict=True):
-        yield cost(scene, name, averaged_by, tolerance, min(runs, key=SECONDS))
-    runs = (timed_run(there, first, tolerance, FEW) for _ in range(REPEATS))
-    yield cost(there, first, averaged_by, tolerance, min(runs, key=SECONDS))
-    for solver in filter(lambda name: find_solver(name).available, FULL_SOLVERS):
+        yield cost(scene, name, averaged_by, tolerance, min(runs, key=_SECONDS))
+    runs = (timed_run(there, first, tolerance, COST_SAMPLES) for _ in range(COST_REPEATS))
+    yield cost(there, first, averaged_by, tolerance, min(runs, key=_SECONDS))
+    for solver in filter(lambda name: find_solver(name).available, _FULL_SOLVERS):
         for tolerance in FULL_TOLERANCES:
-            runs = [timed_run(there, full, tolerance, FEW, solver)]
+            runs = [timed_run(there, full, tolerance, COST_SAMPLES, solver)]
             if cost(there, full, solver, tolerance, runs[0]).slow <= TARGET:
                 runs += [
-                    timed_run(there, full, tolerance, FEW, solver) for _ in range(FULL_REPEATS - 1)
+                    timed_run(there, full, tolerance, COST_SAMPLES, solver)
+                    for _ in range(FULL_REPEATS - 1)
                 ]
-                yield cost(there, full, solver, tolerance, min(runs, key=SECONDS))
+                yield cost(there, full, solver, tolerance, min(runs, key=_SECONDS))
                 break
 
 
 def measure_study(
     old: SecondOrderStudy | None = None, part: str = "", *, quick: bool = False, quiet: bool = False
 ) -> SecondOrderStudy:
-    """All that the study asks, or one of `PARTS` measured anew; quick: one case of each kind, and no cost."""
+    """All that the study asks, or one of `SECOND_ORDER_PARTS` anew; quick: one case of each kind, and no cost."""
     study = old or SecondOrderStudy([], [], [], [], {})
     cases, points = (1, 2) if quick else (None, None)
     if part in ("", "orders"):
@@ -190,19 +215,21 @@ def measure_study(
         study = replace(study, resonances=resonances, crossings=crossings, timed=timed)
     if part in ("", "cost") and not quick:
         cost = list(tqdm(costs(), "cost", leave=False, disable=quiet or None))
-        study = replace(study, cost=cost, timed={**study.timed, "cost": here(repeats=REPEATS)})
+        study = replace(study, cost=cost, timed={**study.timed, "cost": here(repeats=COST_REPEATS)})
     return study
 
 
 def _rows(
-    what: str,
+    title: str,
     cases: Sequence[Subject],
     quiet: bool,
     take: Callable[[Subject, float], Any],
     points: int | None,
 ) -> list[Any]:
-    tasks = [(case, stokes) for case in cases for stokes in case.stokes[:points]]
-    return [take(*task) for task in tqdm(tasks, what, leave=False, disable=quiet or None)]
+    tasks = []
+    for case in cases:
+        tasks += [(case, stokes) for stokes in case.stokes[:points]]
+    return [take(*task) for task in tqdm(tasks, title, leave=False, disable=quiet or None)]
 
 
 def _known(value: float | None) -> float:
@@ -210,4 +237,4 @@ def _known(value: float | None) -> float:
 
 
 def _spheroid(stokes: float) -> Scene:
-    return Scene(Ellipsoid(PROLATE), stokes, SPHEROID_START, SLOW_TIME * stokes)
+    return Scene(Ellipsoid(PROLATE), stokes, SPHEROID_START, COST_SLOW_TIME * stokes)

@@ -1,4 +1,4 @@
-"""The suite's cases: a study like that of `polhode bench`, limited to or extended by what pytest's options name."""
+"""The suite's cases: a study like the one of `polhode bench`, limited or extended by pytest's options."""
 
 import os
 import tomllib
@@ -8,6 +8,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import product
 from math import inf
 from multiprocessing import get_context
 from pathlib import Path
@@ -28,22 +29,22 @@ from polhode.models.registry import plug_ins
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
-# From the first St on runs last this slow time, below it this many shear times, and no more than
-# this many relaxation times: the reference of a stiff scene costs seconds.
-_SLOW_FROM = 1.0
-_SLOW_TIME = 0.5
-_SHEAR_TIMES = 20.0
+# Durations of runs.
+_SLOW_FROM = 1.0  # St from which on the duration is in slow time.
+_SLOW_TIME = 0.5  # Slow time from that St on.
+_SHEAR_TIMES = 20.0  # Inverse shear rates below that St.
+# Relaxation times at most: the reference of a stiff scene costs seconds.
 _RELAXATION_TIMES = 2000.0
-# Beyond these seconds a reference is not waited for; where extended precision would take longer, as
-# in long runs, two unlike methods in double precision confirm each other.
+# Seconds that a reference may take. If extended precision would take longer, as in long runs, two
+# unlike methods in double precision confirm each other.
 _REFERENCE_SECONDS = 60.0
-# Where errors are requested, the tolerances among which the loosest one that meets an error is sought.
+# The loosest of these tolerances that meets a requested error is sought.
 _TOLERANCES = tuple(float(f"1e-{exponent}") for exponent in range(2, 14))
 _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
-# Of each of the quick suite's runs.
+# Time limit of each of the quick suite's runs, in seconds.
 _QUICK_SECONDS = 0.02
-# What a row is called whose runs reach their end, none of them with the requested error.
-NOT_MET = "error not met"
+# Name of a row whose runs reach their end, none of them with the requested error.
+_NOT_MET = "error not met"
 
 Method = tuple[str, float, str, str]
 """Name of the scene, St, form and solver."""
@@ -51,7 +52,7 @@ Method = tuple[str, float, str, str]
 
 @dataclass(frozen=True)
 class Options:
-    """What pytest's options say: empty and None where they say nothing."""
+    """Pytest's options: empty and None where they say nothing."""
 
     stokes: tuple[float, ...] = ()
     forms: tuple[str, ...] = ()
@@ -177,7 +178,7 @@ def study(options: Options) -> Study:
         contents["tolerances"] = list(_TOLERANCES)
     if options.stokes:
         scenes = dict.fromkeys(scene["name"] for scene in contents["scenes"])
-        contents["scenes"] = [_scene(name, stokes) for name in scenes for stokes in options.stokes]
+        contents["scenes"] = [_scene(*pair) for pair in product(scenes, options.stokes)]
     _choose(contents, "forms", options.forms, (*_of_plug_ins(FORMS, "forms"), *options.with_forms))
     _choose(contents, "solvers", options.solvers, options.with_solvers)
     return replace(parse_study(contents), reference_seconds=_REFERENCE_SECONDS)
@@ -251,8 +252,8 @@ def meets(record: Record, error: str, target: float) -> bool:
 
 def _error(record: Record, error: str) -> float:
     """The error of a run; infinite where there is none."""
-    found = record.get(error)
-    return inf if failure(record) or found is None else float(found)
+    value = record.get(error)
+    return inf if failure(record) or value is None else float(value)
 
 
 def failure(record: Record) -> str:
@@ -265,8 +266,8 @@ def failure(record: Record) -> str:
 def _missed(record: Record, error: str, target: float) -> str:
     """Why a run that reached its end does not count for an error."""
     if record.get(error) is None:
-        return f"{NOT_MET}: its error is not known"
+        return f"{_NOT_MET}: its error is not known"
     least = least_known(record[uncertainty_of(error)])
     if not least < target:
-        return f"{NOT_MET}: the reference resolves errors above {scientific(least)} alone"
-    return f"{NOT_MET}: the error is {scientific(record[error])} at the best tolerance"
+        return f"{_NOT_MET}: the reference resolves errors above {scientific(least)} alone"
+    return f"{_NOT_MET}: the error is {scientific(record[error])} at the best tolerance"

@@ -16,13 +16,13 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Solver, Status
 
 # File of the counts beside the tests that ask for them.
-COUNTS_FILE = "work_counts.json"
+_COUNTS_FILE = "work_counts.json"
 # Counts of work that may be stored; those that a library does not report are not.
 _COUNTS = ("rhs_calls", "steps", "jacobians", "factorizations")
 # Another processor rounds a last bit otherwise, and a step more follows: a count may exceed the
-# stored one by this share, and by this many.
-_SLACK = 0.02
-_MORE = 1
+# stored one by both of these.
+_SLACK = 0.02  # Share of the stored count.
+_MORE = 1  # Calls or steps.
 
 
 @dataclass(frozen=True)
@@ -140,11 +140,11 @@ class Measure:
         ValueError
             If an argument is out of range, or the solver does not accept the problem.
         """
-        given = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
-        (row,) = rows_of(given.frame)
+        study_case = WorkPrecision(problem, [solver], [tolerance], quiet=True, **study)
+        (row,) = rows_of(study_case.frame)
         if row["status"] == Status.REACHED_END:
-            (setup,) = as_setups([solver], given.one)
-            self.benchmark(given.runner(setup, tolerance))
+            (setup,) = as_setups([solver], study_case.one)
+            self.benchmark(study_case.runner(setup, tolerance))
             # pytest-codspeed's fixture has none.
             stats = getattr(self.benchmark, "stats", None)
             if stats is not None:
@@ -155,7 +155,7 @@ class Measure:
         names = ("solver", "tolerance", "status", "message", "error", "uncertainty", "seconds")
         values = {name: row.get(name) for name in (*names, *_COUNTS)}
         self.benchmark.extra_info["polhode"] = {"problem": problem.name, **values}
-        path = self.request.path.with_name(COUNTS_FILE)
+        path = self.request.path.with_name(_COUNTS_FILE)
         test = self.request.node.nodeid.partition("::")[2]
         update = bool(self.request.config.getoption("polhode_update_counts"))
         fields: dict[str, Any] = {**values, "counts": Counts(path, test, update)}

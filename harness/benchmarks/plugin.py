@@ -135,7 +135,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def options_of(config: pytest.Config) -> dict[str, Any]:
-    """What the options say of the suite, by the names of `cases.Options`."""
+    """The suite's options by the names of `cases.Options`."""
     option: Any = config.getoption
     options: dict[str, Any] = {}
     for name in ("stokes", "forms", "solvers", "errors"):

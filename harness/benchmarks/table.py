@@ -28,7 +28,8 @@ def name_rows(rows: Sequence[Any]) -> None:
 
 def _cells(info: Mapping[str, Any]) -> list[str]:
     case = info["case"]
-    error, least = _error(info), _least(info)
+    error = _error(info)
+    least = _least(info)
     if error is None:
         accuracy = "error unknown"
     else:

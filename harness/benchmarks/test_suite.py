@@ -15,9 +15,9 @@ from polhode.harness.benchmarks.plugin import Failed, failed_runs, options_of, p
 from polhode.harness.common.timing import Patience, sentinel
 from polhode.solvers.contract import Status
 
-# Repeated runs of a case: at least one, at most so many, and about so many seconds together.
-_MAX_ROUNDS = 10
-_ROUNDS_SECONDS = 0.1
+# A case is run at least once, then repeated.
+_MAX_ROUNDS = 10  # Runs at most.
+_ROUNDS_SECONDS = 0.1  # Wall time of all runs together, about.
 # A shorter run, in seconds, is slow when the processor's caches hold something else: another run
 # goes before it.
 _SHORT_SECONDS = 0.01
@@ -101,4 +101,4 @@ def test_solve(
     # pytest-codspeed's fixture has none.
     stats = getattr(benchmark, "stats", None)
     if stats is not None:
-        benchmark.extra_info["seconds_runs"] = [float(each) for each in stats.stats.data]
+        benchmark.extra_info["seconds_runs"] = [float(seconds) for seconds in stats.stats.data]

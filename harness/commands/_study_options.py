@@ -1,9 +1,10 @@
-"""What commands share: options, the store that measurements go into, and the line that was typed."""
+"""Common parts of commands: options, the store that measurements go into, and the line that was typed."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import partial, wraps
+from itertools import chain
 from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING, Any
@@ -18,17 +19,16 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-KINDS = {
+_KINDS = {
     "scenes": ("--scene", "Only this scene of the study; may be given several times."),
     "tags": ("--tag", "Only scenes with this tag; may be given several times."),
     "forms": ("--form", "Only this form; may be given several times."),
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
-# Share of disturbed times from which on earlier results are not replaced; a few times may be
-# anything.
-MOST_DISTURBED, FEW = 0.1, 50
+_MOST_DISTURBED = 0.1  # Share of disturbed times from which on earlier results are not replaced.
+FEW_TIMED_RUNS = 50  # The share is of this number of runs at least: chance rules fewer.
 # Options that change nothing in what is measured.
-ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
+_ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(
     "--quick",
     is_flag=True,
@@ -49,8 +49,8 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 def out_folder(default: str) -> Callable[..., Any]:
     """The option --out, a folder."""
 
-    def folder(context: click.Context, _: click.Parameter, given: Path | None) -> Path:
-        return given or usual(default, context.params.get("quick", False))
+    def folder(context: click.Context, _: click.Parameter, path: Path | None) -> Path:
+        return path or usual(default, context.params.get("quick", False))
 
     return click.option(
         "--out", type=FOLDER, callback=folder, help=f"Folder; by default {default}."
@@ -64,7 +64,7 @@ def usual(folder: str, quick: bool) -> Path:
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the options of a command that runs a study say."""
+    """Options of a command that runs a study."""
 
     study_file: Path | None
     out: Path | None
@@ -79,7 +79,7 @@ class Wanted:
         from polhode.harness.studies.study import read_study
 
         study = read_study(self.study_file, default)
-        values = [value for kind in KINDS for value in self.filters[kind]]
+        values = [*chain.from_iterable(self.filters[kind] for kind in _KINDS)]
         part = study.part(**self.filters) if values else study
         name = "-".join([study.name, *values, *["quick"] * self.quick])
         return replace(part.quick() if self.quick else part, name=name)
@@ -89,12 +89,14 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `Wanted`."""
 
     @wraps(command)
-    def wanting(**given: Any) -> Any:
-        filters = {kind: given.pop(kind) for kind in KINDS}
-        own = {each.name: given.pop(each.name) for each in fields(Wanted) if each.name in given}
-        return command(Wanted(**own, filters=filters), **given)
+    def wanting(**options: Any) -> Any:
+        filters = {kind: options.pop(kind) for kind in _KINDS}
+        settings = {
+            field.name: options.pop(field.name) for field in fields(Wanted) if field.name in options
+        }
+        return command(Wanted(**settings, filters=filters), **options)
 
-    for name, (option, text) in reversed(KINDS.items()):
+    for name, (option, text) in reversed(_KINDS.items()):
         wanting = click.option(option, name, multiple=True, help=text)(wanting)
     out = click.option(
         "--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words."
@@ -114,17 +116,17 @@ def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> No
     from polhode.harness.common.text import percent
     from polhode.harness.common.timing import disturbance
 
-    count, known = disturbance(records)
-    if anyway or count <= MOST_DISTURBED * max(known, FEW):
+    count, judged = disturbance(records)
+    if anyway or count <= _MOST_DISTURBED * max(judged, FEW_TIMED_RUNS):
         return
-    what = f"other work disturbed {count} of {known} timed runs, expected at most {percent(MOST_DISTURBED)}"
+    disturbed = f"other work disturbed {count} of {judged} timed runs, expected at most {percent(_MOST_DISTURBED)}"
     again = "run it anew on a quiet machine"
     # Times of another machine say nothing of this one.
     if page.exists() and str(machine()["processor"]) in page.read_text(encoding="utf-8"):
         raise RunFailed(
-            f"{page}: stays as it is, for {what}; {again}, or take them with --resume --disturbed"
+            f"{page}: stays as it is, for {disturbed}; {again}, or take them with --resume --disturbed"
         )
-    click.echo(f"note: {what}; {again}, if times matter", err=True)
+    click.echo(f"note: {disturbed}; {again}, if times matter", err=True)
 
 
 def command_line() -> str:
@@ -133,12 +135,12 @@ def command_line() -> str:
     words = context.command_path.split()
     for parameter in context.command.params:
         name = parameter.name or ""
-        if name in ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
+        if name in _ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
             continue
         value = context.params[name]
         option = parameter.opts[:1] if isinstance(parameter, click.Option) else []
-        for each in value if isinstance(value, tuple) else [value]:
-            words += option if each is True else [*option, str(each)]
+        for item in value if isinstance(value, tuple) else [value]:
+            words += option if item is True else [*option, str(item)]
     return join(words)
 
 
@@ -147,14 +149,12 @@ def stored(
     folder: Path, resume: bool, name: str = "store", what: str = "cases"
 ) -> Iterator["Store"]:
     """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside."""
-    # What ends the run is said in one line, and how to go on.
+    # An error is reported in one line, with the way to go on.
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError
 
-    path, previous = (
-        folder / f"{name}.sqlite",
-        "previous" if name == "store" else f"previous-{name}",
-    )
+    path = folder / f"{name}.sqlite"
+    previous = "previous" if name == "store" else f"previous-{name}"
     with bad_input():
         folder.mkdir(parents=True, exist_ok=True)
         if not resume and path.exists():

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from polhode.harness.studies.study import Study
 
 # What pages are made with, asked for before anything is measured.
-PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
+_PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
 # Modules of `pages` by what a study names.
-PAGES = {
+_PAGES = {
     "costs": "bench",
     "outcomes": "outcomes",
     "known-stokes": "known_stokes",
@@ -30,10 +30,10 @@ PAGES = {
 # Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
 # numerics.
 PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
-FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
+_FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
-@command(needs=PAGE_LIBRARIES)
+@command(needs=_PAGE_LIBRARIES)
 @options.study_options
 @click.option(
     "--problems", is_flag=True, help="The classical test problems instead; --scene is one of them."
@@ -58,7 +58,7 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
     with bad_input():
         study = wanted.study()
     folder = wanted.out or Path("reports") / study.name
-    write_page = import_module(f"polhode.harness.pages.{PAGES[study.page]}").write_page
+    write_page = import_module(f"polhode.harness.pages.{_PAGES[study.page]}").write_page
     if page_only:
         with bad_input():
             records = list(read_export(folder / "records.jsonl"))
@@ -96,7 +96,8 @@ def _own_problem(wanted: Wanted, page_only: bool) -> None:
     from polhode.harness.work_precision import QUICK, WorkPrecision
     from polhode.models.problem import Problem
 
-    given, filters = str(wanted.study_file), wanted.filters
+    given = str(wanted.study_file)
+    filters = wanted.filters
     if page_only or wanted.resume or any(filters[kind] for kind in ("scenes", "tags", "forms")):
         raise BadInput(f"{given}: got --page-only, --resume or filters, expected --solver at most")
     with bad_input():
@@ -138,7 +139,7 @@ def _object_in(given: str) -> Any:
     return getattr(module, name)
 
 
-@command(needs=PAGE_LIBRARIES)
+@command(needs=_PAGE_LIBRARIES)
 @click.option(
     "--page-only",
     is_flag=True,
@@ -178,7 +179,7 @@ def ahead(study: "Study", store: "Store") -> str:
     return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"
 
 
-@command(needs=(*PAGE_LIBRARIES, "llvmlite"))
+@command(needs=(*_PAGE_LIBRARIES, "llvmlite"))
 @options.out_folder("reports/solvers")
 @options.quick
 @options.resume
@@ -197,7 +198,8 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.harness.studies.study import read_study
     from polhode.solvers.contract import Backend
 
-    problem, found = paper_problem(), {}
+    problem = paper_problem()
+    found = {}
     with stored(out, resume) as store:
         overheads = measure(problem, seconds=0.2 if quick else 2.0)
         firsts = first_runs(problem, [one.solver for one in overheads])
@@ -211,7 +213,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     click.echo(f"{write_page(measured, out, command_line())}")
 
 
-@command(needs=PAGE_LIBRARIES)
+@command(needs=_PAGE_LIBRARIES)
 @click.argument("names", metavar="[ITEM…]", nargs=-1)
 @options.out_folder("reports/paper")
 @click.option("--force", is_flag=True, help="Compute again even what is there.")
@@ -267,9 +269,9 @@ def paper(
     click.echo(f"{out / 'README.md'}")
 
 
-@command(needs=PAGE_LIBRARIES)
+@command(needs=_PAGE_LIBRARIES)
 @click.option(
-    "--order", type=click.Choice(list(FOLDERS)), default="1", help="What is measured of averaging."
+    "--order", type=click.Choice(list(_FOLDERS)), default="1", help="What is measured of averaging."
 )
 @click.option(
     "--out",
@@ -313,7 +315,8 @@ def accuracy(
         "2": measure_study,
         "hybrid": measure_hybrid,
     }
-    page, out = pages[order], out or options.usual(FOLDERS[order], quick)
+    page = pages[order]
+    out = out or options.usual(_FOLDERS[order], quick)
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")
@@ -338,7 +341,7 @@ def accuracy(
     click.echo(str(out / "README.md"), err=True)
 
 
-@command(needs=PAGE_LIBRARIES)
+@command(needs=_PAGE_LIBRARIES)
 @click.argument("file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=options.FOLDER, help="Folder; by default reports/NAME.")
 @click.option(
@@ -384,7 +387,7 @@ def sweep(
     click.echo(to_json(ensembles) if as_json else f"{page}")
 
 
-@command(needs=(*PAGE_LIBRARIES, "llvmlite", "heyoka"))
+@command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/sweep")
 def throughput(out: Path) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory."""
@@ -396,7 +399,7 @@ def throughput(out: Path) -> None:
     click.echo(f"{write_page(measure(), out)}")
 
 
-@command(needs=(*PAGE_LIBRARIES, "llvmlite", "heyoka"))
+@command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/flows")
 @options.quick
 @click.option(

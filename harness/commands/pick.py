@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Rows shown unless all are asked for, and their columns.
 FEW = 8
-ROWS = {
+_ROWS = {
     "form": "{form}",
     "solver": "{solver}",
     "tolerance": "{tolerance:short}",
@@ -37,7 +37,7 @@ ROWS = {
     "first run": "{first_run_seconds:time}",
 }
 # The first seed of the held-out scenes.
-HELD_OUT_SEED = 4001
+_HELD_OUT_SEED = 4001
 
 
 @command()
@@ -86,16 +86,16 @@ def pick(
         progress.begin("race at loose tolerances")
         from polhode.harness import api
 
-        found = api.pick(
+        recommendation = api.pick(
             scene, error, want, samples, form=form, solver=solver, everything=everything
         )
     if as_json:
-        rows = {"ranking": found.ranking, "excluded": found.excluded}
-        lists = {name: [asdict(row) for row in each] for name, each in rows.items()}
-        click.echo(to_json({"want": found.want, "error": found.error, **lists}))
+        rows = {"ranking": recommendation.ranking, "excluded": recommendation.excluded}
+        lists = {name: [*map(asdict, methods)] for name, methods in rows.items()}
+        click.echo(to_json({"want": recommendation.want, "error": recommendation.error, **lists}))
         return
-    click.echo(pick_page(found, everything, why))
-    first = found.ranking[0]
+    click.echo(pick_page(recommendation, everything, why))
+    first = recommendation.ranking[0]
     method = f"--form {first.form} --solver {first.solver} --tolerance {first.tolerance:g}"
     click.echo(
         fitting(
@@ -104,52 +104,52 @@ def pick(
     )
 
 
-def pick_page(found: "Recommendation", everything: bool, why: bool = False) -> str:
-    """What `polhode pick` prints of a recommendation: what to run, the rows, and if asked why."""
-    shown = found.ranking if everything else found.ranking[:FEW]
+def pick_page(recommendation: "Recommendation", everything: bool, why: bool = False) -> str:
+    """The page of `polhode pick` on a recommendation: what to run, the rows, and the reasons if `why`."""
+    shown = recommendation.ranking if everything else recommendation.ranking[:FEW]
     rows = [
-        [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, ROWS), shown, strict=True)
+        [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, _ROWS), shown, strict=True)
     ]
-    notes = _notes(found, len(shown), why or everything)
+    notes = _notes(recommendation, len(shown), why or everything)
     # The interval is what a narrow terminal goes without.
     parts = [
-        fitting(found.summary),
-        on_terminal([*ROWS, ""], rows, spare=(5,)),
+        fitting(recommendation.summary),
+        on_terminal([*_ROWS, ""], rows, spare=(5,)),
         *filter(None, [fitting(notes)]),
     ]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
-    if (why or everything) and (excluded := _why(found, everything)):
+    if (why or everything) and (excluded := _why(recommendation, everything)):
         parts.append(on_terminal(header, excluded))
     return "\n\n".join(parts)
 
 
-def _notes(found: "Recommendation", shown: int, why: bool) -> str:
-    """What the table does not say of itself."""
-    first = found.ranking[0]
+def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
+    """Notes below the table."""
+    first = recommendation.ranking[0]
     notes = []
     if why:
-        size = f"{found.rotations:.3g} rotations and {found.damping_times:.3g} damping times"
+        size = f"{recommendation.rotations:.3g} rotations and {recommendation.damping_times:.3g} damping times"
         notes.append(f"the run is of {size}\n{first.form} by {first.solver}: {first.reason}")
     if first.tied:
         notes.append(
             "tied: within 1.2 times the first one's time, so that either may be the faster"
         )
-    if more := len(found.ranking) - shown:
+    if more := len(recommendation.ranking) - shown:
         notes.append(f"{more} more {'row' if more == 1 else 'rows'}, not cheaper: --all")
     return "\n".join(notes)
 
 
-def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
-    """Excluded methods, those of one form and one reason in one row; else forms that will not do at all, and why."""
+def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
+    """Excluded methods, a row for each form and reason; or only the forms that will not do at all, and why."""
     groups: dict[tuple[str, str], list[str]] = {}
-    for each in found.excluded:
-        groups.setdefault((each.form, each.reason), []).append(each.solver)
+    for row in recommendation.excluded:
+        groups.setdefault((row.form, row.reason), []).append(row.solver)
     if everything:
         return [
             [form, "all" if len(solvers) == len(SOLVERS) else ", ".join(solvers), reason]
             for (form, reason), solvers in groups.items()
         ]
-    ranked = {row.form for row in found.ranking}
+    ranked = {row.form for row in recommendation.ranking}
     # The reason that most solvers share.
     shared = {
         form: reason
@@ -162,7 +162,7 @@ def _why(found: "Recommendation", everything: bool) -> list[list[str]]:
 @out_folder("reports/pick")
 @click.option("--scenes", type=click.IntRange(min=1), default=200, help="Held-out scenes.")
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=HELD_OUT_SEED, help="What they are drawn from."
+    "--seed", type=click.IntRange(min=0), default=_HELD_OUT_SEED, help="What they are drawn from."
 )
 @click.option(
     "--errors",
@@ -220,12 +220,12 @@ def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:
 
     def ask(scene: Scene, error: float, want: str) -> tuple[Observables | None, float | None, str]:
         try:
-            found = api.solve(scene, error=error, want=want, samples=SAMPLES)
+            solution = api.solve(scene, error=error, want=want, samples=SAMPLES)
         except ValueError as refusal:
             return None, None, str(refusal)
-        stated = found.error.wanted(want)
-        method = f"{found.form} by {found.solver} at {found.tolerance:g}"
-        return found.observables if found.success else None, stated and stated.high, method
+        stated = solution.error.wanted(want)
+        method = f"{solution.form} by {solution.solver} at {solution.tolerance:g}"
+        return solution.observables if solution.success else None, stated and stated.high, method
 
     page = write_page(out, list(study(ask, seed, scenes, quiet)), command_line())
     click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")

@@ -16,13 +16,14 @@ from polhode.harness.commands._study_options import FOLDER, as_json, quiet, to_j
 from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
 
-REPORTS, HERE = Path("reports"), Path(__file__).parent
-ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
+_REPORTS = Path("reports")
+_HERE = Path(__file__).parent
+_ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
 # Seconds over which the sentinel is watched.
-WATCH = 1.0
-# On a machine fit for timing its median exceeds its minimum by less than this factor, and fewer
-# processes than this wait for each core.
-STEADY, BUSY = 1.05, 0.5
+_WATCH = 1.0
+# A machine is fit for timing up to these values.
+_STEADY = 1.05  # Median over minimum of the sentinel's times.
+_BUSY = 0.5  # Processes that wait for each core.
 
 
 def scene_names(
@@ -31,21 +32,21 @@ def scene_names(
     """Built-in scenes with what is hard about them; scene files where none begins so."""
     from polhode.models.scenes import SCENES
 
-    found = [
-        CompletionItem(name, help=each.summary)
-        for name, each in SCENES.items()
+    completions = [
+        CompletionItem(name, help=scene.summary)
+        for name, scene in SCENES.items()
         if name.startswith(typed)
     ]
-    return found or [CompletionItem(typed, type="file")]
+    return completions or [CompletionItem(typed, type="file")]
 
 
 def _names_in(
     catalogue: str, context: click.Context, parameter: click.Parameter, typed: str
 ) -> list[CompletionItem]:
-    known = imported(catalogue)
+    entries = imported(catalogue)
     return [
-        CompletionItem(name, help=known.find(name).summary)
-        for name in known
+        CompletionItem(name, help=entries.find(name).summary)
+        for name in entries
         if name.startswith(typed)
     ]
 
@@ -60,21 +61,21 @@ def completion(shell: str) -> None:
     """Print the script that makes SHELL complete commands, options, scenes, forms and solvers by Tab."""
     from polhode.harness.cli import polhode
 
-    found = get_completion_class(shell)
-    assert found is not None
-    click.echo(found(polhode, {}, "polhode", "_POLHODE_COMPLETE").source())
+    script = get_completion_class(shell)
+    assert script is not None
+    click.echo(script(polhode, {}, "polhode", "_POLHODE_COMPLETE").source())
 
 
 @command()
 @as_json
 def doctor(as_json: bool) -> None:
     """Show versions, solvers that can be run, caches, and whether times measured now would mean anything."""
-    found = examine()
-    click.echo(to_json(found, default=str) if as_json else _page(found))
+    state = examine()
+    click.echo(to_json(state, default=str) if as_json else _page(state))
 
 
 def examine() -> dict[str, Any]:
-    """All that `polhode doctor` shows; takes a little longer than `WATCH` seconds."""
+    """All that `polhode doctor` shows; takes a little longer than `_WATCH` seconds."""
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.pages.tables import templates
     from polhode.models.files.kept import cache_folder
@@ -89,22 +90,22 @@ def examine() -> dict[str, Any]:
         "references": cache_folder(part="references"),
         "compiled integrators": cache_folder("heyoka"),
     }
-    found: dict[str, Any] = {
+    state: dict[str, Any] = {
         "machine": machine(),
         "versions": versions(),
         "adapters": adapters,
         "caches": [look(name, folder) for name, folder in caches.items()],
         "cold_start": cold_start(),
-        "steadiness": watch_sentinel(WATCH),
+        "steadiness": watch_sentinel(_WATCH),
     }
     advice = (
-        templates(HERE).get_template("advice.md").render(found, steady=steady(found["steadiness"]))
+        templates(_HERE).get_template("advice.md").render(state, steady=steady(state["steadiness"]))
     )
-    return found | {"advice": advice.splitlines()}
+    return state | {"advice": advice.splitlines()}
 
 
 def look(name: str, folder: Path) -> dict[str, Any]:
-    """What a cache holds; a folder that does not exist yet counts as writable if it could be made."""
+    """Content of a cache; a folder that does not exist yet counts as writable if it could be made."""
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
     writable = above.is_dir() and os.access(above, os.W_OK)
@@ -145,7 +146,8 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
 
     from polhode.harness.common.timing import sentinel
 
-    times, until = [sentinel()], perf_counter() + seconds
+    times = [sentinel()]
+    until = perf_counter() + seconds
     while perf_counter() < until:
         times.append(sentinel())
     try:
@@ -157,10 +159,10 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
 
 def steady(steadiness: dict[str, float | None]) -> bool:
     """Whether times measured now mean something."""
-    return (steadiness["ratio"] or 1.0) <= STEADY and (steadiness["load"] or 0.0) <= BUSY
+    return (steadiness["ratio"] or 1.0) <= _STEADY and (steadiness["load"] or 0.0) <= _BUSY
 
 
-def _page(found: dict[str, Any]) -> str:
+def _page(state: dict[str, Any]) -> str:
     from polhode.harness.pages.tables import templates
 
     def mark(good: bool, yes: str, no: str) -> str:
@@ -172,17 +174,17 @@ def _page(found: dict[str, Any]) -> str:
             f"{row['package']} {row['version'] or ''}".strip(),
             mark(row["available"], "ready", "missing"),
         ]
-        for row in found["adapters"]
+        for row in state["adapters"]
     ]
     kept = [
         [cache["name"], cache["folder"], f"{cache['files']} files, {cache['size'] / 1e6:.1f} MB"]
-        for cache in found["caches"]
+        for cache in state["caches"]
     ]
-    pieces = [(work, duration(each)) for work, each in found["cold_start"].items()]
-    verdict = mark(steady(found["steadiness"]), "steady", "unsteady")
+    pieces = [(work, duration(seconds)) for work, seconds in state["cold_start"].items()]
+    verdict = mark(steady(state["steadiness"]), "steady", "unsteady")
     rows = {"solvers": solvers, "kept": kept, "pieces": pieces, "verdict": verdict}
-    page = templates(HERE).get_template("doctor.md")
-    return page.render(found | rows, columns=on_terminal, fitting=fitting).rstrip()
+    page = templates(_HERE).get_template("doctor.md")
+    return page.render(state | rows, columns=on_terminal, fitting=fitting).rstrip()
 
 
 @command()
@@ -208,8 +210,8 @@ def export(store: Path, out: Path, asv: bool) -> None:
 @command(needs=("pandas",))
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
-@click.option("--slower", type=ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
-@click.option("--less-accurate", type=ABOVE_ONE, default=3.0, help="The same for the errors.")
+@click.option("--slower", type=_ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
+@click.option("--less-accurate", type=_ABOVE_ONE, default=3.0, help="The same for the errors.")
 @as_json
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""
@@ -218,33 +220,35 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 
     with bad_input():
         tables = read_runs(before), read_runs(after)
-    found = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
-    if found.shared == 0:
+    comparison = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
+    if comparison.shared == 0:
         raise BadInput(f"{after}: got no case that {before} has, expected some")
-    worse = rows_of(found.regressions)
+    worse = rows_of(comparison.regressions)
     if as_json:
         shown = ("shared", "only_before", "only_after", "drift", "same_machine")
-        click.echo(to_json({name: getattr(found, name) for name in shown} | {"regressions": worse}))
-    else:
-        which = "the" if found.same_machine else "the other"
-        pace = f"{which} machine takes {found.drift:.2f} times as long"
         click.echo(
-            f"{found.shared} cases compared, {found.only_before} gone, {found.only_after} new; {pace}"
+            to_json({name: getattr(comparison, name) for name in shown} | {"regressions": worse})
+        )
+    else:
+        which = "the" if comparison.same_machine else "the other"
+        pace = f"{which} machine takes {comparison.drift:.2f} times as long"
+        click.echo(
+            f"{comparison.shared} cases compared, {comparison.only_before} gone, {comparison.only_after} new; {pace}"
         )
     if worse and not as_json:
         header = ["scene_name", "stokes", "form", "solver", "tolerance", "what", "before", "after"]
-        rows = [
-            [f"{row[name]:.3g}" if isinstance(row[name], float) else row[name] for name in header]
-            for row in worse
-        ]
+        rows = []
+        for row in worse:
+            values = [row[name] for name in header]
+            rows.append([f"{v:.3g}" if isinstance(v, float) else v for v in values])
         click.echo(aligned(["scene", "St", *header[2:]], rows))
     if worse:
-        raise RunFailed(f"regressions: {len(worse)} in {found.shared} cases")
+        raise RunFailed(f"regressions: {len(worse)} in {comparison.shared} cases")
 
 
 @command(needs=("markdown_it", "matplotlib", "PIL", "pandas", "scipy"))
 @click.option(
-    "--reports", type=FOLDER, default=REPORTS, help="Folder of the other commands' pages."
+    "--reports", type=FOLDER, default=_REPORTS, help="Folder of the other commands' pages."
 )
 @click.option("--out", type=FOLDER, help="Folder; by default REPORTS/site.")
 @click.option(
@@ -259,14 +263,14 @@ def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool)
     from polhode.models.scenes import find_scene
 
     with bad_input():
-        if reports != REPORTS and not reports.is_dir():
+        if reports != _REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
-        own = {name: find_scene(name) for name in scene}
+        user_scenes = {name: find_scene(name) for name in scene}
         with tqdm(disable=quiet or None, unit="page", desc="report", leave=False) as progress:
 
-            def say(what: str) -> None:
-                progress.set_postfix_str(what)
+            def say(title: str) -> None:
+                progress.set_postfix_str(title)
                 progress.update()
 
-            page = build(reports, out or reports / "site", own, say)
+            page = build(reports, out or reports / "site", user_scenes, say)
     click.echo(f"{page}")

@@ -11,8 +11,10 @@ from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.text import fitting, on_terminal, scientific, short
 
-# What pictures end in, and the rotations up to the last moment: seconds of a run.
-FORMATS, MOST_ROTATIONS = (".png", ".svg", ".pdf"), 1e5
+# Endings of pictures.
+_FORMATS = (".png", ".svg", ".pdf")
+# Rotations up to the last moment, at most: a run of seconds.
+_MAX_DRAWN_ROTATIONS = 1e5
 
 
 # Negative numbers are values here, to be refused as such.
@@ -43,7 +45,9 @@ _UNITS = (
 def _text(value: object) -> str:
     if isinstance(value, tuple):
         return "  ".join(map(_text, value))
-    return "–" if value is None else f"{value:.15g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.15g}"
+    return "–" if value is None else str(value)
 
 
 @command()
@@ -60,7 +64,7 @@ def scenes(scene: str | None, as_json: bool) -> None:
             table = scene_table(find_scene(scene))
         click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
         return
-    rows = [{"name": name, "summary": each.summary} for name, each in SCENES.items()]
+    rows = [{"name": name, "summary": scene.summary} for name, scene in SCENES.items()]
     click.echo(
         to_json(rows)
         if as_json
@@ -81,7 +85,7 @@ def forms(as_json: bool) -> None:
     """List the forms of the equations, and the scenes for which each is valid."""
     from polhode.models.catalogue import FORMS, form
 
-    known = {name: form(name) for name in FORMS}
+    all_forms = {name: form(name) for name in FORMS}
     rows = [
         {
             "name": name,
@@ -90,13 +94,11 @@ def forms(as_json: bool) -> None:
             "why_not": None,
             "valid_for": one.valid_for,
         }
-        for name, one in known.items()
+        for name, one in all_forms.items()
     ]
-    lines = [
-        line
-        for name, one in known.items()
-        for line in ([name, one.summary], ["", f"for {one.valid_for}"])
-    ]
+    lines = []
+    for name, one in all_forms.items():
+        lines += [[name, one.summary], ["", f"for {one.valid_for}"]]
     click.echo(
         to_json(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines)
     )
@@ -109,7 +111,7 @@ def solvers(as_json: bool) -> None:
     from polhode.solvers.catalogue import SOLVERS, solver
 
     names = ("name", "summary", "available", "why_not", "accepts")
-    rows = [{name: getattr(solver(each), name) for name in names} for each in SOLVERS]
+    rows = [{name: getattr(solver(solver_name), name) for name in names} for solver_name in SOLVERS]
     lines = [
         [row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"]
         for row in rows
@@ -125,11 +127,11 @@ def schema(kind: str) -> None:
     from polhode.harness.studies.study import StudyTable
     from polhode.models.files.scene_file import SceneTable
 
-    found = {"scene": SceneTable, "study": StudyTable, "sweep": SweepTable}[
+    json_schema = {"scene": SceneTable, "study": StudyTable, "sweep": SweepTable}[
         kind
     ].model_json_schema()
     dialect = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
-    click.echo(json.dumps(dialect | found | {"title": f"polhode {kind} file"}, indent=2))
+    click.echo(json.dumps(dialect | json_schema | {"title": f"polhode {kind} file"}, indent=2))
 
 
 @command(needs=("matplotlib",))
@@ -156,25 +158,28 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.models.scene import SlowStart
     from polhode.models.scenes import find_scene
 
-    if out.suffix not in FORMATS:
+    if out.suffix not in _FORMATS:
         raise BadInput(
-            f"--out: got {out.name!r}, expected a name that ends in {', '.join(FORMATS)}"
+            f"--out: got {out.name!r}, expected a name that ends in {', '.join(_FORMATS)}"
         )
     with bad_input():
-        found = find_scene(scene)
-        alone = "a start by L and E alone" if isinstance(found.start, SlowStart) else ""
-        if unseen := "a sphere" if found.ellipsoid.kind == "sphere" else alone:
+        scene_shown = find_scene(scene)
+        alone = "a start by L and E alone" if isinstance(scene_shown.start, SlowStart) else ""
+        if unseen := "a sphere" if scene_shown.ellipsoid.kind == "sphere" else alone:
             raise ValueError(
                 f"SCENE: got {scene!r}, {unseen}, expected a particle with an orientation to be seen"
             )
         if until is not None and not until > 0:
             raise ValueError(f"--until: got {until:g}, expected a positive time")
         shown = replace(
-            found, time=found.time / max(1.0, rotations(found)) if until is None else until
+            scene_shown,
+            time=scene_shown.time / max(1.0, rotations(scene_shown)) if until is None else until,
         )
-        if until and (count := rotations(shown)) > MOST_ROTATIONS:
+        if until and (count := rotations(shown)) > _MAX_DRAWN_ROTATIONS:
             got = f"got {short(until)}, {scientific(count)} rotations"
-            raise ValueError(f"--until: {got}, expected at most {short(MOST_ROTATIONS)} of them")
+            raise ValueError(
+                f"--until: {got}, expected at most {short(_MAX_DRAWN_ROTATIONS)} of them"
+            )
         solution = solve(
             shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames
         )

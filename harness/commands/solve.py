@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 # Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for
 # files.
-FEW, SHOWN = 11, ["t", "t2", "Lx", "Ly", "Lz", "E"]
-WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
+_FEW = 11
+_SHOWN = ["t", "t2", "Lx", "Ly", "Lz", "E"]
+_WANTS = click.Choice(["slow", "orientation"])
+_FILE = click.Path(path_type=Path)
 
 
 @command()
@@ -56,7 +58,7 @@ WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 )
 @click.option(
     "--want",
-    type=WANTS,
+    type=_WANTS,
     default="slow",
     help="What it is of: L and E over I_max, or orientation, in rad.",
 )
@@ -65,11 +67,11 @@ WANTS, FILE = click.Choice(["slow", "orientation"]), click.Path(path_type=Path)
 )
 @click.option(
     "--out",
-    type=FILE,
+    type=_FILE,
     help="CSV or .parquet file, - for standard output; by default a short table.",
 )
 @click.option("--omega", is_flag=True, help="The angular velocity in space axes too: wx, wy, wz.")
-@click.option("--restart", type=FILE, help="Scene file to write that goes on from the end.")
+@click.option("--restart", type=_FILE, help="Scene file to write that goes on from the end.")
 @click.option(
     "--estimate/--no-estimate", default=True, help="Confirm the run by a second one, for its error."
 )
@@ -82,7 +84,7 @@ def solve(
     restart: Path | None,
     quiet: bool,
     verbose: bool,
-    **given: Any,
+    **options: Any,
 ) -> None:
     """Solve SCENE and write t, t2, L, E and the rotation matrix at equispaced times."""
 
@@ -90,7 +92,7 @@ def solve(
         if not quiet:
             click.echo(fitting(words, sys.stderr), err=True)
 
-    # What came before this, in processor time.
+    # Processor time of all that came before this.
     SPENT.seconds["import"] = process_time()
     with Progress(quiet) as progress:
         with bad_input():
@@ -100,24 +102,26 @@ def solve(
                 if target and target.atomic
                 else None
             )
-            for other in filter(None, (beside, restart)):
-                PartialFile(other)
+            for path in filter(None, (beside, restart)):
+                PartialFile(path)
             _keep_apart(Path(scene), out, beside, restart)
             progress.begin("choosing")
             with spent_on("import"):
                 from polhode.harness.api import plan
 
-            what = plan(scene, **given)
+            planned = plan(scene, **options)
             if target:
                 target.open()
         if verbose:
             # After all else, of a run that failed too.
             click.get_current_context().call_on_close(_say_times)
-        at = "at" if given["tolerance"] else "from"
-        say(f"{what.form.name} by {what.solver.name} {at} tolerance {short(what.tolerance)}")
-        if given["tolerance"] and _given("error"):
+        at = "at" if options["tolerance"] else "from"
+        say(
+            f"{planned.form.name} by {planned.solver.name} {at} tolerance {short(planned.tolerance)}"
+        )
+        if options["tolerance"] and _given("error"):
             say("note: the --tolerance given governs the run: --error is only for choosing one")
-        solution = _run(what, target, beside, progress, omega)
+        solution = _run(planned, target, beside, progress, omega)
     if restart:
         with bad_input():
             from polhode.models.files.scene_file import scene_table
@@ -126,19 +130,19 @@ def solve(
     with spent_on("output"):
         if not target and restart != Path("-"):
             click.echo(_table(solution))
-        if what.requested:
+        if planned.requested:
             method = f"{solution.form} by {solution.solver}"
             say(f"{method} at tolerance {short(solution.tolerance)}")
         if target and target.atomic:
-            say(f"{out}: {len(what.times)} rows, solved in {duration(solution.seconds)}")
-        for note in [*solution.pieces_in_words(), *_empty(what, solution)]:
+            say(f"{out}: {len(planned.times)} rows, solved in {duration(solution.seconds)}")
+        for note in [*solution.pieces_in_words(), *_empty(planned, solution)]:
             say(f"note: {note}")
-        if what.estimate:
+        if planned.estimate:
             say(f"error: {solution.error.words()}")
             if solution.error.advice:
                 say(f"note: {solution.error.advice}")
     if solution.error.advice and _given("error"):
-        raise RunFailed(f"error: {short(given['error'])} is not confirmed; the rows are complete")
+        raise RunFailed(f"error: {short(options['error'])} is not confirmed; the rows are complete")
 
 
 def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Path | None) -> None:
@@ -165,15 +169,15 @@ def _given(option: str) -> bool:
     return source is not ParameterSource.DEFAULT
 
 
-def _empty(what: "Plan", solution: "SceneSolution") -> list[str]:
+def _empty(planned: "Plan", solution: "SceneSolution") -> list[str]:
     """Which columns stay empty, and what would fill them."""
     form = solution.equations
-    known = form.known_axes(what.scene)
-    if len(known) == 3:
+    known_axes = form.known_axes(planned.scene)
+    if len(known_axes) == 3:
         return []
-    words = "the symmetry axis alone" if known else "no orientation"
-    empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known)
-    full = "; --form quaternion gives all" * find_form("quaternion").takes(what.scene)
+    words = "the symmetry axis alone" if known_axes else "no orientation"
+    empty = ", ".join(f"R{row}1 to R{row}3" for row in (1, 2, 3) if row - 1 not in known_axes)
+    full = "; --form quaternion gives all" * find_form("quaternion").takes(planned.scene)
     return [f"{form.name} knows {words}: {empty} stay empty{full}"]
 
 
@@ -192,7 +196,7 @@ def _as_parquet(out: Path) -> bool:
 
 
 def _run(
-    what: "Plan",
+    planned: "Plan",
     target: PartialFile | None,
     beside: Path | None,
     progress: Progress,
@@ -203,7 +207,8 @@ def _run(
     from polhode.solvers.solve import Interrupted
 
     def watch(record: "Record") -> None:
-        end, last = record.unit * float(record.times[-1]), float(what.times[-1])
+        end = record.unit * float(record.times[-1])
+        last = float(planned.times[-1])
 
         def share() -> float:
             return record.reached / end
@@ -214,16 +219,16 @@ def _run(
             # The pieces that follow may take any time.
             return f"it has come to t = {record.reached:.3g} of {last:.3g}"
 
-        progress.begin(f"solving by {what.solver.name}", share, note)
+        progress.begin(f"solving by {planned.solver.name}", share, note)
 
     progress.begin("compiling")
     try:
         with target or nullcontext() as file:
             try:
-                solution = what.run(watch)
+                solution = planned.run(watch)
             except Interrupted as interruption:
-                # Where it reached its end its error alone is missing.
-                solution = what.observed(interruption.solution)
+                # A run that reached its end lacks its error alone.
+                solution = planned.observed(interruption.solution)
             progress.begin("writing")
             if file:
                 with spent_on("output"):
@@ -233,8 +238,8 @@ def _run(
                         write_csv(file, solution.table(omega), progress.advance)
             if not solution.success:
                 where = f"in {target.partial}" if target else "finished"
-                rows = f"{len(solution.times)} of {len(what.times)} rows are {where}"
-                why = "; ".join(filter(None, (solution.message, _remedy(what, solution))))
+                rows = f"{len(solution.times)} of {len(planned.times)} rows are {where}"
+                why = "; ".join(filter(None, (solution.message, _remedy(planned, solution))))
                 raise RunFailed(f"{solution.status}: {rows}. {why}".strip())
         if beside:
             write_file(beside, dumps(solution.provenance()) + "\n")
@@ -244,28 +249,33 @@ def _run(
     except OSError as full:
         place = full.filename or (target.path if target else "-")
         raise RunFailed(
-            f"{place}: {full.strerror or full}, expected room for {len(what.times)} rows"
+            f"{place}: {full.strerror or full}, expected room for {len(planned.times)} rows"
         ) from None
     return solution
 
 
-def _remedy(what: "Plan", solution: "SceneSolution") -> str:
-    """What to do about a failure at a tolerance that was given with neither form nor solver."""
+def _remedy(planned: "Plan", solution: "SceneSolution") -> str:
+    """Advice on a failure at a tolerance that was given with neither form nor solver."""
     from polhode.harness.answers.rules import first_tolerance
 
     stopped = str(solution.status) == "interrupted"
-    if stopped or what.requested or _given("form") or _given("solver"):
+    if stopped or planned.requested or _given("form") or _given("solver"):
         return ""
-    tighter = first_tolerance(what.scene, what.methods[0], 1e-6, "slow")
-    return f"do: --tolerance {short(tighter)}" if tighter < what.tolerance else ""
+    tighter = first_tolerance(planned.scene, planned.methods[0], 1e-6, "slow")
+    return f"do: --tolerance {short(tighter)}" if tighter < planned.tolerance else ""
 
 
 def _table(solution: "SceneSolution") -> str:
     """Some of the rows for the terminal, the first and the last among them, and where the others are."""
     import numpy as np
 
-    table = solution.table()[:, : len(SHOWN)]
-    some = table[np.linspace(0, len(table) - 1, min(FEW, len(table))).round().astype(int)]
-    rows = [["–" if value != value else f"{value:.6g}" for value in row] for row in some.tolist()]
+    table = solution.table()[:, : len(_SHOWN)]
+    some = table[np.linspace(0, len(table) - 1, min(_FEW, len(table))).round().astype(int)]
+    rows = [[*map(_cell, row)] for row in some.tolist()]
     note = f"{len(rows)} of {len(table)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
-    return f"{aligned(SHOWN, rows)}\n\n{note}"
+    return f"{aligned(_SHOWN, rows)}\n\n{note}"
+
+
+def _cell(value: float) -> str:
+    """A number of the table at six digits, a dash for NaN."""
+    return "–" if value != value else f"{value:.6g}"

@@ -1,1 +1,1 @@
-"""What every room of the harness uses: text, files, cache, machine, worker, timing, store; imports `solvers`."""
+"""Tools of every room of the harness: text, files, cache, machine, worker, timing, store; imports `solvers`."""

@@ -1,4 +1,4 @@
-"""Where references are kept between runs: files with a checksum of key and content, so that none stands for another."""
+"""References cached between runs: files with a checksum of key and content, so that none stands for another."""
 
 import hashlib
 import io
@@ -11,7 +11,7 @@ from polhode.harness.common.files import write_file
 from polhode.models.files.kept import cache_folder, make_private, say
 
 # Hexadecimal digits of the checksum at the head of a file.
-CHECKSUM = 64
+_CHECKSUM = 64
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
@@ -21,7 +21,8 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         content = path.read_bytes()
     except OSError:
         return None
-    checksum, payload = content[:CHECKSUM], content[CHECKSUM:]
+    checksum = content[:_CHECKSUM]
+    payload = content[_CHECKSUM:]
     if _checksum(key, payload) != checksum:
         say(f"{path}: damaged, or another one renamed; computed anew")
         with suppress(OSError):
@@ -34,7 +35,7 @@ def load(key: str) -> dict[str, np.ndarray] | None:
 def keep(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Keep arrays under a key, and return them as `load` does: sums over other strides differ in their last bit."""
     # A folder that cannot be written is no error, the work is done again next time.
-    arrays = {name: np.array(each, order="C") for name, each in arrays.items()}
+    arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()

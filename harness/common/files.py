@@ -16,9 +16,9 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import IO, Any
 
-STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
+_STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
 SUMS = "SHA256SUMS"
-WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
+_WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
 
 
 class PartialFile:
@@ -26,8 +26,8 @@ class PartialFile:
 
     If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be
     renamed, are written to at once (not `atomic`). A link stays, and what it points to is replaced;
-    ``-`` is standard output. Text is UTF-8, with line ends as written. Where it is `summed`, its
-    checksum is kept beside it, so that `read_file` notices damage. Raises OSError at once if the
+    ``-`` is standard output. Text is UTF-8, with line ends as written. The checksum of
+    a `summed` file is kept beside it, so that `read_file` notices damage. Raises OSError at once if the
     path is a folder or lies in none.
     """
 
@@ -37,7 +37,7 @@ class PartialFile:
         if not path.parent.is_dir():
             raise FileNotFoundError(2, "no such folder, expected an existing one", str(path.parent))
         top, *under = path.absolute().parts[1:3]
-        device = path in STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
+        device = path in _STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
         self.path = path.resolve() if path.is_symlink() and not device else path
         self.atomic = not device and (self.path.is_file() or not self.path.exists())
         self.partial = (
@@ -45,7 +45,8 @@ class PartialFile:
         )
         self._private = self.path.with_name(f".{self.path.name}.{secrets.token_hex(8)}.partial")
         self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
-        self._binary, self._summed = "b" * binary, summed and self.atomic
+        self._binary = "b" * binary
+        self._summed = summed and self.atomic
         self._file: IO[Any] | None = None
 
     def open(self) -> IO[Any]:
@@ -53,9 +54,8 @@ class PartialFile:
         if self._file is None:
             # By its number, standard output is what the caller redirected it to, and goes on from
             # there.
-            where = (
-                self._private if self.atomic else 1 if self.path in STANDARD_OUTPUT else self.path
-            )
+            in_place = 1 if self.path in _STANDARD_OUTPUT else self.path
+            where = self._private if self.atomic else in_place
             how = ("x" if self.atomic else "w") + self._binary
             try:
                 self._file = open(where, how, closefd=where != 1, **self._how)  # noqa: SIM115
@@ -76,15 +76,16 @@ class PartialFile:
             failure = error
             raise
         finally:
-            # Where the disk is full, the system says so without the file's name.
+            # The system reports a full disk without the file's name.
             if isinstance(failure, OSError) and failure.errno and not failure.filename:
                 failure.filename = str(self.path)
 
     def _close(self, failure: BaseException | None) -> None:
-        """Give the file its name, that of a partial one if the block failed."""
-        file, kept = self.open(), self.partial
+        """Give the file its name, or the name of a partial file if the block failed."""
+        file = self.open()
+        kept = self.partial
         try:
-            # Where the disk is full, closing fails as flushing did.
+            # On a full disk, closing fails as flushing did.
             with file:
                 file.flush()
                 if self.atomic and failure is None:
@@ -125,7 +126,8 @@ def open_file(path: Path) -> IO[bytes]:
     """Open a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
     # Once more, if it was replaced between the two.
     for _ in range(2):
-        file, sums = path.open("rb"), _sums(path.parent).get(path.name)
+        file = path.open("rb")
+        sums = _sums(path.parent).get(path.name)
         if not sums or file_digest(file, "sha256").hexdigest() in sums:
             file.seek(0)
             return file
@@ -141,12 +143,12 @@ def read_file(path: Path) -> bytes:
 
 def _sums(folder: Path) -> dict[str, list[str]]:
     """Checksums by file name."""
-    known: dict[str, list[str]] = {}
+    sums: dict[str, list[str]] = {}
     with suppress(OSError):
         for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines():
             checksum, _, name = line.partition("  ")
-            known.setdefault(name, []).append(checksum)
-    return known
+            sums.setdefault(name, []).append(checksum)
+    return sums
 
 
 def _expect(path: Path, *coming: Path) -> None:
@@ -156,12 +158,10 @@ def _expect(path: Path, *coming: Path) -> None:
         for file in (path, *coming):
             with suppress(OSError), file.open("rb") as content:
                 sums.append(file_digest(content, "sha256").hexdigest())
-        known = _sums(path.parent) | {path.name: sums}
-        lines = [
-            f"{checksum}  {name}\n"
-            for name in sorted(known)
-            for checksum in dict.fromkeys(known[name])
-        ]
+        sums_by_name = _sums(path.parent) | {path.name: sums}
+        lines = []
+        for name in sorted(sums_by_name):
+            lines += [f"{checksum}  {name}\n" for checksum in dict.fromkeys(sums_by_name[name])]
         write_file(path.with_name(SUMS), "".join(lines))
 
 
@@ -179,8 +179,8 @@ def alone(folder: Path) -> Iterator[None]:
 def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
     """One line of JSON, keys in order unless they are to stay in their own."""
 
-    def word(each: Any) -> Any:
-        return json.dumps(each) if isinstance(each, float) and not isfinite(each) else each
+    def word(value: Any) -> Any:
+        return json.dumps(value) if isinstance(value, float) and not isfinite(value) else value
 
     return json.dumps(_with(word, value), sort_keys=sort_keys, allow_nan=False, **how)
 
@@ -188,7 +188,7 @@ def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
 def loads(text: str) -> Any:
     """The value that `dumps` wrote, words turned into numbers again; raises ValueError if the text is no JSON."""
     return _with(
-        lambda each: WORDS.get(each, each) if isinstance(each, str) else each, json.loads(text)
+        lambda item: _WORDS.get(item, item) if isinstance(item, str) else item, json.loads(text)
     )
 
 
@@ -200,9 +200,9 @@ def digest(value: Any) -> str:
 def _with(change: Callable[[Any], Any], value: Any) -> Any:
     """A value with all in it that is neither dictionary nor list changed."""
     if isinstance(value, dict):
-        return {name: _with(change, each) for name, each in value.items()}
+        return {name: _with(change, item) for name, item in value.items()}
     return (
-        [_with(change, each) for each in value]
+        [_with(change, item) for item in value]
         if isinstance(value, list | tuple)
         else change(value)
     )

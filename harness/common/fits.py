@@ -5,7 +5,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-COVERAGE = 0.95
+COVERAGE = 0.95  # Of all intervals.
 
 
 def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float], float]:
@@ -14,7 +14,9 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float],
     from scipy import stats
 
     fit = stats.linregress(np.log10(x), np.log10(y))
-    slope, error, intercept = float(fit.slope), float(fit.stderr), float(fit.intercept)  # pyright: ignore[reportAttributeAccessIssue]
+    slope = float(fit.slope)  # pyright: ignore[reportAttributeAccessIssue]
+    error = float(fit.stderr)  # pyright: ignore[reportAttributeAccessIssue]
+    intercept = float(fit.intercept)  # pyright: ignore[reportAttributeAccessIssue]
     width = float(stats.t.ppf((1 + COVERAGE) / 2, len(x) - 2)) * error if len(x) > 2 else np.inf
     return slope, (slope - width, slope + width), intercept
 
@@ -33,7 +35,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
     from scipy import stats
 
     ordered = np.sort(values)
-    # So many values may lie below the median.
+    # Number of values that may lie below the median.
     first = int(stats.binom.ppf((1 - COVERAGE) / 2, len(ordered), 0.5))
     low = ordered[max(0, first - 1)]
     high = ordered[min(len(ordered) - 1, len(ordered) - first)]
@@ -43,6 +45,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
 def wilson(count: int, total: int) -> tuple[float, float]:
     """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
-    middle, width = count + z**2 / 2, z * sqrt(count * (total - count) / max(1, total) + z**2 / 4)
+    middle = count + z**2 / 2
+    width = z * sqrt(count * (total - count) / max(1, total) + z**2 / 4)
     # At 0 and 1 rounding is left.
     return max(0.0, (middle - width) / (total + z**2)), min(1.0, (middle + width) / (total + z**2))

@@ -13,7 +13,7 @@ from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
 from polhode.models.libraries import version_of
 
-PACKAGES = (
+_PACKAGES = (
     "polhode",
     "numpy",
     "scipy",
@@ -26,7 +26,7 @@ PACKAGES = (
     "matplotlib",
 )
 # Seconds between two records beyond which a study stood still.
-PAUSE = 600.0
+_PAUSE = 600.0
 
 
 def machine() -> dict[str, str | int]:
@@ -41,8 +41,8 @@ def machine() -> dict[str, str | int]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that a result depends on; missing ones are left out."""
-    found = {package: version_of(package) for package in PACKAGES}
-    return {package: number for package, number in found.items() if number is not None}
+    numbers = {package: version_of(package) for package in _PACKAGES}
+    return {package: number for package, number in numbers.items() if number is not None}
 
 
 def now() -> str:
@@ -51,7 +51,7 @@ def now() -> str:
 
 
 def here(**more: Any) -> dict[str, Any]:
-    """What is kept of when and where something was measured."""
+    """Date, machine and versions of a measurement."""
     return {"date": now(), "machine": machine(), "versions": versions(), **more}
 
 
@@ -59,12 +59,14 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     """First lines of a page: the command that made it, dates, machines and versions, where these were kept."""
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     where = f" on {' and '.join(machines)}" if machines else ""
-    disturbed, known = disturbance(records)
+    disturbed, judged = disturbance(records)
     rule = f"had the processor for less than {percent(HAD)} of its time, or the machine took {BUSY:g} × its shortest"
-    runs = f"{known} timed runs{_took(records)}"
-    said = f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if known else ""
-    made = f"Made by `{command}`. Do not edit: the next run overwrites this page."
-    return [f"# {title}", "", made, "", f"Measured {dates(records)}{where}.{said}", ""]
+    runs = f"{judged} timed runs{_took(records)}"
+    said = (
+        f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if judged else ""
+    )
+    notice = f"Made by `{command}`. Do not edit: the next run overwrites this page."
+    return [f"# {title}", "", notice, "", f"Measured {dates(records)}{where}.{said}", ""]
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:
@@ -84,7 +86,7 @@ def _took(records: Sequence[Mapping[str, Any]]) -> str:
         datetime.fromisoformat(record["date"]) for record in records if record.get("date")
     )
     gaps = [(later - earlier).total_seconds() for earlier, later in pairwise(times)]
-    minutes = sum(gap for gap in gaps if gap < PAUSE) / 60
+    minutes = sum(gap for gap in gaps if gap < _PAUSE) / 60
     return f", made in {minutes:.0f} minutes" if minutes >= 1.5 else ""
 
 

@@ -1,4 +1,4 @@
-"""What is said of work that takes longer than two seconds.
+"""Messages on work that takes longer than two seconds.
 
 On a terminal, one line that is rewritten: what, how far, and the time remaining. Anywhere, once, a
 note on a long run.
@@ -13,42 +13,45 @@ from typing import IO, Any
 
 from polhode.harness.common.text import duration
 
-# Seconds before anything is shown, and between two looks.
-PATIENCE, INTERVAL = 2.0, 0.2
-# Seconds after which a note is made of a long run, and those from which on it is long.
-NOTE_AFTER, LONG = 3.0, 30.0
+PATIENCE = 2.0  # Seconds before anything is shown.
+INTERVAL = 0.2  # Seconds between two looks.
+NOTE_AFTER = 3.0  # Seconds after which a note tells of a long run.
+_LONG = 30.0  # Seconds from which on a run is long.
 # Less of the work done says nothing about the rest.
-TOO_EARLY = 1e-3
-EVERY_LOOK: dict[str, Any] = {
+_TOO_EARLY = 1e-3
+_EVERY_LOOK: dict[str, Any] = {
     "position": 0,
     "total": 1.0,
     "mininterval": 0.0,
     "miniters": 0,
     "smoothing": 0,
 }
-UNKNOWN, KNOWN = "{desc}: {elapsed}", "{desc}: {percentage:.0f} %, {remaining} left"
+_UNKNOWN = "{desc}: {elapsed}"
+_KNOWN = "{desc}: {percentage:.0f} %, {remaining} left"
 
 
 def expectation(done: float, seconds: float) -> str:
-    """How long a run will take of which a share is done after so many seconds; empty if that is not long."""
+    """Words on the duration of a run whose share `done` took `seconds`; empty if that is not long."""
     if not done > 0:
         return f"it has hardly begun after {duration(seconds)}"
     expected = seconds / done
-    return f"it is expected to take about {duration(expected)}" if expected >= LONG else ""
+    return f"it is expected to take about {duration(expected)}" if expected >= _LONG else ""
 
 
 class Progress:
-    """What is said on `stream`, by default standard error, by a thread of its own."""
+    """Messages on `stream`, by default standard error, by a thread of its own."""
 
     def __init__(self, quiet: bool = False, stream: IO[str] | None = None) -> None:
-        self._stream, self._quiet = stream or sys.stderr, quiet
-        self._stop, self._thread = Event(), Thread(target=self._watch, daemon=True)
+        self._stream = stream or sys.stderr
+        self._quiet = quiet
+        self._stop = Event()
+        self._thread = Thread(target=self._watch, daemon=True)
         self._noting_since: float | None = None
         self.begin("")
 
     def begin(
         self,
-        what: str,
+        title: str,
         fraction: Callable[[], float] | None = None,
         note: Callable[[float], str] | None = None,
     ) -> None:
@@ -58,7 +61,8 @@ class Progress:
         seconds since it began, what is to be said of a long run, or nothing.
         """
         now = time()
-        self._done, self._piece = 0.0, (what, fraction, note, now)
+        self._done = 0.0
+        self._piece = (title, fraction, note, now)
         if note and self._noting_since is None:
             self._noting_since = now
 
@@ -70,7 +74,7 @@ class Progress:
         shown = bar = None
         noted = False
         while not self._stop.wait(INTERVAL):
-            what, fraction, note, began = piece = self._piece
+            title, fraction, note, began = piece = self._piece
             if note and not noted and time() - (self._noting_since or began) > NOTE_AFTER:
                 noted = self._say(note(time() - began), bar)
             if not self._stream.isatty():
@@ -81,16 +85,17 @@ class Progress:
                 if bar:
                     bar.close()
                 bar = tqdm(
-                    desc=what,
+                    desc=title,
                     file=self._stream,
-                    disable=not what,
+                    disable=not title,
                     leave=False,
                     delay=PATIENCE,
-                    **EVERY_LOOK,
+                    **_EVERY_LOOK,
                 )
-                shown, bar.start_t = piece, began
+                shown = piece
+                bar.start_t = began
             done = fraction() if fraction else self._done
-            bar.bar_format = KNOWN if done >= TOO_EARLY else UNKNOWN
+            bar.bar_format = _KNOWN if done >= _TOO_EARLY else _UNKNOWN
             bar.update(done - bar.n)
         if bar:
             bar.close()

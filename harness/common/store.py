@@ -30,10 +30,11 @@ from polhode.harness.common.machine import now
 Record = dict[str, Any]
 Entry = TypeVar("Entry")
 
-# What marks a file as ours: "plhd", and the version of the table.
-APPLICATION, VERSION = 0x706C6864, 2
+# Marks of a file of ours: "plhd", and the version of the table.
+_APPLICATION = 0x706C6864
+_VERSION = 2
 # Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
-MOST_CHECKED_AT_ONCE = 100_000_000
+_MOST_CHECKED_AT_ONCE = 100_000_000
 _TABLE = """
 CREATE TABLE IF NOT EXISTS cases (
     key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL, written TEXT NOT NULL, digest TEXT NOT NULL
@@ -66,8 +67,8 @@ class Store(AbstractContextManager["Store"]):
         # This alone does not wait for another process's.
         with alone(self.path.parent):
             run("PRAGMA journal_mode=WAL")
-        # Of larger ones each row is checked as it is read.
-        small = self.path.stat().st_size <= MOST_CHECKED_AT_ONCE
+        # Larger stores are checked row by row as they are read.
+        small = self.path.stat().st_size <= _MOST_CHECKED_AT_ONCE
         if small and run("PRAGMA quick_check").fetchone()[0] != "ok":
             raise DamagedStoreError(f"{self.path}: the store is damaged")
         with self._connection:
@@ -76,16 +77,16 @@ class Store(AbstractContextManager["Store"]):
             application, version = (
                 run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
             )
-            if (tables and "cases" not in tables) or application not in (0, APPLICATION):
+            if (tables and "cases" not in tables) or application not in (0, _APPLICATION):
                 raise DamagedStoreError(f"{self.path}: a database of something else")
-            if tables and version != VERSION:
+            if tables and version != _VERSION:
                 raise DamagedStoreError(
-                    f"{self.path}: got version {version} of the store, expected {VERSION}"
+                    f"{self.path}: got version {version} of the store, expected {_VERSION}"
                 )
             if not tables:
                 run(_TABLE)
-                run(f"PRAGMA application_id = {APPLICATION}")
-                run(f"PRAGMA user_version = {VERSION}")
+                run(f"PRAGMA application_id = {_APPLICATION}")
+                run(f"PRAGMA user_version = {_VERSION}")
 
     def close(self) -> None:
         """Close the file."""
@@ -127,14 +128,14 @@ class Store(AbstractContextManager["Store"]):
 
     def __iter__(self) -> Iterator[Record]:
         """All cases with their results, each as one flat dictionary, in the order of writing; one in memory."""
-        # The date is that of the writing where the result has none.
+        # A result without a date has the date of its writing.
         with self._readable():
             for row in self._connection.execute(_ROW + "ORDER BY rowid"):
                 key, case, result, written, _ = self._sound(row)
                 yield {"key": key, "date": written, **json.loads(case), **json.loads(result)}
 
     def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
-        """The row, whose digest is that of its content."""
+        """The row, once its digest has been checked against its content."""
         if digest(row[:4]) != row[4]:
             expected = "expected what was written; take an undamaged copy, or delete that row"
             raise DamagedStoreError(
@@ -187,7 +188,8 @@ def export(records: Iterable[Record], path: Path) -> None:
         if path.suffix == ".jsonl":
             file.writelines(dumps(record) + "\n" for record in records)
             return
-        columns, count = dict[str, None](), 0
+        columns = dict[str, None]()
+        count = 0
         for record in records:
             columns |= dict.fromkeys(record)
             count += 1
@@ -228,13 +230,10 @@ def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[s
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns or [field.name for field in fields(kind)])
         for row in rows:
-            writer.writerow(
-                [
-                    cell
-                    for each in astuple(row)
-                    for cell in (each if isinstance(each, tuple) else [each])
-                ]
-            )
+            cells = []
+            for value in astuple(row):
+                cells += value if isinstance(value, tuple) else [value]
+            writer.writerow(cells)
 
 
 def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> list[Entry]:
@@ -254,7 +253,11 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
     cells = sum(len(get_args(hint)) or 1 for hint in hints)
     if any(len(line) != cells for line in lines):
         raise ValueError(f"{path}: got rows of other lengths, expected {cells} cells in each")
-    return [kind(*(_value(hint, row) for hint in hints)) for row in map(iter, lines)]
+    rows = []
+    for line in lines:
+        texts = iter(line)
+        rows.append(kind(*[_value(hint, texts) for hint in hints]))
+    return rows
 
 
 def _value(hint: Any, cells: Iterator[str]) -> Any:

@@ -23,7 +23,7 @@ def prepare_streams() -> None:
     1. A number from 0 to 2 that is closed is taken, lest a file that is opened later get it and
        what is meant for a stream be written there.
     2. A closed standard output is one that cannot be written: OSError, as on a full disk.
-    3. What is said on standard error while nobody hears it is dropped: it is no result.
+    3. Messages on standard error that nobody hears are dropped: they are no result.
     """
     closed = [number for number in (0, 1, 2) if not _is_open(number)]
     for _ in closed:

@@ -16,20 +16,18 @@ from string import Formatter
 from typing import IO, Any
 
 # Least width of a column that is wrapped.
-NARROWEST = 24
-UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
+_NARROWEST = 24
+_UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.
-PLAIN_FROM, PLAIN_BELOW = Decimal("1e-3"), Decimal("1e5")
+_PLAIN_FROM = Decimal("1e-3")
+_PLAIN_BELOW = Decimal("1e5")
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A table for the terminal: columns aligned, two spaces between them."""
-    cells = [[str(cell) for cell in row] for row in (header, *rows)]
+    cells = _as_text(header, rows)
     widths = _widths(cells)
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    )
+    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
     return "\n".join(lines)
 
 
@@ -39,23 +37,26 @@ def on_terminal(
     """As `aligned`, and no wider than the standard output, if that is a terminal."""
     # While it is too wide it goes without the columns `spare`, one by one; then wide columns are
     # wrapped.
-    cells = [[str(cell) for cell in row] for row in (header, *rows)]
+    cells = _as_text(header, rows)
     room = get_terminal_size().columns + 2 if sys.stdout.isatty() else inf
     for i in sorted(spare, reverse=True):
         if sum(2 + width for width in _widths(cells)) > room:
             cells = [row[:i] + row[i + 1 :] for row in cells]
     widths = _widths(cells)
-    while (excess := sum(2 + width for width in widths) - room) > 0 and max(widths) > NARROWEST:
+    while (excess := sum(2 + width for width in widths) - room) > 0 and max(widths) > _NARROWEST:
         widest = widths.index(max(widths))
-        widths[widest] = max(NARROWEST, widths[widest] - int(excess))
+        widths[widest] = max(_NARROWEST, widths[widest] - int(excess))
     wrap = partial(textwrap.wrap, break_on_hyphens=False)
-    wrapped = [
-        [wrap(cell, max(1, width)) for cell, width in zip(row, widths, strict=True)]
-        for row in cells
-    ]
-    return aligned(
-        cells[0], [line for row in wrapped[1:] for line in zip_longest(*row, fillvalue="")]
-    )
+    lines = []
+    for row in cells[1:]:
+        wrapped = [wrap(cell, max(1, width)) for cell, width in zip(row, widths, strict=True)]
+        lines += zip_longest(*wrapped, fillvalue="")
+    return aligned(cells[0], lines)
+
+
+def _as_text(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[list[str]]:
+    """Header and rows, every cell as text."""
+    return [[*map(str, row)] for row in (header, *rows)]
 
 
 def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
@@ -76,7 +77,7 @@ def markdown(
     header: Sequence[str], rows: Sequence[Sequence[Any]], right: Sequence[int] = ()
 ) -> str:
     """A Markdown table, columns aligned in the source too; `right` are the indices of right-aligned columns."""
-    cells = [[str(cell) for cell in row] for row in (header, *rows)]
+    cells = _as_text(header, rows)
     widths = [max(3, width) for width in _widths(cells)]
     sides = [str.rjust if i in right else str.ljust for i in range(len(widths))]
 
@@ -119,7 +120,7 @@ def _plain(number: str) -> str:
     exact = Decimal(number).normalize()
     if not exact.is_finite():
         return number
-    ordinary = exact.is_zero() or PLAIN_FROM <= abs(exact) < PLAIN_BELOW
+    ordinary = exact.is_zero() or _PLAIN_FROM <= abs(exact) < _PLAIN_BELOW
     return f"{exact:f}" if ordinary else f"{exact:e}".replace("e+", "e")
 
 
@@ -139,11 +140,11 @@ def duration(seconds: float | None) -> str:
         return "–"
     if seconds == 0:
         return "0 s"
-    # What rounds to 1000 of a unit is 1.0 of the next.
-    size, unit = next((each for each in UNITS if seconds >= 0.9995 * each[0]), UNITS[-1])
+    # A value that rounds to 1000 of a unit is written as 1.0 of the next.
+    size, unit = next((entry for entry in _UNITS if seconds >= 0.9995 * entry[0]), _UNITS[-1])
     value = seconds / size
     return (
-        f"{scientific(value) if value >= PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
+        f"{scientific(value) if value >= _PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
     )
 
 
@@ -163,7 +164,7 @@ class Wording(Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         """One value, a dash for NaN, or several with commas."""
         if isinstance(value, Collection) and not isinstance(value, str):
-            return ", ".join(self.format_field(own, format_spec) for own in value)
+            return ", ".join(self.format_field(item, format_spec) for item in value)
         if isinstance(value, float) and isnan(value):
             return "–"
         if format_spec.endswith("%"):
@@ -176,4 +177,8 @@ WORDING = Wording()
 
 def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
     """The text of every cell; rows are mappings, or have attributes."""
-    return [[WORDING.vformat(text, (), row) for text in columns.values()] for row in rows]
+
+    def texts(row: Any) -> list[str]:
+        return [WORDING.vformat(text, (), row) for text in columns.values()]
+
+    return [*map(texts, rows)]

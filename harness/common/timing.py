@@ -16,18 +16,21 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+# A case is repeated until either is reached.
 MOST_RUNS = 5
-BUDGET = 1.0
-SENTINEL_ROUNDS = 20_000
-# A machine is steady while the sentinel takes at most this many times its quickest; else it is
-# looked at again after so many seconds.
-NEAR, PAUSE = 1.15, 0.02
-# A time is disturbed if the sentinel took more than so many times its quickest beside it, or if the
-# fastest run, of at least so many seconds, had the processor for less than this share of it.
-BUSY, JUDGED_FROM, HAD = 1.5, 1e-3, 0.9
-# A run that its limit stopped while it lacked the processor is run again, so often at most, with so
-# much to spare.
-AGAIN, MORE = 2, 1.5
+BUDGET = 1.0  # Seconds of all its runs.
+_SENTINEL_ROUNDS = 20_000  # Rounds of the sentinel's loop.
+# A machine is steady while the sentinel takes at most this many times its quickest.
+_NEAR = 1.15
+_PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.
+# A time is disturbed if the sentinel beside it took more than BUSY times its quickest. It is
+# disturbed too if the fastest run had the processor for less than the share HAD of its time.
+BUSY = 1.5
+_JUDGED_FROM = 1e-3  # Seconds: the processor's share of a shorter run is not judged.
+HAD = 0.9
+# A run is repeated if its limit stopped it while it lacked the processor.
+AGAIN = 2  # Repetitions at most.
+_MORE = 1.5  # Factor on the time limit of a repetition.
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class Timing:
     @property
     def disturbed(self) -> bool:
         """Whether even the fastest run had to wait for the processor."""
-        if not self.processor or self.seconds < JUDGED_FROM:
+        if not self.processor or self.seconds < _JUDGED_FROM:
             return False
         return self.processor[self.runs.index(self.seconds)] < HAD * self.seconds
 
@@ -86,24 +89,26 @@ def seconds_of(function: Callable[[], object]) -> float:
 
 
 def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
-    """What a call gives, its wall time, and that without waiting for others, in seconds."""
-    before, began = getrusage(RUSAGE_SELF), perf_counter()
+    """The value of a call, its wall time, and its time without waiting for others, both in seconds."""
+    before = getrusage(RUSAGE_SELF)
+    began = perf_counter()
     value = function()
-    seconds, after = perf_counter() - began, getrusage(RUSAGE_SELF)
+    seconds = perf_counter() - began
+    after = getrusage(RUSAGE_SELF)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     # Who sleeps waits for nobody.
     return value, seconds, used if after.ru_nivcsw > before.ru_nivcsw else seconds
 
 
 def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
-    """What a run gives that stops by itself after so many seconds, and whether other work is why it was stopped."""
+    """The value of a run that stops by itself after `limit` seconds, and whether other work stopped it."""
     # One that was stopped while it had to wait for the processor is run again, with more than as
     # much more time.
     value, seconds, had = with_processor(lambda: run(limit))
     for _ in range(AGAIN):
         if not stopped(value) or had >= HAD * limit:
             break
-        longer = MORE * limit * seconds / max(had, limit / 4)
+        longer = _MORE * limit * seconds / max(had, limit / 4)
         value, seconds, had = with_processor(lambda longer=longer: run(longer))
     return value, stopped(value) and had < HAD * limit
 
@@ -121,7 +126,7 @@ def sentinel() -> float:
 
     def kernel() -> float:
         x = 0.3
-        for _ in range(SENTINEL_ROUNDS):
+        for _ in range(_SENTINEL_ROUNDS):
             x = 3.9 * x * (1.0 - x)
         return x
 
@@ -140,35 +145,35 @@ class Patience:
 
     def steady(self) -> float:
         """The sentinel's time, once it is near its quickest or patience has run out."""
-        found = self._look()
-        while found > NEAR * self._quickest and self._waited < self.share * (
+        sentinel = self._look()
+        while sentinel > _NEAR * self._quickest and self._waited < self.share * (
             perf_counter() - self._began
         ):
             paused = perf_counter()
-            sleep(PAUSE)
-            found = self._look()
+            sleep(_PAUSE)
+            sentinel = self._look()
             self._waited += perf_counter() - paused
-        return found
+        return sentinel
 
-    def busy(self, found: float) -> bool:
+    def busy(self, sentinel: float) -> bool:
         """Whether the machine was so slow that a time says little."""
-        return found > BUSY * self._quickest
+        return sentinel > BUSY * self._quickest
 
     def _look(self) -> float:
-        found = self.look()
-        self._quickest = min(self._quickest, found)
-        return found
+        sentinel = self.look()
+        self._quickest = min(self._quickest, sentinel)
+        return sentinel
 
 
 def disturbance(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
     """How many of the timed records are disturbed, and how many there are of which that is known."""
-    known = [bool(record["disturbed"]) for record in records if record.get("disturbed") is not None]
-    return sum(known), len(known)
+    flags = [bool(record["disturbed"]) for record in records if record.get("disturbed") is not None]
+    return sum(flags), len(flags)
 
 
 @dataclass(frozen=True)
 class Pace:
-    """What the sentinel usually takes, in seconds, on a machine, a Python included: another one's does not compare."""
+    """The sentinel's usual time, in seconds, on a machine with its Python; no other machine's compares."""
 
     machine: Mapping[str, Any] | None
     sentinel: float | None
@@ -187,12 +192,13 @@ class Pace:
 
     def seconds(self, record: Mapping[str, Any]) -> float:
         """Wall time of a record at this pace; as timed on another machine, or without a sentinel."""
-        seconds, found = float(record["seconds"]), _sentinel_of(record)
-        comparable = self.sentinel and found and record.get("machine") == self.machine
-        return seconds * self.sentinel / found if comparable and self.sentinel else seconds
+        seconds = float(record["seconds"])
+        sentinel = _sentinel_of(record)
+        comparable = self.sentinel and sentinel and record.get("machine") == self.machine
+        return seconds * self.sentinel / sentinel if comparable and self.sentinel else seconds
 
 
 def _sentinel_of(record: Mapping[str, Any]) -> float:
     """The sentinel's time beside a record; 0 where it is not known."""
-    found = record.get("sentinel_seconds")
-    return found if found and found < inf else 0.0
+    sentinel = record.get("sentinel_seconds")
+    return sentinel if sentinel and sentinel < inf else 0.0

@@ -1,8 +1,8 @@
 """A spawned process that runs one function after another, and is killed and replaced when it hangs or crashes.
 
-What the solvers' own deadlines cannot stop (a library that spins without calling back, a call that
-holds the interpreter's lock) is stopped here. What libraries print from C, on either stream, goes
-nowhere. It ends with its parent, and a call is tried again whose process something else killed,
+The worker stops calls that the solvers' own deadlines cannot stop: a library that spins without
+calling back, a call that holds the interpreter's lock. Prints of libraries from C, on either
+stream, go nowhere. It ends with its parent, and a call is tried again whose process something else killed,
 such as a system without memory.
 """
 
@@ -20,15 +20,15 @@ from threading import Thread
 from time import perf_counter
 from typing import Any
 
-# Beyond twice the limit, in seconds: a run that stops by itself is not killed for a slow machine.
+# Seconds after twice the limit: a run that stops by itself is not killed for a slow machine.
 GRACE = 0.5
-STARTUP = 120.0
+_STARTUP = 120.0  # Seconds that a process may take to start.
 # Some 23 days: no system call waits longer at once.
-LONGEST = 2e6
+_LONGEST = 2e6
 # A call whose process is killed from outside this many times is given up.
 ATTEMPTS = 3
 # Signals that no library sends to itself.
-OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
+_OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
 
 
 class Failure(StrEnum):
@@ -46,7 +46,7 @@ class KilledFromOutsideError(RuntimeError):
 
 @dataclass(frozen=True)
 class Reply:
-    """What became of a call: its value, or how it failed and the limit, signal or traceback."""
+    """The outcome of a call: its value, or how it failed and the limit, signal or traceback."""
 
     value: Any
     failure: Failure | None
@@ -91,12 +91,14 @@ class Worker(AbstractContextManager["Worker"]):
     def _once(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float
     ) -> Reply:
-        value, failure, began = None, None, perf_counter()
+        value = None
+        failure = None
+        began = perf_counter()
         try:
             connection = self._connection or self._start()
             began = perf_counter()
             connection.send((function, arguments))
-            if connection.poll(min(2 * limit + GRACE, LONGEST)):
+            if connection.poll(min(2 * limit + GRACE, _LONGEST)):
                 value, message = _read(connection.recv_bytes())
                 failure = Failure.RAISED if message else None
             else:
@@ -129,8 +131,8 @@ class Worker(AbstractContextManager["Worker"]):
         self._process = context.Process(target=_serve, args=(remote,), daemon=True)
         with remote:
             self._process.start()
-        if not self._connection.poll(STARTUP):
-            raise TimeoutError(f"worker: no sign of life after {STARTUP:g} s")
+        if not self._connection.poll(_STARTUP):
+            raise TimeoutError(f"worker: no sign of life after {_STARTUP:g} s")
         self._connection.recv()
         return self._connection
 
@@ -142,13 +144,13 @@ class Worker(AbstractContextManager["Worker"]):
         if code >= 0:
             return Failure.CRASHED, f"ended with exit code {code}"
         return (
-            Failure.LOST if -code in OUTSIDE else Failure.CRASHED,
+            Failure.LOST if -code in _OUTSIDE else Failure.CRASHED,
             f"crashed with {signal.Signals(-code).name}",
         )
 
 
 def _read(reply: bytes) -> tuple[Any, str]:
-    """What a process sent: a value, or a traceback, its own or that of a value which cannot be read on this side."""
+    """The value that a process sent, and a traceback: its own, or of a value that cannot be read on this side."""
     try:
         return pickle.loads(reply)
     except Exception:

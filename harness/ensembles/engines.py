@@ -18,7 +18,7 @@ from polhode.models.libraries import how_to_install, installed
 AHEAD = 2
 CONNECT_SECONDS = 30
 # Host and port as Dask reads them.
-ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
 
 class Finished(NamedTuple):
@@ -76,7 +76,9 @@ def processes(
             task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else ""
         )
 
-    threads, remaining, pending = ThreadPoolExecutor(count), iter(tasks), set()
+    threads = ThreadPoolExecutor(count)
+    remaining = iter(tasks)
+    pending = set()
     try:
         while True:
             room = (1 + AHEAD) * count - len(pending)
@@ -98,7 +100,7 @@ def processes(
 
 def check_dask(address: str) -> None:
     """Raise ValueError unless a Dask scheduler answers at an address such as ``tcp://host:8786``."""
-    if not ADDRESS.fullmatch(address):
+    if not _ADDRESS.fullmatch(address):
         raise ValueError(f"dask: got {address!r}, expected an address such as tcp://host:8786")
     if not installed("distributed"):
         raise ValueError(f"dask: {how_to_install('distributed')}")
@@ -127,7 +129,8 @@ def dask(
     """Workers of a Dask scheduler, with polhode in the same version."""
     # `task.key` is Dask's key, so that two clients share what is under way.
     with _client(address) as client:
-        remaining, tasks_of = iter(tasks), {}
+        remaining = iter(tasks)
+        tasks_of = {}
         pending = import_module("distributed").as_completed(loop=client.loop)
         try:
             while True:

@@ -47,13 +47,14 @@ AVERAGING = 133.0
 SAMPLE = 128
 # Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few
 # times as much.
-HELD = 2_000_000
-MOST_AT_ONCE = 8192
+_HELD = 2_000_000
+_MOST_AT_ONCE = 8192
 # States whose observables are held at once: they stay in the processor's cache.
-OBSERVED = 20_000
+_OBSERVED = 20_000
 # Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little
 # further.
-LEAST_LIMIT, MARGIN = 1.0, 1.05
+_LEAST_LIMIT = 1.0
+MARGIN = 1.05
 # The whole numbers of an ensemble, least and most.
 BOUNDS = {
     **dict.fromkeys(("particles", "block"), (1, 10**12)),
@@ -169,16 +170,17 @@ class Ensemble:
     @cached_property
     def layout(self) -> Layout:
         """What is counted."""
-        shape, given = self.ellipsoid, self.starts.angular_momentum
+        shape = self.ellipsoid
+        given = self.starts.angular_momentum
         axes = (
             shape.order
             if shape.kind == "triaxial"
             else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
         )
         axes = axes if self.equations != "averaged" else ()
-        momentum = max(LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
+        momentum = max(_LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
         energy = max(
-            LEAST_LIMIT / 2,
+            _LEAST_LIMIT / 2,
             momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0,
         )
         limits = MARGIN * momentum, MARGIN * energy
@@ -255,17 +257,13 @@ class Ensemble:
     def run(self, index: int) -> Statistics:
         """Statistics of a block of particles, in bounded memory."""
         particles = min(self.block, self.particles - index * self.block)
-        problem, starts = (
-            self.problem,
-            self.draw(index, particles).states(self.form, self.ellipsoid),
-        )
+        problem = self.problem
+        starts = self.draw(index, particles).states(self.form, self.ellipsoid)
         if self.along_tracks:
             starts = np.column_stack([starts, np.zeros(particles)])
-        times, statistics = (
-            np.linspace(0.0, problem.end, self.samples),
-            Statistics.empty(self.layout),
-        )
-        at_once = min(MOST_AT_ONCE, max(1, HELD // (self.samples * problem.dimension)))
+        times = np.linspace(0.0, problem.end, self.samples)
+        statistics = Statistics.empty(self.layout)
+        at_once = min(_MOST_AT_ONCE, max(1, _HELD // (self.samples * problem.dimension)))
         for first in range(0, particles, at_once):
             random = np.random.default_rng(
                 np.random.SeedSequence(self.seed, spawn_key=(index, first))
@@ -311,13 +309,16 @@ class Ensemble:
     def _observe(self, states: np.ndarray, statistics: Statistics, numbers: np.ndarray) -> None:
         """Add states, shape (n, samples, d), of particles of these numbers to the statistics."""
         n, samples, d = states.shape
-        form, scene, axes = find_form(self.form), self.any_scene, list(self.layout.axes)
-        unit, every = max(self.ellipsoid.inertia), (samples - 1) // (self.snapshots - 1)
+        form = find_form(self.form)
+        scene = self.any_scene
+        axes = list(self.layout.axes)
+        unit = max(self.ellipsoid.inertia)
+        every = (samples - 1) // (self.snapshots - 1)
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
-        at_once = 1 if self.along_tracks else max(1, OBSERVED // samples)
+        at_once = 1 if self.along_tracks else max(1, _OBSERVED // samples)
         for first in range(0, n, at_once):
             some = slice(first, first + at_once)
             # Component by component in memory, which NumPy's sums over components need.
@@ -357,10 +358,8 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
     """
     if not installed("llvmlite"):
         return None
-    problem, sample = (
-        ensemble.problem,
-        ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid),
-    )
+    problem = ensemble.problem
+    sample = ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid)
     return plan(
         problem, sample, np.linspace(0.0, problem.end, ensemble.samples), ensemble.tolerance
     )

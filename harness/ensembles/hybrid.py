@@ -28,15 +28,18 @@ from polhode.solvers.solve import solve
 SOLVER = "cyrk-vern8"
 # Error asked for times St from which on phases are drawn: the median error of averaging is some
 # 14/St.
-OPEN = 10.0
+_OPEN = 10.0
 # Particles that run both ways, out of so many, and the share of all that may miss the error.
-SAMPLE, POOL, MISSED = 64, 4096, 0.025
+SAMPLE = 64
+POOL = 4096
+_MISSED = 0.025
 # Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`,
 # so long, by trial.
-CLEAR, FULL = 1.25, 3e5
+_CLEAR = 1.25
+FULL = 3e5
 # Their error of the whole state over that of L and E: by trial thousands, as the phases gather what
 # L errs by.
-WHOLE = 100.0
+_WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
 # The error asked for over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
@@ -48,20 +51,23 @@ Array = np.ndarray
 def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     """|L| over I_max down to which averaging to first order keeps an error of L and E over I_max; inf if nowhere."""
     # Of the starts, states of the full equations, the more run both ways the smaller |L| becomes.
-    unit, form = max(scene.ellipsoid.inertia), find_form(full_form(scene))
+    unit = max(scene.ellipsoid.inertia)
+    form = find_form(full_form(scene))
     if (
-        tolerance * scene.stokes < OPEN
+        tolerance * scene.stokes < _OPEN
         or not form.observe(scene, starts).angular_momentum.any(axis=1).all()
     ):
         return inf
     times = np.linspace(0.0, scene.time, PATH)
     path, _ = averaged(scene, starts, times, tolerance)
-    least, count = least_between(scene, path).min(axis=0), len(starts)
+    least = least_between(scene, path).min(axis=0)
+    count = len(starts)
     ranks = np.unique(np.ceil(count * np.linspace(0, 1, SAMPLE + 1)[1:] ** 3).astype(int))
     chosen = np.argsort(np.nan_to_num(least))[ranks - 1]
     states, statuses = run_alone(scene, starts[chosen], times, tolerance / 10)
     known = statuses == str(Status.REACHED_END)
-    chosen, shares = chosen[known], (np.diff(ranks, prepend=0) / count)[known]
+    chosen = chosen[known]
+    shares = (np.diff(ranks, prepend=0) / count)[known]
     exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(
         PATH, -1, 4
     )
@@ -75,7 +81,7 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     below = np.argmax(np.cumsum(np.append(0, np.where(missed, 1, -1))))
     above = np.append(shares * missed, 0)
     above[np.argmax(above)] = 0
-    few = np.argmax(np.cumsum(above[::-1])[::-1] <= MISSED)
+    few = np.argmax(np.cumsum(above[::-1])[::-1] <= _MISSED)
     return float(np.append(least[chosen], inf)[max(below, few)])
 
 
@@ -94,12 +100,14 @@ def run_hybrid(
     grid = np.linspace(0.0, times[-1], every * (len(times) - 1) + 1)
     path, statuses = averaged(scene, starts, grid, tolerance)
     states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
-    between, failed = least_between(scene, path), statuses != str(Status.REACHED_END)
+    between = least_between(scene, path)
+    failed = statuses != str(Status.REACHED_END)
     small = np.flatnonzero(failed | (between.min(axis=0) < least))
     # The place in `grid` from which |L| is large again.
-    clear = len(between) - np.argmax((between[:, small] < CLEAR * least)[::-1], axis=0)
+    clear = len(between) - np.argmax((between[:, small] < _CLEAR * least)[::-1], axis=0)
     soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= FULL)
-    lanes, alone = small[soon], small[~soon]
+    lanes = small[soon]
+    alone = small[~soon]
     if len(lanes):
         then = clear[soon].max()
         begun, _ = run_full(scene, starts[lanes], grid[: then + 1], tolerance)
@@ -114,7 +122,8 @@ def run_hybrid(
 
 def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the full equations and statuses."""
-    problem, whole = find_form(full_form(scene)).problem(scene), min(0.1, WHOLE * tolerance)
+    problem = find_form(full_form(scene)).problem(scene)
+    whole = min(0.1, _WHOLE * tolerance)
     if not installed("llvmlite"):
         return run_batches(problem, starts, times, whole * TAYLOR)
     return run(problem, starts, times, whole, unplanned(problem, starts, times, whole))
@@ -129,7 +138,8 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
     if scene.ellipsoid.kind == "triaxial":
         slow = find_form(full_form(scene)).observe(scene, starts).slow / unit
     else:
-        momentum, axis = starts[:, :3], starts[:, 3:]
+        momentum = starts[:, :3]
+        axis = starts[:, 3:]
         spin = np.sum(momentum * axis, axis=1) / Spheroid.of(scene.ellipsoid).inertia_ratio
         slow = np.column_stack([momentum, spin])
     return run_adaptive(problem, slow, times / scene.stokes, tolerance / ERROR_OVER_TOLERANCE)
@@ -137,7 +147,8 @@ def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 
 def least_between(scene: Scene, path: Array) -> Array:
     """The least |L| over I_max of averaged states, shape (m, n, 4), from time to time: straight, shape (m - 1, n)."""
-    body, momentum = scene.ellipsoid, path[..., :3]
+    body = scene.ellipsoid
+    momentum = path[..., :3]
     unit = (
         1 if body.kind == "triaxial" else max(body.inertia) / Spheroid.of(body).equatorial_inertia
     )
@@ -167,7 +178,8 @@ def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator)
 def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.Generator) -> Array:
     """Quaternions and angular velocities on polhodes (`eq:omg1`–`eq:omg3`)."""
     inertia, (first, middle, last) = np.array(ellipsoid.inertia), ellipsoid.order
-    momentum, shape = slow[..., :3], slow.shape[:-1]
+    momentum = slow[..., :3]
+    shape = slow.shape[:-1]
     square = np.sum(momentum**2, axis=-1)
     h = 2 * slow[..., 3] / square
     longest = h > 1 / inertia[middle]
@@ -189,13 +201,16 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
     own = np.sign(np.where(began, body[:, first], body[:, last]))
     sense = np.where(longest == began, own, np.sign(signs[1][0]))
     z = np.empty((*shape, 3))
-    one, other = sense * np.sqrt(1 - small) * dn, flip * np.sqrt(small) * cn
-    z[..., first], z[..., last] = np.where(longest, one, other), np.where(longest, other, one)
+    one = sense * np.sqrt(1 - small) * dn
+    other = flip * np.sqrt(small) * cn
+    z[..., first] = np.where(longest, one, other)
+    z[..., last] = np.where(longest, other, one)
     z[..., middle] = flip * np.sqrt(share) * sn
     # The rotations that carry z to n: a circle of quaternions.
     n = momentum / np.sqrt(square)[..., None]
     cosine = 1 + np.sum(z * n, axis=-1)
-    angle, size = np.pi * turn, np.sqrt(2 * cosine)
+    angle = np.pi * turn
+    size = np.sqrt(2 * cosine)
     real = np.cos(angle) * cosine
     imaginary = np.cos(angle)[..., None] * np.cross(z, n) + np.sin(angle)[..., None] * (z + n)
     q = np.concatenate([real[..., None], imaginary], axis=-1) / size[..., None]
@@ -204,10 +219,8 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
 
 def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States, NaN where one failed, and statuses of form `hybrid`, one particle after another."""
-    problem, states = (
-        find_form("hybrid").problem(scene),
-        np.full((len(times), *starts.shape), np.nan),
-    )
+    problem = find_form("hybrid").problem(scene)
+    states = np.full((len(times), *starts.shape), np.nan)
     statuses = np.empty(len(starts), dtype=object)
     for i, start in enumerate(starts.tolist()):
         found = solve(

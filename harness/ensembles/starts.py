@@ -45,11 +45,9 @@ class Starts(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        q, given, wanted = (
-            self.orientation,
-            self.angular_momentum,
-            self.motion.startswith("momentum"),
-        )
+        q = self.orientation
+        given = self.angular_momentum
+        wanted = self.motion.startswith("momentum")
         fits = any(given or ()) if wanted else given is None
         if not fits:
             words = "three numbers, not all zero," if wanted else "none"
@@ -114,7 +112,9 @@ class Drawn:
 
     def states(self, form: str, ellipsoid: Ellipsoid) -> np.ndarray:
         """Starting states, shape (n, d), of a form without angles: what `Form.problem` makes of each, at once."""
-        q, omega, inertia = self.quaternion, self.angular_velocity, np.array(ellipsoid.inertia)
+        q = self.quaternion
+        omega = self.angular_velocity
+        inertia = np.array(ellipsoid.inertia)
         if form == "jeffery":
             return q
         if form == "quaternion":

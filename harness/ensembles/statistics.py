@@ -67,7 +67,9 @@ class Statistics:
     @classmethod
     def empty(cls, layout: Layout) -> Self:
         """No particles yet."""
-        times, axes, names = layout.snapshots, len(layout.axes), len(SLOW_NAMES)
+        times = layout.snapshots
+        axes = len(layout.axes)
+        names = len(SLOW_NAMES)
         of_axes = (
             np.zeros((times, axes, len(each))) for each in (SECOND, FOURTH, FOURTH, RATES, RATES)
         )
@@ -143,7 +145,8 @@ class Statistics:
         for name in _ARRAYS:
             array = getattr(empty, name)
             array[...] = np.array(record[name], dtype=array.dtype).reshape(array.shape)
-        empty.particles, empty.failures = record["particles"], Counter(record["failures"])
+        empty.particles = record["particles"]
+        empty.failures = Counter(record["failures"])
         return empty
 
 

@@ -19,9 +19,9 @@ from polhode.harness.ensembles.statistics import (
     Statistics,
 )
 
-QUANTILES = (0.1, 0.5, 0.9)
+_QUANTILES = (0.1, 0.5, 0.9)
 # Where the squares of `SECOND` stand in `FOURTH`.
-SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
+_SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,13 @@ class Estimate:
 
 def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Means of what the sums `name` ("second", "fourth", "rates", "slow") add up, and their standard errors."""
-    sums, count = getattr(statistics, name), statistics.finished
+    sums = getattr(statistics, name)
+    count = statistics.finished
     if count == 0:
         return np.full_like(sums, np.nan), np.full_like(sums, np.nan)
     # The variance of second moments needs ⟨p_i² p_j²⟩, which is a fourth moment.
     squares = (
-        statistics.fourth[:, :, SQUARES]
+        statistics.fourth[:, :, _SQUARES]
         if name == "second"
         else getattr(statistics, f"{name}_squares")
     )
@@ -81,7 +82,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     tail = (1 - COVERAGE) / 2
     from scipy.special import bdtrik
 
-    low, high = ceil(bdtrik(tail, n, share)), ceil(bdtrik(1 - tail, n, share)) + 1
+    low = ceil(bdtrik(tail, n, share))
+    high = ceil(bdtrik(1 - tail, n, share)) + 1
     earliest = order_statistic(low) if low > 0 else 0.0
     return Estimate(order_statistic(max(1, round(share * n))), earliest, order_statistic(high))
 
@@ -152,7 +154,8 @@ def arrival_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[st
 
 def ensemble_row(ensemble: Ensemble, statistics: Statistics) -> dict[str, object]:
     """The ensemble in one row: counts, the fraction arrived at each attractor, quantiles of the transient time."""
-    ends, quantiles = ensemble.attractors, QUANTILES if ensemble.attractors else ()
+    ends = ensemble.attractors
+    quantiles = _QUANTILES if ensemble.attractors else ()
     return {
         **ensemble_columns(ensemble),
         "form": ensemble.form,

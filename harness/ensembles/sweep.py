@@ -145,7 +145,9 @@ def run_sweep(
 
     With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
     """
-    finished, failed, message = 0, 0, ""
+    finished = 0
+    failed = 0
+    message = ""
     progress = tqdm(
         total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False
     )
@@ -155,7 +157,8 @@ def run_sweep(
     with progress, closing(engine(perform, missing)) as outcomes:
         for outcome in outcomes:
             if outcome.value is None:
-                failed, message = failed + 1, outcome.message
+                failed = failed + 1
+                message = outcome.message
             else:
                 store.put(outcome.task.key, outcome.task.content, outcome.value)
                 finished += 1
@@ -217,10 +220,8 @@ def _ensemble(
         )
     a, b, c = shape
     own = table.model_dump(include={*BOUNDS, "radius"})
-    ensemble, tolerance = (
-        partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **own),
-        table.tolerance,
-    )
+    ensemble = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **own)
+    tolerance = table.tolerance
     tolerance = tolerance or Ensemble.tolerance
     # Where averaging is good enough, and takes the starts, it is the cheaper by far: its cost does
     # not grow with St.

@@ -35,8 +35,8 @@ SETTINGS = SimpleNamespace(
     **tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 )
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
-STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
-LIMIT = 3600.0
+_STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
+_LIMIT = 3600.0
 
 
 def measure() -> dict[str, Any]:
@@ -69,7 +69,8 @@ def full_throughput(
 ) -> dict[str, Any]:
     """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one."""
     ensemble = _ensemble(shape, "full", particles)
-    problem, starts = ensemble.problem, _starts(ensemble, particles)
+    problem = ensemble.problem
+    starts = _starts(ensemble, particles)
     times = np.array([0.0, problem.end])
 
     def taylor(tolerance: float) -> np.ndarray:
@@ -126,12 +127,15 @@ def long_runs(
     particles: int = 20_000, known: int = SETTINGS.long_known
 ) -> Iterator[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
-    shape, samples, random = SHAPES["1 : 0.8 : 0.5"], 51, np.random.default_rng(1)
+    shape = SHAPES["1 : 0.8 : 0.5"]
+    samples = 51
+    random = np.random.default_rng(1)
     hybrid = replace(
         _ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples
     )
     hybrid = replace(hybrid, stokes=SETTINGS.long_stokes, time=0.5 * SETTINGS.long_stokes)
-    scene, full = hybrid.any_scene, find_form(hybrid.form)
+    scene = hybrid.any_scene
+    full = find_form(hybrid.form)
     times = np.linspace(0.0, scene.time, samples)
     states, _ = run_full(scene, _starts(hybrid, known), times, SETTINGS.long_error / 1000)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
@@ -139,11 +143,9 @@ def long_runs(
         replace(hybrid, equations="averaged", tolerance=hybrid.tolerance / ERROR_OVER_TOLERANCE),
         hybrid,
     ):
-        form, starts, many = (
-            find_form(ensemble.form),
-            _starts(ensemble, known),
-            _starts(ensemble, particles, seed=2),
-        )
+        form = find_form(ensemble.form)
+        starts = _starts(ensemble, known)
+        many = _starts(ensemble, particles, seed=2)
         times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()
         states, _ = ensemble.states(starts, times, random)
@@ -170,12 +172,11 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
     # With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11
     # snapshots included.
     ensemble = _ensemble(SHAPES[name], equations, particles)
-    problem, starts = ensemble.problem, _starts(ensemble, particles)
-    two, samples, random = (
-        np.array([0.0, problem.end]),
-        np.linspace(0.0, problem.end, 101),
-        np.random.default_rng(1),
-    )
+    problem = ensemble.problem
+    starts = _starts(ensemble, particles)
+    two = np.array([0.0, problem.end])
+    samples = np.linspace(0.0, problem.end, 101)
+    random = np.random.default_rng(1)
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
         lambda: ensemble.states(starts, two, random),
         lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, 5)],
@@ -201,7 +202,7 @@ def memory(particles: int = 100_000) -> dict[str, Any]:
     """Largest memory of a process that runs 10⁵ particles of the full equations, in ten tasks."""
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // 10)
     with Worker() as worker:
-        reply = worker.run(_run_all, ensemble, limit=LIMIT)
+        reply = worker.run(_run_all, ensemble, limit=_LIMIT)
     return {
         "particles": particles,
         "bytes": reply.value,
@@ -265,11 +266,13 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
         "equations": equations,
         "tolerance": SETTINGS.tolerance,
     }
-    return Ensemble(shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, STARTS, **options)
+    return Ensemble(
+        shape, SETTINGS.stokes, SETTINGS.slow_time * SETTINGS.stokes, _STARTS, **options
+    )
 
 
 def _starts(ensemble: Ensemble, particles: int, seed: int = 1) -> np.ndarray:
-    drawn = STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
+    drawn = _STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
     return drawn.states(ensemble.form, ensemble.ellipsoid)
 
 

@@ -24,18 +24,19 @@ from polhode.solvers.solve import solve
 
 # Shear's gradient but for a number far below rounding: it has the equations of any flow.
 AS_SHEAR = Flow.planar(1e-300)
-FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jeffery")
+_FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jeffery")
 START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 
 # Random states of each form at which the fields are compared, and shapes among them.
-STATES, SHAPES = 10_000, 100
+_STATES = 10_000
+_SHAPES = 100
 
 # Scenes, St and solvers whose cost is compared, at one tolerance; a run, and how often it is timed.
 COST_TOLERANCE = 1e-9
 COST_TIME = 2000.0
 COST_ROUNDS = 15
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
-COSTS = (
+_COSTS = (
     ("paper", "quaternion", 10.0, _EXPLICIT),
     ("spheroid", "euler-angles", 10.0, _EXPLICIT),
     ("spheroid", "spheroid-axis", 10.0, (*_EXPLICIT, "splitting")),
@@ -44,22 +45,26 @@ COSTS = (
 )
 
 # Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them.
-ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
-RATIOS = (0.25, 1.5, 2.0, 5.0)
-ORBIT_TOLERANCE = 1e-14
+_ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+_RATIOS = (0.25, 1.5, 2.0, 5.0)
+_ORBIT_TOLERANCE = 1e-14
 # Time in which an axis aligns, to rounding, where it does.
 ALIGNING = 400.0
 
 # Knots of tracks: how many a run of so long a time has.
 TRACK_TIME = 20.0
-KNOTS = (10, 20, 40, 80, 160, 320)
-LONG_TRACK_TIME, LONG_TRACK_KNOTS = 100.0, (100, 300, 1000)
-TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
+_KNOTS = (10, 20, 40, 80, 160, 320)
+LONG_TRACK_TIME = 100.0
+_LONG_TRACK_KNOTS = (100, 300, 1000)
+_TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
 TRACK_ROUNDS = 7
 
 # Runs whose stated errors are held against long double; equal steps of that, knots and rows.
-RUNS, RUN_STEPS, RUN_KNOTS, RUN_ROWS = 400, 600, 30, 11
-RUN_TIME = 30.0
+_RUNS = 400
+_RUN_STEPS = 600
+_RUN_KNOTS = 30
+_RUN_ROWS = 11
+_RUN_TIME = 30.0
 
 
 def random_gradient(random: np.random.Generator) -> Any:
@@ -71,9 +76,9 @@ def random_gradient(random: np.random.Generator) -> Any:
 def fields(quick: bool = False) -> Iterator[Record]:
     """How far rates by the equations of any flow are from those of shear, over the latter's norm."""
     random = np.random.default_rng(1)
-    for name in FORMS:
+    for name in _FORMS:
         worst = 0.0
-        shapes = 5 if quick else SHAPES
+        shapes = 5 if quick else _SHAPES
         for _ in range(shapes):
             axes = 10 ** random.uniform(-1, 0, 3)
             if name.startswith("spheroid"):
@@ -81,11 +86,11 @@ def fields(quick: bool = False) -> Iterator[Record]:
             stokes = 0.0 if name == "jeffery" else float(10 ** random.uniform(-1, 3))
             scene = Scene(Ellipsoid(tuple(axes.tolist())), stokes, START, 1.0)
             pair = [find_form(name).problem(each) for each in (scene, _as_shear(scene))]
-            for state in random.normal(size=(STATES // SHAPES, pair[0].dimension)):
+            for state in random.normal(size=(_STATES // _SHAPES, pair[0].dimension)):
                 first, second = (_rates(problem, state) for problem in pair)
                 apart = np.linalg.norm(second - first) / np.linalg.norm(first)
                 worst = max(worst, float(apart))
-        yield {"form": name, "states": shapes * (STATES // SHAPES), "apart": worst}
+        yield {"form": name, "states": shapes * (_STATES // _SHAPES), "apart": worst}
 
 
 def _as_shear(scene: Scene) -> Scene:
@@ -93,14 +98,15 @@ def _as_shear(scene: Scene) -> Scene:
 
 
 def _rates(problem: Any, state: np.ndarray) -> np.ndarray:
-    parameters, rates = np.array(problem.parameters), np.empty(len(state))
+    parameters = np.array(problem.parameters)
+    rates = np.empty(len(state))
     compiled_callback(problem.field, len(state), len(parameters))(state, parameters, rates)
     return rates
 
 
 def costs(quick: bool = False) -> Iterator[Record]:
     """Time of runs by the equations of any flow over that by those of shear, in turns; the least of some rounds."""
-    for scene_name, name, stokes, solvers in COSTS:
+    for scene_name, name, stokes, solvers in _COSTS:
         time = COST_TIME / 10 if quick else COST_TIME
         scene = replace(named_scene(scene_name), stokes=stokes, time=time)
         pair = [find_form(name).problem(each) for each in (scene, _as_shear(scene))]
@@ -138,9 +144,9 @@ def period(alpha: float, ratio: float) -> float:
 
 def orbits(quick: bool = False) -> Iterator[Record]:
     """Spheroids without inertia in planar flows: their period, how well the orbit closes, or how they align."""
-    for ratio in RATIOS[:1] if quick else RATIOS:
+    for ratio in _RATIOS[:1] if quick else _RATIOS:
         shape = Ellipsoid((1.0, 1.0, ratio))
-        for alpha in ALPHAS:
+        for alpha in _ALPHAS:
             theory = period(alpha, ratio)
             flow = Flow.planar(alpha)
             row = {"ratio": ratio, "alpha": alpha, "theory": theory}
@@ -154,7 +160,12 @@ def orbits(quick: bool = False) -> Iterator[Record]:
 
 def _run(scene: Scene, **how: Any) -> Any:
     return solve_scene(
-        scene, form="jeffery", solver="cyrk-vern8", tolerance=ORBIT_TOLERANCE, estimate=False, **how
+        scene,
+        form="jeffery",
+        solver="cyrk-vern8",
+        tolerance=_ORBIT_TOLERANCE,
+        estimate=False,
+        **how,
     )
 
 
@@ -210,9 +221,9 @@ def _along(count: int, time: float) -> Scene:
 
 def orders(quick: bool = False) -> Iterator[Record]:
     """Error of L and E of runs along tracks of the source against its integration in long double."""
-    scene = _along(KNOTS[0], TRACK_TIME)
+    scene = _along(_KNOTS[0], TRACK_TIME)
     momentum = _by_long_double([scene], lambda time, _: source(time), 200, 2)[0].angular_momentum
-    for count in KNOTS[:3] if quick else KNOTS:
+    for count in _KNOTS[:3] if quick else _KNOTS:
         found = solve(find_form("quaternion").problem(_along(count, TRACK_TIME)), "taylor", 1e-15)
         seen = find_form("quaternion").observe(scene, found.states[-1:])
         error = np.max(np.abs(seen.angular_momentum[-1] - momentum[-1]))
@@ -224,8 +235,8 @@ def orders(quick: bool = False) -> Iterator[Record]:
 def knots(quick: bool = False) -> Iterator[Record]:
     """What a knot costs beyond the same run in a constant flow, by solver."""
     equations = find_form("quaternion")
-    for solver in TRACK_SOLVERS:
-        for count in LONG_TRACK_KNOTS[:1] if quick else LONG_TRACK_KNOTS:
+    for solver in _TRACK_SOLVERS:
+        for count in _LONG_TRACK_KNOTS[:1] if quick else _LONG_TRACK_KNOTS:
             scene = _along(count, LONG_TRACK_TIME)
             steady = replace(scene, flow=Flow(source(0.0)))
             pair = [equations.problem(each) for each in (steady, scene)]
@@ -274,7 +285,7 @@ def _by_long_double(
 def random_scenes(count: int) -> list[tuple[str, Scene]]:
     """Random scenes with the form that solves each: every other one along a track of random gradients."""
     random = np.random.default_rng(11)
-    names = [name for name in FORMS if name != "jeffery"]
+    names = [name for name in _FORMS if name != "jeffery"]
     found = []
     for number in range(count):
         name = names[number % len(names)]
@@ -286,13 +297,13 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
         stokes = max(shape.damping) / 10 ** random.uniform(-2, 0.5)
         angles = (random.uniform(0.3, 2.8), *random.uniform(0, 6.28, 2).tolist())
         start = EulerStart(angles, tuple(random.normal(size=3).tolist()))
-        time = float(random.uniform(0.2, 1.0)) * RUN_TIME
+        time = float(random.uniform(0.2, 1.0)) * _RUN_TIME
         # Steady in one half, in the other fluctuating about it.
-        gradients = [random_gradient(random)] * (RUN_KNOTS + 1)
+        gradients = [random_gradient(random)] * (_RUN_KNOTS + 1)
         flow = Flow(gradients[0])
         if number % 8 >= len(names):
             gradients = [each + 0.5 * random_gradient(random) for each in gradients]
-            flow = Flow.track(np.linspace(0.0, time, RUN_KNOTS + 1), gradients)
+            flow = Flow.track(np.linspace(0.0, time, _RUN_KNOTS + 1), gradients)
         found.append((name, Scene(shape, float(stokes), start, time, flow)))
     return found
 
@@ -301,7 +312,7 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
     """Gradients of scenes at times within a step: each entry by SciPy's spline of the nine."""
     from scipy.interpolate import CubicSpline
 
-    pieces = np.zeros((len(scenes), RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
+    pieces = np.zeros((len(scenes), _RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
     for i, scene in enumerate(scenes):
         flow = scene.flow
         assert flow is not None
@@ -310,10 +321,10 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
             pieces[i] = np.moveaxis(spline.c[::-1], 1, 0)
         else:
             pieces[i, :, 0] = flow.gradient
-    widths = np.array([scene.time for scene in scenes], dtype=np.longdouble) / RUN_KNOTS
+    widths = np.array([scene.time for scene in scenes], dtype=np.longdouble) / _RUN_KNOTS
 
     def gradient(time: np.ndarray, step: int) -> np.ndarray:
-        knot = step * RUN_KNOTS // RUN_STEPS
+        knot = step * _RUN_KNOTS // _RUN_STEPS
         since = (time - knot * widths)[:, None, None]
         c = pieces[:, knot]
         return c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
@@ -323,13 +334,13 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
 
 def stated(quick: bool = False) -> Iterator[Record]:
     """Errors of random runs against long double, over those that they state."""
-    scenes = random_scenes(16 if quick else RUNS)
+    scenes = random_scenes(16 if quick else _RUNS)
     alone = [scene for _, scene in scenes]
-    truth = _by_long_double(alone, _gradients(alone), RUN_STEPS, RUN_ROWS)
+    truth = _by_long_double(alone, _gradients(alone), _RUN_STEPS, _RUN_ROWS)
     random = np.random.default_rng(12)
     for number, (name, scene) in enumerate(scenes):
         requested = float(10 ** random.uniform(-9, -3))
-        found = solve_scene(scene, form=name, error=requested, samples=RUN_ROWS)
+        found = solve_scene(scene, form=name, error=requested, samples=_RUN_ROWS)
         row: Record = {"form": name, "track": bool(scene.flow and scene.flow.varies)}
         row |= {"requested": requested, "status": str(found.status)}
         if not found.success:
@@ -339,7 +350,8 @@ def stated(quick: bool = False) -> Iterator[Record]:
         slow = np.max(np.abs(found.observables.slow - known.slow)) / max(scene.ellipsoid.inertia)
         angle = orientation_difference(scene.ellipsoid, found.rotation, known.rotation)
         row |= {"slow": float(slow), "angle": inf if angle is None else float(np.max(angle))}
-        slow_error, orientation = found.error.slow, found.error.orientation
+        slow_error = found.error.slow
+        orientation = found.error.orientation
         row["slow_high"] = slow_error.high if slow_error else 0.0
         yield row | {"angle_high": orientation.high if orientation else 0.0}
 

@@ -40,7 +40,8 @@ class Bodies:
 
     def rates(self, state: Array, gradient: Array) -> Array:
         """Rates of the body axes and of L behind them, shape (n, 4, 3)."""
-        rotation, momentum = state[:, :3], state[:, 3]
+        rotation = state[:, :3]
+        momentum = state[:, 3]
         inside = (rotation @ momentum[:, :, None])[:, :, 0] / self.inertia
         omega = (inside[:, None, :] @ rotation)[:, 0]
         slip = inside - self.jeffery(rotation, gradient)
@@ -101,10 +102,12 @@ def _step(
         count = 2 * column
         h = length / count
         wide = h[:, None, None]
-        before, state = begin, begin + wide * first
+        before = begin
+        state = begin + wide * first
         for k in range(1, count):
             following = before + 2 * wide * rates(state, time + k * h)
-            before, state = state, following
+            before = state
+            state = following
         row = [(before + state + wide * rates(state, time + length)) / 2]
         for k, above in enumerate(table, 1):
             ratio = (np.longdouble(column) / (column - k)) ** 2

@@ -19,21 +19,21 @@ from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.study import Study
 
 # By the name of their file: error, and label of its axis.
-FIGURES = {
+_FIGURES = {
     "slow": ("slow_error", "slow error over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
 # Ties named in a cell.
-SHOWN = 2
-# Columns of the table of scenes, and of that of uncertainties.
-SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
-SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
-NOTHING = "No run gave a result: how each ended stands in runs.csv."
-FULL_ALONE = (
+_SHOWN = 2
+# Columns of the table of scenes: heading, and column of the runs.
+_SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
+_SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
+_NOTHING = "No run gave a result: how each ended stands in runs.csv."
+_FULL_ALONE = (
     "No form measured averages: the tables show the cheapest ways through the full equations."
 )
 # St further apart than this leave open where between them averaging begins to pay.
-GAP = 10.0 * (1 + 1e-9)
+_GAP = 10.0 * (1 + 1e-9)
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -41,35 +41,37 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs = frame(records)
     write_runs(runs, folder)
     export(records, folder / "records.jsonl")
-    known = (
+    uncertainties = (
         where(runs, runs["slow_uncertainty"].notna())
         .groupby(["scene_name", "stokes"], sort=False)
         .first()
     )
     groups = runs.groupby("scene_name", sort=False)
-    described = [[_listed(own[column]) for column in SCENES.values()] for _, own in groups]
+    described = []
+    for _, scene_runs in groups:
+        described.append([_listed(scene_runs[column]) for column in _SCENES.values()])
     page = fill(
         "bench",
         header=header(study.title, command, records),
         verdict=[*verdict(runs), *averaged_costs(runs)]
-        or [FULL_ALONE if len(runs["seconds"].dropna()) else NOTHING],
+        or [_FULL_ALONE if len(runs["seconds"].dropna()) else _NOTHING],
         tie=100 * (pareto.TIE - 1),
         scenes=[
-            (scene, _figures(own, scene, i, folder))
-            for i, (scene, own) in enumerate(by_scene(runs))
+            (scene, _figures(scene_runs, scene, i, folder))
+            for i, (scene, scene_runs) in enumerate(by_scene(runs))
         ],
         profiles=profile_lines(runs, folder),
-        described=markdown([*SCENES], described),
+        described=markdown([*_SCENES], described),
         samples=study.samples,
-        uncertainties=known.reset_index().to_dict("records"),
+        uncertainties=uncertainties.reset_index().to_dict("records"),
     )
     return write_file(folder / "README.md", page)
 
 
 def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[dict[str, str]]:
     """Save the figures of one scene; the error, its label, the file and the table of winners of each."""
-    found = []
-    for name, (error, label) in FIGURES.items():
+    figures = []
+    for name, (error, label) in _FIGURES.items():
         if len(runs[error].dropna()):
             # The figures of the first scene have plain names.
             file = f"{name}-{scene}" if place else name
@@ -79,20 +81,22 @@ def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[d
                 file,
             )
             groups = by_stokes(runs)
-            rows = [
-                [short(target), *(_winner(own, target, error) for _, own in groups)]
-                for target in pareto.TARGETS
-            ]
+            rows = []
+            for target in pareto.TARGETS:
+                best = [_winner(stokes_runs, target, error) for _, stokes_runs in groups]
+                rows.append([short(target), *best])
             winners = markdown(["error", *(f"St = {short(stokes)}" for stokes, _ in groups)], rows)
-            found.append({"name": name, "label": label, "file": file, "winners": winners})
-    return found
+            figures.append({"name": name, "label": label, "file": file, "winners": winners})
+    return figures
 
 
 def _listed(values: Iterable[Any]) -> str:
     """Different values in their order, of lists each as a : b : c."""
-    texts = (" : ".join(map(short, each)) if isinstance(each, list) else each for each in values)
+    texts = (
+        " : ".join(map(short, value)) if isinstance(value, list) else value for value in values
+    )
     return ", ".join(
-        dict.fromkeys(each if isinstance(each, str) else short(each) for each in texts)
+        dict.fromkeys(text if isinstance(text, str) else short(text) for text in texts)
     )
 
 
@@ -102,13 +106,14 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
     winner = pareto.cheapest(runs, target, error)
     if winner is None:
         return "none"
-    best, others = winner
+    best, tied_methods = winner
     form = best["form"]
     names = [
-        each.solver if each.form == form else f"{each.form} by {each.solver}" for each in others
+        method.solver if method.form == form else f"{method.form} by {method.solver}"
+        for method in tied_methods
     ]
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    tied = f" = {', '.join(names[:SHOWN])}{more}" if names else ""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    tied = f" = {', '.join(names[:_SHOWN])}{more}" if names else ""
     return (
         f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
     )
@@ -116,31 +121,27 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
     """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
-    start, numbers = (
-        pareto.averaged_wins_from(records, target),
-        [stokes for stokes, _ in by_stokes(records)],
-    )
-    return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=GAP)
+    start = pareto.averaged_wins_from(records, target)
+    numbers = [stokes for stokes, _ in by_stokes(records)]
+    return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=_GAP)
 
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) -> list[str]:
-    """Where averaged forms win, in sentences, scene by scene."""
+    """The St and errors at which averaged forms win, in sentences, scene by scene."""
     wins = []
     for scene, runs in by_scene(records):
         if pareto.averaged_forms(runs):
             wins += [
-                (scene, words, [*own])
-                for words, own in groupby(targets, partial(when_averaged_wins, runs))
+                (scene, words, [*targets_in_words])
+                for words, targets_in_words in groupby(targets, partial(when_averaged_wins, runs))
             ]
     return lines_of("bench-verdict", wins=wins)
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
     """How little an averaged form's cost depends on St, scene by scene."""
-    scenes = [
-        (scene, runs, name)
-        for scene, runs in by_scene(records)
-        for name in pareto.averaged_forms(runs)
-    ]
-    found = [(scene, name, pareto.cost_over_stokes(runs, name)) for scene, runs, name in scenes]
-    return lines_of("bench-costs", found=[each for each in found if each[2]])
+    scene_costs = []
+    for scene, runs in by_scene(records):
+        names = pareto.averaged_forms(runs)
+        scene_costs += [(scene, name, pareto.cost_over_stokes(runs, name)) for name in names]
+    return lines_of("bench-costs", found=[row for row in scene_costs if row[2]])

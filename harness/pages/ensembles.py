@@ -29,8 +29,8 @@ from polhode.harness.pages.figures.style import power
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill
 
-# What the page says of them stands in `texts/sweep.md`.
-FILES = {
+# Files beside the page; `texts/sweep.md` describes them.
+_FILES = {
     "moments.csv": summary.moment_rows,
     "voigt.csv": summary.voigt_rows,
     "rates.csv": partial(summary.mean_rows, of="rates", rate=RATES),
@@ -41,12 +41,13 @@ FILES = {
     "arrivals.csv": summary.arrival_rows,
 }
 # Components of a moment, and Stokes numbers from the smallest to the largest.
-DASHES, COLOURS = ("-", "--", ":"), "viridis"
-# 95 % of a normal variable lie within so many standard deviations.
-STANDARD = 1.96
+_DASHES = ("-", "--", ":")
+_COLOURS = "viridis"
+# In standard deviations: 95 % of a normal variable lie within this distance of its mean.
+_STANDARD = 1.96
 # Sweeps whose cost is laid out.
-PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
-BLOCK = 100_000
+_PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
+_BLOCK = 100_000  # Particles of one task of such a sweep.
 
 Found = dict[str, Any]
 
@@ -55,14 +56,16 @@ def write_results(
     sweep: Sweep, store: Store, folder: Path, command: str
 ) -> tuple[Path, list[dict[str, Any]]]:
     """Write the page and the CSV files, those with rows; returns the page's path, and a row for each ensemble."""
-    ensembles, pictures, written = [], [], dict[str, csv.DictWriter]()
+    ensembles = []
+    pictures = []
+    written = dict[str, csv.DictWriter]()
     with ExitStack() as files:
-        # Of all that the store holds, one task and the statistics of one shape are in memory.
+        # Memory holds one task of the store, and the statistics of one shape.
         for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
-            found = [(ensemble, gather(ensemble, store)) for ensemble in same]
-            for ensemble, statistics in found:
+            of_shape = [(ensemble, gather(ensemble, store)) for ensemble in same]
+            for ensemble, statistics in of_shape:
                 ensembles.append(summary.ensemble_row(ensemble, statistics))
-                for name, make in FILES.items():
+                for name, make in _FILES.items():
                     for row in make(ensemble, statistics):
                         if name not in written:
                             file = files.enter_context(PartialFile(folder / name, summed=True))
@@ -70,14 +73,14 @@ def write_results(
                             written[name].writeheader()
                         written[name].writerow(row)
             pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
-            save(picture(found), folder, pictures[-1][0])
+            save(picture(of_shape), folder, pictures[-1][0])
     top = header(sweep.title, command, surroundings(sweep, store))
     write_file(
         folder / "README.md",
-        _page(top, ensembles, [name for name in FILES if name in written], pictures),
+        _page(top, ensembles, [name for name in _FILES if name in written], pictures),
     )
-    for name in FILES.keys() - written.keys():
-        # Of a run by an earlier version.
+    for name in _FILES.keys() - written.keys():
+        # A run by an earlier version left it.
         (folder / name).unlink(missing_ok=True)
     return folder / "README.md", ensembles
 
@@ -88,29 +91,23 @@ def _page(
     names: list[str],
     pictures: list[tuple[str, str]],
 ) -> str:
-    rows = [
-        row
-        | {"shape": _shape(row), "failed": sum(row["failures"].values())}
-        | {
-            "ends": "; ".join(
-                f"{name}: {_interval(each, '–')}" for name, each in row["arrived"].items()
-            )
-            or "–"
-        }
-        | {
-            "median": _interval(row["transient_time"]["0.5"], "later")
-            if row["transient_time"]
-            else "–"
-        }
-        | {
+    rows = []
+    for ensemble in ensembles:
+        arrived_at = ensemble["arrived"].items()
+        ends = [f"{name}: {_interval(interval, '–')}" for name, interval in arrived_at]
+        times = ensemble["transient_time"]
+        columns = {
+            "shape": _shape(ensemble),
+            "failed": sum(ensemble["failures"].values()),
+            "ends": "; ".join(ends) or "–",
+            "median": _interval(times["0.5"], "later") if times else "–",
             "shares": {
-                name: each["value"]
-                for name, each in row["arrived"].items()
-                if each["value"] is not None
-            }
+                name: interval["value"]
+                for name, interval in arrived_at
+                if interval["value"] is not None
+            },
         }
-        for row in ensembles
-    ]
+        rows.append(ensemble | columns)
     settled = groupby((row for row in rows if row["shares"]), key=_shape)
     return fill(
         "sweep",
@@ -132,15 +129,15 @@ def _interval(interval: dict[str, float | None], none: str) -> str:
     return f"{value} ({low} to {high})"
 
 
-def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:
+def picture(of_shape: Sequence[tuple[Ensemble, Statistics]]) -> Any:
     """Ensembles of one shape in a row of panels, a colour for each Stokes number; bands hold 95 %."""
     figure, panels = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
-    shades = mpl.colormaps[COLOURS](np.linspace(0.05, 0.85, len(found)))
+    shades = mpl.colormaps[_COLOURS](np.linspace(0.05, 0.85, len(of_shape)))
     slow = all(
-        ensemble.slow_time is not None and np.isfinite(ensemble.stokes) for ensemble, _ in found
+        ensemble.slow_time is not None and np.isfinite(ensemble.stokes) for ensemble, _ in of_shape
     )
     for (ensemble, statistics), shade in zip(
-        sorted(found, key=lambda each: each[0].stokes), shades, strict=True
+        sorted(of_shape, key=lambda pair: pair[0].stokes), shades, strict=True
     ):
         unit = ensemble.stokes if slow else 1.0
         _moments(panels[0], ensemble, statistics, unit, shade)
@@ -150,10 +147,11 @@ def picture(found: Sequence[tuple[Ensemble, Statistics]]) -> Any:
             times = np.linspace(0.0, ensemble.time, ensemble.samples) / unit
             name = f"{attractor.rotation}, St = {power(ensemble.stokes)}"
             panels[2].plot(
-                times, [each.value for each in shares], color=shade, ls=DASHES[k % 3], label=name
+                times, [share.value for share in shares], color=shade, ls=_DASHES[k % 3], label=name
             )
-            ends = [[getattr(each, end) for each in shares] for end in ("low", "high")]
-            panels[2].fill_between(times, *ends, color=shade, alpha=0.2, linewidth=0)
+            low = [share.low for share in shares]
+            high = [share.high for share in shares]
+            panels[2].fill_between(times, low, high, color=shade, alpha=0.2, linewidth=0)
     for axes, title in zip(
         panels, ("Orientation in time", "Distribution of $L_z$", "Arrived"), strict=True
     ):
@@ -181,13 +179,11 @@ def _moments(
             if oriented
             else (slice(None), SLOW_NAMES.index(f"L{name}"))
         )
-        times, label = (
-            np.array(snapshot_times(ensemble)) / unit,
-            f"$p_{name}^2$" if oriented else f"$L_{name}$",
-        )
+        times = np.array(snapshot_times(ensemble)) / unit
+        label = f"$p_{name}^2$" if oriented else f"$L_{name}$"
         name = f"{label}, St = {power(ensemble.stokes)}"
-        axes.plot(times, mean[place], color=shade, ls=DASHES[i], label=name)
-        band = STANDARD * error[place]
+        axes.plot(times, mean[place], color=shade, ls=_DASHES[i], label=name)
+        band = _STANDARD * error[place]
         axes.fill_between(
             times, mean[place] - band, mean[place] + band, color=shade, alpha=0.2, linewidth=0
         )
@@ -198,7 +194,8 @@ def _moments(
 
 def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade: Any) -> None:
     """Histograms of L_z at the start, after about a fifth of the run, and at the end."""
-    edges, fifth = ensemble.layout.edges("Lz"), -(-(ensemble.snapshots - 1) // 5)
+    edges = ensemble.layout.edges("Lz")
+    fifth = -(-(ensemble.snapshots - 1) // 5)
     part = percent(fifth / (ensemble.snapshots - 1))
     for snapshot, when, line in ((0, "start", ":"), (fifth, part, "--"), (-1, "end", "-")):
         counts = statistics.histograms[snapshot, SLOW_NAMES.index("Lz"), 1:-1]
@@ -211,38 +208,37 @@ def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade:
     axes.set_ylim(bottom=0)
 
 
-def write_page(found: Found, folder: Path) -> Path:
+def write_page(throughput: Found, folder: Path) -> Path:
     """Write ``throughput.json``, a picture of it and ``throughput.md`` into a folder; returns the page's path."""
-    write_file(folder / "throughput.json", json.dumps(found, indent=1) + "\n")
-    save(_speeds(found["full"]), folder, "throughput")
-    return write_file(folder / "throughput.md", page(found))
+    write_file(folder / "throughput.json", json.dumps(throughput, indent=1) + "\n")
+    save(_speeds(throughput["full"]), folder, "throughput")
+    return write_file(folder / "throughput.md", page(throughput))
 
 
-def page(found: Found) -> str:
+def page(throughput: Found) -> str:
     """The measured figures as a page."""
-    # Tasks, bytes in the store and core hours of large sweeps, in blocks of `BLOCK`, from measured
+    # Tasks, bytes in the store and core hours of large sweeps, in blocks of `_BLOCK`, from measured
     # whole tasks.
-    rows, tasks = [], {(row["shape"], row["equations"]): row for row in found["tasks"]}
-    for plan in PLANS:
+    rows = []
+    tasks = {(row["shape"], row["equations"]): row for row in throughput["tasks"]}
+    for plan in _PLANS:
         row = tasks[plan["shape"], plan["equations"]]
         # The number of rotations, and with it the cost of full equations, grows in proportion to
         # St.
         slower = (
-            plan["stokes"] / found["settings"]["stokes"] if plan["equations"] == "full" else 1.0
+            plan["stokes"] / throughput["settings"]["stokes"]
+            if plan["equations"] == "full"
+            else 1.0
         )
-        count, seconds = (
-            -(-plan["particles"] // BLOCK),
-            plan["particles"] / row["per_second"] * slower,
-        )
+        count = -(-plan["particles"] // _BLOCK)
+        seconds = plan["particles"] / row["per_second"] * slower
         rows.append(
             plan
             | {"tasks": count, "mib": count * row["record_bytes"] / 2**20, "hours": seconds / 3600}
         )
-    top, mib = (
-        header("What ensembles cost", "polhode throughput", [found]),
-        (found["memory"]["bytes"] or 0) / 2**20,
-    )
-    return fill("throughput", header=top, block=BLOCK, plan=rows, mib=mib, **found)
+    top = header("What ensembles cost", "polhode throughput", [throughput])
+    mib = (throughput["memory"]["bytes"] or 0) / 2**20
+    return fill("throughput", header=top, block=_BLOCK, plan=rows, mib=mib, **throughput)
 
 
 def _speeds(rows: list[Found]) -> Any:
@@ -251,7 +247,8 @@ def _speeds(rows: list[Found]) -> Any:
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)
     for (shape, some), shade in zip(shapes, ("#0072B2", "#D55E00"), strict=False):
         for whose, line, name in (("", "o-", "equal steps"), ("taylor_", "s:", "Taylor")):
-            errors, speeds = some[f"{whose}error"], some[f"{whose}per_second"]
+            errors = some[f"{whose}error"]
+            speeds = some[f"{whose}per_second"]
             axes.loglog(errors, speeds, line, color=shade, label=f"{name}, {shape}")
     axes.set(xlabel="largest error of the whole state", ylabel="particles per second and core")
     axes.grid(True, which="both", linewidth=0.4, alpha=0.5)

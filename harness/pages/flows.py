@@ -18,7 +18,7 @@ from polhode.harness.flows import measure
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import fill
 
-TITLE = "Linear flows other than simple shear"
+_TITLE = "Linear flows other than simple shear"
 # Of the figure, in inches.
 _SIZE = (9.0, 4.2)
 
@@ -48,7 +48,7 @@ def page(folder: Path, command: str) -> str:
     timed = json.loads(read_file(folder / "timed.json"))
     return fill(
         "flows",
-        header=header(TITLE, command, [timed]),
+        header=header(_TITLE, command, [timed]),
         findings=findings(tables),
         fields=_rows(tables["fields"]),
         costs=_rows(tables["costs"]),
@@ -67,7 +67,9 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 def findings(tables: Mapping[str, Any]) -> list[str]:
     """What the tables say, in sentences."""
-    costs, orbits, knots = tables["costs"], tables["orbits"], tables["knots"]
+    costs = tables["costs"]
+    orbits = tables["orbits"]
+    knots = tables["knots"]
     cyrk = costs[costs["solver"].str.startswith("cyrk")]
     taylor = costs[costs["solver"] == "taylor"]
     closed = orbits[np.isfinite(orbits["theory"])]
@@ -180,7 +182,8 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
 
 
 def _draw_orders(axes: Axes, orders: Any) -> None:
-    spacing, error = orders["spacing"].to_numpy(float), orders["error"].to_numpy(float)
+    spacing = orders["spacing"].to_numpy(float)
+    error = orders["error"].to_numpy(float)
     axes.loglog(spacing, error, "o-", color="C0", label="a run along the track")
     promise = error[-1] * (spacing / spacing[-1]) ** 4
     axes.loglog(spacing, promise, ":", color="black", label="fourth power of the spacing")

@@ -23,15 +23,17 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-ERRORS, FORMS_ERRORS = (1e-4, 1e-6, 1e-8), (1e-6, 1e-8, 1e-10, 1e-12)
+FOOTING_ERRORS = (1e-4, 1e-6, 1e-8)  # Slow errors at which solvers are compared.
+_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Slow errors at which forms are compared.
 # The solvers of which the page says below which error the first is the faster.
-TAYLOR, VERNER = "taylor", "cyrk-vern8"
+_TAYLOR = "taylor"
+_VERNER = "cyrk-vern8"
 # Libraries that run without Python in the loop, and what a right-hand side is called in each back
 # end.
-ALONE = ("heyoka", "CyRK", "SUNDIALS")
-# What of `Measured` is no record.
-COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
-WAYS: dict[Backend, str] = {
+_ALONE = ("heyoka", "CyRK", "SUNDIALS")
+# Fields of `Measured` that hold no records.
+_COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
+_WAYS: dict[Backend, str] = {
     "python": "plain Python",
     "numba": "compiled, called from Python",
     "compiled": "alone",
@@ -53,7 +55,7 @@ class Measured:
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
     """Write the page, its figures and its data."""
-    kept = {name: getattr(measured, name) for name in COSTS}
+    kept = {name: getattr(measured, name) for name in _COSTS}
     write_file(
         folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True
     )
@@ -70,14 +72,16 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
 
 
 def pages(measured: Measured, command: str) -> dict[str, str]:
-    """The text of each file: the page, and that of all times."""
+    """The text of each file: the page, and the page of all times."""
     solvers, spheroid, backends = (
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
-    times = costs(by_stokes(solvers), ERRORS)
+    times = costs(by_stokes(solvers), FOOTING_ERRORS)
     forms = _ratios(
-        costs(by_stokes(spheroid), FORMS_ERRORS), ("quaternion", TAYLOR), ("spheroid-axis", TAYLOR)
+        costs(by_stokes(spheroid), _FORMS_ERRORS),
+        ("quaternion", _TAYLOR),
+        ("spheroid-axis", _TAYLOR),
     )
     claims, worth = _worth(times)
     calls = [
@@ -90,11 +94,11 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         claims=claims,
         worth=worth,
         measured=measured,
-        ways=WAYS,
+        ways=_WAYS,
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers, times),
         forms=_table(
-            ["St", *map(short, FORMS_ERRORS)],
+            ["St", *map(short, _FORMS_ERRORS)],
             [[short(stokes), *row] for stokes, row in forms.iterrows()],
         ),
         overheads=[
@@ -107,8 +111,10 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         starts=STARTS,
     )
     top = header("Every solver at equal error", command, records)
-    rest = fill("footing-times", header=top, times=_times(times), jacobians=_jacobians(backends))
-    return {"README.md": page, "times.md": rest}
+    times_page = fill(
+        "footing-times", header=top, times=_times(times), jacobians=_jacobians(backends)
+    )
+    return {"README.md": page, "times.md": times_page}
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1) -> str:
@@ -118,27 +124,29 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
 
 def _worth(times: Any) -> tuple[list[str], str]:
     """How the libraries compare, in sentences and by place."""
-    rows, behind = [], {name: [] for name in ALONE}
-    places = [
-        (target, each) for target in ERRORS for each in times.loc[target]["quaternion"].iterrows()
-    ]
-    for target, (stokes, own) in places:
+    rows = []
+    behind = {name: [] for name in _ALONE}
+    places = []
+    for target in FOOTING_ERRORS:
+        places += [(target, *entry) for entry in times.loc[target]["quaternion"].iterrows()]
+    for target, stokes, solver_times in places:
         # The fastest comes last, and stays.
-        ranked = own.dropna().sort_values(ascending=False).items()
+        ranked = solver_times.dropna().sort_values(ascending=False).items()
         by_library = {
             find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked
         }
-        best = {name: by_library[name] for name in ALONE if name in by_library}
+        best = {name: by_library[name] for name in _ALONE if name in by_library}
         least = min((seconds for _, seconds in best.values()), default=nan)
         for name, (_, seconds) in best.items():
             behind[name].append(seconds / least)
         cells = [
-            f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–" for name in ALONE
+            f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–"
+            for name in _ALONE
         ]
         rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
     claims = lines_of("footing-claims", shares=shares, places=len(places))
-    return claims, _table(["slow error", "St", *ALONE], rows, 2)
+    return claims, _table(["slow error", "St", *_ALONE], rows, 2)
 
 
 def _finished(table: pd.DataFrame) -> Any:
@@ -161,7 +169,7 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     ]
     done["method"] = done["solver"].str.removeprefix("cyrk-")
     times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(
-        columns=[*WAYS]
+        columns=[*_WAYS]
     )
     return (
         times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio"))
@@ -184,7 +192,7 @@ def _comparable(solver: str, way: str, jacobian: str) -> bool:
 def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Runs by exact Jacobians beside those by finite differences."""
     done = _finished(table)
-    done["way"] = done["backend"].map(WAYS)
+    done["way"] = done["backend"].map(_WAYS)
     exact, differences = (where(done, done["jacobian"] == kind) for kind in ("exact", "difference"))
     pairs = exact.merge(
         differences, on=["stokes", "solver", "way"], suffixes=("", "_by_differences")
@@ -194,23 +202,34 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
 
 def _crossings(table: pd.DataFrame, times: Any) -> str:
     """The error at which Verner's method stops being the faster as it falls, and ratios, by St."""
-    both = where(table, (table["form"] == "quaternion") & table["solver"].isin([TAYLOR, VERNER]))
+    both = where(table, (table["form"] == "quaternion") & table["solver"].isin([_TAYLOR, _VERNER]))
     falling: Any = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
     rows = []
-    for stokes, ratios in _ratios(times, ("quaternion", TAYLOR), ("quaternion", VERNER)).iterrows():
-        own = falling.xs(stokes, level=1).dropna(subset=[TAYLOR])
-        ahead = (own[VERNER] < own[TAYLOR]).to_numpy()
+    for stokes, ratios in _ratios(
+        times, ("quaternion", _TAYLOR), ("quaternion", _VERNER)
+    ).iterrows():
+        at_stokes = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
+        ahead = (at_stokes[_VERNER] < at_stokes[_TAYLOR]).to_numpy()
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
         rows.append(
-            [short(stokes), scientific(own.index[stops[0] + 1]) if len(stops) else "none", *ratios]
+            [
+                short(stokes),
+                scientific(at_stokes.index[stops[0] + 1]) if len(stops) else "none",
+                *ratios,
+            ]
         )
     return _table(
-        ["St", "they cross at", *(f"{TAYLOR} / {VERNER} at {short(each)}" for each in ERRORS)], rows
+        [
+            "St",
+            "they cross at",
+            *(f"{_TAYLOR} / {_VERNER} at {short(error)}" for error in FOOTING_ERRORS),
+        ],
+        rows,
     )
 
 
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
-    """Time of one form and solver over that of another, in words: a row for each St, a column for each error."""
+    """Ratio of the times of two forms and solvers, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
     return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[
         [*times.index.unique(0)]
@@ -220,10 +239,14 @@ def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
 def _times(times: Any) -> dict[float, str]:
     """Every solver's times by St, a table for each slow error."""
     tables = {}
-    for target in ERRORS:
-        own = times.loc[target]["quaternion"].T.dropna(how="all")
+    for target in FOOTING_ERRORS:
+        by_solver = times.loc[target]["quaternion"].T.dropna(how="all")
         rows = [
-            [solver, *map(duration, own.loc[solver])] for solver in SOLVERS if solver in own.index
+            [solver, *map(duration, by_solver.loc[solver])]
+            for solver in SOLVERS
+            if solver in by_solver.index
         ]
-        tables[target] = _table(["solver", *(f"St = {short(stokes)}" for stokes in own)], rows)
+        tables[target] = _table(
+            ["solver", *(f"St = {short(stokes)}" for stokes in by_solver)], rows
+        )
     return tables

@@ -27,16 +27,23 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
+_ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios asked for, by scene, St and slow error.
 _ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8"))[
     "asked"
 ]
-TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
-OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# Of stroboscopic averaging: slow error, orientation error, ratio; how much longer a run at the
-# larger St may take.
-REACHED, LONGER, STOKES, LARGER, ROUNDS = (5e-9, 3e-4, 30.0), 1.3, 1e6, 1e8, 7
+_TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
+_OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
+# Limits that stroboscopic averaging has to meet.
+_REACHED = (
+    5e-9,
+    3e-4,
+    30.0,
+)  # Slow error, orientation error in rad, speed over the best other solver.
+_STOKES = 1e6  # St of its runs.
+_LARGER = 1e8  # St of the longer run.
+_LONGER = 1.3  # Factor by which the longer run may take more time.
+_ROUNDS = 7  # Both runs take turns this often; the fastest count.
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -44,17 +51,17 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     folder.mkdir(parents=True, exist_ok=True)
     export(records, folder / "records.jsonl")
     table = frame(records)
-    rows, met, known = _splitting(table)
+    rows, met, ratios = _splitting(table)
     page = fill(
         "known-stokes",
         header=header(study.title, command, records),
         met=met.count(True),
         asked=len(met),
-        known=known,
-        slower=[(ratio, stokes) for ratio, stokes in known if ratio < 1],
+        known=ratios,
+        slower=[(ratio, stokes) for ratio, stokes in ratios if ratio < 1],
         stroboscopic=_stroboscopic(study, table, folder),
         ratios=markdown(
-            ["scene", "St", *map(short, ERRORS)], rows, right=range(1, 2 + len(ERRORS))
+            ["scene", "St", *map(short, _ERRORS)], rows, right=range(1, 2 + len(_ERRORS))
         ),
     )
     return write_file(folder / "README.md", page)
@@ -64,23 +71,25 @@ def _splitting(
     table: pd.DataFrame,
 ) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
     """Rows of the table, which targets are met, and all ratios known with their St."""
-    rows, met, ratios = [], [], []
+    rows = []
+    met = []
+    ratios = []
     for scene in dict.fromkeys(table["scene_name"].astype(str)):
         groups = by_stokes(where(table, table["scene_name"] == scene))
-        known: Any = costs(groups, ERRORS).droplevel(0, axis=1)
+        all_times: Any = costs(groups, _ERRORS).droplevel(0, axis=1)
         for stokes, _ in groups:
             cells = []
-            for error in ERRORS:
-                times = known.loc[error, stokes]
-                others = times.drop(OWN, errors="ignore").dropna().sort_values()
-                ratio = others.min() / times.get("splitting", nan)
+            for error in _ERRORS:
+                times = all_times.loc[error, stokes]
+                rivals = times.drop(_OWN, errors="ignore").dropna().sort_values()
+                ratio = rivals.min() / times.get("splitting", nan)
                 if not isnan(ratio):
                     ratios.append((float(ratio), stokes))
-                target = TARGETS.get((scene, stokes, error))
+                target = _TARGETS.get((scene, stokes, error))
                 cell = (
                     "–"
                     if isnan(ratio)
-                    else f"{ratio:.2g} ({others.index[0]}, {duration(others.min())})"
+                    else f"{ratio:.2g} ({rivals.index[0]}, {duration(rivals.min())})"
                 )
                 if target is not None:
                     met.append(ratio >= target)
@@ -91,39 +100,40 @@ def _splitting(
 
 
 def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
-    """What averaging takes for tight errors of both kinds, and over how long a run."""
-    slow, orientation, _ = REACHED
-    runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == STOKES))
+    """The time that averaging takes for tight errors of both kinds, and for a longer run."""
+    slow, orientation, _ = _REACHED
+    runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == _STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))
     good: Any = where(
         done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation)
     )
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
-    name = next((each for each in best if each not in OWN), None)
+    name = next((solver for solver in best if solver not in _OWN), None)
     if "stroboscopic" not in best:
         return []
     strobe = where(done, done["solver"] == "stroboscopic")
     scene = next(
-        scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == STOKES
+        scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == _STOKES
     )
     longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
-    found = {"best": best, "other": name, "least": least, "longer": longer}
+    figures = {"best": best, "other": name, "least": least, "longer": longer}
     return lines_of(
         "known-stokes-stroboscopic",
-        **found,
-        reached=REACHED,
-        stokes=STOKES,
-        larger=LARGER,
-        most=LONGER,
+        **figures,
+        reached=_REACHED,
+        stokes=_STOKES,
+        larger=_LARGER,
+        most=_LONGER,
     )
 
 
 def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
     """`_longer`, measured once for the records in the folder."""
-    path, of = folder / "longer.json", digest(read_file(folder / "records.jsonl").decode())
-    if path.exists() and (found := json.loads(read_file(path)))["records"] == of:
-        return found["ratio"]
+    path = folder / "longer.json"
+    of = digest(read_file(folder / "records.jsonl").decode())
+    if path.exists() and (record := json.loads(read_file(path)))["records"] == of:
+        return record["ratio"]
     ratio = _longer(scene, tolerance, samples)
     write_file(path, json.dumps({"records": of, "ratio": ratio}) + "\n", summed=True)
     return ratio
@@ -131,7 +141,8 @@ def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> 
 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:
     """Time of a run at the larger St over that at a scene's own, run in turns."""
-    form, factor = find_form("spheroid-axis"), LARGER / scene.stokes
+    form = find_form("spheroid-axis")
+    factor = _LARGER / scene.stokes
     problems = [
         form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k))
         for k in (1.0, factor)
@@ -144,7 +155,6 @@ def _longer(scene: Scene, tolerance: float, samples: int) -> float:
             )
         )
 
-    first, second = np.min(
-        [[seconds(problem) for problem in problems] for _ in range(ROUNDS)], axis=0
-    )
+    rounds = [[*map(seconds, problems)] for _ in range(_ROUNDS)]
+    first, second = np.min(rounds, axis=0)
     return float(second / first)

@@ -22,11 +22,11 @@ from polhode.solvers.contract import Status
 
 # Solvers that take at least this share of the cases that anybody takes are compared as to who never
 # fails.
-MOST = 0.9
-CASE = ["scene", "St", "form", "tolerance"]
-# What the shared records leave out besides what is empty, for there are thousands: `polhode export`
-# writes all.
-LEFT_OUT = (
+_MOST = 0.9
+_CASE = ["scene", "St", "form", "tolerance"]
+# Columns that the shared records leave out, as they do empty ones: there are thousands of records,
+# and `polhode export` writes all columns.
+_LEFT_OUT = (
     "key",
     "errors",
     "seconds_runs",
@@ -34,10 +34,10 @@ LEFT_OUT = (
     "statistics_distance",
     "solver_slow_uncertainty",
 )
-# A run that reached its end but is further off the exact solution of its own form, in units of
-# I_max or of the slow variables at the start if those are larger, has no digits to trust.
+# A run with a larger error against the exact solution of its own form has no digits to trust. The
+# unit is I_max, or the slow variables at the start if those are larger.
 INACCURATE = 1e-3
-KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
+_KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
@@ -54,14 +54,14 @@ def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
 
 def _surest(runs: Any) -> dict[str, Any]:
     """Which of the solvers that take most cases failed least, by the number taken, where anybody got through."""
-    possible = runs[runs.groupby(CASE)["passed"].transform("any")]
+    possible = runs[runs.groupby(_CASE)["passed"].transform("any")]
     taken = possible.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
-    most = taken[taken["size"] >= MOST * taken["size"].max()]
+    most = taken[taken["size"] >= _MOST * taken["size"].max()]
     missed = most["size"] - most["sum"]
     best = most[missed == missed.min()]
     scenes = set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])
-    groups = [(number, [*own.index]) for number, own in best.groupby("size", sort=False)]
-    possible = len(possible.drop_duplicates(CASE))
+    groups = [(number, [*solvers.index]) for number, solvers in best.groupby("size", sort=False)]
+    possible = len(possible.drop_duplicates(_CASE))
     return {"possible": possible, "least": missed.min(), "surest": groups, "scenes": sorted(scenes)}
 
 
@@ -70,35 +70,38 @@ def limit(table: pd.DataFrame) -> str:
     limits = (
         sorted(set(table["max_seconds"].dropna().astype(float))) if "max_seconds" in table else []
     )
-    return " or ".join(duration(each) for each in limits) or "time"
+    return " or ".join(duration(seconds) for seconds in limits) or "time"
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page of a study of several scenes, and its records, into a folder and return the page's path."""
     table = frame(records)
-    found = endings(table, limits(records))
+    outcomes = endings(table, limits(records))
     write_file(
         folder / "outcomes.csv",
-        pd.DataFrame(found).to_csv(index=False, float_format="%.12g"),
+        pd.DataFrame(outcomes).to_csv(index=False, float_format="%.12g"),
         summed=True,
     )
     kept = (
-        {name: record[name] for name in record.keys() - LEFT_OUT if record[name] is not None}
+        {name: record[name] for name in record.keys() - _LEFT_OUT if record[name] is not None}
         for record in records
     )
     export(kept, folder / "records.jsonl")
-    runs, stopped, solvers = _runs(found), limit(table), sorted(set(table["solver"]), key=rank)
+    runs = _runs(outcomes)
+    stopped = limit(table)
+    solvers = sorted(set(table["solver"]), key=rank)
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
     shares = [
         "✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()
     ]
     counts = pd.crosstab(runs["solver"], runs["outcome"]).reindex(
-        index=solvers, columns=[*KINDS], fill_value=0
+        index=solvers, columns=[*_KINDS], fill_value=0
     )
     total: Any = counts.sum(axis=1)
     share = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
     surest = [
-        [name, total[name], f"{each:.0f} %", *counts.loc[name]] for name, each in share.items()
+        [name, total[name], f"{percentage:.0f} %", *counts.loc[name]]
+        for name, percentage in share.items()
     ]
     by_scene = (
         pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
@@ -106,9 +109,9 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     page = fill(
         "outcomes",
         header=header(study.title, command, records),
-        sentences=sentences(found, stopped),
+        sentences=sentences(outcomes, stopped),
         counts=markdown(
-            ["solver", "runs", "got through", *KINDS], surest, right=range(1, 3 + len(KINDS))
+            ["solver", "runs", "got through", *_KINDS], surest, right=range(1, 3 + len(_KINDS))
         ),
         inaccurate=INACCURATE,
         stopped=stopped,
@@ -123,19 +126,20 @@ def limits(records: Sequence[Record]) -> dict[str, float]:
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}
     return {
-        name: INACCURATE * max(1.0, magnitude(own.ellipsoid, own.initial))
-        for name, own in scenes.items()
+        name: INACCURATE * max(1.0, magnitude(scene.ellipsoid, scene.initial))
+        for name, scene in scenes.items()
     }
 
 
 def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]:
-    """One of `KINDS`, and the reason in words, of a row of `frames.frame`; `allowed` is one of `limits`."""
+    """One of `_KINDS`, and the reason in words, of a row of `frames.frame`; `allowed` is one of `limits`."""
     status = str(run["status"])
     if status != Status.REACHED_END:
         meaning = Status(status).meaning if status in set(Status) else ""
         kind = "stopped" if status in (Status.TIME_LIMIT, Status.STEP_LIMIT) else "failed"
         return kind, f"{status.replace('_', ' ')}: {run.get('message') or meaning}"
-    error, seconds = run.get("solver_slow_error"), run.get("seconds")
+    error = run.get("solver_slow_error")
+    seconds = run.get("seconds")
     took = f"{duration(seconds)}, " if seconds is not None else ""
     if error is None:
         failure = run.get("reference_failed")
@@ -149,7 +153,7 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
 
 def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
     """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason."""
-    found = []
+    outcomes = []
     for run in rows_of(table):
         row = {
             "scene": str(run["scene_name"]),
@@ -162,5 +166,5 @@ def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str,
             "solver": str(run["solver"]),
         }
         kind, reason = outcome(run, allowed[row["scene"]])
-        found.append({**row, "outcome": kind, "reason": reason})
-    return found
+        outcomes.append({**row, "outcome": kind, "reason": reason})
+    return outcomes

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from polhode.harness.analysis.equal_error import TARGETS, over_table, seconds_to
+from polhode.harness.analysis.equal_error import STUDY_TARGETS, over_table, seconds_to
 from polhode.harness.analysis.frames import rows_of, where
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
@@ -24,7 +24,8 @@ from polhode.solvers.contract import Status
 
 def title(study: Any) -> str:
     """Problem and tolerances, as a figure names them."""
-    loosest, tightest = max(study.tolerances), min(study.tolerances)
+    loosest = max(study.tolerances)
+    tightest = min(study.tolerances)
     span = f"{loosest:g}" if loosest == tightest else f"{loosest:g} to {tightest:g}"
     return f"{study.name}, rtol {span}"
 
@@ -51,8 +52,8 @@ def draw(axes: Axes, frame: pd.DataFrame, study: Any) -> Axes:
 
 def draw_over(axes: Axes, frame: pd.DataFrame, study: Any, target: float) -> Axes:
     """The time of every solver to an error, against the study's parameter."""
-    name, *others = study.over
-    if others:
+    name, *more_parameters = study.over
+    if more_parameters:
         raise ValueError(f"over: got {', '.join(study.over)}, expected one parameter to draw along")
     table = over_table(frame, name, target)
     for solver, look in looks(table.columns).items():
@@ -78,7 +79,8 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     study.to_csv(folder / "runs.csv")
     study.to_json(folder / "runs.json")
-    settings, frame = study.settings(), study.frame
+    settings = study.settings()
+    frame = study.frame
     record = {name: settings[name] for name in ("machine", "versions")}
     record["date"] = datetime.now(UTC).isoformat()
     lines = header(title(study), command or "WorkPrecision.write", [record])
@@ -112,15 +114,14 @@ def _over_lines(study: Any, frame: pd.DataFrame, folder: Path) -> list[str]:
     lines = []
     if len(study.over) == 1:
         (name,) = study.over
-        for target in TARGETS:
+        for target in STUDY_TARGETS:
             table = over_table(frame, name, target)
             if table.dropna(how="all").empty:
                 continue
             lines += ["", f"## Time to an error of {short(target)}", ""]
-            rows = [
-                [f"{value:g}", *(_time(seconds) for seconds in row)]
-                for value, row in zip(table.index, table.to_numpy(float), strict=True)
-            ]
+            rows = []
+            for value, row in zip(table.index, table.to_numpy(float), strict=True):
+                rows.append([f"{value:g}", *map(_time, row)])
             lines += [markdown([name, *table.columns], rows)]
         figure = plt.figure(figsize=(8, 4.5))
         draw_over(figure.gca(), frame, study, 1e-6).legend(
@@ -141,12 +142,14 @@ def _time(seconds: float) -> str:
 def _fastest(frame: pd.DataFrame) -> list[str]:
     """Who is the fastest at each error, and the next one."""
     rows = []
-    for target in TARGETS:
+    for target in STUDY_TARGETS:
         ranked = sorted(seconds_to(frame, target).items(), key=itemgetter(1))
         if not ranked:
             continue
-        (solver, seconds), *rest = ranked
-        second = f"{rest[0][0]}, {in_two_digits(rest[0][1] / seconds)} × as long" if rest else "–"
+        (solver, seconds), *slower = ranked
+        second = (
+            f"{slower[0][0]}, {in_two_digits(slower[0][1] / seconds)} × as long" if slower else "–"
+        )
         rows.append([short(target), solver, duration(seconds), second])
     if not rows:
         return ["No solver reaches an error that the reference knows."]

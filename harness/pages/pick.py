@@ -44,13 +44,13 @@ def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
 
 def summary(scenes: Any) -> list[str]:
     """The evaluation in sentences, each with its target."""
-    known = scenes.dropna(subset=["plain", "seconds"])
+    timed = scenes.dropna(subset=["plain", "seconds"])
     strata = judged(scenes)
     return lines_of(
         "pick-summary",
         limits=heldout,
-        total=(known["asking"] + known["seconds"]).sum() / known["plain"].sum(),
-        plain=len(known),
+        total=(timed["asking"] + timed["seconds"]).sum() / timed["plain"].sum(),
+        plain=len(timed),
         count=len(scenes),
         met=int(scenes["met"].sum()),
         strata=[row for row in strata if row["stratum"] in heldout.STRATA],

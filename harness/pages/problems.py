@@ -18,7 +18,8 @@ from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.contract import Status
 
-TARGETS, PROFILED = (1e-3, 1e-6, 1e-9), 1e-6
+_TARGETS = (1e-3, 1e-6, 1e-9)  # Errors at the end to which the table gives the fastest solver.
+_PROFILED = 1e-6  # Error at the end of the figure of profiles.
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
@@ -27,25 +28,30 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     write_file(folder / "runs.csv", kept.to_csv(index=False))
     # With the columns that runs of scenes have.
     runs = kept.assign(form="", slow_uncertainty=0.0, slow_error=kept["error"])
-    groups = [(str(name), own) for name, own in runs.groupby("problem", sort=False)]
+    groups = [
+        (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)
+    ]
     save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     # Seconds to each error: a row for each error and problem, a column for each solver.
-    times: Any = costs(groups, TARGETS).droplevel(0, axis=1)
-    # Of problems that somebody solves and solvers that solve some.
-    profiled = times.loc[PROFILED].dropna(how="all").dropna(axis="columns", how="all")
+    times: Any = costs(groups, _TARGETS).droplevel(0, axis=1)
+    # Only problems that a solver solves, and solvers that solve a problem.
+    profiled = times.loc[_PROFILED].dropna(how="all").dropna(axis="columns", how="all")
     if not profiled.empty:
         save(profiles(profiled), folder, "profiles")
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
-    fastest = [[name, *(_winner(times.loc[target, name]) for target in TARGETS)] for name in names]
+    fastest = []
+    for name in names:
+        winners = [_winner(times.loc[target, name]) for target in _TARGETS]
+        fastest.append([name, *winners])
     status = runs["status"].astype(str)
     page = fill(
         "problems",
         header=header("Classical test problems", command, rows),
         sentence="" if profiled.empty else sentence(profiled),
-        profiled=PROFILED,
+        profiled=_PROFILED,
         tie=100 * (TIE - 1),
         fastest=markdown(
-            ["problem", *(f"fastest at {short(target)}" for target in TARGETS)], fastest
+            ["problem", *(f"fastest at {short(target)}" for target in _TARGETS)], fastest
         ),
         sources={name: PROBLEMS[name].source for name in names},
         failed=where(runs, (status != Status.REACHED_END) & (status != Status.TIME_LIMIT)).to_dict(

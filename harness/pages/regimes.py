@@ -11,21 +11,21 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.in_full import HYBRID, ran_in_full
-from polhode.harness.analysis.pareto import TIE, Cell, Method, cells, standings
+from polhode.harness.analysis.pareto import TIE, Cell, Method, Standing, cells, standings
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import short
-from polhode.harness.pages.figures.map_picture import ERRORS, HEADINGS, picture
+from polhode.harness.pages.figures.map_picture import HEADINGS, MAP_ERRORS, picture
 from polhode.harness.pages.figures.work_precision import profile_lines, save
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
 # From this duration on, in shear times, runs have a profile of their own.
-LONG = 5e4
+_LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the error."""
-CELL_COLUMNS = [
+_CELL_COLUMNS = [
     "scene",
     "error",
     "St",
@@ -67,12 +67,13 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
     counted = int(in_full[hybrid.index].sum())
     runs = where(runs, ~in_full)
     named = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
-    maps: Maps = {
-        (name, error): cells(own, error) for name, own in named.items() for error in ERRORS
-    }
+    maps: Maps = {}
+    for name, scene_runs in named.items():
+        for error in MAP_ERRORS:
+            maps[name, error] = cells(scene_runs, error)
     rows = []
-    for (name, error), found in maps.items():
-        for cell in found:
+    for (name, error), panel in maps.items():
+        for cell in panel:
             numbers = (
                 *(cell.winner or ("", "")),
                 cell.seconds,
@@ -83,34 +84,36 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
             rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
     write_file(
         folder / "cells.csv",
-        pd.DataFrame(rows, columns=CELL_COLUMNS).to_csv(index=False),
+        pd.DataFrame(rows, columns=_CELL_COLUMNS).to_csv(index=False),
         summed=True,
     )
     particles = []
-    for name, own in named.items():
-        scenes = [scene for each, scene in study.scenes if each == name]
+    for name, scene_runs in named.items():
+        scenes = [scene for scene_name, scene in study.scenes if scene_name == name]
         times = {scene.stokes: scene.time for scene in scenes}
-        save(picture([maps[name, error] for error in ERRORS], times), folder, name)
+        save(picture([maps[name, error] for error in MAP_ERRORS], times), folder, name)
         # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a
         # front.
         full, slow = (
-            {row.method: row for row in standings(own, error, maps[name, error])}
-            for error in ERRORS
+            {row.method: row for row in standings(scene_runs, error, maps[name, error])}
+            for error in MAP_ERRORS
         )
-        methods = [
-            {"method": method, "full": full[method], "slow": row}
-            | {
-                "failed": [
-                    f"{status.replace('_', ' ')} {number}"
-                    for status, number in row.failures.items()
-                ]
-            }
-            | {"seen": any(each.won + each.tied + each.front for each in (full[method], row))}
-            for method, row in slow.items()
-        ]
+        methods = []
+        for method, row in slow.items():
+            failures = row.failures.items()
+            methods.append(
+                {
+                    "method": method,
+                    "full": full[method],
+                    "slow": row,
+                    "failed": [f"{status.replace('_', ' ')} {n}" for status, n in failures],
+                    "seen": _leads_somewhere(full[method]) or _leads_somewhere(row),
+                }
+            )
         particles.append({"name": name, "axes": scenes[0].ellipsoid.semi_axes, "methods": methods})
-    far = [scene.stokes for _, scene in study.scenes if scene.time >= LONG]
-    apart, title = where(runs, runs["stokes"].isin(far)), f"The same over t ≥ {short(LONG)} alone"
+    far = [scene.stokes for _, scene in study.scenes if scene.time >= _LONG]
+    apart = where(runs, runs["stokes"].isin(far))
+    title = f"The same over t ≥ {short(_LONG)} alone"
     long = profile_lines(apart, folder, "profiles-long", title)
     page = fill(
         "regimes",
@@ -118,8 +121,8 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
         in_full=counted,
         hybrid=len(hybrid),
         sentences=[
-            f"The {name}, {sentence(found, ERRORS[error][0])}"
-            for (name, error), found in maps.items()
+            f"The {name}, {sentence(panel, MAP_ERRORS[error][0])}"
+            for (name, error), panel in maps.items()
         ],
         particles=particles,
         profiles=[*profile_lines(runs, folder), *long],
@@ -145,15 +148,23 @@ def read_cells(path: Path) -> Maps:
     return maps
 
 
-def sentence(found: Sequence[Cell], what: str) -> str:
-    """What a map shows: which kind of method wins where, by how much, and in which form."""
-    won = {
-        side: [cell for cell in found if cell.winner and cell.winner.side == side]
-        for side in HEADINGS
-    }
+def _leads_somewhere(standing: Standing) -> bool:
+    """Whether a method wins or ties in a cell of a map, or lies on a front."""
+    return standing.won + standing.tied + standing.front > 0
+
+
+def sentence(panel: Sequence[Cell], quantity: str) -> str:
+    """A map in words: which kind of method wins where, by how much, and in which form."""
+    won: dict[str, list[Cell]] = {side: [] for side in HEADINGS}
+    for cell in panel:
+        if cell.winner:
+            won[cell.winner.side].append(cell)
     forms = Counter(
-        cell.winner.form for cell in found if cell.winner and cell.winner.side != "averaged"
+        cell.winner.form for cell in panel if cell.winner and cell.winner.side != "averaged"
     )
-    leads = {side: [cell.lead for cell in own if not isnan(cell.lead)] for side, own in won.items()}
-    halves = {side: median(own) for side, own in leads.items() if own}
-    return fill("regimes-sentence", what=what, won=won, leads=halves, forms=forms.most_common())
+    halves = {}
+    for side, side_cells in won.items():
+        leads = [cell.lead for cell in side_cells if not isnan(cell.lead)]
+        if leads:
+            halves[side] = median(leads)
+    return fill("regimes-sentence", what=quantity, won=won, leads=halves, forms=forms.most_common())

@@ -21,11 +21,11 @@ from polhode.harness.studies.study import Study
 from polhode.solvers.contract import Status
 
 # Errors of L and E over I_max at which solvers are compared.
-ERRORS = (1e-4, 1e-6, 1e-8)
+_ERRORS = (1e-4, 1e-6, 1e-8)
 # The error of the figure.
-SHOWN_ERROR = 1e-6
+_SHOWN_ERROR = 1e-6
 # What the shared records leave out: there are 1500 of them.
-LEFT_OUT = (
+_LEFT_OUT = (
     "key",
     "errors",
     "model_orientation_error",
@@ -97,7 +97,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page, its figure and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     shared = [
-        {name: value for name, value in record.items() if name not in LEFT_OUT}
+        {name: value for name, value in record.items() if name not in _LEFT_OUT}
         for record in records
     ]
     export(shared, folder / "records.jsonl")
@@ -113,7 +113,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
             first,
             right=(1, 2, 4),
         ),
-        error=SHOWN_ERROR,
+        error=_SHOWN_ERROR,
         jacobians=markdown(
             [
                 "solver",
@@ -143,7 +143,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
             right=range(2, 8),
         ),
         forms=markdown(
-            ["body", "St", *FORMS], [_form_cells(row) for row in forms(runs)], right=range(1, 6)
+            ["body", "St", *_FORMS], [_form_cells(row) for row in forms(runs)], right=range(1, 6)
         ),
         tight=min(study.tolerances),
         stopped=stopped(runs, min(study.tolerances)),
@@ -180,7 +180,7 @@ def winners(runs: Sequence[Run]) -> list[Winner]:
     """The winner of each body, St and error that some run meets, in any form, back end and Jacobian."""
     found = []
     places = dict.fromkeys((run.scene, run.stokes) for run in runs)
-    for (scene, stokes), error in product(places, ERRORS):
+    for (scene, stokes), error in product(places, _ERRORS):
         here = [
             run for run in runs if (run.scene, run.stokes) == (scene, stokes) and run.meets(error)
         ]
@@ -192,7 +192,8 @@ def winners(runs: Sequence[Run]) -> list[Winner]:
 
 
 def _winner_cells(winner: Winner) -> list[str]:
-    run, other = winner.run, winner.other
+    run = winner.run
+    other = winner.other
     lead = "alone" if other is None else f"× {winner.lead:.3g}"
     if winner.tied:
         lead = f"tie ({lead})"
@@ -261,7 +262,7 @@ def _pair_cells(pair: Pair) -> list[str]:
 
 # --- forms -------------------------------------------------------------------------------------------
 
-FORMS = ("quaternion", "angles", "axis")
+_FORMS = ("quaternion", "angles", "axis")
 
 
 def forms(runs: Sequence[Run]) -> list[tuple[str, float, dict[str, Run]]]:
@@ -270,7 +271,7 @@ def forms(runs: Sequence[Run]) -> list[tuple[str, float, dict[str, Run]]]:
     for scene, stokes in dict.fromkeys((run.scene, run.stokes) for run in runs):
         best: dict[str, Run] = {}
         for run in runs:
-            if (run.scene, run.stokes) == (scene, stokes) and run.meets(SHOWN_ERROR):
+            if (run.scene, run.stokes) == (scene, stokes) and run.meets(_SHOWN_ERROR):
                 kind = "angles" if run.form in _ANGLES else run.form.removeprefix("spheroid-")
                 if kind not in best or run.seconds < best[kind].seconds:
                     best[kind] = run
@@ -282,7 +283,7 @@ def _form_cells(row: tuple[str, float, dict[str, Run]]) -> list[str]:
     scene, stokes, best = row
     cells = [
         f"{duration(best[kind].seconds)} ({best[kind].solver})" if kind in best else "–"
-        for kind in FORMS
+        for kind in _FORMS
     ]
     return [scene, short(stokes), *cells]
 
@@ -369,7 +370,7 @@ def figure(runs: Sequence[Run]) -> Figure:
     drawing, grid = plt.subplots(1, len(scenes), figsize=_SIZE, sharey=True, layout="constrained")
     styles = looks(run.solver for run in runs)
     for axes, scene in zip(list(grid) if len(scenes) > 1 else [grid], scenes, strict=True):
-        own = [run for run in runs if run.scene == scene and run.meets(SHOWN_ERROR)]
+        own = [run for run in runs if run.scene == scene and run.meets(_SHOWN_ERROR)]
         for solver, look in styles.items():
             numbers = sorted({run.stokes for run in own if run.solver == solver})
             times = [
@@ -389,7 +390,7 @@ def figure(runs: Sequence[Run]) -> Figure:
         axes.set(
             xscale="log",
             yscale="log",
-            title=f"{scene}: time in ms to an error of {power(SHOWN_ERROR)}",
+            title=f"{scene}: time in ms to an error of {power(_SHOWN_ERROR)}",
         )
         axes.title.set_fontsize(8)
         axes.set_xlabel("Stokes number St", fontsize=8)

@@ -10,21 +10,21 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from polhode.harness.common.text import FORMATS, WORDING, cells, markdown
 
-TEXTS = Path(__file__).parent / "texts"
-TABLES = tomllib.loads((TEXTS / "tables.toml").read_text(encoding="utf-8"))
+_TEXTS = Path(__file__).parent / "texts"
+_TABLES = tomllib.loads((_TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
-    """The rows as Markdown, by one of `texts/tables.toml`; `fields` are those of its headings."""
-    known = TABLES[name]
+    """The rows as Markdown, by one of `texts/tables.toml`; `fields` fill the headings."""
+    spec = _TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
-    right = known["right"] if "right" in known else range(known.get("left", 1), len(columns))
+    right = spec["right"] if "right" in spec else range(spec.get("left", 1), len(columns))
     return markdown([*columns], cells(rows, columns), right=right)
 
 
 def columns_of(name: str) -> dict[str, str]:
     """Headings and cells of one of `texts/tables.toml`."""
-    return {head: cell for head, cell in TABLES[name].items() if head not in ("left", "right")}
+    return {head: cell for head, cell in _TABLES[name].items() if head not in ("left", "right")}
 
 
 @cache
@@ -36,15 +36,17 @@ def templates(folder: Path, **options: Any) -> Environment:
         "lstrip_blocks": True,
         "keep_trailing_newline": True,
     }
-    found = Environment(loader=FileSystemLoader(folder), finalize=_listed, **options)
-    found.filters |= {name: partial(WORDING.format_field, format_spec=name) for name in FORMATS}
-    found.filters |= {
+    environment = Environment(loader=FileSystemLoader(folder), finalize=_listed, **options)
+    environment.filters |= {
+        name: partial(WORDING.format_field, format_spec=name) for name in FORMATS
+    }
+    environment.filters |= {
         "form": WORDING.format_field,
         "bullets": bullets,
         "lines": "\n".join,
         "table": table,
     }
-    return found
+    return environment
 
 
 def _listed(value: Any) -> Any:
@@ -58,7 +60,7 @@ def _listed(value: Any) -> Any:
 
 def fill(name: str, /, **fields: Any) -> str:
     """The text of that name with its fields."""
-    return templates(TEXTS).get_template(f"{name}.md").render(fields)
+    return templates(_TEXTS).get_template(f"{name}.md").render(fields)
 
 
 def lines_of(name: str, /, **fields: Any) -> list[str]:

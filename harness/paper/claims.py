@@ -1,6 +1,7 @@
 """The claims of the paper and the questions beyond it, in the paper's order."""
 
 from functools import cache
+from itertools import chain
 
 from polhode.harness.paper.item import Item, Section
 from polhode.harness.paper.sections import (
@@ -15,28 +16,28 @@ from polhode.harness.paper.sections import (
     spheroids,
 )
 
-SECTIONS = (
-    periods.SECTION,
-    limits.SECTION,
-    spheroids.SECTION,
-    clocks.SECTION,
-    ellipsoids.SECTION,
-    rest.SECTION,
-    remarks.SECTION,
-    appendix.SECTION,
-    beyond.SECTION,
+_SECTIONS = (
+    periods.PERIODS_SECTION,
+    limits.LIMITS_SECTION,
+    spheroids.SPHEROIDS_SECTION,
+    clocks.CLOCKS_SECTION,
+    ellipsoids.ELLIPSOIDS_SECTION,
+    rest.REST_SECTION,
+    remarks.REMARKS_SECTION,
+    appendix.APPENDIX_SECTION,
+    beyond.BEYOND_SECTION,
 )
 
 
 def sections() -> tuple[Section, ...]:
     """All sections, in order."""
-    return SECTIONS
+    return _SECTIONS
 
 
 @cache
 def items() -> tuple[Item, ...]:
     """All items, in order."""
-    return tuple(item for section in SECTIONS for item in section.items)
+    return tuple(chain.from_iterable(section.items for section in _SECTIONS))
 
 
 def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
@@ -46,7 +47,7 @@ def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
     """
     chosen = {}
     groups = {item.name: (item,) for item in items()}
-    groups |= {section.name: section.items for section in SECTIONS}
+    groups |= {section.name: section.items for section in _SECTIONS}
     for name in names:
         if name not in groups:
             raise ValueError(f"item: got {name!r}, expected one of {', '.join(groups)}")

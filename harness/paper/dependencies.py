@@ -1,4 +1,4 @@
-"""What an experiment computes with: the definitions and modules that its `compute` reaches by import.
+"""Code and data of an experiment: the definitions and modules that its `compute` reaches by import.
 
 Data that were kept are today's if none of these has changed. Inside `harness/paper` single
 definitions count, so that words, ranges and figures may change beside the computation. Elsewhere
@@ -20,17 +20,17 @@ from polhode.harness.paper.item import Experiment
 from polhode.models.catalogue import FORMS
 from polhode.solvers.catalogue import SOLVERS
 
-PACKAGE = "polhode"
-PAPER = "polhode.harness.paper"
+_PACKAGE = "polhode"
+_PAPER = "polhode.harness.paper"
 # Their entries count one by one, by name.
-CATALOGUES = ("polhode.models.catalogue", "polhode.solvers.catalogue")
+_CATALOGUES = ("polhode.models.catalogue", "polhode.solvers.catalogue")
 # Data that code reads: they count with the module whose name they carry, or that names them.
-DATA_SUFFIXES = (".toml", ".ll", ".json")
-# The method of an experiment that makes its data, and those that use them.
-COMPUTATION = "compute"
-PRESENTATION = ("judge", "draw", "expected")
+_DATA_SUFFIXES = (".toml", ".ll", ".json")
+# The method of an experiment that makes its data, and the methods that use them.
+_COMPUTATION = "compute"
+_PRESENTATION = ("judge", "draw", "expected")
 # The class variable that says when to begin an item, and changes no number of it.
-DURATION = "seconds"
+_DURATION = "seconds"
 
 
 @dataclass
@@ -52,14 +52,15 @@ def code_key(experiment: Experiment) -> str:
 def _key_of(module: str, name: str) -> str:
     reached = reached_from(module, name)
     definitions = [
-        f"{place}.{own}: {ast.dump(node)}" for (place, own), node in reached.definitions.items()
+        f"{place}.{definition}: {ast.dump(node)}"
+        for (place, definition), node in reached.definitions.items()
     ]
     files = [meaning(path) for path in files_of(reached)]
     return digest([sorted(definitions), files])
 
 
 def reached_from(module: str, name: str) -> _Reached:
-    """What a definition of a module reaches, with all catalogue entries that it names."""
+    """All that a definition of a module reaches, with the catalogue entries that it names."""
     reached = _Reached()
     _reach_definition(module, name, reached)
     before = -1
@@ -83,7 +84,7 @@ def files_of(reached: _Reached) -> list[Path]:
         strings = set(_strings(_tree(module)))
         for beside in path.parent.iterdir():
             named = beside.name in strings or beside.stem == path.stem
-            if beside.suffix in DATA_SUFFIXES and named:
+            if beside.suffix in _DATA_SUFFIXES and named:
                 files.add(beside)
     return sorted(files)
 
@@ -109,23 +110,23 @@ def _reach_definition(module: str, name: str, reached: _Reached) -> None:
 def _computing(node: ast.AST) -> ast.AST:
     """A definition without docstrings; of an experiment only what its `compute` uses."""
     # Parsed anew: the node that is kept is changed.
-    own = ast.parse(ast.unparse(node))
-    for inner in ast.walk(own):
+    tree = ast.parse(ast.unparse(node))
+    for inner in ast.walk(tree):
         if isinstance(inner, ast.ClassDef | ast.FunctionDef):
             if ast.get_docstring(inner) is not None:
                 inner.body = inner.body[1:] or [ast.Pass()]
             if isinstance(inner, ast.ClassDef):
                 inner.body = _used_by_compute(inner.body)
-    return own
+    return tree
 
 
 def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
-    """Of an experiment's body the fields that are part of its settings, `compute` and the methods that it calls."""
+    """Statements of an experiment's body: fields of its settings, `compute`, and the methods that it calls."""
     methods = {part.name: part for part in body if isinstance(part, ast.FunctionDef)}
-    if not set(PRESENTATION) & set(methods):
+    if not set(_PRESENTATION) & set(methods):
         return body
     used: set[str] = set()
-    waiting = [COMPUTATION]
+    waiting = [_COMPUTATION]
     while waiting:
         name = waiting.pop()
         if name in methods and name not in used:
@@ -143,7 +144,7 @@ def _used_by_compute(body: list[ast.stmt]) -> list[ast.stmt]:
 
 def _left_out_of_settings(part: ast.stmt) -> bool:
     """Whether a statement is a field with ``repr=False``, which only judges or draws, or the item's duration."""
-    if isinstance(part, ast.AnnAssign) and ast.unparse(part.target) == DURATION:
+    if isinstance(part, ast.AnnAssign) and ast.unparse(part.target) == _DURATION:
         return True
     value = part.value if isinstance(part, ast.AnnAssign) else None
     if not isinstance(value, ast.Call):
@@ -156,7 +157,7 @@ def _reach(module: str, name: str, reached: _Reached) -> None:
     submodule = f"{module}.{name}"
     if source_of(submodule):
         _reach_module(submodule, reached)
-    elif module.startswith(PAPER):
+    elif module.startswith(_PAPER):
         _reach_definition(module, name, reached)
     else:
         _reach_module(module, reached)
@@ -168,10 +169,10 @@ def _reach_module(module: str, reached: _Reached) -> None:
         return
     reached.modules.add(module)
     tree = _tree(module)
-    if module not in CATALOGUES:
+    if module not in _CATALOGUES:
         reached.strings |= set(_strings(tree))
     else:
-        # Strings of functions name entries; those of the table are the table.
+        # Strings of functions name entries; strings of the table are the table.
         for node in tree.body:
             if isinstance(node, ast.FunctionDef):
                 reached.strings |= set(_strings(node))
@@ -181,7 +182,7 @@ def _reach_module(module: str, reached: _Reached) -> None:
 
 @cache
 def _tree(module: str) -> ast.Module:
-    # An experiment may stand outside the package, as those of tests do.
+    # Experiments of tests stand outside the package.
     path = source_of(module) or Path(str(sys.modules[module].__file__))
     return ast.parse(path.read_bytes())
 
@@ -189,28 +190,28 @@ def _tree(module: str) -> ast.Module:
 @cache
 def _definitions(module: str) -> dict[str, ast.AST]:
     """Functions, classes and assigned names of a module."""
-    found: dict[str, ast.AST] = {}
+    definitions: dict[str, ast.AST] = {}
     for node in _tree(module).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found[node.name] = node
+            definitions[node.name] = node
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             for target in targets:
                 for inner in ast.walk(target):
                     if isinstance(inner, ast.Name):
-                        found[inner.id] = node
-    return found
+                        definitions[inner.id] = node
+    return definitions
 
 
 @cache
 def _imports(module: str) -> dict[str, tuple[str, str]]:
     """Names that a module imports from the package: name to (module, name there)."""
-    found: dict[str, tuple[str, str]] = {}
+    imports: dict[str, tuple[str, str]] = {}
     for node in ast.walk(_tree(module)):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == PACKAGE:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == _PACKAGE:
             for alias in node.names:
-                found[alias.asname or alias.name] = (str(node.module), alias.name)
-    return found
+                imports[alias.asname or alias.name] = (str(node.module), alias.name)
+    return imports
 
 
 def _strings(node: ast.AST) -> Iterator[str]:
@@ -223,7 +224,7 @@ def _strings(node: ast.AST) -> Iterator[str]:
 @cache
 def source_of(module: str) -> Path | None:
     """The file of a module of the package; None if there is none of that name."""
-    if module.split(".")[0] != PACKAGE:
+    if module.split(".")[0] != _PACKAGE:
         return None
     try:
         spec = importlib.util.find_spec(module)

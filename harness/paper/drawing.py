@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import cycle
+from itertools import chain, cycle
 from pathlib import Path
 from typing import Any
 
@@ -25,19 +25,24 @@ from polhode.harness.paper.tables import groups
 Values = str | Callable[[Table], Any]
 
 # Okabe and Ito's palette, safe for colour-blind readers.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE, YELLOW = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#F0E442",
-)  # fmt: skip
+BLACK = "#000000"
+ORANGE = "#E69F00"
+SKY = "#56B4E9"
+GREEN = "#009E73"
+BLUE = "#0072B2"
+VERMILLION = "#D55E00"
+PURPLE = "#CC79A7"
+YELLOW = "#F0E442"
 CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
-# Of the averaged run and of full ones at several St, in turn; the planes have three at most: green
-# is a line of theirs.
+# Colours of the averaged run and of full ones at several St, in turn. The planes have three runs at
+# most: green is a line of theirs.
 AVERAGED = BLACK
 RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
-BOUND = "0.55"
+BOUND = "0.55"  # Grey of the bounds of a plane.
 NODE = PURPLE
-FORMATS = ("png", "svg")
-RESOLUTION = 150
-STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
+FIGURE_FORMATS = ("png", "svg")
+_RESOLUTION = 150  # Dots per inch.
+_STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
 
 
 @contextmanager
@@ -45,7 +50,7 @@ def style() -> Iterator[None]:
     """Matplotlib with the settings of the reproduction, whatever the user's own are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update({**STYLE, "axes.prop_cycle": cycler(color=CYCLE)})  # pyright: ignore
+        mpl.rcParams.update({**_STYLE, "axes.prop_cycle": cycler(color=CYCLE)})  # pyright: ignore
         yield
 
 
@@ -62,8 +67,8 @@ def panels(
     figure = Figure(figsize=(width * columns, height * rows), layout=layout)
     places: Any = np.arange(rows * columns).reshape(rows, columns).tolist()
     kinds: dict[Any, Any] = {place: {"projection": "3d"} for place in spatial}
-    found = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
-    return figure, [found[place] for row in places for place in row]
+    axes_by_place = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
+    return figure, [axes_by_place[place] for place in chain.from_iterable(places)]
 
 
 def column(table: Table, values: Values) -> Any:
@@ -136,7 +141,9 @@ def require_rows(table: Table) -> None:
 def unit_sphere(axes: Any) -> None:
     """Prepare three-dimensional axes for paths on the unit sphere."""
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
-    x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
+    x = np.cos(u) * np.sin(v)
+    y = np.sin(u) * np.sin(v)
+    z = np.cos(v)
     axes.computed_zorder = False
     axes.plot_wireframe(x, y, z, color="0.85", linewidth=0.4, zorder=0)
     white_panes(axes)
@@ -166,10 +173,10 @@ def draw_broken(axes: Axes, x: np.ndarray, y: np.ndarray, paths: np.ndarray, **s
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Save a figure; the same figure gives the same files. Few colours keep the PNG small."""
-    for ending in FORMATS:
+    for ending in FIGURE_FORMATS:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
-        figure.savefig(drawn, format=ending, dpi=RESOLUTION, metadata=metadata)
+        figure.savefig(drawn, format=ending, dpi=_RESOLUTION, metadata=metadata)
         if ending == "png":
             with Image.open(drawn) as image:
                 drawn = BytesIO()

@@ -1,4 +1,4 @@
-"""What an item of the paper's reproduction is: a claim, the data that test it, a figure, a verdict."""
+"""An item of the paper's reproduction: a claim, the data that test it, a figure, a verdict."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,7 +33,7 @@ class Grid(StrEnum):
 
 
 class Word(StrEnum):
-    """What became of a claim; `harness/pages/texts/paper.md` says what each word means."""
+    """The outcome of a claim; `harness/pages/texts/paper.md` says what each word means."""
 
     CONFIRMED = "confirmed"
     SHARPENED = "sharpened"
@@ -91,7 +91,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the data say about a claim, and the caption of their figure."""
+    """The answer of the data to a claim, and the caption of their figure."""
 
     earned: Word
     sentence: str

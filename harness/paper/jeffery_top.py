@@ -23,17 +23,17 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 # Sampling step, in inverse shear rates, between which section points are interpolated: the
 # interpolation errs by 1e-4 at most.
 _STEP = 0.4
-_TOLERANCE = 1e-15
-# Of the tangents: their growth is wanted to a percent.
+_TOLERANCE = 1e-15  # Of the orbits, without their tangents.
+# Tolerance of the tangents: a percent of their growth is enough.
 _TANGENT_TOLERANCE = 1e-12
-# Numbers of the state and of the parameters of the form `jeffery`.
-_DIMENSION = 4
+# Sizes of the form `jeffery`.
+_DIMENSION = 4  # Numbers of a state.
 _PARAMETERS = 6
 # Halvings of an interval in which a section point is looked for: down to rounding.
 _ROOT_HALVINGS = 50
 # Beside ψ = 0, which some orbits never leave.
 PSI = 1e-9
-# Where ends of a layer are looked for, in rad from θ = π/2.
+# The search for ends of a layer covers this interval, in rad from θ = π/2.
 _SEARCHED = (0.0, 1.2)
 # Orbits that each round of the search for one end of a layer takes.
 _PROBES = 8
@@ -53,14 +53,14 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 
 
 def chaos_border(turns: float) -> float:
-    """Logarithm of the stretching above which an orbit is chaotic: of a regular one it grows like that of the turns."""
+    """Logarithm of the stretching above which an orbit is chaotic; on a regular one it grows like log(turns)."""
     return 3 * float(np.log(turns))
 
 
 def stretching(
     ellipsoid: Ellipsoid, angles: Sequence[Triple], half_turns: Sequence[int]
 ) -> np.ndarray:
-    """Logarithm of the stretching of a tangent of each orbit after so many half turns, shape (n, len(half_turns)).
+    """Logarithm of the stretching of a tangent of each orbit at `half_turns`, shape (n, len(half_turns)).
 
     Orbits start at Euler angles (θ, φ, ψ) in rad; the half turns increase. The tangent leads to the
     body turned a little about its axis (1, 1, 1), and is brought back to unit length after each
@@ -72,7 +72,7 @@ def stretching(
     tangents = _turned_aside(quaternions)
     integrator.pars[:] = np.array(shares(ellipsoid))[:, None]
     duration = half_turn(ellipsoid)
-    found = np.empty((len(angles), len(half_turns)))
+    logarithms = np.empty((len(angles), len(half_turns)))
     for first in range(0, len(angles), lanes):
         together = quaternions[first : first + lanes]
         integrator.set_time(0.0)
@@ -86,13 +86,13 @@ def stretching(
             integrator.state[_DIMENSION:] /= length
             stretched += np.log(length)
             if turn in half_turns:
-                rows = found[first : first + lanes]
+                rows = logarithms[first : first + lanes]
                 rows[:, half_turns.index(turn)] = stretched[: len(rows)]
         if not np.isfinite(stretched).all():
             raise RuntimeError(
                 "the run of an orbit and its tangent failed, expected finite lengths"
             )
-    return found
+    return logarithms
 
 
 def _turned_aside(quaternions: np.ndarray) -> np.ndarray:

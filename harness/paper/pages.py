@@ -21,7 +21,7 @@ from polhode.harness.paper.drawing import save, style
 from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Word
 
 # Verdicts in the order of the index: first what does not hold as it is printed.
-FIRST_WORDS = (
+_FIRST_WORDS = (
     Word.NOT_CONFIRMED,
     Word.CORRECTED,
     Word.UNDECIDED,
@@ -30,33 +30,32 @@ FIRST_WORDS = (
     Word.MEASURED,
 )
 # Variables that libraries of linear algebra read when they are loaded. Threads of several processes
-# that wait for each other on the same cores took 90 times as long as one thread each.
-THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+# wait for each other on the same cores: 90 times the wall time of one thread each.
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 # Digits that the pages write of a value without an interval.
-DIGITS = 4
-NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
+_DIGITS = 4
+_NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
 def write_pages(folder: Path, sections: Sequence[Section]) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
-    found = {
-        item.name: store.judged(folder / own.name, item) for own in sections for item in own.items
-    }
+    judgements = {}
     for section in sections:
-        parts = [_described(section, item, found[item.name]) for item in section.items]
+        for item in section.items:
+            judgements[item.name] = store.judged(folder / section.name, item)
+    for section in sections:
+        parts = [_described(section, item, judgements[item.name]) for item in section.items]
         write_file(
-            folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{NOTICE}\n", *parts])
+            folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{_NOTICE}\n", *parts])
         )
-    write_file(folder / "README.md", _index(sections, found))
+    write_file(folder / "README.md", _index(sections, judgements))
 
 
-def _described(section: Section, item: Item, found: store.Judged) -> str:
-    """What the page of a section says of an item."""
-    if isinstance(found, str):
-        return (
-            f"## {item.title}\n\n**Claim.** {item.claim}\n\n{found}: `polhode paper {item.name}`.\n"
-        )
-    data, verdict, *_ = found
+def _described(section: Section, item: Item, judgement: store.Judged) -> str:
+    """The text on an item on the page of its section."""
+    if isinstance(judgement, str):
+        return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{judgement}: `polhode paper {item.name}`.\n"
+    data, verdict, *_ = judgement
     files = [f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data]
     rows = [
         _cells(number.what, measured(number), allowed(number), reason(number))
@@ -98,7 +97,7 @@ def measured(number: Number) -> str:
 
 def last_unit(number: Number) -> float:
     """One unit of the last digit that is written of a value."""
-    sizes = [abs(number.value) * 10.0 ** (1 - DIGITS)]
+    sizes = [abs(number.value) * 10.0 ** (1 - _DIGITS)]
     if number.interval is not None:
         sizes.append(number.interval[1] - number.interval[0])
     largest = max((size for size in sizes if isfinite(size)), default=0.0)
@@ -125,15 +124,17 @@ def reason(number: Number) -> str:
     return number.expected.reason if number.expected else ""
 
 
-def _digits(value: float, count: int = DIGITS) -> str:
+def _digits(value: float, count: int = _DIGITS) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
-def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> str:
-    known = {name: content for name, content in found.items() if not isinstance(content, str)}
-    words = Counter(content[1].word for content in known.values())
-    stale = [name for name, content in known.items() if not content[2]]
-    coarse = [name for name, content in known.items() if content[3] is not Grid.FULL]
+def _index(sections: Sequence[Section], judgements: Mapping[str, store.Judged]) -> str:
+    computed = {
+        name: content for name, content in judgements.items() if not isinstance(content, str)
+    }
+    words = Counter(content[1].word for content in computed.values())
+    stale = [name for name, content in computed.items() if not content[2]]
+    coarse = [name for name, content in computed.items() if content[3] is not Grid.FULL]
     remarks = (
         f"**Made on the reduced grid, a look, not a result: {', '.join(coarse)}.**\n\n"
         if coarse
@@ -141,35 +142,33 @@ def _index(sections: Sequence[Section], found: Mapping[str, store.Judged]) -> st
     )
     if stale:
         remarks += f"Made by older code, to be computed again: {', '.join(stale)}.\n\n"
-    rows = [
-        _index_row(section, item, found[item.name])
-        for section in sections
-        for item in section.items
-    ]
+    rows = []
+    for section in sections:
+        rows += [_index_row(section, item, judgements[item.name]) for item in section.items]
     # Verdicts that say the most first; in the paper's order among each other.
-    order = [*map(str, FIRST_WORDS), *sorted({row[0] for row in rows} - set(FIRST_WORDS))]
+    order = [*map(str, _FIRST_WORDS), *sorted({row[0] for row in rows} - set(_FIRST_WORDS))]
     rows.sort(key=lambda row: order.index(row[0]))
     return fill(
         "paper",
-        count=len(found),
+        count=len(judgements),
         counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
-        notice=NOTICE,
+        notice=_NOTICE,
         remarks=remarks,
         items=markdown(["verdict", "section", "item", "claim", "number"], rows),
-        sections=", ".join(f"[{each.title}]({each.name}.md)" for each in sections),
+        sections=", ".join(f"[{section.title}]({section.name}.md)" for section in sections),
     )
 
 
-def _index_row(section: Section, item: Item, found: store.Judged) -> list[str]:
+def _index_row(section: Section, item: Item, judgement: store.Judged) -> list[str]:
     anchor = "".join(
         letter for letter in item.title.lower() if letter.isalnum() or letter in " -_"
     ).replace(" ", "-")
     name = f"[{item.name}]({section.name}.md#{anchor})"
-    if isinstance(found, str):
-        return _cells(found, section.name, name, item.claim, "")
-    first = found[1].numbers[0]
+    if isinstance(judgement, str):
+        return _cells(judgement, section.name, name, item.claim, "")
+    first = judgement[1].numbers[0]
     number = f"{first.what}: {measured(first)}"
-    return _cells(found[1].word, section.name, name, item.claim, number)
+    return _cells(judgement[1].word, section.name, name, item.claim, number)
 
 
 def run(
@@ -190,9 +189,9 @@ def run(
     began = perf_counter()
     data: dict[str, Data] = {}
     for item in items:
-        found = None if force else store.read(folder / section_of(item).name, item)
-        if found is not None and (redraw or found[1:] == (True, grid)):
-            data[item.name] = found[0]
+        stored = None if force else store.read(folder / section_of(item).name, item)
+        if stored is not None and (redraw or stored[1:] == (True, grid)):
+            data[item.name] = stored[0]
     missing = [item for item in items if item.name not in data]
     report(f"{len(items)} items, {len(missing)} to compute, {processes} at a time")
     outcomes = _kept(data)
@@ -215,7 +214,7 @@ def run(
                         item.name,
                     )
                 words = str(item.experiment.judge(outcome.data).word)
-            except store.FAILURES as error:
+            except store.ITEM_FAILURES as error:
                 outcome = replace(outcome, failure=str(error))
         if outcome.failure:
             failed.append(item.name)
@@ -281,8 +280,8 @@ def _begun(item: Item) -> str:
 @contextmanager
 def _single_threaded_children() -> Iterator[None]:
     """Let processes that are spawned here use one thread for linear algebra: each has a core of its own."""
-    before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
     try:
         yield
     finally:
@@ -303,6 +302,6 @@ def _computed(item: Item, folder: Path, grid: Grid) -> _Outcome:
     try:
         parts = item.experiment.compute(grid)
         data = store.write(folder / section_of(item).name, item, grid, parts)
-    except store.FAILURES as error:
+    except store.ITEM_FAILURES as error:
         return _Outcome(item.name, None, perf_counter() - start, str(error))
     return _Outcome(item.name, data, perf_counter() - start)

@@ -1,4 +1,4 @@
-"""What the L_z–E phase planes share: slow trajectories with L along the vorticity, parabolas, fixed points."""
+"""Common parts of the L_z–E phase planes: slow trajectories with L along the vorticity, parabolas, fixed points."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ ABOVE_PINCH = 0.2
 REACHED = 1e-2
 POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
 # Markers of fixed points and their sizes.
-MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
+_MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
 
 
 def plane_path(ellipsoid: Ellipsoid, momentum: float, energy: float, slow_times: np.ndarray) -> Run:
@@ -106,7 +106,7 @@ def draw_point(
     axes: Axes, stability: str, place: tuple[float, ...] = (), text: str | None = None
 ) -> None:
     """Draw a fixed point with the marker of its stability; without a place it stands in the legend alone."""
-    marker, size = MARKERS[stability]
+    marker, size = _MARKERS[stability]
     x, y = place or ([], [])
     axes.scatter(
         x,

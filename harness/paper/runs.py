@@ -1,4 +1,4 @@
-"""What several items need: full and averaged solutions, starts with L along the vorticity."""
+"""Runs for several items: full and averaged solutions, starts with L along the vorticity."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-TOLERANCE = 1e-12
+RUN_TOLERANCE = 1e-12  # Tolerance of runs unless an item gives another.
 # A run takes seconds; a machine that sleeps or does other work may hold it up for minutes.
-MAX_SECONDS = 1000.0
-SOLVER = "taylor"
+_MAX_SECONDS = 1000.0
+_RUN_SOLVER = "taylor"
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,17 @@ def run_form(
     form: Form,
     scene: Scene,
     times: np.ndarray,
-    tolerance: float = TOLERANCE,
+    tolerance: float = RUN_TOLERANCE,
     *,
-    solver: str = SOLVER,
+    solver: str = _RUN_SOLVER,
     partial: bool = False,
 ) -> Run:
     """Solution of a form at times increasing from 0; one that ends early is an error, or with `partial` cut short.
 
-    Where the solver's library is missing, one of the same kind runs it.
+    A solver of the same kind runs it if the solver's library is missing.
     """
     solution = solve(
-        form.problem(scene), available_like(solver), tolerance, times, max_seconds=MAX_SECONDS
+        form.problem(scene), available_like(solver), tolerance, times, max_seconds=_MAX_SECONDS
     )
     if not (solution.success or partial):
         raise RuntimeError(
@@ -64,19 +64,23 @@ def run_form(
 
 
 def full_run(
-    scene: Scene, times: np.ndarray, tolerance: float = TOLERANCE, *, solver: str = SOLVER
+    scene: Scene, times: np.ndarray, tolerance: float = RUN_TOLERANCE, *, solver: str = _RUN_SOLVER
 ) -> Run:
     """Solution of the full equations at times in units of the inverse shear rate."""
     return run_form(find_form(full_form(scene)), scene, times, tolerance, solver=solver)
 
 
-def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = SOLVER) -> Run:
+def averaged_run(scene: Scene, slow_times: np.ndarray, *, solver: str = _RUN_SOLVER) -> Run:
     """Solution of the averaged equations at slow times."""
     return run_form(find_form(averaged_form(scene)), scene, slow_times, solver=solver)
 
 
 def slow_run(
-    ellipsoid: Ellipsoid, slow: Sequence[float], slow_times: np.ndarray, *, solver: str = SOLVER
+    ellipsoid: Ellipsoid,
+    slow: Sequence[float],
+    slow_times: np.ndarray,
+    *,
+    solver: str = _RUN_SOLVER,
 ) -> Run:
     """The same from slow variables (L_x, L_y, L_z, E) over the largest moment of inertia."""
     return averaged_run(slow_scene(ellipsoid, slow, slow_times[-1]), slow_times, solver=solver)
@@ -98,7 +102,8 @@ def slow_run_to_pinch(
     gone = run.slow[:, 2] <= 0
     rows = int(np.argmax(gone)) if gone.any() else len(run.times)
     kept = Run(run.form, scene, run.times[:rows], run.states[:rows])
-    (t1, t2), (z1, z2) = kept.times[-2:], kept.slow[-2:, 2]
+    t1, t2 = kept.times[-2:]
+    z1, z2 = kept.slow[-2:, 2]
     return kept, float(t2 + z2 * (t2 - t1) / (z1 - z2)) if rows < len(slow_times) else np.nan
 
 
@@ -124,7 +129,7 @@ def graded(end: float, points: int) -> np.ndarray:
 
 
 def bisected(holds: Callable[[float], bool], low: float, high: float, halvings: int) -> float:
-    """Where a property that holds at the lower end is lost."""
+    """The place between `low` and `high` at which a property that holds at `low` is lost."""
     for _ in range(halvings):
         middle = (low + high) / 2
         low, high = (middle, high) if holds(middle) else (low, middle)

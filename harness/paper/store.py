@@ -1,4 +1,4 @@
-"""Where the data of the items are kept: CSV files beside the figures, and a record that says whether they hold."""
+"""Data of the items: CSV files beside the figures, and a record that says whether they hold."""
 
 import json
 from io import BytesIO
@@ -12,11 +12,11 @@ from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdic
 from polhode.harness.paper.tables import tables_of
 from polhode.models.libraries import version_of
 
-SCHEMA = 1
-DIGITS = 8
-LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
-# What the computation of an item may end with.
-FAILURES = (
+ITEM_SCHEMA = 1  # Version of the files.
+DIGITS = 8  # Significant digits of the numbers in them.
+_LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
+# Exceptions with which the computation of an item may end.
+ITEM_FAILURES = (
     ArithmeticError,
     AttributeError,
     ImportError,
@@ -25,19 +25,19 @@ FAILURES = (
     TypeError,
     ValueError,
 )
-NO_DATA = "Not computed yet"
+_NO_DATA = "Not computed yet"
 Judged = tuple[Data, Verdict, bool, Grid] | str
 
 
 def content_key(item: Item, grid: Grid) -> str:
     """Hash of all that an item's data depend on: its settings, all code that computes, the libraries."""
     content = {
-        "schema": SCHEMA,
+        "schema": ITEM_SCHEMA,
         "item": item.name,
         "settings": repr(item.experiment),
         "grid": grid,
         "code": code_key(item.experiment),
-        "libraries": {name: version_of(name) for name in LIBRARIES},
+        "libraries": {name: version_of(name) for name in _LIBRARIES},
     }
     return digest(content)
 
@@ -55,8 +55,8 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     record.unlink(missing_ok=True)
     for name, content in contents.items():
         write_file(folder / file_name(item, name), content, summed=True)
-    made = {"key": content_key(item, grid), "grid": grid, "tables": [*contents]}
-    write_file(record, json.dumps(made, indent=1) + "\n")
+    record_content = {"key": content_key(item, grid), "grid": grid, "tables": [*contents]}
+    write_file(record, json.dumps(record_content, indent=1) + "\n")
     return {name: _table(content) for name, content in contents.items()}
 
 
@@ -74,14 +74,14 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
 
 def judged(folder: Path, item: Item) -> Judged:
     """The item's data, verdict, whether today's code made them, and their grid; or, in words, why there is none."""
-    found = read(folder, item)
-    if found is None:
-        return NO_DATA
+    stored = read(folder, item)
+    if stored is None:
+        return _NO_DATA
     try:
-        return found[0], item.experiment.judge(found[0]), *found[1:]
-    except FAILURES as error:
+        return stored[0], item.experiment.judge(stored[0]), *stored[1:]
+    except ITEM_FAILURES as error:
         # Older code kept other columns, or other rows.
-        return f"The verdict failed ({type(error).__name__}: {error})" if found[1] else NO_DATA
+        return f"The verdict failed ({type(error).__name__}: {error})" if stored[1] else _NO_DATA
 
 
 def _table(content: bytes) -> Table:

@@ -1,6 +1,7 @@
 """Tables of the items, made of their parts; and what is measured in them."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -19,28 +20,30 @@ class Estimate(float):
     interval: tuple[float, float]
 
     def __new__(cls, value: float, interval: tuple[float, float]) -> "Estimate":  # noqa: D102
-        made = super().__new__(cls, value)
-        made.interval = interval
-        return made
+        estimate = super().__new__(cls, value)
+        estimate.interval = interval
+        return estimate
 
 
 def tables_of(parts: Computed) -> dict[str, dict[str, np.ndarray]]:
     """Tables by name, each of its parts in their order; what a part says once holds for all of its rows."""
-    found: dict[str, list[dict[str, np.ndarray]]] = {}
+    parts_by_name: dict[str, list[dict[str, np.ndarray]]] = {}
     for name, part in parts:
         arrays = np.broadcast_arrays(*map(np.atleast_1d, part.values()))
-        found.setdefault(name, []).append(dict(zip(part, arrays, strict=True)))
-    return {
-        name: {key: np.concatenate([each[key] for each in own]) for key in own[0]}
-        for name, own in found.items()
-    }
+        parts_by_name.setdefault(name, []).append(dict(zip(part, arrays, strict=True)))
+    tables = {}
+    for name, table_parts in parts_by_name.items():
+        tables[name] = {
+            key: np.concatenate([*map(itemgetter(key), table_parts)]) for key in table_parts[0]
+        }
+    return tables
 
 
 def path(
-    number: float, times: np.ndarray, slow: np.ndarray, wanted: Sequence[str] = SLOW
+    number: float, times: np.ndarray, slow: np.ndarray, names: Sequence[str] = SLOW
 ) -> dict[str, Any]:
     """A part of a table of paths: a number that names it, slow times, slow variables, shape (n, 4)."""
-    return {"path": number, "t2": times, **{name: slow[:, SLOW.index(name)] for name in wanted}}
+    return {"path": number, "t2": times, **{name: slow[:, SLOW.index(name)] for name in names}}
 
 
 def groups(table: Table, key: str) -> Iterator[tuple[float, Table]]:
@@ -75,7 +78,9 @@ def joined(values: Iterable[float], spec: str = "g") -> str:
 def maxima(times: np.ndarray, values: np.ndarray, prominence: float | None = None) -> np.ndarray:
     """Times of the maxima of values at even times: the top of the parabola through each and its neighbours."""
     rows, _ = find_peaks(values, prominence=prominence)
-    before, top, after = values[rows - 1], values[rows], values[rows + 1]
+    before = values[rows - 1]
+    top = values[rows]
+    after = values[rows + 1]
     bend = before - 2 * top + after
     # Two equal rows at the top may leave no bend.
     offset = np.divide(before - after, 2 * bend, out=np.zeros(len(rows)), where=bend != 0)
@@ -93,21 +98,21 @@ def spread(values: np.ndarray) -> float:
 
 
 def exponent(x: np.ndarray, y: np.ndarray) -> Estimate:
-    """Of a power law."""
+    """Exponent of a power law, with its interval."""
     slope, interval, _ = fits.power_law(x, y)
     return Estimate(slope, interval)
 
 
 def mean(values: np.ndarray) -> Estimate:
     """The mean, with its interval by Student's distribution."""
-    found, low, high = fits.mean_interval(values)
-    return Estimate(found, (low, high))
+    center, low, high = fits.mean_interval(values)
+    return Estimate(center, (low, high))
 
 
 def median(values: np.ndarray) -> Estimate:
     """The median, with its interval from the order of the values."""
-    found, low, high = fits.median_interval(values)
-    return Estimate(found, (low, high))
+    center, low, high = fits.median_interval(values)
+    return Estimate(center, (low, high))
 
 
 def share(chosen: np.ndarray) -> Estimate:

@@ -163,7 +163,8 @@ def _begun_anew(
 ) -> float | None:
     """The largest deviation over `size` of runs from each sample to the next; None if one does not get through."""
     deadline = perf_counter() + max_seconds
-    components, worst = len(size), 0.0
+    components = len(size)
+    worst = 0.0
     limits: dict[str, Any] = {"max_step": float(times[-1]) / _LEAST_STEPS, "max_steps": _MAX_STEPS}
     for row, duration in enumerate(np.diff(times).tolist()):
         piece = problem.continued(float(times[row]), tuple(states[row].tolist()), duration)
@@ -197,11 +198,13 @@ def _by_pair(
     other_tolerance: float,
 ) -> OwnReference | str:
     """A tight run by one method, with a looser one and one by an unlike method beside it; else why not."""
-    name, other = _first(names, problem), _first(others, problem)
+    name = _first(names, problem)
+    other = _first(others, problem)
     if name is None or other is None:
         return f"{names[0]}, {others[0]}: none takes the problem"
     step = float(times[-1]) / _LEAST_STEPS
-    runs, steps = [], 0
+    runs = []
+    steps = 0
     for solver, tolerance in (
         (name, tolerances[0]),
         (name, tolerances[1]),
@@ -236,7 +239,8 @@ def _clock_off(problem: Problem, times: np.ndarray, states: np.ndarray, steps: i
     All runs whose steps have one limit share that error, whatever their method and tolerance.
     """
     off = steps * float(np.finfo(float).eps) * times[:, None]
-    field, parameters = plain_field(problem.field), problem.field_parameters
+    field = plain_field(problem.field)
+    parameters = problem.field_parameters
     with np.errstate(all="ignore"):
         rates = np.array([field(row, parameters) for row in states.tolist()], dtype=float)
     return states + off * np.where(np.isfinite(rates), rates, 0.0)

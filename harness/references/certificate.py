@@ -18,27 +18,29 @@ from polhode.solvers.solve import solve
 
 # Pieces of a run, evenly spread over it; so many of them must be decided, none against the
 # reference.
-PIECES, REQUIRED = 24, 20
+_PIECES = 24
+_REQUIRED = 20
 # Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
 # time for averaged ones: those of low order are slow.
-LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
+_LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
 # Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
-LARGEST_EXPONENT = 5.0
+_LARGEST_EXPONENT = 5.0
 # The other method's own error at the tight tolerance: the tolerance, what the loose one makes of
 # it, ten times what an ulp in the start makes, an ulp for each of its steps, and rounding of the
 # numbers compared. Of L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a disc at St
 # = 3e5, where √n ulps are 2e-14.
-TOLERANCES = {
+_TOLERANCES = {
     "cyrk-vern8": (1e-14, 1e-13),
     "dop853": (1e-13, 1e-12),
     "ida": (1e-12, 1e-11),
     "exact": (1e-15, 1e-15),
 }
-ULPS, ROUNDING = 10.0, 1e-14
+_ULPS = 10.0
+_ROUNDING = 1e-14
 # Ways to move the numbers of a start by an ulp, up and down.
-SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
+_SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
 
 @dataclass(frozen=True)
@@ -47,19 +49,19 @@ class Certificate:
 
     form: str
     solver: str
-    pieces: int  # that agreed forwards, of `PIECES` tried; the others ran into the other form's singularity
+    pieces: int  # that agreed forwards, of `_PIECES` tried; the others ran into the other form's singularity
     back: int  # that agreed when the reference's own method went back over them
     ratio: float  # largest difference over the method's own error; at most 1
 
 
 def pieces(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
     """Pieces evenly spread over a run to `end`, in the form's own time: start, end, and end if gone back over."""
-    length = min(end / PIECES, LONGEST[opposite(scene, form)[1]])
+    length = min(end / _PIECES, _LONGEST[opposite(scene, form)[1]])
     damping = max(scene.ellipsoid.damping) * (
         1.0 if form.averaged else min(scene.torque_factor, 1e300)
     )
-    short = length if damping * length < LARGEST_EXPONENT else 0.9 * LARGEST_EXPONENT / damping
-    starts = np.arange(PIECES) * (end / PIECES)
+    short = length if damping * length < _LARGEST_EXPONENT else 0.9 * _LARGEST_EXPONENT / damping
+    starts = np.arange(_PIECES) * (end / _PIECES)
     return [(start, start + length, start + short) for start in starts.tolist()]
 
 
@@ -73,7 +75,9 @@ def certify(
     """
     other, solver = opposite(scene, form)
     seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
-    agreed, back, worst = 0, 0, 0.0
+    agreed = 0
+    back = 0
+    worst = 0.0
     for start, stop, turn in pieces(scene, form, problem.end):
         if form.averaged:
             ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
@@ -91,9 +95,9 @@ def certify(
                 f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {other!r} by "
                 f"{solver} on the piece from {start:g} to {stop:g}: {worst:.1f} times the method's error"
             )
-    if agreed < REQUIRED:
+    if agreed < _REQUIRED:
         raise ReferenceFailedError(
-            f"only {agreed} of {PIECES} pieces could be tried, expected at least {REQUIRED}"
+            f"only {agreed} of {_PIECES} pieces could be tried, expected at least {_REQUIRED}"
         )
     return Certificate(other, solver, agreed, back, worst)
 
@@ -120,7 +124,8 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
     """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
-    rotation, ulp = observables.rotation[0].astype(float), np.finfo(float).eps * ulps
+    rotation = observables.rotation[0].astype(float)
+    ulp = np.finfo(float).eps * ulps
     momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
     w1, w2, w3 = (rotation @ momentum / np.array(scene.ellipsoid.inertia)).tolist()
     q0, q1, q2, q3 = (quaternion_from_matrix(rotation) + 0.5 * ulp).tolist()
@@ -148,7 +153,7 @@ def _other_form(
         x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
         body = Ellipsoid((x, y, z))
         turned = replace(scene, ellipsoid=body, time=length)
-        starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *SIGNS))
+        starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *_SIGNS))
         try:
             problems = [form.problem(replace(turned, start=start)) for start in starts]
         except FormNotValidError:
@@ -165,7 +170,7 @@ def _same_form(
 ) -> float | None:
     """As `_other_form`, from the very state."""
     state = before.astype(float)
-    ulps = np.finfo(float).eps * np.resize(SIGNS, (len(SIGNS), len(state)))
+    ulps = np.finfo(float).eps * np.resize(_SIGNS, (len(_SIGNS), len(state)))
     starts = (tuple((state * (1 + ulp)).tolist()) for ulp in (np.zeros(len(state)), *ulps))
     problem = replace(form.problem(scene), end=length)
     return _tried(scene, form, solver, [replace(problem, start=start) for start in starts], after)
@@ -175,7 +180,7 @@ def _tried(
     scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables
 ) -> float | None:
     """Ratio of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
-    tight, loose = TOLERANCES[solver]
+    tight, loose = _TOLERANCES[solver]
     solutions = [
         solve(problems[0], solver, loose),
         *(solve(problem, solver, tight) for problem in problems),
@@ -199,14 +204,14 @@ def _compare(
     # ulp.
     loose, tight, *moved = runs
     found = errors(ellipsoid, tight, true)
-    own, spread = (
-        errors(ellipsoid, loose, tight),
-        [errors(ellipsoid, other, tight) for other in moved],
-    )
-    rounding = (ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
-    slow = own.slow + ULPS * max(each.slow for each in spread) + rounding
+    own = errors(ellipsoid, loose, tight)
+    spread = [errors(ellipsoid, other, tight) for other in moved]
+    rounding = (_ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
+    slow = own.slow + _ULPS * max(each.slow for each in spread) + rounding
     angle = (
-        (own.orientation or 0.0) + ULPS * max(each.orientation or 0.0 for each in spread) + rounding
+        (own.orientation or 0.0)
+        + _ULPS * max(each.orientation or 0.0 for each in spread)
+        + rounding
     )
     return max(found.slow / slow, (found.orientation or 0.0) / angle)
 

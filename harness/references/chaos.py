@@ -16,16 +16,16 @@ from polhode.solvers.solve import solve
 TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written
 # down.
-INTERVALS = 400
+_INTERVALS = 400
 # Algebraic growth, like that of a phase error, makes at most a few factors of two of the second
 # half of a run; exponential growth is what exceeds this logarithm.
-EXPONENTIAL = 5.0
+_EXPONENTIAL = 5.0
 # Trajectories are meaningless once half an ulp, below which no run in double precision errs, has
 # grown to this, in rad.
-MEANINGLESS = 1e-2
-HALF_ULP = 1e-16
+_MEANINGLESS = 1e-2
+_HALF_ULP = 1e-16
 # Distance of two neighbouring solutions: their growth follows the linear equations to 1e-7, rounding errs by 1e-8.
-NEIGHBOUR = 1e-7
+_NEIGHBOUR = 1e-7
 
 
 @dataclass(frozen=True)
@@ -44,22 +44,23 @@ class Growth:
     @property
     def chaotic(self) -> bool:
         """Whether the growth over the second half of the run is more than algebraic."""
-        return self.exponent * (self.times[-1] - self.times[len(self.times) // 2]) > EXPONENTIAL
+        return self.exponent * (self.times[-1] - self.times[len(self.times) // 2]) > _EXPONENTIAL
 
-    def meaningful_until(self, error: float = HALF_ULP) -> float:
-        """Time at which an error, made at the worst moment, has grown to `MEANINGLESS`; inf if never."""
+    def meaningful_until(self, error: float = _HALF_ULP) -> float:
+        """Time at which an error, made at the worst moment, has grown to `_MEANINGLESS`; inf if never."""
         amplified = self.logarithm - np.minimum.accumulate(self.logarithm)
-        beyond = np.flatnonzero(amplified > log(MEANINGLESS / error))
+        beyond = np.flatnonzero(amplified > log(_MEANINGLESS / error))
         return float(self.times[beyond[0]]) if len(beyond) else inf
 
 
-def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
+def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
     """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
     # v starts in a generic direction and is renormalised after each interval (Benettin et al.,
     # Meccanica 15 (1980) 9).
     if not installed("heyoka") or problem.segments is not None:
         return _growth_of_neighbours(problem, intervals)
-    times, parameters = np.linspace(0.0, problem.end, intervals + 1), parameter_array(problem)
+    times = np.linspace(0.0, problem.end, intervals + 1)
+    parameters = parameter_array(problem)
     direction = np.cos(np.arange(1.0, problem.dimension + 1))
     integrator = tangent_integrator(problem.field, problem.dimension, len(parameters))
     integrator.time = 0.0
@@ -80,7 +81,7 @@ def growth(problem: Problem, intervals: int = INTERVALS) -> Growth:
 
 
 def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
-    """Growth of the distance of two neighbouring solutions, brought back to `NEIGHBOUR` after each interval."""
+    """Growth of the distance of two neighbouring solutions, brought back to `_NEIGHBOUR` after each interval."""
     times = np.linspace(0.0, problem.end, intervals + 1)
     method = first_available("cyrk-vern8", "dop853")
     state = np.array(problem.start)
@@ -92,7 +93,7 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
     logarithm = np.zeros(intervals + 1)
     for i in range(intervals):
         ends = []
-        for start in (state, state + NEIGHBOUR * direction):
+        for start in (state, state + _NEIGHBOUR * direction):
             piece = replace(
                 problem, start=tuple(start.tolist()), end=float(times[i + 1] - times[i])
             )
@@ -102,9 +103,10 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
                     f"form {problem.name!r}: a neighbour's run ended with {run.status} after t = {times[i]:g}"
                 )
             ends.append(run.states[-1])
-        difference = (ends[1] - ends[0]) / NEIGHBOUR
+        difference = (ends[1] - ends[0]) / _NEIGHBOUR
         length = float(np.linalg.norm(difference))
-        state, direction = ends[0], difference / length
+        state = ends[0]
+        direction = difference / length
         logarithm[i + 1] = logarithm[i] + log(length)
     return Growth(times, logarithm)
 

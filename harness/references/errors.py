@@ -12,13 +12,14 @@ from polhode.models.shape import Ellipsoid
 
 # Beyond this angle, in rad, a difference of orientation no longer splits into phase and shape to
 # first order.
-SPLIT_LIMIT = 0.3
+_SPLIT_LIMIT = 0.3
 # Samples resolve the power if a body turns by less than this, in rad, between two of them, and if
 # half of them give the same residual to this fraction, or to rounding.
-LARGEST_TURN = 0.5
-RESOLVED, ROUNDING = 0.2, 1e-13
+_LARGEST_TURN = 0.5
+_RESOLVED = 0.2
+_ROUNDING = 1e-13
 # Fewer intervals than this cannot be halved and still carry a spline.
-LEAST_INTERVALS = 16
+_LEAST_INTERVALS = 16
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Errors:
     Slow errors are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3)
     for a triaxial ellipsoid, the angle between symmetry axes for a spheroid, None for a sphere or
     where a form gives none. It splits, to first order, into a phase along the motion and a shape
-    across it; not beyond `SPLIT_LIMIT`.
+    across it; not beyond `_SPLIT_LIMIT`.
     """
 
     slow: float
@@ -53,15 +54,18 @@ def errors(
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
-    each, worst = np.max(difference, axis=0), int(np.argmax(np.max(difference, axis=1)))
+    each = np.max(difference, axis=0)
+    worst = int(np.argmax(np.max(difference, axis=1)))
     slow = Errors(float(np.max(each)), worst, tuple(each.tolist()))
     angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
     if angle is None:
         return slow
-    phase, shape = None, None
-    if np.max(angle) <= SPLIT_LIMIT:
+    phase = None
+    shape = None
+    if np.max(angle) <= _SPLIT_LIMIT:
         along, across = phase_and_shape(ellipsoid, found, true)
-        phase, shape = float(np.max(np.abs(along))), float(np.max(across))
+        phase = float(np.max(np.abs(along)))
+        shape = float(np.max(across))
     balance = None if scene is None else balance_residual(scene, found, true)
     return replace(
         slow, orientation=float(np.max(angle)), phase=phase, shape=shape, balance=balance
@@ -158,9 +162,10 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
     # error than the quadrature of the solution found: the difference of the two residuals is what
     # is measured.
     intervals = len(found.energy) - 1
-    if scene.stokes == 0 or intervals < LEAST_INTERVALS:
+    if scene.stokes == 0 or intervals < _LEAST_INTERVALS:
         return None
-    ellipsoid, unit = scene.ellipsoid, max(scene.ellipsoid.inertia)
+    ellipsoid = scene.ellipsoid
+    unit = max(scene.ellipsoid.inertia)
     known = (completed(ellipsoid, each.rotation) for each in (found, true))
     rotations = [rotation for rotation in known if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
@@ -169,24 +174,22 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
         body_angular_velocity(ellipsoid, *pair)
         for pair in zip((found, true), rotations, strict=True)
     ]
-    if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > LARGEST_TURN:
+    if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > _LARGEST_TURN:
         return None
     times = np.linspace(0.0, scene.time, intervals + 1)
     flow = None if scene.flow is None else scene.flow.numbers_at(times)
     power = dissipation(ellipsoid, rotations[0], omega[0], flow) - dissipation(
         ellipsoid, rotations[1], omega[1], flow
     )
-    power, energy = (
-        power * scene.torque_factor / unit,
-        (found.energy - true.energy).astype(float) / unit,
-    )
+    power = power * scene.torque_factor / unit
+    energy = (found.energy - true.energy).astype(float) / unit
     even = slice(0, intervals // 2 * 2 + 1, 2)
-    fine, coarse = (
-        _residual(times, energy, power),
-        _residual(times[even], energy[even], power[even]),
-    )
+    fine = _residual(times, energy, power)
+    coarse = _residual(times[even], energy[even], power[even])
     largest = float(np.max(np.abs(fine)))
-    return largest if np.max(np.abs(fine[even] - coarse)) <= RESOLVED * largest + ROUNDING else None
+    return (
+        largest if np.max(np.abs(fine[even] - coarse)) <= _RESOLVED * largest + _ROUNDING else None
+    )
 
 
 def body_angular_velocity(

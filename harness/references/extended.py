@@ -17,7 +17,8 @@ Run = tuple[Precision, float]
 # Runs that show what rounding of a start makes of a reference, and runs back over it.
 ROUNDING_RUN: Run = ("long double", 1e-17)
 # Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
-MOST_SLOW_STEPS, MOST_STEPS = 200_000, 50_000_000
+_MOST_SLOW_STEPS = 200_000
+_MOST_STEPS = 50_000_000
 
 
 # Without heyoka two unlike methods stand for the runs in extended precision, the first two kinds that reach the end:
@@ -58,7 +59,7 @@ def extended_run(
     number = bound.integrator.state.dtype
     rows = np.empty((len(times), problem.dimension), dtype=number)
     rows[0] = np.array(problem.start).astype(number)
-    most = MOST_STEPS if problem.time_unit == 1 else MOST_SLOW_STEPS
+    most = _MOST_STEPS if problem.time_unit == 1 else _MOST_SLOW_STEPS
     integrate = bound.propagate
     if problem.segments is not None:
         integrate = by_segments(integrate, problem)

@@ -36,44 +36,50 @@ from polhode.solvers.taylor import extends_precision
 
 # Tight and loose run; their difference, times the safety factor, is the reference's own
 # uncertainty.
-QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
+_QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
 # Cost of a run, in units of T: fast rotation makes it more, and so does stability on the stiff
 # side. Quadruple precision, 45 times as slow, is used up to the first number, two moved starts
 # instead of one up to the second.
-QUADRUPLE_UP_TO, TWO_MOVED_UP_TO = 5000.0, 2e5
+QUADRUPLE_UP_TO = 5000.0
+_TWO_MOVED_UP_TO = 2e5
 # Length of Taylor's interval of stability at these orders, about.
-STABLE = 8.0
+_STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost.
-ORDINARY = 3.0
+_ORDINARY = 3.0
 # Above this St runs of more shear times than the second number are known in double precision alone,
 # since extended precision takes hours; beyond the third not at all.
-FREE_UP_TO, EXTENDED_TIME, HORIZON = 1e6, 5e6, 5e7
+FREE_UP_TO = 1e6
+EXTENDED_TIME = 5e6
+_HORIZON = 5e7
 # Runs with each number of start and parameters moved by half an ulp, which double precision cannot
 # tell.
-ROUNDING_SEEDS = (1, 2)
+_ROUNDING_SEEDS = (1, 2)
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
-SUSPICIOUS = 1e-9
+_SUSPICIOUS = 1e-9
 # Rotations: up to the first number extended precision is used in limited time, beyond the second
 # one not even two methods in double: the reference's own for spheroids or for other shapes, and the
 # one that it is held against.
-EXTENDED_UP_TO, MOST_ROTATIONS = 2e4, 2e5
-SPHEROIDS, OTHERS = ("splitting-extended", 1e-13), ("taylor", 1e-15)
+EXTENDED_UP_TO = 2e4
+MOST_ROTATIONS = 2e5
+_SPHEROIDS = ("splitting-extended", 1e-13)
+_OTHERS = ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
 # Where CyRK is missing; SciPy takes no tolerance below 2.2e-14.
-AGAINST_WITHOUT = ("dop853", 1e-13)
+_AGAINST_WITHOUT = ("dop853", 1e-13)
 # Over so many shear times that one loses the phase. It confirms the reference, and how well that is
 # known follows from this run, which errs as much as the reference: so many times their distance.
-FURTHER, ALIKE = ("taylor", 1e-16), 3.0
+_FURTHER = ("taylor", 1e-16)
+_ALIKE = 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
 APART = 1e-4
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
 # chaotic, trajectories mean something until it has grown too large.
-DOUBLE_ERROR = 1e-13
+_DOUBLE_ERROR = 1e-13
 SCHEMA = 10
 # Changes with what certifies a reference: those that failed before are tried again.
-CERTIFICATES = 2
+_CERTIFICATES = 2
 
 
 @dataclass(frozen=True)
@@ -117,12 +123,14 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     within limited seconds or above St = 1e6, are known in double precision alone, by methods that
     confirm each other. So are all runs where heyoka, which brings extended precision, is missing.
     """
-    shape, long = find_form(form) if isinstance(form, str) else form, False
+    shape = find_form(form) if isinstance(form, str) else form
+    long = False
     if not shape.averaged:
-        shape, long = find_form(reference_form(scene)), _far(scene)
-        if long and scene.time > HORIZON:
+        shape = find_form(reference_form(scene))
+        long = _far(scene)
+        if long and scene.time > _HORIZON:
             raise ReferenceFailedError(
-                f"time: got {scene.time:g}, expected at most {HORIZON:g} above St = 1e6"
+                f"time: got {scene.time:g}, expected at most {_HORIZON:g} above St = 1e6"
             )
     problem = shape.problem(scene)
     if not shape.averaged and seconds < inf and 0 < scene.stokes < inf:
@@ -149,7 +157,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
                 return _packed(run(samples, perf_counter() + limit))
             except (ReferenceFailedError, ValueError) as error:
                 failed = {"failure": str(error), "status": getattr(error, "status", "")}
-                return failed | {"seconds": seconds, "certificates": CERTIFICATES}
+                return failed | {"seconds": seconds, "certificates": _CERTIFICATES}
 
         arrays, disturbed = within(
             seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT
@@ -174,7 +182,7 @@ def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
     """Whether what is kept is a failure that says nothing of a trial of so many seconds."""
     if "failure" not in arrays:
         return False
-    judged = "status" in arrays and int(arrays["certificates"]) == CERTIFICATES
+    judged = "status" in arrays and int(arrays["certificates"]) == _CERTIFICATES
     return not judged or float(arrays["seconds"]) < seconds
 
 
@@ -201,7 +209,7 @@ def _compute(
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
     kept = samples
-    if largest > SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
+    if largest > _SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
         kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
     own = errors(scene.ellipsoid, loose[:kept], tight[:kept])
     early = [errors(scene.ellipsoid, other[:kept], tight[:kept]) for other in moved]
@@ -234,23 +242,22 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
             )
         return equations.observe(scene, found.states)
 
-    splits = scene.ellipsoid.kind != "triaxial" and find_solver(SPHEROIDS[0]).available
-    exact = run(full_form(scene), *(SPHEROIDS if splits else OTHERS))
-    against = AGAINST if find_solver(AGAINST[0]).available else AGAINST_WITHOUT
+    splits = scene.ellipsoid.kind != "triaxial" and find_solver(_SPHEROIDS[0]).available
+    exact = run(full_form(scene), *(_SPHEROIDS if splits else _OTHERS))
+    against = AGAINST if find_solver(AGAINST[0]).available else _AGAINST_WITHOUT
     other = run("quaternion", *against)
     apart = errors(scene.ellipsoid, other, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
     doubt = 1.0
     if _far(scene):
-        other, doubt = run("quaternion", *FURTHER), ALIKE
+        other = run("quaternion", *_FURTHER)
+        doubt = _ALIKE
         apart = errors(scene.ellipsoid, other, exact)
     certificate = Certificate("quaternion", against[0], 1, 0, 1.0)
     distance = statistics_distance(scene.ellipsoid, other, exact)
-    slow, orientation = (
-        doubt * apart.slow,
-        None if apart.orientation is None else doubt * apart.orientation,
-    )
+    slow = doubt * apart.slow
+    orientation = None if apart.orientation is None else doubt * apart.orientation
     return Reference(
         reference_form(scene),
         times,
@@ -268,13 +275,14 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
     """Reference of a form without heyoka: two unlike methods in double precision."""
     times = np.linspace(0.0, problem.end, samples)
     (_, states), (other_solver, other_states) = unlike_runs(problem, times, deadline).items()
-    exact, other = form.observe(scene, states), form.observe(scene, other_states)
+    exact = form.observe(scene, states)
+    other = form.observe(scene, other_states)
     size = max(1.0, magnitude(scene.ellipsoid, exact))
     apart = errors(scene.ellipsoid, other, exact)
     meaningful = samples
     largest = max(apart.slow / size, apart.orientation or 0.0)
-    if largest > SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
-        until = grown.meaningful_until(DOUBLE_ERROR)
+    if largest > _SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
+        until = grown.meaningful_until(_DOUBLE_ERROR)
         meaningful = max(2, int(np.searchsorted(times, until, side="right")))
         apart = errors(scene.ellipsoid, other[:meaningful], exact[:meaningful])
     if not apart.slow < APART * size:
@@ -296,7 +304,8 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
 
 def _packed(known: Reference) -> dict[str, Any]:
     """A reference as it is kept, of which `cache.keep` makes arrays."""
-    by, orientation = known.certificate, known.orientation_uncertainty
+    by = known.certificate
+    orientation = known.orientation_uncertainty
     return {
         **{
             name: each
@@ -332,15 +341,15 @@ def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
 def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
     """Tight and loose run of a scene, and the seeds of the moved ones."""
     if form.averaged:
-        return *LONG_DOUBLE, ROUNDING_SEEDS
+        return *LONG_DOUBLE, _ROUNDING_SEEDS
     stiffness = (
-        0.0 if scene.stokes == 0 else max(scene.ellipsoid.damping) * scene.torque_factor / STABLE
+        0.0 if scene.stokes == 0 else max(scene.ellipsoid.damping) * scene.torque_factor / _STABLE
     )
     cost = scene.time * max(
-        1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / ORDINARY
+        1.0, stiffness, float(np.max(np.abs(scene.angular_velocity))) / _ORDINARY
     )
-    runs = QUADRUPLE if cost <= QUADRUPLE_UP_TO else LONG_DOUBLE
-    return *runs, ROUNDING_SEEDS if cost <= TWO_MOVED_UP_TO else ROUNDING_SEEDS[:1]
+    runs = _QUADRUPLE if cost <= QUADRUPLE_UP_TO else LONG_DOUBLE
+    return *runs, _ROUNDING_SEEDS if cost <= _TWO_MOVED_UP_TO else _ROUNDING_SEEDS[:1]
 
 
 def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
@@ -358,12 +367,12 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
 
 def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, ...] = ()) -> str:
     extended = (
-        QUADRUPLE,
+        _QUADRUPLE,
         LONG_DOUBLE,
         ROUNDING_RUN,
-        ROUNDING_SEEDS,
+        _ROUNDING_SEEDS,
         QUADRUPLE_UP_TO,
-        TWO_MOVED_UP_TO,
+        _TWO_MOVED_UP_TO,
     )
     content = {
         "schema": SCHEMA,
@@ -372,7 +381,7 @@ def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, 
         "parameters": [float(value).hex() for value in (*(problem.parameters or ()), *axes)],
         "end": float(problem.end).hex(),
         "samples": samples,
-        "runs": (SPHEROIDS, OTHERS, AGAINST) if long else extended,
+        "runs": (_SPHEROIDS, _OTHERS, AGAINST) if long else extended,
         "heyoka": version_of("heyoka"),
     }
     if problem.segments is not None:

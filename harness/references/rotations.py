@@ -22,8 +22,8 @@ from polhode.solvers.solve import solve
 
 # The explicit runs are cheap enough to follow a chaotic scene for a while.
 TOLERANCE = 1e-9
-STIFF_TOLERANCE = 1e-6
-AVERAGED_TOLERANCE = 1e-6
+_STIFF_TOLERANCE = 1e-6
+_AVERAGED_TOLERANCE = 1e-6
 # Beyond so many rotations averages are cheaper than a loose run, and no less accurate.
 MANY = 1000.0
 # Longest piece of a run, in rotations, or on the stiff side in time: some tenths of a second. The
@@ -32,18 +32,19 @@ LONGEST_ROTATIONS = 1e5
 LONGEST_STIFF = 5e3
 # Damping rate from which an implicit method takes fewer steps than stability allows an explicit
 # one.
-STIFF_FROM = 30.0
+_STIFF_FROM = 30.0
 # Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself
 # (section `DAC`).
-SEPARATED = 1.5
+_SEPARATED = 1.5
 # From rest a body turns by some 100 rad in so many times √(St I/8πX), so fast that averages serve
 # from there on.
-RISEN = 20.0
-NODES = 64
+_RISEN = 20.0
+_NODES = 64
 # Damping times from which on stability may hold an explicit method back, and the share of its
 # steps: where stability asks for more of them, errors do not follow the tolerance; those of
 # Taylor's method, whose order is higher, still do.
-STIFF, HELD = 2e4, 0.4
+STIFF = 2e4
+_HELD = 0.4
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Gauge:
         return self.per_rotation * turns + self.per_time * following + self.any_run
 
 
-EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
+_EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
 
 
 def damping_times(scene: Scene) -> float:
@@ -84,9 +85,9 @@ def is_stiff(scene: Scene, turns: float | None = None) -> bool:
     damped = damping_times(scene)
     if damped <= STIFF:
         return False
-    accuracy = EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
-    stability = EXPLICIT.per_damping_time * damped
-    return stability > HELD * (stability + accuracy)
+    accuracy = _EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
+    stability = _EXPLICIT.per_damping_time * damped
+    return stability > _HELD * (stability + accuracy)
 
 
 def rotations(scene: Scene) -> float:
@@ -115,7 +116,7 @@ def _speed(scene: Scene) -> float:
 
 
 def _is_separated(scene: Scene) -> bool:
-    return _speed(scene) * _separation(scene) > SEPARATED
+    return _speed(scene) * _separation(scene) > _SEPARATED
 
 
 def _separation(scene: Scene) -> float:
@@ -135,17 +136,19 @@ def _averaged_angle(scene: Scene) -> float | None:
     except ValueError:
         return None
     fastest = 1 / max(scene.ellipsoid.damping)
-    node, weight = np.polynomial.legendre.leggauss(NODES)
+    node, weight = np.polynomial.legendre.leggauss(_NODES)
     span = np.log1p(problem.end / fastest)
     s = span * (node + 1) / 2
     times = np.concatenate([[0.0], fastest * np.expm1(s)])
-    run = solve(problem, available_like("cyrk-vern8"), AVERAGED_TOLERANCE, times, max_steps=100_000)
+    run = solve(
+        problem, available_like("cyrk-vern8"), _AVERAGED_TOLERANCE, times, max_steps=100_000
+    )
     if not run.success:
         return None
     observed = form.observe(scene, run.states[1:])
     speed = mean_speed(scene.ellipsoid, observed.slow)
     turns_back = np.sum(observed.angular_momentum[1:] * observed.angular_momentum[:-1], axis=1) < 0
-    pinched = np.any(turns_back) or np.min(speed) * _separation(scene) < SEPARATED
+    pinched = np.any(turns_back) or np.min(speed) * _separation(scene) < _SEPARATED
     # L passes near zero, where a full run knows better if there can be one.
     if pinched and not isinstance(scene.start, SlowStart):
         return None
@@ -154,12 +157,14 @@ def _averaged_angle(scene: Scene) -> float | None:
 
 def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Problem:
     """The problem with the angle turned as one more component, before the time if that is one."""
-    field, start = full.field, full.start
+    field = full.field
+    start = full.start
     if isinstance(field, AlongTrack):
         field = replace(field, field=with_angle(field.field))
         start = *start[:-1], 0.0, start[-1]
     else:
-        field, start = with_angle(field), (*start, 0.0)
+        field = with_angle(field)
+        start = (*start, 0.0)
     return Problem(full.name, field, start, full.end, full.parameters, segments=full.segments)
 
 
@@ -170,12 +175,12 @@ def _angle(scene: Scene) -> float:
     module = jeffery if scene.stokes == 0 else quaternion
     problem = _with_angle(full, module.with_angle)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
-    stiff = scene.stokes > 0 and damping > STIFF_FROM
+    stiff = scene.stokes > 0 and damping > _STIFF_FROM
     longest = min(
         scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene))
     )
-    solver, tolerance = ("cyrk-radau", STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
-    risen = longest if _is_separated(scene) else RISEN * _separation(scene)
+    solver, tolerance = ("cyrk-radau", _STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
+    risen = longest if _is_separated(scene) else _RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
         run = solve(problem, available_like(solver), tolerance, np.array([0.0, end / 2, end]))

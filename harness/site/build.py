@@ -31,10 +31,10 @@ from polhode.models.scenes import SCENES
 
 # By folder of the reports: what the menu calls it, and the command that fills it.
 REPORTS = tomllib.loads(Path(__file__).with_name("reports.toml").read_text("utf-8"))
-# What the opening page takes from the page of the bench, by its own heading.
-SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
-# What these pictures show is on the page of costs.
-ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
+# Sections of the bench's page for the opening page: its heading there, and on the bench's page.
+_SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
+# The page of costs shows the content of these pictures.
+_ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 
 
 def build(
@@ -47,8 +47,10 @@ def build(
         name: path.read_text(encoding="utf-8").replace(overwritten, "")
         for name, path in files.items()
     }
-    known = {path.resolve(): f"{name}.html" for name, path in files.items()}
-    rendered = {name: render(texts[name], path, known, _as_costs) for name, path in files.items()}
+    addresses = {path.resolve(): f"{name}.html" for name, path in files.items()}
+    rendered = {
+        name: render(texts[name], path, addresses, _as_costs) for name, path in files.items()
+    }
     folders = [
         name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"
     ]
@@ -68,32 +70,35 @@ def build(
     items = (line for line in texts.get("hard-cases", "").splitlines() if line.startswith("- "))
     asked, data = question(reports / "regimes", next(items, "").removeprefix("- "))
     # Who is robust, who is fast and when averaging pays, from the bench; what the reports lack.
-    parts = {title: section(texts.get("bench", ""), heading) for title, heading in SECTIONS.items()}
+    parts = {
+        title: section(texts.get("bench", ""), heading) for title, heading in _SECTIONS.items()
+    }
     sections = {
-        title: render(text, files["bench"], known).body for title, text in parts.items() if text
+        title: render(text, files["bench"], addresses).body for title, text in parts.items() if text
     }
     lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
     body = html("index", asked=asked, sections=sections, lacking=lacking)
     write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
-    for name, found in rendered.items():
+    for name, content in rendered.items():
         body = (
-            re.sub(r"<td>([\w-]+)</td>", _runs_of, found.body)
+            re.sub(r"<td>([\w-]+)</td>", _runs_of, content.body)
             if name == "hard-cases"
-            else found.body
+            else content.body
         )
         beside = [
-            other
-            for other in rendered
-            if other.startswith(f"{name}-") and f'"{other}.html' not in found.body
+            neighbour
+            for neighbour in rendered
+            if neighbour.startswith(f"{name}-") and f'"{neighbour}.html' not in content.body
         ]
         links = ", ".join(
-            f'<a href="{other}.html">{prose(rendered[other].title)}</a>' for other in beside
+            f'<a href="{neighbour}.html">{prose(rendered[neighbour].title)}</a>'
+            for neighbour in beside
         )
         body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
-        write(name, Page(found.title or name, "", body))
-        for picture, path in found.pictures.items():
+        write(name, Page(content.title or name, "", body))
+        for picture, path in content.pictures.items():
             # In few colours and a format that keeps the site small.
             copied = BytesIO()
             with Image.open(path) as image:
@@ -113,6 +118,6 @@ def _runs_of(cell: re.Match[str]) -> str:
 def _as_costs(picture: str) -> str:
     return (
         '<p><a href="cost.html">As a diagram, run by run</a></p>'
-        if ON_COSTS.fullmatch(picture)
+        if _ON_COSTS.fullmatch(picture)
         else ""
     )

@@ -17,12 +17,12 @@ from markupsafe import Markup
 from polhode.harness.pages.tables import templates
 
 # Powers of ten up to which a number is written out.
-PLAIN = 5
+_PLAIN = 5
 # Columns beyond which a table is set smaller in print.
-WIDE = 9
+_WIDE = 9
 FIGURES = "figures"
 # Pages of the site that are no report's.
-OWN = ("index", "cost", "motion")
+_OWN = ("index", "cost", "motion")
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Page:
 
 def html(name: str, /, **fields: Any) -> str:
     """The template of that name with its fields."""
-    known = templates(Path(__file__).parent, autoescape=True)
-    known.filters |= {"prose": prose, "json": _json}
-    return known.get_template(f"{name}.html").render(fields)
+    environment = templates(Path(__file__).parent, autoescape=True)
+    environment.filters |= {"prose": prose, "json": _json}
+    return environment.get_template(f"{name}.html").render(fields)
 
 
 def document(name: str, page: Page, menu: Mapping[str, str], foot: str) -> str:
@@ -71,26 +71,24 @@ def notation(text: str) -> str:
     )
 
 
-def _number(found: re.Match[str]) -> str:
+def _number(match: re.Match[str]) -> str:
     """A number that a line does not break: 1.7e+02 as 170, 1e-06 as 1e-6."""
-    mantissa, sign, exponent = found.groups()
+    mantissa, sign, exponent = match.groups()
     digits = len(mantissa.partition(".")[2])
-    if sign != "-" and digits <= int(exponent) <= PLAIN:
-        return f"{float(found[0].replace('−', '-')):.0f}"
+    if sign != "-" and digits <= int(exponent) <= _PLAIN:
+        return f"{float(match[0].replace('−', '-')):.0f}"
     return f"<span class=n>{mantissa}e{sign.strip('+')}{exponent}</span>"
 
 
 def plain(value: Any) -> Any:
     """The value as JSON can hold it: numbers at four digits, None where they are not finite."""
     if isinstance(value, float):
-        return (
-            (round(value) if value == round(value) else float(f"{value:.4g}"))
-            if isfinite(value)
-            else None
-        )
+        if not isfinite(value):
+            return None
+        return round(value) if value == round(value) else float(f"{value:.4g}")
     if isinstance(value, dict):
-        return {key: plain(each) for key, each in value.items()}
-    return [plain(each) for each in value] if isinstance(value, list | tuple) else value
+        return {key: plain(item) for key, item in value.items()}
+    return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _json(value: Any) -> Markup:
@@ -109,29 +107,31 @@ class Rendered:
 
 def page_name(path: Path) -> str:
     """Name on the site of `reports/NAME/README.md`: NAME, NAME_ where that is taken; of pages beside it, NAME-STEM."""
-    name = path.parent.name + "_" * (path.parent.name in OWN)
+    name = path.parent.name + "_" * (path.parent.name in _OWN)
     return name if path.stem == "README" else f"{name}-{path.stem}"
 
 
 def section(text: str, heading: str) -> str:
-    """What stands below a heading of the second level, down to the next heading; empty if there is none."""
-    found = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
-    return found[1] if found else ""
+    """Text below a heading of the second level, down to the next heading; empty if there is none."""
+    match = re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
+    return match[1] if match else ""
 
 
 def render(
-    text: str, path: Path, known: Mapping[Path, str], drawn: Callable[[str], str] = lambda _: ""
+    text: str, path: Path, addresses: Mapping[Path, str], drawn: Callable[[str], str] = lambda _: ""
 ) -> Rendered:
     """Render the Markdown of a file, to which links and pictures are relative.
 
-    `known` holds the address on the site of each Markdown page; links elsewhere become plain text.
+    `addresses` holds the address on the site of each Markdown page; links elsewhere become plain text.
     `drawn` gives HTML in place of the picture of that name; where it is empty the picture stays.
     """
     tokens = _parser().parse(text)
-    found = Rendered("", "")
+    rendered = Rendered("", "")
     if tokens and tokens[0].tag == "h1":
-        found.title, tokens = tokens[1].content, tokens[3:]
-    heading, tables = found.title, 0
+        rendered.title = tokens[1].content
+        tokens = tokens[3:]
+    heading = rendered.title
+    tables = 0
     for i, token in enumerate(tokens):
         if token.type == "heading_open":
             heading = tokens[i + 1].content
@@ -142,8 +142,8 @@ def render(
             # Numbers in these cells do not break anyway.
             tokens[i + 1].meta["plain"] = True
         elif token.type == "table_open":
-            columns = next(j for j, other in enumerate(tokens[i:]) if other.type == "thead_close")
-            wide = sum(other.type == "th_open" for other in tokens[i : i + columns]) > WIDE
+            columns = next(j for j, cell in enumerate(tokens[i:]) if cell.type == "thead_close")
+            wide = sum(cell.type == "th_open" for cell in tokens[i : i + columns]) > _WIDE
             token.attrSet("class", "sort wide" if wide else "sort")
             tables += 1
             token.meta["label"] = f"Table {tables}: {heading}"
@@ -151,34 +151,34 @@ def render(
             children = token.children or []
             for child in children:
                 child.type = "plain" if child.type == "text" and token.meta else child.type
-            _links(children, path, known)
+            _links(children, path, addresses)
             if [child.type for child in children] == ["image"]:
-                html = drawn(str(children[0].attrs["src"])) or _figure(children[0], path, found)
+                html = drawn(str(children[0].attrs["src"])) or _figure(children[0], path, rendered)
                 token.children = [Token("html_inline", "", 0, content=html)]
                 tokens[i - 1].hidden = tokens[i + 1].hidden = True
-    found.body = _parser().renderer.render(tokens, _parser().options, {})
-    return found
+    rendered.body = _parser().renderer.render(tokens, _parser().options, {})
+    return rendered
 
 
-def _links(children: list[Token], path: Path, known: Mapping[Path, str]) -> None:
+def _links(children: list[Token], path: Path, addresses: Mapping[Path, str]) -> None:
     """Point links at the pages of the site; those that lead elsewhere lose their tags."""
     kept = True
     for child in children:
         if child.type == "link_open":
             target, _, part = str(child.attrs["href"]).partition("#")
-            address = known.get((path.parent / target).resolve(), "") if target else ""
+            address = addresses.get((path.parent / target).resolve(), "") if target else ""
             kept = bool(address or not target)
             child.attrSet("href", f"{address}#{part}" if part else address)
         if child.type.startswith("link_") and not kept:
             child.type = "text"
 
 
-def _figure(picture: Token, path: Path, found: Rendered) -> str:
+def _figure(picture: Token, path: Path, rendered: Rendered) -> str:
     source = path.parent / PurePosixPath(str(picture.attrs["src"]))
     if not source.is_file():
         return f"<p>{escape(picture.content)}</p>"
     name = f"{page_name(path)}-{source.stem}.webp"
-    found.pictures[name] = source
+    rendered.pictures[name] = source
     return f'<figure><img src="{FIGURES}/{name}" alt="{escape(picture.content)}"></figure>'
 
 

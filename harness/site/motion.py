@@ -21,14 +21,17 @@ from polhode.models.scene import Scene, start_from
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import SolverNotValidError
 
-# Samples per rotation that make a smooth path, and the fewest and most samples of a page of
-# moderate size.
-PER_ROTATION, FEWEST, MOST = 80, 400, 3000
-# The torque-free path, from so many moments, over so many turns, each of so many points.
-MOMENTS, TURNS, POINTS = 48, 4, 40
-TOLERANCE = 1e-10
+_PER_ROTATION = 80  # Samples of a rotation that make a smooth path.
+# Fewest and most samples of a motion, so that the page has a moderate size.
+_FEWEST = 400
+_MOST = 3000
+# The torque-free path is drawn from several moments of the run.
+_MOMENTS = 48
+_TURNS = 4  # Rotations that each path follows.
+_POINTS = 40  # Points of each rotation.
+_TOLERANCE = 1e-10  # Of all runs: far tighter than a screen shows.
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
-ALONG = 15.0
+_ALONG = 15.0
 
 
 def examples() -> dict[str, Scene]:
@@ -40,30 +43,29 @@ def examples() -> dict[str, Scene]:
     }
 
 
-def motion_page(own: dict[str, Scene], say: Callable[[str], None]) -> Page:
+def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Page:
     """The scenes of one's own first, then the examples."""
     motions = []
-    for name, scene in {**own, **examples()}.items():
+    for name, scene in {**user_scenes, **examples()}.items():
         say(f"motion: {name}")
         motions.append({"name": name, **motion(scene)})
-    shown = {"motion-data": [each for each in motions if "samples" in each]}
+    shown = {"motion-data": [drawing for drawing in motions if "samples" in drawing]}
     scripts = ("tables.js", "chart.js", "motion.js")
     return Page("See it move", fill("site-motion"), html("motion", motions=motions), shown, scripts)
 
 
 def motion(scene: Scene) -> dict[str, Any]:
-    """What the page draws of a scene; `why` instead if it has no orientation or cannot be solved."""
+    """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved."""
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
     try:
-        samples = int(min(max(PER_ROTATION * rotations(scene), FEWEST), MOST))
+        samples = int(min(max(_PER_ROTATION * rotations(scene), _FEWEST), _MOST))
         # In the simplest form that has an axis, far more accurate than a screen shows.
         name = simplest(scene)
         problem = form(name).problem(scene)
-        solver = (
-            "exact" if problem.closed_form else "ida" if problem.parameters is None else "taylor"
-        )
-        solution = solve(scene, form=name, solver=solver, tolerance=TOLERANCE, samples=samples)
+        stepping = "ida" if problem.parameters is None else "taylor"
+        solver = "exact" if problem.closed_form else stepping
+        solution = solve(scene, form=name, solver=solver, tolerance=_TOLERANCE, samples=samples)
     except (ValueError, ArithmeticError) as error:
         return {"why": str(error)}
     if not solution.success:
@@ -100,20 +102,23 @@ def motion(scene: Scene) -> dict[str, Any]:
 
 def _sentence(solution: SceneSolution, axis: int) -> str:
     """How the body moves, in words: turns, where its axis begins and ends, what becomes of L and E."""
-    scene, rows = solution.scene, solution.rotation[[0, -1], :, 2]
-    name, nearest = "symmetry axis", scene.ellipsoid.symmetry_axis
+    scene = solution.scene
+    rows = solution.rotation[[0, -1], :, 2]
+    name = "symmetry axis"
+    nearest = scene.ellipsoid.symmetry_axis
     if nearest is None:
         nearest = int(np.argmax(np.abs(rows[1])))
         name = f"{('longest', 'middle', 'shortest')[scene.ellipsoid.order.index(nearest)]} axis"
     angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
-    turns, plane = max(1, round(rotations(scene))), _plane(solution)[[0, -1]].T.tolist()
+    turns = max(1, round(rotations(scene)))
+    plane = _plane(solution)[[0, -1]].T.tolist()
     return fill(
         "site-motion-says",
         scene=scene,
         turns=turns,
         name=name,
         angles=angles,
-        along=ALONG,
+        along=_ALONG,
         plane=plane,
     )
 
@@ -131,28 +136,29 @@ def _averaged(scene: Scene) -> list[float]:
         return []
     try:
         return _rounded(
-            _plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=TOLERANCE))
+            _plane(solve(scene, form=averaged_form(scene), solver="taylor", tolerance=_TOLERANCE))
         )
     except (FormNotValidError, SolverNotValidError):
         return []
 
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
-    """Paths of the axis without torque, each starting at one of `MOMENTS` equispaced samples."""
-    ellipsoid, paths = solution.scene.ellipsoid, []
-    for k in np.linspace(0, len(solution.times) - 1, MOMENTS).astype(int).tolist():
+    """Paths of the axis without torque, each starting at one of `_MOMENTS` equispaced samples."""
+    ellipsoid = solution.scene.ellipsoid
+    paths = []
+    for k in np.linspace(0, len(solution.times) - 1, _MOMENTS).astype(int).tolist():
         moment = solution.observables[k : k + 1]
         size = float(np.linalg.norm(moment.angular_momentum))
         if size == 0:
             # At rest it stays where it is.
             paths.append(
-                _rounded(np.repeat(moment.rotation[:, axis], TURNS * POINTS + 1, axis=0), 3)
+                _rounded(np.repeat(moment.rotation[:, axis], _TURNS * _POINTS + 1, axis=0), 3)
             )
             continue
         turn = 2 * pi * float(np.median(ellipsoid.inertia)) / size
-        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), TURNS * turn)
+        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), _TURNS * turn)
         free = solve(
-            top, form="euler-top", solver="exact", tolerance=1e-9, samples=TURNS * POINTS + 1
+            top, form="euler-top", solver="exact", tolerance=1e-9, samples=_TURNS * _POINTS + 1
         )
         paths.append(_rounded(free.rotation[:, axis], 3))
     return paths

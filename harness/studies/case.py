@@ -25,12 +25,12 @@ from polhode.solvers.contract import Backend, Jacobian, Status
 from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solution, solve
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 2
+_CASE_SCHEMA = 2
 # A run of fewer steps than one per this many rotations cannot be right.
-ROTATIONS_PER_STEP = 20.0
+_ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by
 # itself.
-OSCILLATORY_FROM = 1.0
+_OSCILLATORY_FROM = 1.0
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Case:
                 "compiled" in method.backends and not method.lacks("compiled")
             )
         return {
-            "schema": SCHEMA,
+            "schema": _CASE_SCHEMA,
             "scene": scene_table(self.scene),
             **{
                 name: getattr(self, name)
@@ -88,9 +88,11 @@ class Case:
         form = find_form(self.form)
         problem = form.problem(self.scene)
         averages = form.averaged or problem.course or find_solver(self.solver).many_periods
-        if averages or self.scene.stokes < OSCILLATORY_FROM:
+        if averages or self.scene.stokes < _OSCILLATORY_FROM:
             return problem
-        return replace(problem, least_steps=max(1, int(rotations(self.scene) / ROTATIONS_PER_STEP)))
+        return replace(
+            problem, least_steps=max(1, int(rotations(self.scene) / _ROTATIONS_PER_STEP))
+        )
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -137,10 +139,11 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     The record's columns: `slow_error` and `orientation_error` against the exact solution of the
     full equations, `solver_*` against the exact solution of the same form, `model_*` of that exact
     solution against the full one. A full form has no model error. An error that cannot be measured
-    is None. Where the motion is chaotic, errors are those up to `meaningful_until`, and
-    `statistics_distance` compares the distributions over the whole run.
+    is None. In chaotic motion, errors count up to `meaningful_until`, and `statistics_distance`
+    compares the distributions over the whole run.
     """
-    form, ellipsoid = find_form(case.form), case.scene.ellipsoid
+    form = find_form(case.form)
+    ellipsoid = case.scene.ellipsoid
     try:
         full = reference(
             case.scene, reference_form(case.scene), case.samples, case.reference_seconds
@@ -152,16 +155,18 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
         try:
             exact = reference(case.scene, form, case.samples, case.reference_seconds)
         except ReferenceFailedError as error:
-            exact, record = None, {**record, "reference_failed": str(error)}
-    found = form.observe(case.scene, states)
+            exact = None
+            record = {**record, "reference_failed": str(error)}
+    observables = form.observe(case.scene, states)
     if record["status"] != Status.REACHED_END:
-        so_far = errors(ellipsoid, found, full.observables[: len(states)])
+        so_far = errors(ellipsoid, observables, full.observables[: len(states)])
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
-    truth, early = full.observables[:n], found[:n]
+    truth = full.observables[:n]
+    early = observables[:n]
     total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
     distance = (
-        None if n == case.samples else statistics_distance(ellipsoid, found, full.observables)
+        None if n == case.samples else statistics_distance(ellipsoid, observables, full.observables)
     )
     return (
         record
@@ -212,25 +217,29 @@ def prepared(case: Case) -> float:
 
 def _parted(
     case: Case,
-    found: Observables,
+    observables: Observables,
     truth: Observables,
     total: Errors,
     full: Reference,
     exact: Reference | None,
 ) -> Record:
     """The solver's error and the model's: all is the solver's if the form is a full one, both open if `exact` is."""
-    names = [
-        f"{part}_{error}_error" for part in ("solver", "model") for error in ("slow", "orientation")
-    ]
+    names = (
+        "solver_slow_error",
+        "solver_orientation_error",
+        "model_slow_error",
+        "model_orientation_error",
+    )
     if exact is None:
         return dict.fromkeys(names)
     values = total.slow, total.orientation, 0.0, 0.0
     if exact is not full:
         own_truth = exact.observables[: len(truth.slow)]
-        own, model = (
-            errors(case.scene.ellipsoid, *pair) for pair in ((found, own_truth), (own_truth, truth))
+        solver_error, model = (
+            errors(case.scene.ellipsoid, *pair)
+            for pair in ((observables, own_truth), (own_truth, truth))
         )
-        values = own.slow, own.orientation, model.slow, model.orientation
+        values = solver_error.slow, solver_error.orientation, model.slow, model.orientation
     return dict(zip(names, values, strict=True)) | {
         "solver_slow_uncertainty": exact.slow_uncertainty
     }

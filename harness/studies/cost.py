@@ -1,4 +1,4 @@
-"""What one right-hand side, a first run in a fresh process, and `solve` beside the bare library call cost."""
+"""Costs of one right-hand side, of a first run in a fresh process, and of `solve` beside the bare library call."""
 
 import ctypes
 import os
@@ -29,23 +29,24 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
-# A measurement repeats until it takes this long, in seconds, and is the best of `ROUNDS`.
-ENOUGH = 2e-3
-ROUNDS = 5
-STARTS = 5
-LIMIT = 60.0
-TOLERANCE = 1e-8
+_ENOUGH = 2e-3  # Seconds that the calls of a measurement take at least.
+_ROUNDS = 5  # Measurements of which the best counts.
+STARTS = 5  # Starts of Python of which the fastest counts.
+_LIMIT = 60.0  # Seconds that a first run may take.
+_TOLERANCE = 1e-8  # Of first runs.
 # Part of a scene's time whose run shows what a first one takes more.
-BEGINNING = 1e-6
+_BEGINNING = 1e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
     """Wall time of one right-hand side as solvers call it: from machine code if "compiled", else from Python."""
-    y, parameters = np.array(problem.start), parameter_array(problem)
+    y = np.array(problem.start)
+    parameters = parameter_array(problem)
     out = np.empty_like(y)
     if backend == "compiled":
         callback = c_callback(problem.field, problem.dimension, len(parameters))
-        loop, pointers = _compiled_loop(), [array.ctypes.data for array in (out, y, parameters)]
+        loop = _compiled_loop()
+        pointers = [array.ctypes.data for array in (out, y, parameters)]
 
         def run(calls: int) -> None:
             loop(callback.address, calls, *pointers)
@@ -56,11 +57,12 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
             for _ in range(calls):
                 evaluate(y, values, out)
 
-    calls, best = 1, 0.0
-    while best < ENOUGH:
+    calls = 1
+    best = 0.0
+    while best < _ENOUGH:
         calls *= 4
         best = seconds_of(partial(run, calls))
-    return min(best, *(seconds_of(partial(run, calls)) for _ in range(ROUNDS - 1))) / calls
+    return min(best, *(seconds_of(partial(run, calls)) for _ in range(_ROUNDS - 1))) / calls
 
 
 @once()
@@ -98,32 +100,32 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
 
 def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
     """Cold and warm first run of each solver whose run succeeds, every one in a fresh process."""
-    found = {}
+    runs = {}
     for name in solvers:
         with TemporaryDirectory() as folder:
             pair = [_fresh(problem, name, folder) for _ in range(2)]
         if all(pair):
-            found[name] = tuple(pair)
-    return found
+            runs[name] = tuple(pair)
+    return runs
 
 
 def first_seconds(
     scenes: Mapping[str, Scene], methods: Iterable[tuple[str, str]]
 ) -> dict[tuple[str, str], float]:
     """Seconds that a first run by a form and solver takes beyond later ones; 0.0 where its beginning fails."""
-    known: dict[tuple[str, str], float] = {}
-    found = {}
+    group_seconds: dict[tuple[str, str], float] = {}
+    seconds = {}
     for form, solver in methods:
         group = form, compile_group(solver)
-        if group not in known:
+        if group not in group_seconds:
             with TemporaryDirectory() as folder:
                 problem = find_form(form).problem(scenes[form])
                 run = _fresh(
-                    replace(problem, end=problem.end * BEGINNING, least_steps=0), solver, folder
+                    replace(problem, end=problem.end * _BEGINNING, least_steps=0), solver, folder
                 )
-            known[group] = run.library + run.compilation if run else 0.0
-        found[form, solver] = known[group]
-    return found
+            group_seconds[group] = run.library + run.compilation if run else 0.0
+        seconds[form, solver] = group_seconds[group]
+    return seconds
 
 
 def compile_group(solver: str) -> str:
@@ -138,7 +140,7 @@ def compile_group(solver: str) -> str:
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
     with Worker() as worker:
-        return worker.run(first_run, problem, solver, TOLERANCE, folder, limit=LIMIT).value
+        return worker.run(first_run, problem, solver, _TOLERANCE, folder, limit=_LIMIT).value
 
 
 def startup_seconds() -> float:
@@ -160,7 +162,7 @@ class Overhead:
 
     @property
     def seconds(self) -> float:
-        """What `solve` costs on top."""
+        """Wall time of `solve` beyond the bare library call, in s."""
         return self.solve - self.bare
 
     @property
@@ -193,7 +195,8 @@ def measure(
         )
         if bare is None:
             continue
-        best, calls = [inf, inf], (bare, lambda name=name: solve(problem, name, tolerance, times))
+        best = [inf, inf]
+        calls = (bare, lambda name=name: solve(problem, name, tolerance, times))
         for call in calls:
             call()
         end = perf_counter() + seconds

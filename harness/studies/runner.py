@@ -2,6 +2,7 @@
 
 import gc
 from dataclasses import dataclass, field
+from itertools import chain
 from math import inf
 
 from tqdm import tqdm
@@ -45,25 +46,26 @@ class Runner:
 
     def run_batches(self, name: str, batches: list[list[Case]]) -> list[Record]:
         """The same of cases in batches, each of which is timed in interleaved order."""
-        known, wanted = self.store.keys(), [case.key for batch in batches for case in batch]
+        stored_keys = self.store.keys()
+        study_keys = [case.key for case in chain.from_iterable(batches)]
         surroundings = {"machine": machine(), "versions": versions()}
         progress = tqdm(
-            total=len(wanted), disable=self.quiet or None, unit="case", desc=name, leave=False
+            total=len(study_keys), disable=self.quiet or None, unit="case", desc=name, leave=False
         )
         with self._worker, progress:
             for batch in batches:
-                fresh = [case for case in batch if case.key not in known]
+                fresh = [case for case in batch if case.key not in stored_keys]
                 for case in batch:
-                    record = self.store.result(case.key) if case.key in known else None
+                    record = self.store.result(case.key) if case.key in stored_keys else None
                     if record is not None and _too_slow(record):
                         self._too_slow.setdefault(_group(case), record)
                 for case, record in self._measure(fresh, progress):
                     self.store.put(case.key, case.content, {**record, **surroundings})
                 progress.update(len(batch) - len(fresh))
         if self._lost:
-            lost = f"{self._lost} of {len(wanted)} cases were killed from outside {ATTEMPTS} times each"
+            lost = f"{self._lost} of {len(study_keys)} cases were killed from outside {ATTEMPTS} times each"
             raise KilledFromOutsideError(f"{lost}, perhaps for want of memory")
-        of_study = set(wanted)
+        of_study = set(study_keys)
         return [record for record in self.store if record["key"] in of_study]
 
     def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
@@ -72,11 +74,11 @@ class Runner:
         for case in batch:
             progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
             progress.update()
-            found = self._examine(case)
-            if found is None:
+            result = self._examine(case)
+            if result is None:
                 self._lost += 1
                 continue
-            records[case] = {"date": now(), "tags": list(case.tags), **found}
+            records[case] = {"date": now(), "tags": list(case.tags), **result}
         timings = {
             case: Timing(())
             for case, record in records.items()

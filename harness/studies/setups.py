@@ -1,4 +1,4 @@
-"""What a work-precision study runs: solvers, of the catalogue or one's own, and plain functions, with options."""
+"""Setups of a work-precision study: solvers, of the catalogue or one's own, and plain functions, with options."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -52,7 +52,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class FunctionRun:
-    """What a solver that is a plain function did, with the names of a `Solution`."""
+    """The run of a solver that is a plain function, with the names of a `Solution`."""
 
     states: np.ndarray
     status: Status
@@ -69,7 +69,7 @@ class FunctionRun:
 def as_setups(solvers: Any, problem: Problem) -> list[Setup]:
     """Setups of a sequence or of a dictionary by labels; by default every solver that accepts the problem.
 
-    Of a function that runs as plain Python, those that take compiled ones alone are among them.
+    Solvers that take compiled functions alone are among them, even if the problem's runs as plain Python.
 
     An entry is a name, a `Solver`, a function of `ARGUMENTS`, or a pair of one of these and a
     dictionary of options. A ValueError says what is wrong with one, in one line.
@@ -136,8 +136,8 @@ def rates_of(problem: Problem) -> Rates:
     """The right-hand side ``f(t, y)`` in plain Python, of the user's own time and components."""
     parameters = problem.field_parameters
     if isinstance(problem.field, OwnField):
-        own = problem.field.function
-        return lambda t, y: own(t, y, *parameters)
+        function = problem.field.function
+        return lambda t, y: function(t, y, *parameters)
     rates = problem.field(FLOAT)
     return lambda t, y: np.array(rates(y, parameters))
 
@@ -153,7 +153,8 @@ def run_function(
     """Run a solver that is a plain function; whatever it raises is the row's message."""
     assert setup.function is not None
     components = problem.dimension - problem.timed
-    rates, calls = rates_of(problem), 0
+    rates = rates_of(problem)
+    calls = 0
 
     def counted(t: float, y: Any) -> Any:
         nonlocal calls
@@ -163,11 +164,13 @@ def run_function(
     t_eval = users_times(problem, times)
     span = float(t_eval[0]), float(t_eval[-1])
     start = np.array(problem.start[:components])
-    given = counted if count else rates, span, start, t_eval, rtol, atol
+    arguments = counted if count else rates, span, start, t_eval, rtol, atol
     began = perf_counter()
-    status, message, states = Status.REACHED_END, "", np.empty((0, components))
+    status = Status.REACHED_END
+    message = ""
+    states = np.empty((0, components))
     try:
-        states = np.asarray(setup.function(*given, **setup.options), dtype=float)
+        states = np.asarray(setup.function(*arguments, **setup.options), dtype=float)
     except Exception as error:
         words = " ".join(str(error).split())
         message = (
@@ -182,6 +185,7 @@ def run_function(
             f"{setup.label} returned shape {states.shape}, expected states of shape {expected}"
         )
     elif status.success and not np.isfinite(states).all():
-        status, message = Status.NON_FINITE, "a state is not finite"
+        status = Status.NON_FINITE
+        message = "a state is not finite"
     work = Work(rhs_calls=calls if count and calls else None)
     return FunctionRun(states, status, message, work, seconds)

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
+from itertools import chain, product
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,10 +22,10 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
-# Of a run that is compared with a reference.
-MOST_SAMPLES = 100_000
-# What a study may say of a built-in scene.
-BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
+# Rows of a run that is compared with a reference.
+_MOST_SAMPLES = 100_000
+# Keys that a study may give beside a built-in scene.
+_BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
 Filter = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
@@ -37,7 +38,7 @@ Page = Literal["costs", "outcomes", "known-stokes", "stiff"]
 
 
 class Choice(BaseModel):
-    """What a study says of one scene: its tags, forms and solvers if it is limited to some, and time limit."""
+    """Choices of a study for one scene: its tags, forms and solvers if it is limited to some, and time limit."""
 
     model_config = ConfigDict(strict=True)
     tags: list[str] = []
@@ -80,47 +81,40 @@ class Study:
                     problem = find_form(form_name).problem(scene)
                 except FormNotValidError:
                     continue
-                wanted = (
+                solver_names = (
                     name
                     for name in self.solvers
                     if choice.solvers is None or name in choice.solvers
                 )
-                accepted = [name for name in wanted if find_solver(name).takes(problem)]
+                accepted = [name for name in solver_names if find_solver(name).takes(problem)]
                 for tolerance in sorted(self.tolerances, reverse=True):
                     limits = tolerance, self.samples, choice.max_seconds or self.max_seconds
-                    others = tuple(choice.tags), self.reference_seconds, self.counted
-                    yield [
-                        Case(
-                            scene_name,
-                            scene,
-                            form_name,
-                            solver_name,
-                            *limits,
-                            backend,
-                            jacobian,
-                            *others,
-                        )
-                        for solver_name in accepted
-                        for backend, jacobian in self._ways(solver_name)
-                    ]
+                    settings = tuple(choice.tags), self.reference_seconds, self.counted
+                    cases = []
+                    for solver_name in accepted:
+                        method = scene_name, scene, form_name, solver_name
+                        ways = self._ways(solver_name)
+                        cases += [Case(*method, *limits, *way, *settings) for way in ways]
+                    yield cases
 
     def choice(self, scene_name: str, scene: Scene) -> Choice:
-        """What the study says of a scene."""
+        """The study's choices for a scene."""
         return self.choices.get((scene_name, scene.stokes), Choice())
 
     def part(
         self, *, scenes: Filter = (), tags: Filter = (), forms: Filter = (), solvers: Filter = ()
     ) -> "Study":
-        """What meets every filter, none of a kind meaning all; ValueError for unknown names, or if nothing is left."""
-        wanted = {
+        """The part within all filters, none of a kind meaning all; ValueError by unknown names, or if it is empty."""
+        all_tags = {*chain.from_iterable(choice.tags for choice in self.choices.values())}
+        filters = {
             "scene": _known("scene", scenes, {name for name, _ in self.scenes}),
-            "tag": _known("tag", tags, {tag for own in self.choices.values() for tag in own.tags}),
+            "tag": _known("tag", tags, all_tags),
             "form": _known("form", forms, self.forms),
             "solver": _known("solver", solvers, self.solvers),
         }
 
         def kept(kind: str, *names: str) -> bool:
-            return not wanted[kind] or not wanted[kind].isdisjoint(names)
+            return not filters[kind] or not filters[kind].isdisjoint(names)
 
         part = replace(
             self,
@@ -133,9 +127,10 @@ class Study:
             solvers=tuple(name for name in self.solvers if kept("solver", name)),
         )
         if not any(part.batches()):
-            got = ", ".join(
-                f"{kind} {name}" for kind, names in wanted.items() for name in sorted(names)
-            )
+            named = []
+            for kind, names in filters.items():
+                named += [f"{kind} {name}" for name in sorted(names)]
+            got = ", ".join(named)
             raise ValueError(
                 f"filters: got {got}, expected some that go together in study {self.name!r}"
             )
@@ -153,23 +148,23 @@ class Study:
     def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
         """Back ends and Jacobians with which to run a solver."""
         solver = find_solver(solver_name)
-        offered = {None, *(each for each in solver.backends if not solver.lacks(each))}
+        offered = {None, *(backend for backend in solver.backends if not solver.lacks(backend))}
         jacobians: list[Jacobian | None] = [
             name for name in self.jacobians or () if name in solver.jacobians
         ]
         backends: list[Backend | None] = [
             name for name in self.backends or [None] if name in offered
         ]
-        return [(backend, jacobian) for backend in backends for jacobian in jacobians or [None]]
+        return [*product(backends, jacobians or [None])]
 
 
-def _known(kind: str, names: Filter, known: Iterable[str]) -> set[str]:
+def _known(kind: str, names: Filter, available: Iterable[str]) -> set[str]:
     """Names of a filter; raises ValueError if the study does not know one."""
     for name in names:
-        if name not in known:
+        if name not in available:
             expected = (
-                f"one of {', '.join(sorted(known))}"
-                if known
+                f"one of {', '.join(sorted(available))}"
+                if available
                 else f"none, for the study has no {kind}s"
             )
             raise ValueError(f"{kind}: got {name!r}, expected {expected}")
@@ -180,8 +175,8 @@ class StudySceneTable(Choice):
     """``[[scenes]]``: a scene file's contents with a name, and one or several Stokes numbers.
 
     ``{name = "pinch-point", builtin = true}`` stands for a built-in scene, `time` beside it for
-    another duration. Tags are what a run may be limited to; forms and solvers, some of the study's,
-    limit those of the scene; `max_seconds` is a time limit of its own.
+    another duration. A run may be limited to scenes with given tags. `forms` and `solvers` list the
+    study's that the scene is run with; `max_seconds` is a time limit of its own.
     """
 
     # A built-in scene needs no stokes.
@@ -195,23 +190,27 @@ class StudySceneTable(Choice):
         """A built-in scene with its contents."""
         if not (isinstance(scene, dict) and scene.get("builtin") is True):
             return scene
-        if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *BESIDE_BUILTIN}:
-            expected = f"name, builtin and perhaps {', '.join(BESIDE_BUILTIN)}"
+        if not {"name", "builtin"} <= set(scene) <= {"name", "builtin", *_BESIDE_BUILTIN}:
+            expected = f"name, builtin and perhaps {', '.join(_BESIDE_BUILTIN)}"
             raise ValueError(f"got {sorted(scene)}, expected {expected}")
-        own = {key: value for key, value in scene.items() if key in ("name", *BESIDE_BUILTIN)}
-        known = scene_table(named_scene(str(scene["name"])))
+        overrides = {
+            key: value for key, value in scene.items() if key in ("name", *_BESIDE_BUILTIN)
+        }
+        builtin = scene_table(named_scene(str(scene["name"])))
         return {
-            name: each for name, each in known.items() if name != "time" or "slow_time" not in own
-        } | own
+            name: value
+            for name, value in builtin.items()
+            if name != "time" or "slow_time" not in overrides
+        } | overrides
 
 
 class StudyTable(BaseModel):
-    """A study file; its name is that of the folder of its results."""
+    """A study file; its name is the name of the folder of its results."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     name: Name
     title: str
-    samples: Annotated[int, Field(ge=2, le=MOST_SAMPLES)] = 501
+    samples: Annotated[int, Field(ge=2, le=_MOST_SAMPLES)] = 501
     max_seconds: Positive = 10.0
     tolerances: Annotated[list[Positive], Field(min_length=1)]
     forms: Annotated[list[str], Field(min_length=1)]
@@ -227,7 +226,7 @@ class StudyTable(BaseModel):
             ("forms", self.forms, FORMS),
             ("solvers", self.solvers, SOLVERS),
         ):
-            for name in (each for each in names if each not in catalogue):
+            for name in (unlisted for unlisted in names if unlisted not in catalogue):
                 try:
                     catalogue.find(name)
                 except NotFoundError as error:
@@ -235,13 +234,13 @@ class StudyTable(BaseModel):
                         f"got {name!r}{error.advice} in {kind}, expected {error.expected}"
                     ) from None
         for scene in self.scenes:
-            for kind, own, known in (
+            for kind, chosen, study_names in (
                 ("forms", scene.forms, self.forms),
                 ("solvers", scene.solvers, self.solvers),
             ):
-                for name in own or ():
-                    if name not in known:
-                        expected = f"some of the study's: {', '.join(known)}"
+                for name in chosen or ():
+                    if name not in study_names:
+                        expected = f"some of the study's: {', '.join(study_names)}"
                         raise ValueError(
                             f"got {name!r} in {kind} of scene {scene.name!r}, expected {expected}"
                         )
@@ -249,7 +248,9 @@ class StudyTable(BaseModel):
 
     @model_validator(mode="after")
     def _nothing_twice(self) -> "StudyTable":
-        scenes = [(scene.name, stokes) for scene in self.scenes for stokes in scene.stokes]
+        scenes = []
+        for scene in self.scenes:
+            scenes += [(scene.name, stokes) for stokes in scene.stokes]
         lists = {
             "forms": self.forms,
             "solvers": self.solvers,
@@ -267,9 +268,9 @@ class StudyTable(BaseModel):
 
 def read_study(path: Path | None, default: str = "bench") -> Study:
     """Read a study file, or the one of the given name that comes with the package; raises as `read_toml` does."""
-    own = files("polhode.harness.studies") / f"{default}.toml"
+    built_in = files("polhode.harness.studies") / f"{default}.toml"
     parse = partial(parse_study, folder=path.parent) if path else parse_study
-    return read_toml(path or own, parse, where=None if path else f"study {default!r}")
+    return read_toml(path or built_in, parse, where=None if path else f"study {default!r}")
 
 
 def parse_study(contents: dict[str, Any], folder: Path = Path()) -> Study:
@@ -278,25 +279,28 @@ def parse_study(contents: dict[str, Any], folder: Path = Path()) -> Study:
     Raises ValueError, in one line, if a key is wrong or nothing fits.
     """
     table = checked(StudyTable, contents)
-    own: dict[str, Any] = {
+    settings: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value for name, value in table
     }
-    own["scenes"] = ()
-    for position, each in enumerate(table.scenes):
+    settings["scenes"] = ()
+    for position, scene_entry in enumerate(table.scenes):
         try:
             scenes = [
-                parse_scene({"stokes": stokes, **(each.model_extra or {})}, folder)
-                for stokes in each.stokes
+                parse_scene({"stokes": stokes, **(scene_entry.model_extra or {})}, folder)
+                for stokes in scene_entry.stokes
             ]
         except ValueError as error:
             raise ValueError(f"scenes[{position}]: {error}") from None
-        own["scenes"] += tuple((each.name, scene) for scene in scenes)
-    own["choices"] = {(each.name, stokes): each for each in table.scenes for stokes in each.stokes}
+        settings["scenes"] += tuple((scene_entry.name, scene) for scene in scenes)
+    settings["choices"] = {}
+    for scene_entry in table.scenes:
+        for stokes in scene_entry.stokes:
+            settings["choices"][scene_entry.name, stokes] = scene_entry
     # Which is the cheapest makes sense for one scene; several ask who gets through.
-    own["page"] = table.page or (
+    settings["page"] = table.page or (
         "costs" if len({scene.name for scene in table.scenes}) == 1 else "outcomes"
     )
-    study = Study(**own)
+    study = Study(**settings)
     if not any(study.batches()):
         raise ValueError(
             f"forms: got {list(study.forms)}, expected one that some scene and solver accept"

@@ -14,7 +14,7 @@ import numpy as np
 # Environment variable that names the folder for caches.
 CACHE_VARIABLE = "POLHODE_CACHE"
 # Files that may lie in the folder; the oldest half goes when there are more.
-MOST = 200
+_MOST = 200
 
 
 # Links that a path may lead through, as in Linux.
@@ -128,15 +128,16 @@ def load(key: str) -> np.ndarray | None:
 
 def save(key: str, numbers: np.ndarray) -> None:
     """Keep numbers under a key; a folder that cannot be written is no error."""
-    file, content = _file(key), np.ascontiguousarray(numbers, dtype=float).tobytes()
+    file = _file(key)
+    content = np.ascontiguousarray(numbers, dtype=float).tobytes()
     with suppress(OSError):
         make_private(file.parent)
         private = file.with_suffix(f".{os.getpid()}")
         private.write_bytes(_sum(key, content) + content)
         private.replace(file)
         files = list(file.parent.iterdir())
-        if len(files) > MOST:
-            for old in sorted(files, key=lambda each: each.stat().st_mtime)[: MOST // 2]:
+        if len(files) > _MOST:
+            for old in sorted(files, key=lambda each: each.stat().st_mtime)[: _MOST // 2]:
                 old.unlink()
 
 

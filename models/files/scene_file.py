@@ -22,7 +22,7 @@ NineVector = Annotated[list[Finite], Field(min_length=9, max_length=9)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 SemiAxes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 # A quaternion further from unit norm than this was not rounded.
-UNIT_WITHIN = 0.01
+_UNIT_WITHIN = 0.01
 
 
 class Table(BaseModel):
@@ -69,7 +69,7 @@ class StartTable(Table):
             return EulerStart(_triple(self.euler_angles), _triple(self.euler_rates or _REST))
         assert self.quaternion is not None
         q0, q1, q2, q3 = self.quaternion
-        if (norm := hypot(*self.quaternion)) > 0 and abs(norm - 1) > UNIT_WITHIN:
+        if (norm := hypot(*self.quaternion)) > 0 and abs(norm - 1) > _UNIT_WITHIN:
             words = f"start.quaternion: got {self.quaternion} of norm {norm:.3g}, which is divided out; was 1 meant?"
             warnings.warn(words, Question, stacklevel=2)
         return BodyStart((q0, q1, q2, q3), _triple(self.angular_velocity or _REST))

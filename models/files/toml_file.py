@@ -14,7 +14,7 @@ from polhode.models.registry import hint, near
 Made = TypeVar("Made")
 Model = TypeVar("Model", bound=BaseModel)
 # A file of more bytes is none that somebody wrote, and might never end.
-MOST = 4_000_000
+_MOST = 4_000_000
 
 
 def read_toml(
@@ -28,9 +28,9 @@ def read_toml(
     where = where or str(source)
     try:
         with source.open("rb") as file:
-            content = file.read(MOST + 1)
-        if len(content) > MOST:
-            raise ValueError(f"got more than {MOST} bytes")
+            content = file.read(_MOST + 1)
+        if len(content) > _MOST:
+            raise ValueError(f"got more than {_MOST} bytes")
         # With or without the mark that some editors begin a file with.
         contents = tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:

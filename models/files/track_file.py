@@ -25,7 +25,8 @@ def read_track(path: Path) -> Flow:
     rows = [row for row in csv.reader(text.splitlines()) if row]
     header = [name.strip() for name in rows[0]] if rows else []
     if header != COLUMNS:
-        got, expected = ",".join(header), ",".join(COLUMNS)
+        got = ",".join(header)
+        expected = ",".join(COLUMNS)
         raise ValueError(f"flow.track: {path}: got the columns {got:.60}, expected {expected}")
     numbers = [_numbers(path, line, row) for line, row in enumerate(rows[1:], 2)]
     times = [row[0] for row in numbers]

@@ -14,10 +14,10 @@ from polhode.models.shape import Ellipsoid
 
 # Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly
 # above 0 in long double, and less elsewhere.
-AGM_STEPS = 6
+_AGM_STEPS = 6
 # Starts nearer than this to L² = 2EI₂ are moved so far off it, whose rates are its own on either
 # side.
-SEPARATRIX_WIDTH = 1e-12
+_SEPARATRIX_WIDTH = 1e-12
 
 
 def mean_squares(ops: Operations):
@@ -25,20 +25,25 @@ def mean_squares(ops: Operations):
     # With m the parameter of the elliptic functions and c_n the differences of the
     # arithmetic-geometric mean, ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum
     # has positive terms only and stays exact as m → 0 and m → 1.
-    where_positive, sqrt = ops.where_positive, ops.sqrt
+    where_positive = ops.where_positive
+    sqrt = ops.sqrt
 
     def means(momentum2, energy2, i1, i2, i3):
         beyond = momentum2 - energy2 * i2
-        near, far = where_positive(beyond, i3, i1), where_positive(beyond, i1, i3)
-        short, long = energy2 * near - momentum2, momentum2 - energy2 * far
+        near = where_positive(beyond, i3, i1)
+        far = where_positive(beyond, i1, i3)
+        short = energy2 * near - momentum2
+        long = momentum2 - energy2 * far
         m = (i2 - far) * short / ((near - i2) * long)
         complement = (near - far) * beyond / ((near - i2) * long)
 
         root = sqrt(complement)
-        mean, geometric = 0.5 * (1 + root), sqrt(root)
+        mean = 0.5 * (1 + root)
+        geometric = sqrt(root)
         square = m / (16 * mean * mean)
-        weight, sn2 = 1.0, 0.5 + square
-        for _ in range(AGM_STEPS):
+        weight = 1.0
+        sn2 = 0.5 + square
+        for _ in range(_AGM_STEPS):
             mean, geometric = 0.5 * (mean + geometric), sqrt(mean * geometric)
             square = m * square * square / (16 * mean * mean)
             weight = 2 * weight
@@ -61,7 +66,10 @@ def field(ops: Operations) -> Field:
     means = ops.use(mean_squares)
 
     def rhs(y, p):
-        lx, ly, lz, energy = y[0], y[1], y[2], y[3]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        energy = y[3]
         momentum2 = lx * lx + ly * ly + lz * lz
         z1, z2, z3 = means(momentum2, 2 * energy, p[0], p[1], p[2])
         a = p[3] * z1 + p[4] * z2 + p[5] * z3
@@ -87,7 +95,8 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
     squares = [ellipsoid.scaled_axes[axis] ** 2 for axis in axes]
     inertia = [ellipsoid.inertia[axis] / unit for axis in axes]
     drag = [8 * pi * ellipsoid.resistance[axis] / unit for axis in axes]
-    c, d = [0.0] * 3, [0.0] * 3
+    c = [0.0] * 3
+    d = [0.0] * 3
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
         share = drag[i] * squares[k] / (squares[j] + squares[k])
         c[j] += share
@@ -100,7 +109,8 @@ def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
 def range_excess(states: np.ndarray, least: float) -> np.ndarray:
     """How far L²/2E of states, shape (n, 4), in units of I_max, lies outside `least` … 1, over their largest energy."""
     lx, ly, lz, energy = states.T
-    momentum2, energy2 = lx * lx + ly * ly + lz * lz, 2 * energy
+    momentum2 = lx * lx + ly * ly + lz * lz
+    energy2 = 2 * energy
     outside = np.maximum(momentum2 - energy2, least * energy2 - momentum2)
     return np.maximum(outside, 0.0) / max(energy2.max(), -energy2.min())
 
@@ -130,7 +140,7 @@ class Averaged(Form):
         in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)
         # Of a start by L and E alone the axis is not known: no comparison with NaN holds.
-        if 1 - shares[scene.ellipsoid.order[1]] < SEPARATRIX_WIDTH:
+        if 1 - shares[scene.ellipsoid.order[1]] < _SEPARATRIX_WIDTH:
             raise self.refuse(
                 "the start rotates about the middle axis, and lingers there", "quaternion"
             )
@@ -142,8 +152,8 @@ class Averaged(Form):
         middle = sum(each * each for each in momentum) / (
             2 * sorted(scene.ellipsoid.inertia)[1] / unit
         )
-        if abs(energy - middle) < SEPARATRIX_WIDTH * middle:
-            energy = middle * (1 - SEPARATRIX_WIDTH)
+        if abs(energy - middle) < _SEPARATRIX_WIDTH * middle:
+            energy = middle * (1 - _SEPARATRIX_WIDTH)
         start = (*momentum, energy)
         excess = partial(range_excess, least=min(scene.ellipsoid.inertia) / unit)
         return self.slow_problem(scene, field, start, coefficients(scene.ellipsoid), excess)

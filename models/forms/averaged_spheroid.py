@@ -20,14 +20,20 @@ def field(ops: Operations) -> Field:
     """
 
     def rhs(y, p):
-        lx, ly, lz, spin = y[0], y[1], y[2], y[3]
-        ratio, axial, equatorial = p[0], p[1], p[2]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        spin = y[3]
+        ratio = p[0]
+        axial = p[1]
+        equatorial = p[2]
         momentum2 = lx * lx + ly * ly + lz * lz
         along = ratio * ratio * spin * spin / momentum2
         across = 1 - along
         decay = axial * along + equatorial * across
         tilt = lz * (2 * along - across) / (4 * momentum2)
-        low, high = 0.5 * ratio, 1 - 0.5 * ratio
+        low = 0.5 * ratio
+        high = 1 - 0.5 * ratio
         even = 0.25 * ratio * axial * across
         from_x = even + equatorial * (0.5 * across * high + along * low)
         from_y = even + equatorial * (0.5 * across * low + along * high)
@@ -45,7 +51,8 @@ def field(ops: Operations) -> Field:
 def range_excess(states: np.ndarray, ratio: float) -> np.ndarray:
     """How far L·p̂ = I_a η exceeds |L|, squared, over the largest |L|² of states, shape (n, 4); `ratio` is I_a/I_e."""
     lx, ly, lz, spin = states.T
-    momentum2, along = lx * lx + ly * ly + lz * lz, ratio * spin
+    momentum2 = lx * lx + ly * ly + lz * lz
+    along = ratio * spin
     return np.maximum(along * along - momentum2, 0.0) / momentum2.max()
 
 
@@ -86,7 +93,8 @@ class AveragedSpheroid(Form):
 
 def slow_variables(spheroid: Spheroid, momentum: np.ndarray, spin: np.ndarray) -> np.ndarray:
     """Slow variables (L_x, L_y, L_z, E), shape (n, 4), of L, shape (n, 3), and η, shape (n,) (`EetaL`)."""
-    axial, equatorial = spheroid.axial_inertia, spheroid.equatorial_inertia
+    axial = spheroid.axial_inertia
+    equatorial = spheroid.equatorial_inertia
     energy = (np.sum(momentum**2, axis=1) - axial * (axial - equatorial) * spin**2) / (
         2 * equatorial
     )
@@ -98,7 +106,8 @@ def initial_spin(scene: Scene) -> float:
     spheroid = Spheroid.of(scene.ellipsoid)
     if not isinstance(scene.start, SlowStart):
         return scene.angular_velocity[spheroid.axis]
-    axial, equatorial = spheroid.axial_inertia, spheroid.equatorial_inertia
+    axial = spheroid.axial_inertia
+    equatorial = spheroid.equatorial_inertia
     momentum2 = sum(component * component for component in scene.start.angular_momentum)
     energy2 = 2 * scene.start.energy
     if axial == equatorial:

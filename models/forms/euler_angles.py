@@ -31,8 +31,10 @@ IN_WORDS = np.format_float_scientific(POLE_LIMIT, exp_digits=1, trim="-")
 
 def guarded_sine(ops: Operations):
     """sin θ, and NaN where |sin θ| < `POLE_LIMIT`: no solver then gets past the pole unnoticed."""
-    sin, where_positive = ops.sin, ops.where_positive
-    limit2, nowhere = POLE_LIMIT * POLE_LIMIT, float("nan")
+    sin = ops.sin
+    where_positive = ops.where_positive
+    limit2 = POLE_LIMIT * POLE_LIMIT
+    nowhere = float("nan")
 
     def sine(theta):
         s = sin(theta)
@@ -43,13 +45,26 @@ def guarded_sine(ops: Operations):
 
 def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
     """Rates of (θ, φ, ψ, θ̇, φ̇, ψ̇) (`fth`–`fps`, solved for the accelerations); p as in `motion`."""
-    sin, cos = ops.sin, ops.cos
-    sine, acceleration = ops.use(guarded_sine), ops.use(driven_acceleration)
-    axes_of, velocity_of = ops.use(axes), ops.use(velocity)
+    sin = ops.sin
+    cos = ops.cos
+    sine = ops.use(guarded_sine)
+    acceleration = ops.use(driven_acceleration)
+    axes_of = ops.use(axes)
+    velocity_of = ops.use(velocity)
 
     def rhs(y, p):
-        theta, phi, psi, dtheta, dphi, dpsi = y[0], y[1], y[2], y[3], y[4], y[5]
-        st, ct, sf, cf, ss, cs = sine(theta), cos(theta), sin(phi), cos(phi), sin(psi), cos(psi)
+        theta = y[0]
+        phi = y[1]
+        psi = y[2]
+        dtheta = y[3]
+        dphi = y[4]
+        dpsi = y[5]
+        st = sine(theta)
+        ct = cos(theta)
+        sf = sin(phi)
+        cf = cos(phi)
+        ss = sin(psi)
+        cs = cos(psi)
         axes = axes_of(st, ct, sf, cf, ss, cs)
         across = dphi * st
         omega = (across * ss + dtheta * cs, across * cs - dtheta * ss, dphi * ct + dpsi)
@@ -141,7 +156,8 @@ class EulerAngles(Form):
         if isinstance(start, EulerStart) and scene.stokes > 0:
             rates = start.rates
         start = *start.angles, *rates
-        inertial, shape = (False,) * 3 + (True,) * 3, parameters_of(scene)
+        inertial = (False,) * 3 + (True,) * 3
+        shape = parameters_of(scene)
         return full_problem(
             self,
             scene,

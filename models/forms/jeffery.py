@@ -38,11 +38,9 @@ from polhode.models.scene import Scene
 
 def turning(ops: Operations) -> Callable:
     """q̇ = ½ q∘(0, Ω_J), and Ω_J, in simple shear; p = shares of Jeffery's angular velocity."""
-    directions_of, rates, jeffery = (
-        ops.use(directions),
-        ops.use(quaternion_rates),
-        ops.use(jeffery_angular_velocity),
-    )
+    directions_of = ops.use(directions)
+    rates = ops.use(quaternion_rates)
+    jeffery = ops.use(jeffery_angular_velocity)
 
     def of(y, p):
         flow, gradient = directions_of(y[0], y[1], y[2], y[3])
@@ -54,7 +52,8 @@ def turning(ops: Operations) -> Callable:
 
 def turning_in_any_flow(ops: Operations) -> Callable:
     """As `turning`, in a linear flow; p = `gyration` and the flow's numbers (`polhode.models.flow`)."""
-    axes_of, rates = ops.use(space_axes), ops.use(quaternion_rates)
+    axes_of = ops.use(space_axes)
+    rates = ops.use(quaternion_rates)
     jeffery = ops.use(jeffery_in_any_flow)
 
     def of(y, p):
@@ -112,8 +111,10 @@ class JefferyOrbit:
         tau = np.concatenate([[start], start + times.astype(np.longdouble) / (ratio + 1 / ratio)])
         half_turns = np.rint(tau / PI)
         rest = (tau - half_turns * PI).astype(float)
-        turns, kappa = half_turns.astype(float), self.aspect_ratio
-        sine, cosine = np.sin(rest), np.cos(rest)
+        turns = half_turns.astype(float)
+        kappa = self.aspect_ratio
+        sine = np.sin(rest)
+        cosine = np.cos(rest)
         # Of half turns four leave a quaternion as it is.
         phi = -(np.mod(turns, 4) * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
@@ -128,7 +129,8 @@ class JefferyOrbit:
     def _spin(self, turns: np.ndarray, sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
         """Spin angle ψ, up to a constant, at τ = turns π + rest with |rest| ≤ π/2."""
         s, z, _ = self._ellipse
-        kappa, size = self.aspect_ratio, hypot(z, s)
+        kappa = self.aspect_ratio
+        size = hypot(z, s)
         shape = kappa, (s / size) ** 2, (z / size) ** 2
         integral = 2 * turns * _spin_integral(np.array(1.0), np.array(0.0), *shape)
         integral += _spin_integral(sine, cosine, *shape)
@@ -142,7 +144,8 @@ def _spin_integral(
     from scipy.special import elliprf, elliprj
 
     # Sums of positive terms alone: a thin disc would lose its digits to a difference.
-    x, weight = cosine**2, cosine**2 + (kappa * sine) ** 2
+    x = cosine**2
+    weight = cosine**2 + (kappa * sine) ** 2
     y = along + across * weight
     return sine * elliprf(x, y, 1.0) - 2 * kappa**2 / 3 * sine**3 * elliprj(x, y, 1.0, weight)
 
@@ -160,7 +163,8 @@ def _speed(turning: Factory) -> Factory:
     """|Ω_J|."""
 
     def speed(ops: Operations) -> Callable:
-        rates, sqrt = ops.use(turning), ops.sqrt
+        rates = ops.use(turning)
+        sqrt = ops.sqrt
 
         def of(y, p):
             _, (w1, w2, w3) = rates(y, p)
@@ -206,7 +210,8 @@ class Jeffery(Form):
         shape = gyration(scene.ellipsoid)
         factory, flow, segments = in_its_flow(scene, field, field_in_any_flow, len(shape))
         parameters = shares(scene.ellipsoid) if scene.flow is None else (*shape, *flow)
-        axes, closed_form = scene.ellipsoid.scaled_axes, None
+        axes = scene.ellipsoid.scaled_axes
+        closed_form = None
         if scene.flow is None and scene.ellipsoid.kind != "triaxial":
             axis = Spheroid.of(scene.ellipsoid).axis
             closed_form = JefferyOrbit(axes[axis], axes[(axis + 1) % 3], axis, start).at

@@ -20,7 +20,7 @@ from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
 # Numbers of a flow (`polhode.models.flow.Flow.numbers`).
-NUMBERS = 8
+_NUMBERS = 8
 
 
 def body_parameters(ellipsoid: Ellipsoid) -> tuple[float, ...]:
@@ -50,16 +50,17 @@ class AlongTrack:
 
     def __call__(self, ops: Operations) -> Field:
         """Bind the field to a kind of number."""
-        rhs, others = ops.use(self.field), self.others
+        rhs = ops.use(self.field)
+        others = self.others
 
         def along(y, p):
-            since = y[len(y) - 1] - p[others + 4 * NUMBERS]
+            since = y[len(y) - 1] - p[others + 4 * _NUMBERS]
             square = since * since
             cube = square * since
             numbers = tuple(
-                (p[i] + since * p[i + NUMBERS])
-                + (square * p[i + 2 * NUMBERS] + cube * p[i + 3 * NUMBERS])
-                for i in range(others, others + NUMBERS)
+                (p[i] + since * p[i + _NUMBERS])
+                + (square * p[i + 2 * _NUMBERS] + cube * p[i + 3 * _NUMBERS])
+                for i in range(others, others + _NUMBERS)
             )
             given = tuple(p[i] for i in range(others))
             return *rhs(y, (*given, *numbers)), 1.0
@@ -102,7 +103,8 @@ def full_problem(
         form.require_flow(scene)
     field, flow, segments = in_its_flow(scene, field, in_any_flow or field, 2 + len(shape))
     if segments is not None:
-        start, inertial = (*start, 0.0), (*inertial, False)
+        start = (*start, 0.0)
+        inertial = (*inertial, False)
     # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the
     # inertial rows.
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
@@ -135,7 +137,8 @@ def driven_acceleration(ops: Operations) -> Callable:
     """Mass times ω̇ in body axes (`govg`), from ω and Jeffery's angular velocity, in whatever flow."""
 
     def acceleration(w, jeffery, p):
-        alpha, beta = p[0], p[1]
+        alpha = p[0]
+        beta = p[1]
         w1, w2, w3 = w
         j1, j2, j3 = jeffery
         return (
@@ -149,7 +152,8 @@ def driven_acceleration(ops: Operations) -> Callable:
 
 def angular_acceleration(ops: Operations) -> Callable:
     """Mass times ω̇ in simple shear, from the flow and gradient directions in body axes and ω."""
-    velocity, acceleration = ops.use(velocity_in_shear), ops.use(driven_acceleration)
+    velocity = ops.use(velocity_in_shear)
+    acceleration = ops.use(driven_acceleration)
     return lambda x, y, w, p: acceleration(w, velocity(x, y, p), p)
 
 
@@ -183,9 +187,12 @@ def space_axes(ops: Operations) -> Callable:
 
     def of(q0, q1, q2, q3):
         scale = 1 / (q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-        x2, x3 = q1 * q2 - q0 * q3, q1 * q3 + q0 * q2
-        y1, y3 = q1 * q2 + q0 * q3, q2 * q3 - q0 * q1
-        z1, z2 = q1 * q3 - q0 * q2, q2 * q3 + q0 * q1
+        x2 = q1 * q2 - q0 * q3
+        x3 = q1 * q3 + q0 * q2
+        y1 = q1 * q2 + q0 * q3
+        y3 = q2 * q3 - q0 * q1
+        z1 = q1 * q3 - q0 * q2
+        z2 = q2 * q3 + q0 * q1
         return (
             (q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3, x2 + x2, x3 + x3),
             (y1 + y1, q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3, y3 + y3),

@@ -15,8 +15,10 @@ from polhode.models.scene import Scene
 
 def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
     """q̇ = ½ q∘(0, ω) and the vector equation `ultima` in body axes; p as in `polhode.models.forms.motion`."""
-    axes_of, velocity_of = ops.use(axes), ops.use(velocity)
-    rates, acceleration = ops.use(motion.quaternion_rates), ops.use(motion.driven_acceleration)
+    axes_of = ops.use(axes)
+    velocity_of = ops.use(velocity)
+    rates = ops.use(motion.quaternion_rates)
+    acceleration = ops.use(motion.driven_acceleration)
 
     def rhs(y, p):
         axes = axes_of(y[0], y[1], y[2], y[3])
@@ -68,7 +70,8 @@ class Quaternion(Form):
 
     def problem(self, scene: Scene) -> Problem:
         start = *self.require_orientation(scene).quaternion, *scene.angular_velocity
-        inertial, shape = (False,) * 4 + (True,) * 3, motion.parameters_of(scene)
+        inertial = (False,) * 4 + (True,) * 3
+        shape = motion.parameters_of(scene)
         return motion.full_problem(
             self,
             scene,

@@ -26,7 +26,8 @@ class Spheroid:
         """The spheroid that an ellipsoid with two or three equal semi-axes is."""
         axis = 2 if ellipsoid.symmetry_axis is None else ellipsoid.symmetry_axis
         across = (axis + 1) % 3
-        axial, equatorial = ellipsoid.scaled_axes[axis], ellipsoid.scaled_axes[across]
+        axial = ellipsoid.scaled_axes[axis]
+        equatorial = ellipsoid.scaled_axes[across]
         sum_of_squares = axial * axial + equatorial * equatorial
         return cls(
             axis=axis,

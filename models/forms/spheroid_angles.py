@@ -25,12 +25,20 @@ def _field(ops: Operations, slip: Factory) -> Field:
     # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos
     # θ) while the body turns with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As
     # printed, `fsptho`–`fpsso` have misprints.
-    cos, sine, slip_of = ops.cos, ops.use(guarded_sine), ops.use(slip)
+    cos = ops.cos
+    sine = ops.use(guarded_sine)
+    slip_of = ops.use(slip)
 
     def rhs(y, p):
-        theta, phi, dtheta, dphi, spin = y[0], y[1], y[2], y[3], y[4]
-        alpha, beta = p[0], p[1]
-        st, ct = sine(theta), cos(theta)
+        theta = y[0]
+        phi = y[1]
+        dtheta = y[2]
+        dphi = y[3]
+        spin = y[4]
+        alpha = p[0]
+        beta = p[1]
+        st = sine(theta)
+        ct = cos(theta)
         gyration = alpha * (p[2] * spin - dphi * ct)
         slip_theta, slip_phi, slip_spin = slip_of(st, ct, phi, dtheta, dphi, spin, p)
         return (
@@ -46,7 +54,8 @@ def _field(ops: Operations, slip: Factory) -> Field:
 
 def _slip_in_shear(ops: Operations) -> Callable:
     """(θ̇, φ̇, ω₃) less those of Jeffery's angular velocity, in simple shear."""
-    sin, cos = ops.sin, ops.cos
+    sin = ops.sin
+    cos = ops.cos
 
     def slip(st, ct, phi, dtheta, dphi, spin, p):
         return (
@@ -60,15 +69,27 @@ def _slip_in_shear(ops: Operations) -> Callable:
 
 def _slip_in_any_flow(ops: Operations) -> Callable:
     """(θ̇, φ̇, ω₃) less those of Jeffery's angular velocity, in a linear flow."""
-    sin, cos = ops.sin, ops.cos
+    sin = ops.sin
+    cos = ops.cos
 
     def slip(st, ct, phi, dtheta, dphi, spin, p):
-        h1, h2, h3 = p[6], p[7], p[8]
-        s11, s22, s23, s31, s12 = p[9], p[10], p[11], p[12], p[13]
-        sf, cf = sin(phi), cos(phi)
+        h1 = p[6]
+        h2 = p[7]
+        h3 = p[8]
+        s11 = p[9]
+        s22 = p[10]
+        s23 = p[11]
+        s31 = p[12]
+        s12 = p[13]
+        sf = sin(phi)
+        cf = cos(phi)
         # The symmetry axis, and across it and the line of nodes (cos φ, sin φ, 0).
-        a1, a2, a3 = st * sf, -st * cf, ct
-        m1, m2, m3 = -sf * ct, cf * ct, st
+        a1 = st * sf
+        a2 = -st * cf
+        a3 = ct
+        m1 = -sf * ct
+        m2 = cf * ct
+        m3 = st
         # S times the symmetry axis.
         u1 = s11 * a1 + s12 * a2 + s31 * a3
         u2 = s12 * a1 + s22 * a2 + s23 * a3
@@ -120,13 +141,15 @@ class SpheroidAngles(Form):
 
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
-        spheroid, given = Spheroid.of(scene.ellipsoid), self.require_orientation(scene)
+        spheroid = Spheroid.of(scene.ellipsoid)
+        given = self.require_orientation(scene)
         w1, w2, w3 = (scene.angular_velocity[(spheroid.axis + shift) % 3] for shift in (1, 2, 3))
         angles = _angles(scene, given)
         dtheta, dphi, _ = euler_rates_from_angular_velocity(angles, (w1, w2, w3))
         if spheroid.axis == 2 and isinstance(given, EulerStart) and scene.stokes > 0:
             dtheta, dphi, _ = given.rates
-        start, inertial = (*angles[:2], dtheta, dphi, w3), (False, False, True, True, True)
+        start = (*angles[:2], dtheta, dphi, w3)
+        inertial = (False, False, True, True, True)
         damping = spheroid.axial_damping, spheroid.equatorial_damping
         shape = (spheroid.inertia_ratio, *damping, spheroid.anisotropy)
         return full_problem(
@@ -136,14 +159,15 @@ class SpheroidAngles(Form):
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         spheroid = Spheroid.of(scene.ellipsoid)
         theta, phi, dtheta, dphi, spin = states[:, :5].T
-        st, ct, sf, cf = np.sin(theta), np.cos(theta), np.sin(phi), np.cos(phi)
+        st = np.sin(theta)
+        ct = np.cos(theta)
+        sf = np.sin(phi)
+        cf = np.cos(phi)
         nodes = np.stack([cf, sf, np.zeros_like(cf)], axis=1)
         across = np.stack([-sf * ct, cf * ct, st], axis=1)
         axis = np.stack([st * sf, -st * cf, ct], axis=1)
-        first, second = (
-            spheroid.equatorial_inertia * dtheta,
-            spheroid.equatorial_inertia * dphi * st,
-        )
+        first = spheroid.equatorial_inertia * dtheta
+        second = spheroid.equatorial_inertia * dphi * st
         third = spheroid.axial_inertia * spin
         momentum = first[:, None] * nodes + second[:, None] * across + third[:, None] * axis
         energy = 0.5 * (first * dtheta + second * dphi * st + third * spin)

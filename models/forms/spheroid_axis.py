@@ -29,7 +29,12 @@ def _field(ops: Operations, slip: Factory) -> Field:
     slip_of = ops.use(slip)
 
     def rhs(y, p):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         scale = 1 / (px * px + py * py + pz * pz)
         spin = scale * p[4] * (lx * px + ly * py + lz * pz)
         wx, wy, wz = slip_of((lx, ly, lz), (px, py, pz), spin, scale, p)
@@ -99,7 +104,7 @@ def field_in_any_flow(ops: Operations) -> Field:
 
 # sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², nearest to them for 0 <= x <= 3.4²: within
 # 2.2e-16 there.
-SINE = (
+_SINE = (
     *(1.0, -0.16666666666666666, 0.008333333333333285, -0.0001984126984125573),
     *(
         2.7557319222422075e-06,
@@ -109,7 +114,7 @@ SINE = (
     ),
     *(2.8107694690976557e-15, -8.169600567855619e-18, 1.7456663177824304e-20),
 )
-COSINE = (
+_COSINE = (
     *(0.5, -0.041666666666666664, 0.0013888888888888868, -2.480158730158138e-05),
     *(2.755731922332951e-07, -2.08767569509105e-09, 1.1470744401720644e-11, -4.779453745482048e-14),
     *(1.5616322922037551e-16, -4.088932806344013e-19, 8.0112940727271335e-22),
@@ -127,13 +132,25 @@ def rotation(ops: Operations) -> Field:
     # neither a root nor a trigonometric function is needed, and l = 0 is nothing special.
 
     def advance(y, c):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         # In the order and in pairs that a processor computes side by side.
-        kx, ky, kz = c[0] * lx, c[0] * ly, c[0] * lz
+        kx = c[0] * lx
+        ky = c[0] * ly
+        kz = c[0] * lz
         x = kx * kx + ky * ky + kz * kz
-        sine, cosine = polynomial(SINE, x), polynomial(COSINE, x)
-        ux, uy, uz = ky * pz - kz * py, kz * px - kx * pz, kx * py - ky * px
-        vx, vy, vz = ky * uz - kz * uy, kz * ux - kx * uz, kx * uy - ky * ux
+        sine = polynomial(_SINE, x)
+        cosine = polynomial(_COSINE, x)
+        ux = ky * pz - kz * py
+        uy = kz * px - kx * pz
+        uz = kx * py - ky * px
+        vx = ky * uz - kz * uy
+        vy = kz * ux - kx * uz
+        vz = kx * uy - ky * ux
         return (
             *(lx, ly, lz),
             px + sine * ux + cosine * vx,
@@ -149,7 +166,8 @@ def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, 
     to_axial_spin = 1 + p[4]
     across = -ops.expm1(-p[1] * p[2] * h)
     along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
-    strain, flow = 0.5 * p[5] * across, 0.5 * (across - along / to_axial_spin)
+    strain = 0.5 * p[5] * across
+    flow = 0.5 * (across - along / to_axial_spin)
     return across, 0.5 * across, strain, across - along, flow, flow - strain, flow + strain
 
 
@@ -160,9 +178,16 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     # spheroid rotates with the flow.
 
     def advance(y, c, before=None, gains=None):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         gx, gy, gz = (lx, ly, lz) if gains is None else gains
-        across, half, strain = c[0], c[1], c[2]
+        across = c[0]
+        half = c[1]
+        strain = c[2]
         at = y if before is None else before
         # What comes last, p_z, is multiplied and added at once.
         axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5])
@@ -181,7 +206,8 @@ def relaxation_constants_in_any_flow(p: Any, h: Any, ops: Operations = FLOAT) ->
     to_axial_spin = 1 + p[4]
     across = -ops.expm1(-p[1] * p[2] * h)
     along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
-    flow, strain = across - along / to_axial_spin, p[5] * across
+    flow = across - along / to_axial_spin
+    strain = p[5] * across
     return (
         *(across, across - along),
         *(across * p[6], across * p[7], across * p[8]),
@@ -195,7 +221,12 @@ def relaxation_in_any_flow(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     """As `relaxation`, in a linear flow: along p̂ the spheroid rotates with h·p̂."""
 
     def advance(y, c, before=None, gains=None):
-        lx, ly, lz, px, py, pz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        px = y[3]
+        py = y[4]
+        pz = y[5]
         gx, gy, gz = (lx, ly, lz) if gains is None else gains
         across = c[0]
         at = y if before is None else before
@@ -216,7 +247,8 @@ def _both(
     ops: Operations, relaxation: Callable[[Operations], Callable[..., Sequence[Any]]]
 ) -> Callable[..., Sequence[Any]]:
     """`rotation`, then a relaxation, which need not wait for all of it: L·p̂ stays the same."""
-    turn, relax = rotation(ops), relaxation(ops)
+    turn = rotation(ops)
+    relax = relaxation(ops)
     return lambda y, fast, slow, gains=None: relax(turn(y, fast), slow, y, gains)
 
 
@@ -243,7 +275,9 @@ def relaxation_rate(p: Sequence[float]) -> float:
 
 def forgetting_rate(p: Sequence[float]) -> float:
     """The decay of L_y beside L_z (`lxsmain`–`nsmain`), of a rod that tumbles or a disc that spins: κ → ∞, κ → 0."""
-    across, along, ratio = p[1] * p[2], p[1] * (p[2] + p[3]) * (1 + p[4]), 1 / (1 + p[4])
+    across = p[1] * p[2]
+    along = p[1] * (p[2] + p[3]) * (1 + p[4])
+    ratio = 1 / (1 + p[4])
     return 0.5 * ratio * (across + along) if ratio < 1 else across * (2 / ratio - 1)
 
 
@@ -271,14 +305,14 @@ PARTS = Parts(
     both=both,
     restored=restored,
 )
-PARTS_IN_ANY_FLOW = replace(
+_PARTS_IN_ANY_FLOW = replace(
     PARTS,
     slow=Part(relaxation_constants_in_any_flow, relaxation_in_any_flow),
     both=both_in_any_flow,
 )
 
 
-_PARTS: dict[Factory, Parts] = {field: PARTS, field_in_any_flow: PARTS_IN_ANY_FLOW}
+_PARTS: dict[Factory, Parts] = {field: PARTS, field_in_any_flow: _PARTS_IN_ANY_FLOW}
 
 
 def parameters(spheroid: Spheroid) -> tuple[float, float, float, float]:
@@ -311,7 +345,8 @@ class SpheroidAxis(Form):
         spheroid = Spheroid.of(scene.ellipsoid)
         momentum = scene.initial.angular_momentum[0] / spheroid.equatorial_inertia
         start = *momentum.tolist(), *scene.initial_rotation[spheroid.axis].tolist()
-        inertial, shape = (True,) * 3 + (False,) * 3, parameters(spheroid)
+        inertial = (True,) * 3 + (False,) * 3
+        shape = parameters(spheroid)
         problem = full_problem(
             self,
             scene,

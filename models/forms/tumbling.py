@@ -16,7 +16,7 @@ from polhode.models.scene import Scene
 
 # Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken
 # for meant.
-PLANAR = 1e-14
+_PLANAR = 1e-14
 
 
 def field(ops: Operations) -> Field:
@@ -59,7 +59,8 @@ class Tumbling(Form):
 
     def problem(self, scene: Scene) -> Problem:
         plane = self._plane(scene)
-        start, shape = (plane.angle, plane.rate), (plane.damping, plane.anisotropy)
+        start = (plane.angle, plane.rate)
+        shape = (plane.damping, plane.anisotropy)
         return full_problem(self, scene, field, start, (False, True), shape, periodic=(0,))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
@@ -69,23 +70,26 @@ class Tumbling(Form):
         zero = np.zeros_like(turn)
         turned = matrix_from_euler(np.stack([zero, turn, zero], axis=1))
         along = plane.inertia * states[:, 1]
-        momentum, energy = np.stack([zero, zero, along], axis=1), 0.5 * along * states[:, 1]
+        momentum = np.stack([zero, zero, along], axis=1)
+        energy = 0.5 * along * states[:, 1]
         return Observables(momentum, energy, scene.initial_rotation @ turned)
 
     def _plane(self, scene: Scene) -> Plane:
         self.require_flow(scene)
         self.require_orientation(scene)
-        rotation, ellipsoid = scene.initial_rotation, scene.ellipsoid
+        rotation = scene.initial_rotation
+        ellipsoid = scene.ellipsoid
         x, y, rate = (
             float(component) for component in rotation.T @ np.array(scene.angular_velocity)
         )
-        if hypot(x, y) > PLANAR * max(1.0, abs(rate)):
+        if hypot(x, y) > _PLANAR * max(1.0, abs(rate)):
             condition = f"the angular velocity leaves the vorticity axis by {hypot(x, y):.1e}"
             raise self.refuse(condition, full_form(scene))
         if (axes := _principal_axes(scene)) is None:
             raise self.refuse("no principal axis lies along the vorticity", full_form(scene))
         upright, first, second = axes
-        a, b = ellipsoid.scaled_axes[first], ellipsoid.scaled_axes[second]
+        a = ellipsoid.scaled_axes[first]
+        b = ellipsoid.scaled_axes[second]
         return Plane(
             angle=atan2(rotation[first, 1], rotation[first, 0]),
             rate=rate,
@@ -97,14 +101,15 @@ class Tumbling(Form):
 
 def _principal_axes(scene: Scene) -> tuple[int, int, int] | None:
     """Body axes along the vorticity, along the angle φ, and the third one, up to symmetry; None if there are none."""
-    rotation, symmetry = scene.initial_rotation, scene.ellipsoid.symmetry_axis
+    rotation = scene.initial_rotation
+    symmetry = scene.ellipsoid.symmetry_axis
     inplane = np.hypot(rotation[:, 0], rotation[:, 1])
-    if symmetry is not None and abs(rotation[symmetry, 2]) <= PLANAR:
+    if symmetry is not None and abs(rotation[symmetry, 2]) <= _PLANAR:
         return (symmetry + 1) % 3, symmetry, (symmetry + 2) % 3
     if scene.ellipsoid.kind == "sphere":
         first = int(np.argmax(inplane))
         return (first + 2) % 3, first, (first + 1) % 3
     for axis in range(3) if symmetry is None else (symmetry,):
-        if inplane[axis] <= PLANAR:
+        if inplane[axis] <= _PLANAR:
             return axis, (axis + 1) % 3, (axis + 2) % 3
     return None

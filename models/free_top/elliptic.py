@@ -1,4 +1,4 @@
-"""Elliptic integrals, Jacobi functions and theta phases in long double, for any parameter m in [0, 1].
+"""Elliptic integrals, Jacobi functions and theta phases in long double, for any m in [0, 1].
 
 SciPy's are double precision and take m, which loses 1−m near a separatrix; here 1−m (``m1``) is
 what is handed over. Scalars are ``np.longdouble`` throughout; where that type is no wider than
@@ -14,13 +14,15 @@ Long = np.longdouble
 LongArray = NDArray[np.longdouble]
 
 PI = Long("3.14159265358979323846264338327950288")
-EPS = np.finfo(Long).eps
+# Rounding of one long double, relative.
+LONG_EPSILON = np.finfo(Long).eps
 # The means below converge quadratically: two numbers this close have a mean that is good to the
 # last bit.
-_CLOSE = np.sqrt(EPS) / 8
+_CLOSE = np.sqrt(LONG_EPSILON) / 8
+# Stands for a sine of 0: its reciprocal and products with it do not overflow.
 _TINY = np.finfo(Long).tiny ** Long(0.25)
 # exp(−_NEGLIGIBLE) adds nothing to a sum of order one.
-_NEGLIGIBLE = 5 - np.log(EPS)
+_NEGLIGIBLE = 5 - np.log(LONG_EPSILON)
 
 
 def exact(value: float | np.floating) -> Fraction:
@@ -40,17 +42,22 @@ def rounded(value: Fraction) -> Long:
 
 
 def carlson_rf(x: Long, y: Long, z: Long) -> Long:
-    """Carlson's R_F(x, y, z) of non-negative arguments, infinite if two of them are zero (DLMF §19.36(i))."""
+    """Carlson's R_F(x, y, z), x, y, z ≥ 0, infinite if two of them are zero (DLMF §19.36(i))."""
     if sorted((x, y, z))[1] == 0:
         return Long(np.inf)
-    spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * EPS / 8) ** (Long(1) / 8)
+    spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * LONG_EPSILON / 8) ** (Long(1) / 8)
     while spread > abs(x + y + z) / 3:
         step = np.sqrt(x) * np.sqrt(y) + np.sqrt(y) * np.sqrt(z) + np.sqrt(z) * np.sqrt(x)
-        x, y, z, spread = (x + step) / 4, (y + step) / 4, (z + step) / 4, spread / 4
+        x = (x + step) / 4
+        y = (y + step) / 4
+        z = (z + step) / 4
+        spread = spread / 4
     mean = (x + y + z) / 3
-    x, y = 1 - x / mean, 1 - y / mean
+    x = 1 - x / mean
+    y = 1 - y / mean
     z = -x - y
-    e2, e3 = x * y - z * z, x * y * z
+    e2 = x * y - z * z
+    e3 = x * y * z
     # DLMF (19.36.1), whose first neglected terms have degree 8.
     low = 1 - e2 / 10 + e3 / 14 + e2 * e2 / 24 - 3 * e2 * e3 / 44
     series = low - 5 * e2**3 / 208 + 3 * e3 * e3 / 104 + e2 * e2 * e3 / 16
@@ -58,21 +65,29 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
 
 
 def complete_k(m1: Long) -> Long:
-    """Complete elliptic integral K(m), given m1 = 1−m in [0, 1]; infinite at m1 = 0 (DLMF §19.2(ii))."""
+    """Complete elliptic integral K(m), given m1 = 1−m in [0, 1].
+
+    Infinite at m1 = 0 (DLMF §19.2(ii)).
+    """
     return Long(np.inf) if m1 == 0 else complete_cel(np.sqrt(m1), Long(1), Long(1), Long(1))
 
 
 def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
-    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0 and a, b ≥ 0: no subtraction occurs."""
+    """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0, a, b ≥ 0, without subtraction."""
     # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969;
     # DLMF §19.2(iii)).
-    product, mean = kc, Long(1)
+    product = kc
+    mean = Long(1)
     p = np.sqrt(p)
     b = b / p
     while True:
         ratio = product / p
-        a, b, p = a + b / p, 2 * (b + a * ratio), p + ratio
-        before, mean = mean, mean + kc
+        a_before = a
+        a = a + b / p
+        b = 2 * (b + a_before * ratio)
+        p = p + ratio
+        before = mean
+        mean = mean + kc
         if abs(before - kc) <= before * _CLOSE:
             return PI / 2 * (b + a * mean) / (mean * (mean + p))
         kc = 2 * np.sqrt(product)
@@ -87,19 +102,24 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
         return np.tanh(u), sech, sech
-    mean, other = Long(1), np.sqrt(m1)
+    mean = Long(1)
+    geometric = np.sqrt(m1)
     ladder = []
     while True:
-        ladder.append((mean, other))
-        if abs(mean - other) <= mean * _CLOSE:
-            mean = (mean + other) / 2
+        ladder.append((mean, geometric))
+        arithmetic = (mean + geometric) / 2
+        if abs(mean - geometric) <= mean * _CLOSE:
+            mean = arithmetic
             break
-        mean, other = (mean + other) / 2, np.sqrt(mean * other)
-    sine, cosine = np.sin(mean * u), np.cos(mean * u)
+        geometric = np.sqrt(mean * geometric)
+        mean = arithmetic
+    sine = np.sin(mean * u)
+    cosine = np.cos(mean * u)
     # cs(0) is infinite; a sine this small stands for it without overflow.
     sine[sine == 0] = _TINY
     ratio = cosine / sine
-    cs, dn = mean * ratio, np.ones_like(u)
+    cs = mean * ratio
+    dn = np.ones_like(u)
     for upper, lower in reversed(ladder):
         ratio = ratio * cs
         cs = cs * dn
@@ -110,13 +130,16 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
 
 
 def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
-    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K], the periodic part of the precession (`eq:prec1`)."""
+    """Phase arg ϑ₄(πu/2K + iη, q), shape (n,), for u in [−K, K].
+
+    It is the periodic part of the precession (`eq:prec1`).
+    """
     # The imaginary part is given by the characteristic −n ≤ 0 of the integral of the third kind
     # whose periodic part this is: η = π(K'−w)/2K with cs(w | m1) = √n. The factors of the product
-    # (DLMF §20.5(i)) each contribute one arctangent; above m = 1/2 those of ϑ₂ in the complementary
-    # nome do (DLMF §20.7(viii)), so that a few factors are enough at any m. At m1 = 0 this is
-    # arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero only where m
-    # is, and the phase with it.
+    # (DLMF §20.5(i)) each contribute one arctangent. Above m = 1/2 the factors of ϑ₂ in the
+    # complementary nome serve instead (DLMF §20.7(viii)): a few factors are enough at any m. At
+    # m1 = 0 this is arctan(√n tanh u). Both m and m1 are given to full relative accuracy; n is zero
+    # only where m is, and the phase with it.
     if n == 0:
         return np.zeros_like(u)
     w = carlson_rf(n, n + m, n + 1)
@@ -126,7 +149,8 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
 
 
 def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
-    sine, sine2 = np.sin(PI * u / (2 * k)), np.sin(PI * u / k)
+    sine = np.sin(PI * u / (2 * k))
+    sine2 = np.sin(PI * u / k)
     phase = np.zeros_like(u)
     for sign, distance in ((1, w), (-1, 2 * k_prime - w)):
         while distance < _NEGLIGIBLE * k / PI:
@@ -139,7 +163,8 @@ def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
 
 
 def _phase_theta2(u: LongArray, w: Long, k_prime: Long, k: Long) -> LongArray:
-    angle, stretched = PI * w / (2 * k_prime), PI * u / (2 * k_prime)
+    angle = PI * w / (2 * k_prime)
+    stretched = PI * u / (2 * k_prime)
     phase = np.arctan2(np.cos(angle) * np.tanh(stretched), np.sin(angle)) - PI * u / (2 * k) * (
         1 - w / k_prime
     )

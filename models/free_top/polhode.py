@@ -1,4 +1,4 @@
-"""Constants of the torque-free rotation: the axis that the polhode encircles, modulus, frequencies, mean speed."""
+"""Constants of the torque-free rotation: the polhode's axis, modulus, frequencies, mean speed."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,15 +10,16 @@ from polhode.models.free_top.elliptic import PI, Long, complete_cel, complete_k,
 from polhode.models.rotation import Triple
 from polhode.models.shape import Ellipsoid
 
-QUARTER_NODES = 32
+# Nodes of the midpoint rule over a quarter of a polhode: 1e-6 relative off the separatrix.
+_QUARTER_NODES = 32
 
 
 @dataclass(frozen=True)
 class Polhode:
-    """Constants of one polhode, named for axes a, b, c: c the axis it encircles, b that of the middle inertia.
+    """Constants of one polhode with axes a, b, c: it encircles c, and b has the middle inertia.
 
     On the side L² > 2EI_b axis c has the greatest inertia, on the other the least (the exchange 1 ↔
-    3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. Where axis c is
+    3 of `eq:omg1`); on the separatrix either would do and the greatest is taken. If axis c is
     undetermined (`of`), m = 0, m1 = 1, n = 0.
     """
 
@@ -29,7 +30,8 @@ class Polhode:
     precession: Long  # mean rate φ_LO,2 / t (`eq:prec2`)
     m: Long  # k²
     m1: Long  # 1−k²
-    n: Long  # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b))
+    # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b)).
+    n: Long
     amplitudes: tuple[
         Long, Long, Long
     ]  # factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`)
@@ -49,7 +51,8 @@ class Polhode:
         momentum = np.sqrt(rounded(momentum_squared))
         sense = 1 if side >= 0 else -1
         if side == 0 and (a == b or b == c or momentum_squared == 0):
-            zero, one = Long(0), Long(1)
+            zero = Long(0)
+            one = Long(1)
             return cls(
                 order,
                 sense,
@@ -70,28 +73,33 @@ class Polhode:
         rate = np.sqrt(rounded((c - b) * spin / (a * b * c)))
         precession = momentum * _mean_inverse_inertia(rounded(a), rounded(b), n, m1)
         squares = wobble / (a * (c - a)), wobble / (b * (c - b)), spin / (c * (c - a))
-        cn, sn, dn = (np.sqrt(rounded(each)) for each in squares)
+        cn, sn, dn = (np.sqrt(rounded(square)) for square in squares)
         return cls(order, sense, momentum, rate, precession, m, m1, n, (cn, sn, dn), complete_k(m1))
 
     @property
     def periods(self) -> tuple[float, float]:
-        """Periods T of the body angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
+        """Periods T of the angular velocity and T' = 2π / (φ_LO,2 / t) of the precession, in t."""
         # T (below `eq:omg3`) is infinite on the separatrix and where axis c is undetermined; T'
-        # (`eq:prec2`, corrected) is 2πI₂/L on the separatrix and infinite at rest. At a permanent
-        # rotation about the axis of greatest or least inertia both are those of an infinitesimal
-        # wobble.
+        # (`eq:prec2`, corrected) is 2πI₂/L on the separatrix and infinite at rest. A permanent
+        # rotation about the axis of greatest or least inertia has the two periods of an
+        # infinitesimal wobble.
         period = 4 * self.quarter / self.rate if self.rate > 0 else Long(np.inf)
         precession = 2 * PI / self.precession if self.precession > 0 else Long(np.inf)
         return float(period), float(precession)
 
 
 def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
-    """Mean precession rate over L: 1/I_a and 1/I_b weighted by the means of cn² and (1+n)sn², over cn² + (1+n)sn²."""
+    """Mean precession rate over L.
+
+    It is a mean of 1/I_a and 1/I_b. Their weights are the means of cn² and (1+n)sn², each over
+    cn² + (1+n)sn².
+    """
     # Both weights are integrals of the third kind with positive integrands: unlike in `eq:prec2`,
     # nothing is subtracted.
     if m1 == 0:
         return 1 / b
-    kc, p = np.sqrt(m1), 1 + n
+    kc = np.sqrt(m1)
+    p = 1 + n
     return (
         complete_cel(kc, p, Long(1), Long(0)) / a + complete_cel(kc, p, Long(0), p) / b
     ) / complete_k(m1)
@@ -103,27 +111,29 @@ def exactly(numbers: Triple) -> tuple[Fraction, ...]:
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
-    """Mean of |ω| over the torque-free motion, shape (n,), at slow variables (L_x, L_y, L_z, E), shape (n, 4)."""
+    """Mean of |ω| over the torque-free motion, shape (n,), at (L_x, L_y, L_z, E), shape (n, 4)."""
     # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative,
     # less on the separatrix itself.
     from scipy.special import ellipj, ellipk
 
-    momentum2, energy2 = np.sum(slow[:, :3] ** 2, axis=1), 2 * slow[:, 3]
+    momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
+    energy2 = 2 * slow[:, 3]
     i1, i2, i3 = sorted(ellipsoid.inertia)
     if i1 == i3:
         return np.sqrt(momentum2) / i1
     greatest = np.full(len(slow), i1 == i2) if i1 == i2 or i2 == i3 else momentum2 > energy2 * i2
-    near, far = np.where(greatest, i3, i1), np.where(greatest, i1, i3)
+    encircled = np.where(greatest, i3, i1)
+    opposite = np.where(greatest, i1, i3)
     # Zero up to rounding at the permanent rotations and at rest.
-    short = np.maximum((energy2 * near - momentum2) / (near - far), 0)
-    long = np.maximum((momentum2 - energy2 * far) / (near - far), 0)
-    parameter = (far - i2) / (i2 - near) * short / np.maximum(long, 1e-300)
+    short = np.maximum((energy2 * encircled - momentum2) / (encircled - opposite), 0)
+    long = np.maximum((momentum2 - energy2 * opposite) / (encircled - opposite), 0)
+    parameter = (opposite - i2) / (i2 - encircled) * short / np.maximum(long, 1e-300)
     parameter = np.clip(parameter, 0, 1 - 1e-15)[:, None]
-    quarter = (np.arange(QUARTER_NODES) + 0.5) / QUARTER_NODES
+    quarter = (np.arange(_QUARTER_NODES) + 0.5) / _QUARTER_NODES
     sn, cn, dn, _ = ellipj(quarter * ellipk(parameter), parameter)
     squares = (
-        (short / far)[:, None] * cn**2
-        + (short * (near - far) / (i2 * (near - i2)))[:, None] * sn**2
-        + (long / near)[:, None] * dn**2
+        (short / opposite)[:, None] * cn**2
+        + (short * (encircled - opposite) / (i2 * (encircled - i2)))[:, None] * sn**2
+        + (long / encircled)[:, None] * dn**2
     )
     return np.mean(np.sqrt(squares), axis=1)

@@ -1,4 +1,4 @@
-"""The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time asked for.
+"""The Euler top (St = ∞) in closed form: any inertia, any start, at a cost independent of the time.
 
 The invariants come from the start in rational arithmetic, so that the distance from the separatrix
 L² = 2EI₂ and from the permanent rotations suffers no cancellation; the rest is long double.
@@ -39,7 +39,7 @@ class TorqueFree:
     inertia: Triple  # about the body axes, positive, in any order
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
     angular_velocity: (
-        Triple  # of the start, in body axes and any inverse unit of the times asked for
+        Triple  # of the start, in body axes and any inverse unit of the requested times
     )
 
     @cached_property
@@ -70,10 +70,10 @@ class TorqueFree:
     )
 
     def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
-        """Unit quaternions, shape (n, 4), continuous from the start, and body angular velocities, shape (n, 3).
+        """Unit quaternions, shape (n, 4), and body angular velocities, shape (n, 3).
 
-        At finite times since the start, shape (n,), of either sign; rounded from long double to
-        `dtype`.
+        Quaternions are continuous from the start. At finite times since the start, shape (n,), of
+        either sign; rounded from long double to `dtype`.
         """
         t = np.asarray(times, dtype=Long)
         turn, omega = self._permanent(t) if self.is_permanent else self._wobbling(t)
@@ -112,11 +112,11 @@ class TorqueFree:
         # drops out.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
         half_turns = np.rint(u / (2 * polhode.quarter))
-        rest = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
-        sn, cn, dn = jacobi(rest, polhode.m1)
+        reduced = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
+        sn, cn, dn = jacobi(reduced, polhode.m1)
         parity = 1 - 2 * np.mod(half_turns, 2)
         spin = np.arctan2(np.sqrt(1 + polhode.n) * sn, cn) + PI * half_turns
-        angle = theta4_phase(rest, polhode.m, polhode.m1, polhode.n) - spin
+        angle = theta4_phase(reduced, polhode.m, polhode.m1, polhode.n) - spin
         carried = angle[1:] - angle[0] + polhode.precession * t
         omega = np.stack([parity * cn, parity * sn, dn], axis=1) * np.array(polhode.amplitudes)
         upright = _shortest_to_third(
@@ -126,12 +126,16 @@ class TorqueFree:
         about = np.stack([np.cos(carried / 2), zero, zero, np.sin(carried / 2)], axis=1)
         turn = _product(_product(upright[0] * np.array([1, -1, -1, -1]), about), upright[1:])
         back = np.argsort(order)
-        vector, rates = (signs * turn[:, 1:])[:, back], (signs * omega[1:])[:, back]
+        vector = (signs * turn[:, 1:])[:, back]
+        rates = (signs * omega[1:])[:, back]
         return np.concatenate([turn[:, :1], vector], axis=1), rates
 
 
 def _shortest_to_third(unit: LongArray) -> LongArray:
-    """Quaternions, shape (n, 4), of the shortest rotations of unit vectors, shape (n, 3), with z ≥ 0 to the z axis."""
+    """Quaternions, shape (n, 4), of the shortest rotations of unit vectors to the z axis.
+
+    The vectors, shape (n, 3), have z ≥ 0.
+    """
     x, y, z = unit.T
     unscaled = np.stack([1 + z, y, -x, np.zeros_like(x)], axis=1)
     return unscaled / np.sqrt(np.sum(unscaled**2, axis=1, keepdims=True))

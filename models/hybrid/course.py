@@ -1,4 +1,4 @@
-"""How a hybrid run goes on from where it stands: averaged to second order, or by the full equations."""
+"""The pieces of a hybrid run: averaged to second order, or by the full equations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,29 +21,30 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# The error of L and E that a tolerance stands for, and the share of it that windows may take,
-# chosen by trial.
-ERROR_PER_TOLERANCE, WINDOWS = 100.0, 0.5
+# Error of L and E over the tolerance that stands for it; chosen by trial.
+ERROR_PER_TOLERANCE = 100.0
+# Share of that error that windows may take; chosen by trial.
+WINDOWS = 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with
 # |L||ω| below I_max, by trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
-# Tolerance of averaged pieces, which cost nothing, and those of windows: some solvers compile for
-# each one anew.
-AVERAGED_TOLERANCE = 1e-12
-FULL = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
-# A run of so few turns costs less than to look ahead.
-SHORT = 1000
+# Tolerance of averaged pieces, which cost next to nothing.
+_AVERAGED_TOLERANCE = 1e-12
+# Tolerances of windows: a short list, as some solvers compile for each tolerance anew.
+_WINDOW_TOLERANCES = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
+# A run of fewer turns costs less than to look ahead.
+_SHORT = 1000
 # Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
-MORE = 50
+_MORE = 50
 
 
 @dataclass(frozen=True)
 class HybridCourse:
-    """The course of a scene's run; its states are those of the form of the full equations.
+    """The course of a scene's run; its states belong to the form of the full equations.
 
-    `full` are the full equations. `stretches` are those foreseen at the time `since` from the run's
-    state then. `spent` is what the pieces before have taken of the error asked for, `worn` what the
-    windows among them have.
+    `full` are the full equations. `stretches` were foreseen at the time `since` from the run's
+    state then. The pieces before have taken `spent` of the requested error, the windows among them
+    `worn`.
     """
 
     scene: Scene
@@ -58,36 +59,45 @@ class HybridCourse:
         stokes = self.scene.stokes
         if not self.stretches:
             error = ERROR_PER_TOLERANCE * tolerance
-            found = foreseen(self.here(time, state), max(error - self.spent, error / 10))
-            return replace(self, since=time, stretches=found)(time, state, tolerance)
-        stretch, *rest = self.stretches
-        end, reason, later = (
-            self.since + stretch.end * stokes,
-            stretch.reason,
-            replace(self, stretches=tuple(rest)),
-        )
+            left = max(error - self.spent, error / 10)
+            stretches = foreseen(self.remaining(time, state), left)
+            return replace(self, since=time, stretches=stretches)(time, state, tolerance)
+        stretch, *later_stretches = self.stretches
+        end = self.since + stretch.end * stokes
+        reason = stretch.reason
+        later = replace(self, stretches=tuple(later_stretches))
         if stretch.second_order:
             try:
                 problem, states = second_order(self.scene, state)
             except NotAveragedError as refusal:
-                more = 2 * np.pi * MORE / speed(self.here(time, state))
-                end, reason, later = time + more, str(refusal), replace(self, stretches=())
-                turned = more * wear(self.here(time, state)) / stokes
+                more = 2 * np.pi * _MORE / speed(self.remaining(time, state))
+                end = time + more
+                reason = str(refusal)
+                later = replace(self, stretches=())
+                turned = more * wear(self.remaining(time, state)) / stokes
                 stretch = replace(
                     stretch, end=stretch.start + more / stokes, second_order=False, turned=turned
                 )
             else:
                 angle = self.angle(end - time, stretch.error) + stretch.swing
                 later = replace(later, spent=self.spent + stretch.error)
-                own = stretch.error, angle, AVERAGED_TOLERANCE
-                return Piece(problem, end, states, "second order", *own, later, averaged=True)
+                return Piece(
+                    problem,
+                    end,
+                    states,
+                    "second order",
+                    stretch.error,
+                    angle,
+                    _AVERAGED_TOLERANCE,
+                    later,
+                    averaged=True,
+                )
         elif stretch.decisive:
             later = replace(self, stretches=())
-        own, cost = full_tolerance((stretch, *rest), stokes, tolerance, self.worn)
-        angle, later = (
-            self.angle(end - time, cost),
-            replace(later, spent=self.spent + cost, worn=self.worn + cost),
-        )
+        ahead = (stretch, *later_stretches)
+        piece_tolerance, cost = full_tolerance(ahead, stokes, tolerance, self.worn)
+        angle = self.angle(end - time, cost)
+        later = replace(later, spent=self.spent + cost, worn=self.worn + cost)
         return Piece(
             replace(self.full, start=tuple(state.tolist())),
             end,
@@ -95,7 +105,7 @@ class HybridCourse:
             reason,
             cost,
             angle,
-            own,
+            piece_tolerance,
             later,
         )
 
@@ -104,21 +114,21 @@ class HybridCourse:
         _, middle, high = sorted(self.scene.ellipsoid.inertia)
         return min(np.pi, (self.spent + error) * duration * high / middle)
 
-    def here(self, time: float, state: Array) -> Scene:
-        """What is left of the scene from a state of the full equations on."""
+    def remaining(self, time: float, state: Array) -> Scene:
+        """The scene from a state of the full equations on, for the time that is left."""
         if time == 0 and tuple(state.tolist()) == self.full.start:
             return self.scene
-        start = start_from(self.scene.ellipsoid, seen(self.scene, state))
+        start = start_from(self.scene.ellipsoid, observed(self.scene, state))
         return replace(self.scene, start=start, time=self.scene.time - time)
 
 
-def seen(scene: Scene, state: Array) -> Observables:
+def observed(scene: Scene, state: Array) -> Observables:
     """Observables of a state of the full equations."""
     return find_form(full_form(scene)).observe(scene, state[None])
 
 
 def speed(scene: Scene) -> float:
-    """How fast the body turns, in rad per unit of time, about, and not less than the shear makes it."""
+    """Approximate rate of turning, in rad per unit of time, no less than by the shear."""
     return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
 
 
@@ -131,23 +141,24 @@ def wear(scene: Scene) -> float:
 def full_tolerance(
     ahead: Sequence[Stretch], stokes: float, tolerance: float, worn: float
 ) -> tuple[float, float]:
-    """Tolerance of the full equations in the first one of the stretches ahead, and what it takes of the error.
+    """Tolerance of the full equations in the first stretch ahead, and its share of the error.
 
     Windows share their error by how long they last, which costs least; those behind have taken
     `worn` of it.
     """
-    first, error = ahead[0], WINDOWS * ERROR_PER_TOLERANCE * tolerance
-    lasting = sum(each.end - each.start for each in ahead if not each.second_order)
+    first = ahead[0]
+    error = WINDOWS * ERROR_PER_TOLERANCE * tolerance
+    lasting = sum(window.end - window.start for window in ahead if not window.second_order)
     share = (error - worn if worn < error else error / 10) * (first.end - first.start) / lasting
-    tolerances = tolerance, *(each for each in FULL if each < tolerance)
+    tolerances = tolerance, *(tighter for tighter in _WINDOW_TOLERANCES if tighter < tolerance)
     grows = PER_RADIAN * first.turned * stokes
-    own = next((each for each in tolerances if each * grows <= share), tolerances[-1])
-    return own, max(own, ROUNDING) * grows
+    chosen = next((loose for loose in tolerances if loose * grows <= share), tolerances[-1])
+    return chosen, max(chosen, ROUNDING) * grows
 
 
 def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
-    """Stretches of a run for an error asked for."""
-    if speed(scene) * scene.time < 2 * np.pi * SHORT:
+    """Stretches of a run for a requested error."""
+    if speed(scene) * scene.time < 2 * np.pi * _SHORT:
         return (
             Stretch(
                 0.0,
@@ -161,17 +172,20 @@ def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
 
 
 def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array], Array]]:
-    """The averaged problem of a scene from a state of the full equations on, and such states of its own ones.
+    """The averaged problem of a scene from a full state on, and a map of its states to full ones.
 
     Raises NotAveragedError where no slow state belongs to the start.
     """
-    ellipsoid, factor, form = scene.ellipsoid, scene.torque_factor, SecondOrder()
+    ellipsoid = scene.ellipsoid
+    factor = scene.torque_factor
+    form = SecondOrder()
     if ellipsoid.kind == "triaxial":
-        start = seen(scene, state)
+        start = observed(scene, state)
         entry = entered(ellipsoid, factor, start.rotation[0], start.angular_momentum[0])
         problem = form.slow_problem(scene, triaxial.field, entry.state, entry.parameters)
         return problem, lambda states: states_of(ellipsoid, entry.observe(states))
-    spheroid, (*momentum, px, py, pz) = Spheroid.of(ellipsoid), state.tolist()
+    spheroid = Spheroid.of(ellipsoid)
+    *momentum, px, py, pz = state.tolist()
     slow = slow_start(spheroid, factor, (*momentum, *spheroidal.unit((px, py, pz))))
     if slow is None:
         raise NotAveragedError("St is too small for |L|")
@@ -181,9 +195,9 @@ def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array],
     return problem, partial(spheroidal.exact, spheroid, factor)
 
 
-def states_of(ellipsoid: Ellipsoid, seen: Observables) -> Array:
+def states_of(ellipsoid: Ellipsoid, observables: Observables) -> Array:
     """States of the form `quaternion`, shape (n, 7), that have these observables."""
-    spin = np.einsum("nij,nj->ni", seen.rotation, seen.angular_momentum) / np.array(
+    spin = np.einsum("nij,nj->ni", observables.rotation, observables.angular_momentum) / np.array(
         ellipsoid.inertia
     )
-    return np.column_stack([quaternion_from_matrix(seen.rotation), spin])
+    return np.column_stack([quaternion_from_matrix(observables.rotation), spin])

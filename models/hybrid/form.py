@@ -13,7 +13,7 @@ from polhode.models.scene import Scene
 
 # Times beyond which double precision tells no inverse shear rates apart, and so no windows of some
 # turns.
-LONGEST = 2.0**52
+_LONGEST = 2.0**52
 
 
 class Hybrid(Form):
@@ -41,9 +41,9 @@ class Hybrid(Form):
             )
         self.require_slow_motion(scene, rest=True)
         self.require_orientation(scene)
-        if scene.time > LONGEST:
+        if scene.time > _LONGEST:
             long = f"the run of {scene.time:g} inverse shear rates is too long"
-            raise self.refuse(f"{long}, expected at most {LONGEST:.1e}", "")
+            raise self.refuse(f"{long}, expected at most {_LONGEST:.1e}", "")
 
     def problem(self, scene: Scene) -> Problem:
         """Initial value problem in time t: that of the full equations, and its course."""

@@ -43,8 +43,10 @@ def _problem(entry: dict[str, Any], sources: dict[str, str]) -> Classical:
     problem = Problem(
         entry["name"], field, tuple(entry["start"]), entry["end"], None if mass else (), mass
     )
-    source, hopeless = entry["source"].format(**sources), tuple(entry.get("hopeless", ()))
-    reference, ratio = tuple(entry["reference"]), entry.get("atol_per_rtol", 1.0)
+    source = entry["source"].format(**sources)
+    hopeless = tuple(entry.get("hopeless", ()))
+    reference = tuple(entry["reference"])
+    ratio = entry.get("atol_per_rtol", 1.0)
     return Classical(problem, reference, entry["stiff"], source, hopeless, ratio)
 
 

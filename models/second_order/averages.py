@@ -1,89 +1,100 @@
-"""Second-order averages of a triaxial ellipsoid: functions of h alone per shape and side of L² = 2EI₂.
+"""Second-order averages of a triaxial ellipsoid, per shape and side of L² = 2EI₂: functions of h.
 
-With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x), W_n = ½(e_x n_y - e_y n_x), ⊥ the part across n,
-s₀ = n_x n_y and w₀ = n_z/2:
+With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x) and W_n = ½(e_x n_y - e_y n_x), ⊥ marks the part
+across n; s₀ = n_x n_y and w₀ = n_z/2. Rates of first order:
 
-========  =========================
-================================================================================== rate      first
-order                second order, over St ========  =========================
-================================================================================== l         l f₀ +
-f₂w₀                (a₁ + a₂w₀/l) s₀/l y         g₀ + g₂w₀/l                (b₁ + b₂w₀/l) s₀/l² L⊥
-n×(r₁S_n + r₂W_n)          [p₁S_n⊥ + p₂W_n + n×(p₃S_n + p₄W_n) s₀/l + (p₅S_n⊥ + p₆W_n) w₀/l]/l α, β
-e_α s₀/l, e_β s₀/l ========  =========================
-==================================================================================
+- of l: l f₀ + f₂w₀;
+- of y: g₀ + g₂w₀/l;
+- of L⊥: n×(r₁S_n + r₂W_n);
+- of α and β: e_α s₀/l and e_β s₀/l.
+
+Rates of second order, over St:
+
+- of l: (a₁ + a₂w₀/l) s₀/l;
+- of y: (b₁ + b₂w₀/l) s₀/l²;
+- of L⊥: [p₁S_n⊥ + p₂W_n + n×(p₃S_n + p₄W_n) s₀/l + (p₅S_n⊥ + p₆W_n) w₀/l]/l.
 """
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from polhode.models.second_order.field import NAMES
+from polhode.models.second_order.field import COEFFICIENTS
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.spheroid import cross, dot, plus
 from polhode.models.second_order.torus import Torus, over_phases, times, turning
 
 Array = np.ndarray
 
-# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9; at least so many, in
-# steps of so many.
-PHASES, LEAST_PHASES, STEP_OF_PHASES = 90.0, 24, 8
-# Flow directions, as rows, and |L| at which the averages are taken, so that their parts can be
-# separated.
-_TURNS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
-_TURNS = _TURNS / np.array([[[3]], [[7]]])
-EVERY_FRAME, SIZES = np.repeat(_TURNS, 2, axis=0), np.tile([1.0, 2.0], len(_TURNS))
-# Modes (-k₁, k₂), k₂ = 1, 2, 3 and k₁ up to this, whose strength is kept.
+# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9.
+_PHASES = 90.0
+# Least number of phases of a polhode.
+_LEAST_PHASES = 24
+# Numbers of phases differ by multiples of this, so that many polhodes share one.
+_STEP_OF_PHASES = 8
+# Rotations, shape (2, 3, 3), whose first two rows are the flow's x and y in the frame of L: several
+# orientations separate the parts of a rate.
+_ROTATIONS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
+_ROTATIONS = _ROTATIONS / np.array([[[3]], [[7]]])
+# Each rotation at either |L| of `_SIZES`, shape (poses, 3, 3).
+_EVERY_FRAME = np.repeat(_ROTATIONS, 2, axis=0)
+# |L| of the poses, shape (poses,).
+_SIZES = np.tile([1.0, 2.0], len(_ROTATIONS))
+# Largest k₁ of modes (-k₁, k₂), k₂ = 1, 2, 3, whose strength is returned.
 MODES = 24
 
 
 def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]:
-    """Coefficients by name, each shape (m,), at y, shape (m,), and the largest relative residual of their fit.
+    """Coefficients by name, at y, each shape (m,), the largest relative residual, and strengths.
 
-    Beside them the strength of modes in L', shape (m, k₁, k₂, 3), the largest of several
-    orientations of L: at l = 0, what it gains per l, and that of all modes at l = 1.
+    The last are the strengths of modes in L', shape (m, k₁, k₂, 3), the largest of several
+    orientations of L. Their last index stands for the strength at l = 0, its gain per l, and the
+    strength of all modes at l = 1.
     """
-    counts, poses = phases(side, y), len(SIZES)
-    mean, second, rates = (
-        np.empty((6, poses, len(y))),
-        np.empty((4, poses, len(y))),
-        np.empty((2, len(y))),
-    )
+    counts = phases(side, y)
+    poses = len(_SIZES)
+    mean = np.empty((6, poses, len(y)))
+    second = np.empty((4, poses, len(y)))
+    rates = np.empty((2, len(y)))
     strengths = np.empty((len(y), MODES, 3, 3))
-    flow, gradient = EVERY_FRAME[:, None, 0], EVERY_FRAME[:, None, 1]
+    flow = _EVERY_FRAME[:, None, 0]
+    gradient = _EVERY_FRAME[:, None, 1]
     for count in np.unique(counts).tolist():
-        here = np.flatnonzero(counts == count)
-        polhode = Polhodes(side, y[here], np.zeros(len(here)), count)
-        torus = Torus(polhode, SIZES[:, None], np.zeros(len(here)), flow, gradient)
-        mean[..., here], second[..., here] = np.real(torus.spectrum[..., 0, 0]), second_order(torus)
-        rates[:, here], strengths[here] = (
-            (polhode.rate, polhode.precession),
-            _strengths(torus.spectrum[:3]),
-        )
+        members = np.flatnonzero(counts == count)
+        polhode = Polhodes(side, y[members], np.zeros(len(members)), count)
+        torus = Torus(polhode, _SIZES[:, None], np.zeros(len(members)), flow, gradient)
+        mean[..., members] = np.real(torus.spectrum[..., 0, 0])
+        second[..., members] = second_order(torus)
+        rates[:, members] = (polhode.rate, polhode.precession)
+        strengths[members] = _strengths(torus.spectrum[:3])
     numbers, residual = _coefficients(mean, second)
-    return dict(zip(NAMES, (*numbers, *rates), strict=True)), residual, strengths
+    return dict(zip(COEFFICIENTS, (*numbers, *rates), strict=True)), residual, strengths
 
 
 def phases(side: SidedBody, y: Array) -> Array:
-    """Numbers of polhode phases that resolve polhodes, of few kinds, so that many polhodes are averaged at once."""
+    """Numbers of phases that resolve polhodes; many polhodes share one and are averaged at once."""
     from scipy.special import ellipk, ellipkm1
 
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
-    needed = PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
-    return LEAST_PHASES + STEP_OF_PHASES * np.ceil(
-        np.maximum(needed - LEAST_PHASES, 0) / STEP_OF_PHASES
+    needed = _PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))
+    return _LEAST_PHASES + _STEP_OF_PHASES * np.ceil(
+        np.maximum(needed - _LEAST_PHASES, 0) / _STEP_OF_PHASES
     ).astype(int)
 
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
-    """Coefficients of first and second order, shape (m,) each, from the means in all poses, and the largest misfit."""
-    x, y, z = (EVERY_FRAME[:, i] for i in range(3))
-    over, s0, w0 = 1 / SIZES, x[:, 2] * y[:, 2], z[:, 2] / 2
-    s, w = s0 * over, w0 * over
+    """Coefficients, shape (m,) each, from the means in all poses, and the largest misfit."""
+    x, y, z = (_EVERY_FRAME[:, i] for i in range(3))
+    over = 1 / _SIZES
+    s0 = x[:, 2] * y[:, 2]
+    w0 = z[:, 2] / 2
+    s = s0 * over
+    w = w0 * over
     flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2].T for sign in (1, -1)]
     turned = [np.stack([-part[1], part[0]]) for part in flow]
     across = [part * over for part in flow]
     steep = [*(part * s * over for part in turned), *(part * w for part in across)]
-    parts = [((SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
+    parts = [((_SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
     first, left = fitted([*parts, ((s,), mean[4]), ((s,), mean[5])])
     parts = [((s, s * w), second[2]), ((s * over, s * w * over), second[3])]
     higher, right = fitted([*parts, ([*across, *steep], second[:2])])
@@ -91,53 +102,62 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
 
 
 def _strengths(spectrum: Array) -> Array:
-    """Strengths, shape (m, MODES, 3, 3), from Fourier coefficients of L', shape (3, poses, m, a, b)."""
+    """Strengths, shape (m, MODES, 3, 3), from the spectrum of L', shape (3, poses, m, a, b)."""
     size = np.linalg.norm(spectrum, axis=0).reshape(-1, 2, *spectrum.shape[2:])
-    found = np.zeros((2, spectrum.shape[2], MODES, 3))
+    amplitudes = np.zeros((2, spectrum.shape[2], MODES, 3))
     most = min(MODES, spectrum.shape[3] // 2 - 1)
-    found[:, :, :most] = size[..., : -most - 1 : -1, 1:4].max(axis=0)
-    gain = np.maximum(found[1] - found[0], 0)
+    amplitudes[:, :, :most] = size[..., : -most - 1 : -1, 1:4].max(axis=0)
+    gain = np.maximum(amplitudes[1] - amplitudes[0], 0)
     whole = np.broadcast_to(size[:, 0].max(axis=(0, 2, 3))[:, None, None], gain.shape)
-    return np.stack([np.maximum(found[0] - gain, 0), gain, whole], axis=-1)
+    return np.stack([np.maximum(amplitudes[0] - gain, 0), gain, whole], axis=-1)
 
 
 def second_order(torus: Torus) -> Array:
-    """F₂ of (L in its frame, y), shape (4, ..., m): the mean of the torque's derivative along the generator, U·∂P."""
-    p, size, (x, y, tau) = torus.polhode, torus.size[..., None, None], torus.driven
+    """F₂ of (L in its frame, y), shape (4, ..., m): the mean U·∂P.
+
+    U·∂P is the derivative of the torque along the generator.
+    """
+    p = torus.polhode
+    size = torus.size[..., None, None]
+    x, y, tau = torus.driven
     change, turn = torus.ambient
-    m, back = torus.momentum, torus.rows.swapaxes(0, 1)
+    m = torus.momentum
+    back = torus.rows.swapaxes(0, 1)
     tilted = change[0] - size * turn[1], change[1] + size * turn[0], change[2]
-    flows = (cross(over_phases(each), turn) for each in (torus.flow, torus.gradient))
-    dm, dx, dy = (times(back, each) for each in (tilted, *flows))
+    flows = (cross(over_phases(direction), turn) for direction in (torus.flow, torus.gradient))
+    dm, dx, dy = (times(back, vector) for vector in (tilted, *flows))
     changed = torus.torque(dm, plus(turning(p.side, dx, y), 1, turning(p.side, x, dy)))
     change_space = plus(times(torus.rows, changed), 1, cross(turn, times(torus.rows, tau)))
     # dh/dt₂ = 2(ω·τ - h L·τ)/l²
-    beyond = [each[..., None, None] for each in p.beyond.T]
-    spare, rare = ([each * part for each, part in zip(beyond, arm, strict=True)] for arm in (m, dm))
-    rate_h = 2 * dot(spare, tau) / size**2
+    beyond = [factor[..., None, None] for factor in p.beyond.T]
+    # ω - hL, and its derivative.
+    relative = [factor * part for factor, part in zip(beyond, m, strict=True)]
+    relative_change = [factor * part for factor, part in zip(beyond, dm, strict=True)]
+    rate_h = 2 * dot(relative, tau) / size**2
     change_h = (
-        dot(rare, tau)
-        + dot(spare, changed)
+        dot(relative_change, tau)
+        + dot(relative, changed)
         - p.slope[:, None, None] * torus.generator[3] * dot(m, tau)
     )
     change_h = 2 * change_h / size**2 - 2 * rate_h * change[2] / size
-    means = [each.mean(axis=(-2, -1)) for each in (*change_space, change_h)]
+    means = [rate.mean(axis=(-2, -1)) for rate in (*change_space, change_h)]
     return np.stack([*means[:3], means[3] / p.slope])
 
 
 def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array], float]:
-    """Real factors by which the arrays of every part give its values, and the largest misfit over the largest value.
+    """Real factors by which the columns of every part give its values, and the largest misfit.
 
+    The misfit is over the largest value.
     Values have shape (..., m) where the arrays have (...); factors have shape (m,).
     """
-    factors, misfit, largest = list[Array](), 0.0, 0.0
+    factors = list[Array]()
+    misfit = 0.0
+    largest = 0.0
     for columns, values in parts:
-        matrix, wanted = (
-            np.stack([each.ravel() for each in columns], axis=1),
-            values.reshape(columns[0].size, -1),
-        )
-        solution = np.linalg.lstsq(matrix, wanted, rcond=1e-10)[0]
+        matrix = np.stack([column.ravel() for column in columns], axis=1)
+        right_side = values.reshape(columns[0].size, -1)
+        solution = np.linalg.lstsq(matrix, right_side, rcond=1e-10)[0]
         factors += list(solution)
-        misfit = max(misfit, float(np.abs(matrix @ solution - wanted).max()))
+        misfit = max(misfit, float(np.abs(matrix @ solution - right_side).max()))
         largest = max(largest, float(np.abs(values).max()))
     return factors, misfit / largest

@@ -1,4 +1,4 @@
-"""How large the near-identity transformation of a triaxial ellipsoid is, over the torus, per shape and side.
+"""Size of the near-identity transformation of a triaxial ellipsoid, a mean over the torus.
 
 It is linear in the coefficients c of `polhode.models.second_order.swing`: the mean of its square is
 a quadratic form in them, whose matrix depends on a alone.
@@ -11,37 +11,42 @@ import numpy as np
 from polhode.models.files import kept
 from polhode.models.once import once
 from polhode.models.second_order import swing
-from polhode.models.second_order.swing import DEPTHS as EVERY, Place, series_for
+from polhode.models.second_order.swing import DEPTHS, Place, series_for
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Changes whenever the numbers do, beside those of the series.
-VERSION = 1
-# The values of a.
-DEPTHS = EVERY[::2]
-# All c that are 1, then those of k > 0 that are i.
-UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
-# Polhode phases that means are taken over.
-PHASES = pi / 4 * (np.arange(4) + 0.25)
-# A mean over turns about L keeps products of c of the same k: |c₀|², |c₁|², |c₂|², the real and the
-# imaginary part of c₁c₂*, and those of c₃, c₄ and c₅. Of each, two pairs of units that give it, and
-# their shares.
-PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
-OTHERS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
-SHARES = np.array(
+# Changes whenever the numbers below do; `swing.VERSION` stands for the series.
+_VERSION = 1
+# Values of a at which means are taken: every other node of the series.
+_DEPTHS = DEPTHS[::2]
+# Unit coefficients: c is 1 for one tensor, then i for one tensor of k > 0.
+_UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
+# Polhode phases, in rad, over which means are taken.
+_PHASES = pi / 4 * (np.arange(4) + 0.25)
+# A mean over turns about L keeps products of c of one k: |c₀|², |c₁|², |c₂|², the real and the
+# imaginary part of c₁c₂*, c₃², c₄², c₅², c₃c₄, c₃c₅ and c₄c₅. The factor of a product is a sum over
+# two pairs of units: the first pair of each product.
+_PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
+# The second pair of each product.
+_SECOND_PAIRS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
+# Shares of the two pairs.
+_SHARES = np.array(
     [[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]]
 )
-# 1/St at which they are taken.
-SLIGHT = 1e-12
+# 1/St at which means are taken: the transformation is linear in it there.
+_SLIGHT = 1e-12
 
 
 def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> Array:
-    """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times the root mean square."""
-    size, a = np.linalg.norm(momentum, axis=1), np.sqrt(a2)
+    """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times its rms."""
+    size = np.linalg.norm(momentum, axis=1)
+    a = np.sqrt(a2)
     # Along L the flow's x and y are n_x and n_y, so that across it xy* is -n_x n_y - i n_z.
     x, y, z = momentum.T / size
-    xx, yy, xy = x * x, y * y, -x * y
+    xx = x * x
+    yy = y * y
+    xy = -x * y
     products = (
         (1 - xx) * (1 - yy) / 16,
         (1 - xx) * yy / 4,
@@ -50,8 +55,8 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
         xy * z / 4,
     )
     products = *products, xy * xy, z * z, size * size, xy * z, xy * size, z * size
-    at = np.clip(np.searchsorted(DEPTHS, a), 1, len(DEPTHS) - 1)
-    share = np.clip((a - DEPTHS[at - 1]) / (DEPTHS[at] - DEPTHS[at - 1]), 0, 1)
+    at = np.clip(np.searchsorted(_DEPTHS, a), 1, len(_DEPTHS) - 1)
+    share = np.clip((a - _DEPTHS[at - 1]) / (_DEPTHS[at] - _DEPTHS[at - 1]), 0, 1)
     squares = squares_for(ellipsoid, longest)
     squares = (1 - share) * squares[:, at - 1] + share * squares[:, at]
     return np.sqrt(2 * np.sum(squares * np.array(products), axis=0)) / size**2
@@ -59,26 +64,27 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
 
 @once()
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
-    """Factors of products of `PAIRS` at the nodes of the series, at |L| = 1: the mean over turns; kept on disk."""
-    key = f"extent of the swing {VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
-    found = kept.load(key)
-    if found is None:
-        kept.save(key, found := squares_of(series_for(ellipsoid, longest)))
-    squares = found.reshape(len(DEPTHS), len(UNITS), len(UNITS))
-    return (squares[:, *PAIRS] * SHARES[0] + squares[:, *OTHERS] * SHARES[1]).T
+    """Factors of the products at each of `_DEPTHS` at |L| = 1, means over turns; cached on disk."""
+    key = f"extent of the swing {_VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
+    numbers = kept.load(key)
+    if numbers is None:
+        numbers = squares_of(series_for(ellipsoid, longest))
+        kept.save(key, numbers)
+    squares = numbers.reshape(len(_DEPTHS), len(_UNITS), len(_UNITS))
+    return (squares[:, *_PAIRS] * _SHARES[0] + squares[:, *_SECOND_PAIRS] * _SHARES[1]).T
 
 
 def squares_of(series: swing.Series) -> Array:
     """The same from the series of a side, single resonances left out."""
     a2, alpha = (
-        np.repeat(each.ravel(), len(UNITS))
-        for each in np.meshgrid(DEPTHS**2, PHASES, indexing="ij")
+        np.repeat(grid.ravel(), len(_UNITS))
+        for grid in np.meshgrid(_DEPTHS**2, _PHASES, indexing="ij")
     )
     place = Place(series, a2, alpha, series.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
-    units = np.tile(UNITS, (len(DEPTHS) * len(PHASES), 1))
-    moved = place.moved(units, np.ones(len(a2)), SLIGHT) / SLIGHT
-    moved = moved.reshape(len(DEPTHS), len(PHASES), len(UNITS), -1)
-    squares = np.einsum("napk,naqk->npq", moved, moved) / len(PHASES)
+    units = np.tile(_UNITS, (len(_DEPTHS) * len(_PHASES), 1))
+    moved = place.moved(units, np.ones(len(a2)), _SLIGHT) / _SLIGHT
+    moved = moved.reshape(len(_DEPTHS), len(_PHASES), len(_UNITS), -1)
+    squares = np.einsum("napk,naqk->npq", moved, moved) / len(_PHASES)
     sizes = np.trace(squares, axis1=1, axis2=2)
     padded = np.concatenate([sizes[:1], sizes, sizes[-1:]])
     usual = np.median([padded[:-2], sizes, padded[2:]], axis=0)

@@ -1,14 +1,14 @@
 """Vector field of the second-order averaged triaxial ellipsoid, one and the same for every shape.
 
-State y = (L/I_max, a, e₁, σ_α, σ_β): a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃) says how far the
-polhode is from the permanent axis, e₁ ⊥ L is carried along by parallel transport, the polhode phase
-is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers stand
-in the parameters p behind each other:
+The state is y = (L/I_max, a, e₁, σ_α, σ_β). The distance of the polhode from the permanent axis is
+a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃). Parallel transport carries e₁ ⊥ L along. The polhode
+phase is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers
+stand in the parameters p behind each other:
 
-- `HEAD` numbers: middle and reciprocal half width of the table's a²;
+- `_HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
-- for each of `POLES` resonances, where the averages of second order are singular, its a², 1/(St |dD/da²|), and the 10
-  functions' residues of second and of first order.
+- for each of `POLES` resonances, where the averages of second order are singular, its a²,
+  1/(St |dD/da²|), and the 10 functions' residues of second and of first order.
 
 Within √(|dD/dt₂|/St) of its resonance a mode has no time to be averaged, and the poles end there
 (`regular`).
@@ -19,36 +19,56 @@ from typing import Any
 
 from polhode.models.operations import Field, Operations
 
+# Components of the state.
 STATE = ("Lx/Imax", "Ly/Imax", "Lz/Imax", "a", "e1x", "e1y", "e1z", "sigma_alpha", "sigma_beta")
-# The functions, in their order: those of first order, those of second order, which alone have
-# poles, and the rates.
-FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
-SECOND = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
-NAMES = (*FIRST, *SECOND, "nu1", "nu2")
-HEAD, SERIES, NODES = 2, len(NAMES), 32
-POLES, POLE = 8, 2 + 2 * len(SECOND)
+# The functions in their order: first order, second order (these alone have poles), and the rates.
+_FIRST = ("f0", "f2", "g0", "g2", "r1", "r2", "ea", "eb")
+SECOND_ORDER = ("a1", "a2", "b1", "b2", "p1", "p2", "p3", "p4", "p5", "p6")
+COEFFICIENTS = (*_FIRST, *SECOND_ORDER, "nu1", "nu2")
+# Numbers in front of the series in p.
+_HEAD = 2
+_SERIES = len(COEFFICIENTS)
+# Chebyshev terms of each series.
+NODES = 32
+# Resonances whose poles the field has room for.
+POLES = 8
+# Numbers of each pole.
+POLE = 2 + 2 * len(SECOND_ORDER)
 # Keeps 0/0 away where a run rests on a resonance.
-TINY = 1e-60
+_TINY = 1e-60
 
 
 def field(ops: Operations) -> Field:
     """Rates of (L/I_max, a, e₁, σ_α, σ_β) in slow time."""
-    root, averaged = ops.sqrt, ops.use(averaged_rates)
+    root = ops.sqrt
+    averaged = ops.use(averaged_rates)
 
     def rhs(y, p):
-        lx, ly, lz, a, ex, ey, ez = y[0], y[1], y[2], y[3], y[4], y[5], y[6]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        a = y[3]
+        ex = y[4]
+        ey = y[5]
+        ez = y[6]
         size = root(lx * lx + ly * ly + lz * lz)
         over = 1 / size
-        nx, ny, nz = lx * over, ly * over, lz * over
-        found = series((a * a - p[0]) * p[1], p)
-        f0, f2, g0, g2, r1, r2, ea, eb = found[: len(FIRST)]
+        nx = lx * over
+        ny = ly * over
+        nz = lz * over
+        coefficients = series((a * a - p[0]) * p[1], p)
+        f0, f2, g0, g2, r1, r2, ea, eb = coefficients[: len(_FIRST)]
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
-        for at in range(HEAD + SERIES * NODES, HEAD + SERIES * NODES + POLES * POLE, POLE):
+        for at in range(_HEAD + _SERIES * NODES, _HEAD + _SERIES * NODES + POLES * POLE, POLE):
             twice, once = regular(a * a - p[at], drift * p[at + 1])
-            for k in range(len(SECOND)):
-                found[len(FIRST) + k] += twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND) + k]
-        a1, a2, b1, b2, *across, nu1, nu2 = found[len(FIRST) :]
-        n, f, g = (nx, ny, nz), (f0, f2, a1, a2), (g0, g2, b1, b2)
+            for k in range(len(SECOND_ORDER)):
+                coefficients[len(_FIRST) + k] += (
+                    twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND_ORDER) + k]
+                )
+        a1, a2, b1, b2, *across, nu1, nu2 = coefficients[len(_FIRST) :]
+        n = (nx, ny, nz)
+        f = (f0, f2, a1, a2)
+        g = (g0, g2, b1, b2)
         growth, rise, tx, ty, tz = averaged(size, n, f, g, (r1, r2), across)
         s = nx * ny * over
         lost = (ex * tx + ey * ty + ez * tz) * over
@@ -68,42 +88,55 @@ def field(ops: Operations) -> Field:
 
 
 def regular(x: Any, square: Any) -> tuple[Any, Any]:
-    """What stands for 1/x² and 1/x: x³/(x⁴ + w⁴) for the latter, `square` = ±w², less its derivative for the first."""
-    x2, w4 = x * x, square * square + TINY
+    """Regular functions in place of 1/x² and 1/x, with `square` = ±w².
+
+    The second is x³/(x⁴ + w⁴), the first minus its derivative.
+    """
+    x2 = x * x
+    w4 = square * square + _TINY
     over = 1 / (x2 * x2 + w4)
     return x2 * (x2 * x2 - 3 * w4) * over * over, x2 * x * over
 
 
 def series(t: Any, p: Any) -> list[Any]:
     """The Chebyshev series at t."""
-    found, terms = [], polynomials(t, NODES)
-    for first in range(HEAD, HEAD + SERIES * NODES, NODES):
+    sums = []
+    terms = polynomials(t, NODES)
+    for first in range(_HEAD, _HEAD + _SERIES * NODES, NODES):
         total = p[first] + p[first + 1] * t
         for k in range(2, NODES):
             total = total + p[first + k] * terms[k]
-        found.append(total)
-    return found
+        sums.append(total)
+    return sums
 
 
 def polynomials(t: Any, count: int) -> list[Any]:
     """The first Chebyshev polynomials at t."""
-    found, twice = [1 + 0 * t, t], 2 * t
-    while len(found) < count:
-        found.append(twice * found[-1] - found[-2])
-    return found
+    values = [1 + 0 * t, t]
+    twice = 2 * t
+    while len(values) < count:
+        values.append(twice * values[-1] - values[-2])
+    return values
 
 
 def averaged_rates(ops: Operations) -> Callable[..., Any]:
-    """Averaged rates l'/l, g and L'⊥, as `averages` and `spheroid` list them, from the coefficients of these."""
+    """Averaged rates l'/l, g and L'⊥ from the coefficients that `averages` and `spheroid` list."""
 
     def averaged(size, n, f, g, r, p):
         over = 1 / size
-        sx, sy, s0 = 0.5 * n[1], 0.5 * n[0], n[0] * n[1]
-        w, s = 0.5 * n[2] * over, s0 * over
+        sx = 0.5 * n[1]
+        sy = 0.5 * n[0]
+        s0 = n[0] * n[1]
+        w = 0.5 * n[2] * over
+        s = s0 * over
         # L'⊥ = n × (S u₁ + W u₂) + S⊥ v₁ + W v₂ with S = (sx, sy, 0) and W = (sx, -sy, 0).
-        u1, u2 = r[0] + over * s * p[2], r[1] + over * s * p[3]
-        v1, v2 = over * (p[0] + p[4] * w), over * (p[1] + p[5] * w)
-        ux, uy, flat = sx * (u1 + u2), sy * (u1 - u2), v1 * s0
+        u1 = r[0] + over * s * p[2]
+        u2 = r[1] + over * s * p[3]
+        v1 = over * (p[0] + p[4] * w)
+        v2 = over * (p[1] + p[5] * w)
+        ux = sx * (u1 + u2)
+        uy = sy * (u1 - u2)
+        flat = v1 * s0
         return (
             f[0] + f[1] * w + over * s * (f[2] + f[3] * w),
             g[0] + g[1] * w + over * s * (g[2] + g[3] * w),

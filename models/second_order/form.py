@@ -1,4 +1,4 @@
-"""Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St), at a cost free of St."""
+"""Form `averaged-second-order`: slow variables to O(1/St²) and orientation to O(1/St)."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,12 +22,13 @@ from polhode.models.second_order import (
 from polhode.models.second_order.outline import Outline, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
-START_PASSES = 60
-START_CLOSE = 1e-15
+_START_PASSES = 60
+# Residual of that equation, over |L|, at which passes end: rounding.
+_START_CLOSE = 1e-15
 # Shares of the time to the first window at which a run is tried to be stopped.
 STOPS = (0.98, 0.9)
-# Above this estimated slow error, over I_max, the expansion in 1/St means nothing.
-MEANINGLESS = 1.0
+# Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing.
+_MEANINGLESS = 1.0
 
 
 class SecondOrder(Form):
@@ -52,7 +53,7 @@ class SecondOrder(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, St = 0 and inf, starts without orientation, St too small, and runs with windows."""
+        """Refuse spheres, other flows than shear, St = 0, inf or too small, no orientation, and runs with windows."""
         self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
@@ -60,26 +61,26 @@ class SecondOrder(Form):
             )
         self.require_slow_motion(scene)
         self.require_orientation(scene)
-        found = outline(scene)
-        for each in found.stretches:
-            if not each.second_order:
+        prediction = outline(scene)
+        for stretch in prediction.stretches:
+            if not stretch.second_order:
                 when = (
-                    f"averaging does not hold from t₂ = {each.start:.2g}"
-                    if each.start > 0
+                    f"averaging does not hold from t₂ = {stretch.start:.2g}"
+                    if stretch.start > 0
                     else "the start"
                 )
-                raise self.refuse(f"{when}: {each.reason}", full_form(scene))
+                raise self.refuse(f"{when}: {stretch.reason}", full_form(scene))
         if scene.ellipsoid.kind == "triaxial":
             self._entry(scene)
         elif _started(scene) is None:
             raise self.refuse(
                 f"St = {scene.stokes:g} is too small for the start's |L|", full_form(scene)
             )
-        if not found.slow < MEANINGLESS:
+        if not prediction.slow < _MEANINGLESS:
             raise self.refuse(f"St = {scene.stokes:g} is too small for this run", full_form(scene))
 
     def orientation_of(self, scene: Scene) -> Orientation:
-        """The complete orientation of a triaxial ellipsoid, the symmetry axis alone of a spheroid."""
+        """The complete orientation of a triaxial ellipsoid, the axis alone of a spheroid."""
         return "full" if scene.ellipsoid.kind == "triaxial" else "axis"
 
     def state_of(self, scene: Scene) -> tuple[str, ...]:
@@ -100,7 +101,10 @@ class SecondOrder(Form):
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables, the fast motion and the O(1/St) swing put back; of a spheroid with the axis' row alone."""
+        """Observables, the fast motion and the O(1/St) swing put back.
+
+        Rotations of a spheroid hold the axis' row alone.
+        """
         if scene.ellipsoid.kind == "triaxial":
             return self._entry(scene).observe(states)
         exact = spheroidal.exact(Spheroid.of(scene.ellipsoid), scene.torque_factor, states)
@@ -142,16 +146,22 @@ def _started(scene: Scene) -> tuple[float, ...] | None:
 def slow_start(
     spheroid: Spheroid, torque_factor: float, exact: Sequence[float]
 ) -> tuple[float, ...] | None:
-    """Slow L over I_e and p whose image under the transformation are the exact ones; None if none are found."""
-    slow, left, size = exact, 1.0, max(1.0, hypot(*exact[:3]))
-    for _ in range(START_PASSES):
+    """Slow L over I_e and p whose image under the transformation are the exact ones.
+
+    None if none are found.
+    """
+    slow = exact
+    left = 1.0
+    size = max(1.0, hypot(*exact[:3]))
+    for _ in range(_START_PASSES):
         image = spheroidal.swung(spheroid, torque_factor, slow[:3], slow[3:])
-        excess = [found - wanted for found, wanted in zip(image, exact, strict=True)]
-        slow = [found - more for found, more in zip(slow, excess, strict=True)]
+        residual = [moved - fixed for moved, fixed in zip(image, exact, strict=True)]
+        slow = [component - change for component, change in zip(slow, residual, strict=True)]
         slow[3:] = spheroidal.unit(slow[3:])
-        before, left = left, max(map(abs, excess)) / size
+        before = left
+        left = max(map(abs, residual)) / size
         # Each pass gains the same factor.
-        if left * min(1, left / before) <= START_CLOSE:
+        if left * min(1, left / before) <= _START_CLOSE:
             return tuple(slow)
         if not max(map(abs, slow)) < 1e3 * max(map(abs, exact)):
             return None

@@ -1,8 +1,8 @@
-"""Where a run can be followed by averaging to second order, and how wrong it is there, before anything is solved.
+"""Predicts, before a run, which parts of it averaging to second order can follow, and its error.
 
 The first-order solution says where the run goes. Along it rho, the size of the near-identity
-transformation over St, is what each order of averaging is smaller by than the one before. Later
-kicks amplify an error: it shifts the phases of the resonances behind it, and so what these give.
+transformation over St, is the ratio of each order of averaging to the one before. Later kicks
+amplify an error: it shifts the phases of the resonances that follow, and so their kicks.
 """
 
 from collections.abc import Iterator
@@ -20,33 +20,41 @@ from polhode.models.second_order.tables import Kick
 Array = np.ndarray
 
 # Above this rho the expansion in 1/St means nothing.
-MEANINGLESS = 0.35
-# The highest harmonic of the torque: where the phase is wrong by φ, the swing is by so many φ rho.
-HARMONIC = 2
-# Shares of the error asked for that averaging and kicks left out may cost, the latter together and
-# one alone; by trial.
-SHARE, LEFT_OUT, ONE = 0.5, 0.3, 0.15
-# Kicks of random phases stay below so many times the root of the sum of their squares all along in
-# 97.5 %: 2.5/√2, as a walk's largest distance is beyond one at most twice as often as its last.
-RANDOM = 1.77
-# Turns of the body that a stretch between windows lasts at least, lest it cost more than it saves.
-TURNS = 300
+_MEANINGLESS = 0.35
+# The highest harmonic of the torque: an error φ of the phase, in rad, makes an error of this many
+# φ rho in the swing.
+_HARMONIC = 2
+# Share of the requested error that averaging may cost; by trial.
+_SHARE = 0.5
+# Share of it that all kicks left out may cost together; by trial.
+_LEFT_OUT = 0.3
+# Share of it that one kick left out may cost; by trial.
+_ONE = 0.15
+# In 97.5 % of runs kicks of random phases stay below this multiple of the root of the sum of their
+# squares: 2.5/√2, as a walk's largest distance exceeds a bound at most twice as often as its last.
+_RANDOM = 1.77
+# Least turns of the body in a stretch between windows: a shorter one costs more than it saves.
+_TURNS = 300
 # A window is cut where this share of its weighted turning is left, but far more turns, for a looser
 # tolerance.
-FALLEN = 0.1
-# Share of the slowest damping rate at which errors are forgotten, by trial, and so many e-foldings
-# in a run at most.
-FADING, LONG_AGO = 0.15, 600.0
-# Levels between which windows are chosen: the share of the one before, and the least one's of the
-# largest.
-FALL, LEAST = 0.53, 1e-8
-# Where a window is looked at, in half widths from its middle.
-INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
+_FALLEN = 0.1
+# Errors are forgotten at this share of the slowest damping rate; by trial.
+_FADING = 0.15
+# Most e-foldings of forgetting in a run, lest exponentials overflow.
+_LONG_AGO = 600.0
+# Windows are chosen at falling levels of the error per time: ratio of one level to the one before.
+_FALL = 0.53
+# Least level over the largest one.
+_LEAST = 1e-8
+# Times at which errors in a window are estimated, in half widths from its middle.
+_INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
 # means little.
-REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
-SEPARATRIX, TOO_SLOW, INACCURATE = 1, 2, 3
+_REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
+_SEPARATRIX = 1
+_TOO_SLOW = 2
+_INACCURATE = 3
 
 
 @dataclass(frozen=True)
@@ -57,8 +65,8 @@ class Stretch:
     end: float
     second_order: bool
     reason: str = ""
-    error: float = 0.0  # slow, over I_max, that averaging adds to the largest one of the run
-    decisive: bool = False  # whether what follows is to be looked at anew from where it ends
+    error: float = 0.0  # of L and E, over I_max, that averaging adds to the run's largest one
+    decisive: bool = False  # whether the run behind it needs a new outline
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
     turned: float = (
         0.0  # its `Path.wear` summed over slow time, times what later kicks amplify an error by
@@ -75,126 +83,150 @@ class Outline:
 
     @property
     def slow(self) -> float:
-        """Estimated slow error, over I_max, of a run by second order alone: inf if it cannot be followed."""
+        """Estimated error of L and E, over I_max, by second order alone; inf if that cannot be."""
         return (
-            sum(each.error for each in self.stretches)
-            if all(s.second_order for s in self.stretches)
+            sum(stretch.error for stretch in self.stretches)
+            if all(stretch.second_order for stretch in self.stretches)
             else inf
         )
 
 
-# At extreme St and times estimates overflow; what is not finite is not averaged.
+# At extreme St and times estimates overflow; a run is not averaged where they are not finite.
 @once()
 @np.errstate(over="ignore", invalid="ignore")
 def outline(scene: Scene, budget: float = inf) -> Outline:
-    """Outline of a run with orientation and 0 < St < inf; windows as the error asked for demands."""
-    path, share = path_of(scene), SHARE * budget
-    ahead, kicks = Ahead.of(path, budget), path.kicks
+    """Outline of a run with orientation and 0 < St < inf.
+
+    Windows are as wide as the requested error demands.
+    """
+    path = path_of(scene)
+    allowed = _SHARE * budget
+    ahead = Ahead.of(path, budget)
+    kicks = path.kicks
     if kicks:
         # A window may be narrower than the path's steps.
-        halves = [ahead.strong.get(each, each.width) for each in kicks]
-        path = path.at(np.outer(INSIDE, halves) + [each.time for each in kicks])
-    times, weight, reasons = path.times, ahead.weight(path.times), [*REASONS]
-    # Why averaging means nothing, by number: 0 where it does.
-    beyond = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    why = np.where(beyond, SEPARATRIX, np.where(path.swing < MEANINGLESS, 0, TOO_SLOW))
-    why[~(path.size > TINY)] = TOO_SLOW
-    why[(why == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = TOO_SLOW
-    sound, sudden = why == 0, np.zeros(len(times))
+        halves = [ahead.strong.get(kick, kick.width) for kick in kicks]
+        path = path.at(np.outer(_INSIDE, halves) + [kick.time for kick in kicks])
+    times = path.times
+    amplification = ahead.weight(path.times)
+    reasons = [*_REASONS]
+    # Number of the reason for which averaging does not hold, per time: 0 if it holds.
+    at_separatrix = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
+    cause = np.where(at_separatrix, _SEPARATRIX, np.where(path.swing < _MEANINGLESS, 0, _TOO_SLOW))
+    cause[~(path.size > TINY)] = _TOO_SLOW
+    cause[(cause == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
+    averaged = cause == 0
+    kick_errors = np.zeros(len(times))
     swing, smaller, third = (
-        np.where(sound, each, 0) for each in (path.swing, path.smaller, path.third)
+        np.where(averaged, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
     )
-    local = swing * np.hypot(smaller, path.fading) * path.scale
-    for each, half in ahead.strong.items():
-        why[np.abs(times - each.time) <= half] = len(reasons)
-        reasons.append(f"resonance {each.mode}")
-        local = local + each.missed(times)
-    for each in kicks:
-        if each in ahead.left:
-            at = np.searchsorted(times, each.time)
-            sudden[at] = hypot(sudden[at], ahead.left[each])
-    sound = why == 0
+    # Errors that pass with the swing: its next order.
+    local_errors = swing * np.hypot(smaller, path.fading) * path.scale
+    for kick, half in ahead.strong.items():
+        cause[np.abs(times - kick.time) <= half] = len(reasons)
+        reasons.append(f"resonance {kick.mode}")
+        local_errors = local_errors + kick.missed(times)
+    for kick in kicks:
+        if kick in ahead.left:
+            at = np.searchsorted(times, kick.time)
+            kick_errors[at] = hypot(kick_errors[at], ahead.left[kick])
+    averaged = cause == 0
+    # Sum of the kicks left out so far, at random phases.
     if kicks:
-        sudden = RANDOM * np.sqrt(np.cumsum(np.where(sound, sudden, 0) ** 2))
-    held = third * np.gradient(times) * weight
-    unknown = sound & ~(np.isfinite(held) & np.isfinite(local))
-    why[unknown] = INACCURATE
-    sound &= ~unknown
-    held, local = np.where(unknown, 0, held), np.where(unknown, 0, local)
-    late = np.exp(min(FADING * min(scene.ellipsoid.damping), LONG_AGO / float(times[-1])) * times)
-    # Where the phase is wrong, the swing is put back wrongly.
-    swung = np.where(sound & (local <= share), swing * path.scale, 0)
-    level = most = held.max()
+        kick_errors = _RANDOM * np.sqrt(np.cumsum(np.where(averaged, kick_errors, 0) ** 2))
+    # Lasting errors that third order adds at each time, as later kicks amplify them.
+    gains = third * np.gradient(times) * amplification
+    unknown = averaged & ~(np.isfinite(gains) & np.isfinite(local_errors))
+    cause[unknown] = _INACCURATE
+    averaged &= ~unknown
+    gains = np.where(unknown, 0, gains)
+    local_errors = np.where(unknown, 0, local_errors)
+    # Lasting errors fade: an error of the past counts by the ratio of growth then and now.
+    growth = np.exp(
+        min(_FADING * min(scene.ellipsoid.damping), _LONG_AGO / float(times[-1])) * times
+    )
+    # An error of the phase puts the swing back wrongly.
+    swing_per_radian = np.where(averaged & (local_errors <= allowed), swing * path.scale, 0)
+    # Times of the largest gains become windows, until the others stay within the allowed error.
+    level = highest_level = gains.max()
     while True:
-        errors = (late * np.where(held <= level, held, 0)).cumsum() / late
-        wrong = path.phase(errors) * swung
-        if not (errors + wrong).max() > share:
+        lasting_errors = (growth * np.where(gains <= level, gains, 0)).cumsum() / growth
+        phase_errors = path.phase(lasting_errors) * swing_per_radian
+        if not (lasting_errors + phase_errors).max() > allowed:
             break
-        level = FALL * level if level > LEAST * most else 0.0
-    why[sound & ((held > level) | (local > share))] = INACCURATE
-    lag = path.lag(np.where(why == 0, swing, 0))
-    local = local + HARMONIC * np.minimum(lag, 1) * swing * path.scale
-    why[(why == 0) & (local > share)] = INACCURATE
-    drifting, passing = errors + sudden, np.where(why == 0, local + wrong, 0)
+        level = _FALL * level if level > _LEAST * highest_level else 0.0
+    cause[averaged & ((gains > level) | (local_errors > allowed))] = _INACCURATE
+    lag = path.lag(np.where(cause == 0, swing, 0))
+    local_errors = local_errors + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
+    cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE
+    # Errors that last, and errors that pass.
+    drifting = lasting_errors + kick_errors
+    passing = np.where(cause == 0, local_errors + phase_errors, 0)
     orientation = pi
     if np.isfinite(path.swing).all():
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
-    stretches = tuple(_stretches(path, why, reasons, drifting, passing, lag, weight))
+    stretches = tuple(_stretches(path, cause, reasons, drifting, passing, lag, amplification))
     return Outline(stretches, kicks, float(orientation))
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """What kicks on a path make of errors, and which of them matter.
+    """How the kicks on a path amplify errors, and which kicks need a window.
 
-    An error (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick. At
-    random phases the square of what comes of it is e·Ge in the mean, e = (z, φ), counted from the
-    end of the run backwards.
+    An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
+    At random phases the mean square of the error at the end of the run is e·Ge; G is summed from
+    the end of the run backwards.
     """
 
     path: Path
     strong: dict[Kick, float]  # half widths of windows
-    left: dict[Kick, float]  # what comes of kicks that are left out
-    behind: list[
-        tuple[float, Array, Array]
-    ]  # the times of others, G and what (α, β) have turned by there
+    left: dict[Kick, float]  # error at the end of the run of each kick that is left out
+    # For each kick that is not left out: its time, G before it, and (α, β) turned until then.
+    behind: list[tuple[float, Array, Array]]
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
         """The kicks of a path, where windows are to miss no more than a budget."""
-        found, together = cls(path, {}, {}, []), 0.0
-        kicks = sorted((*path.kicks, *path.crossings()), key=lambda each: -each.time)
+        ahead = cls(path, {}, {}, [])
+        # Error of all kicks left out so far.
+        together = 0.0
+        kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
         if not kicks:
-            return found
-        g, last = np.diag([1.0, 1, 0, 0]), path.turned[-1]
-        for kick, here in zip(
-            kicks, path.turned_at(np.array([each.time for each in kicks])), strict=True
-        ):
+            return ahead
+        g = np.diag([1.0, 1, 0, 0])
+        last = path.turned[-1]
+        turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
+        for kick, turned in zip(kicks, turned_at_kicks, strict=True):
+            # Map of an error from this kick to the next one that is not left out.
             onwards = np.eye(4)
-            onwards[2:, :2] = last - here
-            given = onwards[:, :2] @ kick.along
-            square = 0.5 * (given.conj() @ g @ given).real
+            onwards[2:, :2] = last - turned
+            response = onwards[:, :2] @ kick.along
+            # Mean square of the kick's error at the end of the run, and of the error per radian.
+            square = 0.5 * (response.conj() @ g @ response).real
             size = max(kick.size, sqrt(square))
-            if size <= ONE * budget and hypot(together, size) <= LEFT_OUT / RANDOM * budget:
-                found.left[kick], together = size, hypot(together, size)
+            if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
+                ahead.left[kick] = size
+                together = hypot(together, size)
                 continue
-            g, last = onwards.T @ g @ onwards, here
+            g = onwards.T @ g @ onwards
+            last = turned
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
-            found.behind.append((kick.time, g, last))
+            ahead.behind.append((kick.time, g, last))
             if kick.width:
-                found.strong[kick] = kick.window(
-                    ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
+                ahead.strong[kick] = kick.window(
+                    _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
                 )
-        return found
+        return ahead
 
     def weight(self, times: Array) -> Array:
         """By how much later kicks amplify an error made at these times."""
         weight = np.ones(len(times))
         if self.behind:
-            until, g, last = (np.array(each) for each in zip(*self.behind, strict=True))
+            until, g, last = (np.array(column) for column in zip(*self.behind, strict=True))
             at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
             before = at >= 0
-            at, onwards = at[before], np.zeros((int(before.sum()), 4, 2))
+            at = at[before]
+            onwards = np.zeros((int(before.sum()), 4, 2))
             onwards[:, [0, 1], [0, 1]] = 1
             onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
             weight[before] = np.sqrt(
@@ -205,58 +237,55 @@ class Ahead:
 
 def _stretches(
     path: Path,
-    why: Array,
+    cause: Array,
     reasons: list[str],
     drifting: Array,
     passing: Array,
     lag: Array,
-    weight: Array,
+    amplification: Array,
 ) -> Iterator[Stretch]:
     """Stretches of the run; those by second order last a while, unless it is the whole run."""
-    times, turns = path.times, path.summed(path.speed) / (2 * pi * path.torque_factor)
-    # Windows reach from a sound point to a sound point.
-    between = np.where(why[:-1] > 0, why[:-1], why[1:])
+    times = path.times
+    turns = path.summed(path.speed) / (2 * pi * path.torque_factor)
+    # Windows reach from one point at which averaging holds to another.
+    between = np.where(cause[:-1] > 0, cause[:-1], cause[1:])
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
-    found: list[tuple[int, int]] = []
+    # First and last points of stretches; short ones between windows join them.
+    ranges: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
         if (
-            found
-            and (between[first] or turns[last] - turns[first] < TURNS)
-            and between[found[-1][0]]
+            ranges
+            and (between[first] or turns[last] - turns[first] < _TURNS)
+            and between[ranges[-1][0]]
         ):
-            found[-1] = found[-1][0], last
+            ranges[-1] = ranges[-1][0], last
         else:
-            found.append((first, last))
-    gained = path.summed(path.wear * weight)
-    for first, last in found:
-        here, whole = (
-            slice(first, last + 1),
-            [each for each in dict.fromkeys(between[first:last].tolist()) if each],
-        )
-        if whole:
-            reason = "; ".join(dict.fromkeys(reasons[each] for each in whole))
-            decisive, until = SEPARATRIX in whole or TOO_SLOW in whole, last
+            ranges.append((first, last))
+    gained = path.summed(path.wear * amplification)
+    for first, last in ranges:
+        part = slice(first, last + 1)
+        numbers = [number for number in dict.fromkeys(between[first:last].tolist()) if number]
+        if numbers:
+            reason = "; ".join(dict.fromkeys(reasons[number] for number in numbers))
+            decisive = _SEPARATRIX in numbers or _TOO_SLOW in numbers
+            until = last
             while first < last:
                 cut = int(
-                    np.searchsorted(gained, gained[last] - FALLEN * (gained[last] - gained[first]))
+                    np.searchsorted(gained, gained[last] - _FALLEN * (gained[last] - gained[first]))
                 )
                 lasting = turns[last] - turns[cut] > max(
-                    TURNS, 2 * FALLEN * (turns[last] - turns[first])
+                    _TURNS, 2 * _FALLEN * (turns[last] - turns[first])
                 )
                 until = cut if cut > first and lasting else last
-                ends, turned = (
-                    (float(times[first]), float(times[until])),
-                    float(gained[until] - gained[first]),
-                )
+                ends = (float(times[first]), float(times[until]))
+                turned = float(gained[until] - gained[first])
                 yield Stretch(
                     *ends, False, reason, decisive=decisive and until == last, turned=turned
                 )
                 first = until
         else:
-            error = drifting[here].max() - (drifting[first] if first else 0.0) + passing[here].max()
-            swing, turned = (
-                lag[last] - lag[first] + path.swing[here].max(),
-                gained[last] - gained[first],
-            )
+            error = drifting[part].max() - (drifting[first] if first else 0.0) + passing[part].max()
+            swing = lag[last] - lag[first] + path.swing[part].max()
+            turned = gained[last] - gained[first]
             ends = float(times[first]), float(times[last])
             yield Stretch(*ends, True, error=float(error), swing=float(swing), turned=float(turned))

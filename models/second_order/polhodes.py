@@ -1,4 +1,4 @@
-"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, with their two frequencies.
+"""Polhodes of a triaxial ellipsoid on one side of L² = 2EI₂, at equal phases, and frequencies.
 
 Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with
 i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
@@ -16,8 +16,9 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Step in y of the sixth-order differences by which polhodes are differentiated.
-STEP = 0.02
-DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
+_STEP = 0.02
+# Steps of these differences and the weights of their pairs.
+_DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
 
 
 @dataclass(frozen=True)
@@ -36,37 +37,40 @@ class SidedBody:
     @classmethod
     def of(cls, ellipsoid: Ellipsoid, momentum: Array) -> "SidedBody":
         """The side on which a body angular momentum, shape (3,), lies."""
-        squares, middle = momentum * momentum, ellipsoid.inertia[ellipsoid.order[1]]
+        squares = momentum * momentum
+        middle = ellipsoid.inertia[ellipsoid.order[1]]
         beyond = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
         return cls._of(ellipsoid, beyond, bool(momentum[ellipsoid.order[0 if beyond else 2]] < 0))
 
     @classmethod
     @lru_cache(maxsize=256)
     def _of(cls, ellipsoid: Ellipsoid, beyond: bool, below: bool) -> "SidedBody":
-        inertia, order = np.array(ellipsoid.inertia), list(ellipsoid.order)
+        inertia = np.array(ellipsoid.inertia)
+        order = list(ellipsoid.order)
         if beyond:
             order.reverse()
         axes = np.eye(3)[order]
         axes[1] *= np.linalg.det(axes)
         if below:
             axes[1:] *= -1
-        drag, squares = (
-            8 * pi * np.array(ellipsoid.resistance)[order],
-            np.array(ellipsoid.scaled_axes)[order] ** 2,
-        )
+        drag = 8 * pi * np.array(ellipsoid.resistance)[order]
+        squares = np.array(ellipsoid.scaled_axes)[order] ** 2
         return cls(axes, 1 / inertia[order], drag, squares)
 
-    def moduli(self, x: Array, rest: Array) -> tuple[Array, Array, Array]:
-        """A², C² and 1 - m as `Polhodes` has them, from x and 1 - x."""
+    def moduli(self, x: Array, x1: Array) -> tuple[Array, Array, Array]:
+        """A², C² and 1 - m as `Polhodes` has them, from x and x1 = 1 - x."""
         i1, i2, i3 = self.inverse_inertia
         a2 = (i2 - i3) / (i1 - i3) * x
-        return a2, 1 - a2, np.minimum(rest / (1 - a2), 1)
+        return a2, 1 - a2, np.minimum(x1 / (1 - a2), 1)
 
-    def normal(self, x: Array, rest: Array, phase: Array) -> Array:
-        """Body components of n, shape (..., 3), from x, 1 - x and α (`eq:omg1`–`eq:omg3` over the frequency)."""
+    def normal(self, x: Array, x1: Array, phase: Array) -> Array:
+        """Body components of n, shape (..., 3), from x, x1 = 1 - x and α.
+
+        By `eq:omg1`–`eq:omg3`, over the frequency.
+        """
         from scipy.special import ellipj, ellipkm1
 
-        a2, c2, complement = self.moduli(x, rest)
+        a2, c2, complement = self.moduli(x, x1)
         turns = np.remainder(phase + pi, 2 * pi) - pi
         sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement) * turns, 1 - complement)
         sign = np.sign(self.inverse_inertia[1] - self.inverse_inertia[2])
@@ -75,7 +79,10 @@ class SidedBody:
 
 @dataclass(frozen=True)
 class Polhodes:
-    """Polhodes of m values of y, shape (m,), at an even number `nodes` of phases each, from `phase`, shape (m,), on."""
+    """Polhodes of m values of y, shape (m,).
+
+    Each has an even number `nodes` of phases from `phase`, shape (m,), on.
+    """
 
     side: SidedBody
     y: Array
@@ -89,7 +96,10 @@ class Polhodes:
 
     @cached_property
     def moduli(self) -> tuple[Array, Array, Array]:
-        """A², C² and 1 - m, shape (m,) each: squared amplitudes of z₁ and z₃, complementary parameter of sn, cn, dn."""
+        """A², C² and 1 - m, shape (m,) each.
+
+        Squared amplitudes of z₁ and z₃, and the complementary parameter of sn, cn and dn.
+        """
         return self.side.moduli(self.x, 1 / (1 + np.exp(self.y)))
 
     @cached_property
@@ -134,7 +144,8 @@ class Polhodes:
     @cached_property
     def _turn(self) -> tuple[Array, Array]:
         """Turn of S about e₃ per α, shape (m,), and χ, shape (m, a)."""
-        z, dz = self.z, self.along
+        z = self.z
+        dz = self.along
         lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
         spectrum = np.fft.fft(lag, axis=1)
         order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
@@ -156,12 +167,15 @@ class Polhodes:
     @cached_property
     def beside(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
-        steps, weights = np.array(DIFFERENCES).T
-        steps, weights = np.concatenate([steps, -steps]), np.concatenate([weights, -weights]) / STEP
-        y, phase = (self.y + STEP * steps[:, None]).ravel(), np.tile(self.phase, len(steps))
-        near, total = replace(self, y=y, phase=phase), dict[str, Array]()
+        steps, weights = np.array(_DIFFERENCES).T
+        steps = np.concatenate([steps, -steps])
+        weights = np.concatenate([weights, -weights]) / _STEP
+        y = (self.y + _STEP * steps[:, None]).ravel()
+        phase = np.tile(self.phase, len(steps))
+        shifted = replace(self, y=y, phase=phase)
+        total = dict[str, Array]()
         for name in ("z", "lead", "rate", "turn"):
-            values = getattr(near, name)
+            values = getattr(shifted, name)
             total[name] = np.tensordot(
                 weights, values.reshape(len(steps), -1, *values.shape[1:]), 1
             )

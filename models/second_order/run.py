@@ -1,4 +1,4 @@
-"""Stretches of triaxial runs on one side of L² = 2EI₂ that averaging to second order follows, from pose to pose."""
+"""Stretches of triaxial runs that averaging to second order follows, from pose to pose."""
 
 from dataclasses import dataclass
 from math import atan2, copysign, log1p, pi, sqrt
@@ -15,11 +15,14 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-START_PASSES, START_CLOSE = 60, 1e-14
+# Passes after which no slow state is said to belong to a pose.
+_START_PASSES = 60
+# Error of a slow start, relative and in rad, at which passes end: rounding.
+_START_CLOSE = 1e-14
 # States whose places are held in memory together.
-CHUNK = 208
+_MAX_STATES = 208
 # Keeps 0/0 away where nothing turns.
-TINY = 1e-300
+_TINY = 1e-300
 # Matrices of the cross products with unit vectors, as rows.
 _CROSS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
@@ -33,7 +36,10 @@ class NotAveragedError(ValueError):
 
 @dataclass(frozen=True)
 class Entry:
-    """What follows a body from an exact pose on: an initial value problem of `field` in slow time since then."""
+    """An initial value problem of `field` that follows a body from an exact pose on.
+
+    Its slow time begins there.
+    """
 
     ellipsoid: Ellipsoid
     torque_factor: float
@@ -44,11 +50,16 @@ class Entry:
     series: Series
 
     def observe(self, states: Array) -> Observables:
-        """Observables with the complete rotation of states, shape (n, 9): fast phases and O(1/St) swing put back."""
+        """Observables with the complete rotation of states, shape (n, 9).
+
+        Fast phases and the O(1/St) swing are put back.
+        """
         if not len(states):
             return Observables(np.empty((0, 3)), np.empty(0), np.empty((0, 3, 3)))
-        pieces = [self._exact(states[i : i + CHUNK]) for i in range(0, len(states), CHUNK)]
-        momentum, rotation = (np.concatenate(each) for each in zip(*pieces, strict=True))
+        pieces = [
+            self._exact(states[i : i + _MAX_STATES]) for i in range(0, len(states), _MAX_STATES)
+        ]
+        momentum, rotation = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         rotation = np.swapaxes(rotation @ self.side.axes, 1, 2)
         body = np.einsum("mij,mj->mi", rotation, momentum)
         return Observables(
@@ -70,7 +81,9 @@ class Entry:
 
 
 def entered(ellipsoid: Ellipsoid, torque_factor: float, rotation: Array, momentum: Array) -> Entry:
-    """Entry from a pose on: rows of `rotation`, shape (3, 3), are the body axes in space, L has shape (3,).
+    """Entry from a pose on.
+
+    Rows of `rotation`, shape (3, 3), are the body axes in space; L has shape (3,).
 
     Raises NotAveragedError where no slow state belongs to the pose: |L| is too small, or L² = 2EI₂
     too near.
@@ -100,32 +113,43 @@ def started(scene: Scene) -> Entry:
 def _slow_start(
     series: Series, torque_factor: float, exact: Array, pose: Array
 ) -> tuple[Array, Array, Place]:
-    """Slow L, the e₁ of its frame and its place on the torus, whose image is the exact L and R = `pose`."""
-    momentum, rotation, moved, left, close = exact, pose, np.zeros((2, 3)), 1.0, False
-    for _ in range(START_PASSES):
+    """Slow L, the e₁ of its frame and its place on the torus; their image is the exact L and pose."""
+    momentum = exact
+    rotation = pose
+    moved = np.zeros((2, 3))
+    left = 1.0
+    close = False
+    for _ in range(_START_PASSES):
         size = sqrt(momentum @ momentum)
         place = _place(series, momentum @ rotation / size)
         if place is None:
             break
-        if place.a2[0] > tables.MOST:
+        if place.a2[0] > tables.MAX_A2:
             raise NotAveragedError("L² = 2EI₂ is too near")
         q = rotation @ place.body[0].T
         if close:
             return momentum, q[:, 0], place
-        last, moved = moved, np.concatenate(place.swing(q[None], np.array([size]), torque_factor))
+        last = moved
+        moved = np.concatenate(place.swing(q[None], np.array([size]), torque_factor))
         change, turn = np.abs(moved - last).max(axis=1).tolist()
-        before, left = left, max(change / size, turn)
+        before = left
+        left = max(change / size, turn)
         # Each pass gains the same factor.
-        close = left * min(1, left / before) < START_CLOSE
-        momentum, rotation = exact - moved[0], rotation_by(-moved[1:])[0] @ pose
+        close = left * min(1, left / before) < _START_CLOSE
+        momentum = exact - moved[0]
+        rotation = rotation_by(-moved[1:])[0] @ pose
     raise NotAveragedError(f"St = {1 / torque_factor:g} is too small for this start")
 
 
 def _place(series: Series, z: Array) -> Place | None:
-    """Where on the torus a body is, n having the components z, shape (3,); None beyond L² = 2EI₂."""
+    """Place on the torus of a body in which n has the components z, shape (3,).
+
+    None beyond L² = 2EI₂.
+    """
     from scipy.special import ellipkinc, ellipkm1
 
-    (z1, z2, z3), (i1, i2, i3) = z.tolist(), series.side.inverse_inertia.tolist()
+    z1, z2, z3 = z.tolist()
+    i1, i2, i3 = series.side.inverse_inertia.tolist()
     below = (i1 - i3) * z1 * z1 + (i2 - i3) * z2 * z2
     above = (i2 - i3) * z3 * z3 - (i1 - i2) * z1 * z1
     if above == 0 or not below / above >= 0:
@@ -140,7 +164,7 @@ def _place(series: Series, z: Array) -> Place | None:
 
 def rotation_by(vectors: Array) -> Array:
     """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
-    half = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + TINY
+    half = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + _TINY
     cross = (vectors @ _CROSS).reshape(-1, 3, 3)
     share = np.sin(half) / half
     return np.eye(3) + share * np.cos(half) * cross + 0.5 * share * share * (cross @ cross)

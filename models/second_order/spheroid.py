@@ -1,18 +1,19 @@
-"""Second-order averaged spheroid: slow variables to O(1/St²) and orientation to O(1/St), in slow time.
+"""Second-order averaged spheroid in slow time: L and E to O(1/St²), orientation to O(1/St).
 
-State y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, the torque-free spheroid
-turns its symmetry axis p about n = L/|L| at unit rate whatever the state, so that p = Φ^s(q) with q
-slow. Averaging over s to second order (Sanders, Verhulst & Murdock, Averaging Methods in Nonlinear
-Dynamical Systems, 2nd ed., §2.9) leaves functions of n and h = n·q alone, whose coefficients are
-polynomials in h²: ``docs/derivations/spheroid_second_order.py`` derives them.
+The state is y = (L, q, σ), L in units of I_e. In the angle s = St σ, ds/dt = |L|, a torque-free
+spheroid turns its symmetry axis p about n = L/|L| at unit rate in any state. Hence p = Φ^s(q) with
+a slow q. Averaging over s to second order leaves functions of n and h = n·q alone (Sanders,
+Verhulst & Murdock, Averaging Methods in Nonlinear Dynamical Systems, 2nd ed., §2.9). Their
+coefficients are polynomials in h², which ``docs/derivations/spheroid_second_order.py`` derives.
 
-With l = |L|, S = ½(n_y, n_x, 0) the rate of strain along n, S' its part across n, W = ½(n_y, -n_x,
-0), s₀ = n_x n_y and w₀ = n_z/2:
+The rate of strain along n is S = ½(n_y, n_x, 0), its part across n is S'. With l = |L|,
+W = ½(n_y, -n_x, 0), s₀ = n_x n_y and w₀ = n_z/2 the rates are:
 
-- n·L' = l f₀ + f₂w₀ + (a₁ + a₂w₀/l) s₀/(l St)
-- L'⊥ = n×(r₁S + r₂W) + [p₁S' + p₂W + n×(p₃S + p₄W) s₀/l + (p₅S' + p₆W) w₀/l]/(l St)
-- h' = h(1-h²) [g₀ + g₂w₀/l + (b₁ + b₂w₀/l) s₀/(l² St)]
-- n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in the orders above).
+- n·L' = l f₀ + f₂w₀ + (a₁ + a₂w₀/l) s₀/(l St);
+- L'⊥ = n×(r₁S + r₂W) + [p₁S' + p₂W + n×(p₃S + p₄W) s₀/l + (p₅S' + p₆W) w₀/l]/(l St);
+- h' = h(1-h²) [g₀ + g₂w₀/l + (b₁ + b₂w₀/l) s₀/(l² St)];
+- n carries q along, and q turns about n besides at the rate e s₀/l (its next term would not show in
+  the orders above).
 """
 
 from collections.abc import Callable, Sequence
@@ -29,20 +30,21 @@ Polynomial = tuple[float, ...]
 
 # The components of a vector, numbers or arrays.
 Triple = Sequence[Any]
-# Rows of which Python's floats are faster than arrays.
-FEW = 6
+# Up to this many rows Python's floats are faster than arrays.
+_FEW = 6
 # How many of the parameters are of first order; they stand first.
-FIRST = 12
-# Turns about L at which the size of the transformation is looked at, shape (6, 1).
-TURNS = pi / 3 * np.arange(6)[:, None]
+_FIRST = 12
+# Turns about L, in rad, at which the size of the transformation is taken, shape (6, 1).
+_TURNS = pi / 3 * np.arange(6)[:, None]
 # Keeps 0/0 away where p is along L.
-TINY = 1e-300
+_TINY = 1e-300
 
 
 def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
-    """Coefficients of the torque over I_e, T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), L in units of I_e."""
-    # D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
-    equatorial, axial = spheroid.equatorial_damping, spheroid.axial_damping
+    """Coefficients of the torque T = -D L - d p(p·L) + D Ω + c p(p·Ω) + k p×(E p), over I_e."""
+    # L in units of I_e; D = 8πY_c/I_e, D + d = 8πX_c/I_a, D + c = 8πX_c/I_e, k = DΛ.
+    equatorial = spheroid.equatorial_damping
+    axial = spheroid.axial_damping
     return {
         "D": equatorial,
         "d": axial - equatorial,
@@ -52,7 +54,7 @@ def torque_coefficients(spheroid: Spheroid) -> dict[str, float]:
 
 
 def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
-    """Coefficients of the averaged equations as polynomials in h², lowest power first, from `torque_coefficients`."""
+    """Coefficients of the averaged equations as polynomials in h², lowest power first."""
     D, d, c, k = (torque[name] for name in "Ddck")
     return {
         "f0": (-D, -d),
@@ -80,10 +82,13 @@ def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
 
 
 def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
-    """Parameters p of `field`: the coefficients of the polynomials one after another, those of second order over St."""
+    """Parameters p of `field`: the polynomials' coefficients, second-order ones over St."""
     polynomials = coefficient_polynomials(torque_coefficients(spheroid))
     factors = {name: torque_factor if name[0] in "abp" else 1.0 for name in polynomials}
-    return tuple(factors[name] * value for name, row in polynomials.items() for value in row)
+    numbers = list[float]()
+    for name, row in polynomials.items():
+        numbers += [factors[name] * value for value in row]
+    return tuple(numbers)
 
 
 def slow_rates(ops: Operations) -> Callable[..., Any]:
@@ -99,9 +104,12 @@ def slow_rates(ops: Operations) -> Callable[..., Any]:
         )
         g = p[4], p[5], p[18] + x * p[19], p[20] + x * p[21]
         r = p[8] + p[9] * x, p[10] + p[11] * x
-        p1, p2 = p[22] + x * (p[23] + x * p[24]), p[25] + x * (p[26] + x * p[27])
-        p3, p4 = p[28] + x * (p[29] + x * p[30]), p[31] + x * (p[32] + x * p[33])
-        p5, p6 = p[34] + x * (p[35] + x * p[36]), p[37] + x * (p[38] + x * p[39])
+        p1 = p[22] + x * (p[23] + x * p[24])
+        p2 = p[25] + x * (p[26] + x * p[27])
+        p3 = p[28] + x * (p[29] + x * p[30])
+        p4 = p[31] + x * (p[32] + x * p[33])
+        p5 = p[34] + x * (p[35] + x * p[36])
+        p6 = p[37] + x * (p[38] + x * p[39])
         return averaged(size, n, f, g, r, (p1, p2, p3, p4, p5, p6))
 
     return rates
@@ -109,27 +117,37 @@ def slow_rates(ops: Operations) -> Callable[..., Any]:
 
 def field(ops: Operations) -> Field:
     """Rates of (L, q, σ) in slow time t₂ = t/St; p as from `parameters`."""
-    sqrt, rates = ops.sqrt, ops.use(slow_rates)
+    sqrt = ops.sqrt
+    rates = ops.use(slow_rates)
 
     def rhs(y, p):
-        lx, ly, lz, qx, qy, qz = y[0], y[1], y[2], y[3], y[4], y[5]
+        lx = y[0]
+        ly = y[1]
+        lz = y[2]
+        qx = y[3]
+        qy = y[4]
+        qz = y[5]
         size = sqrt(lx * lx + ly * ly + lz * lz)
         over = 1 / size
-        nx, ny, nz = lx * over, ly * over, lz * over
+        nx = lx * over
+        ny = ly * over
+        nz = lz * over
         h = nx * qx + ny * qy + nz * qz
         x = h * h
         growth, rise, tx, ty, tz = rates(size, (nx, ny, nz), x, p)
 
         # n' carries q along: (n × n') × q = n'(n·q) - n(n'·q).
-        kept, lost = h * over, (tx * qx + ty * qy + tz * qz) * over
-        fall, turn = h * rise, nx * ny * over * (p[6] + p[7] * x)
+        carry = h * over
+        lost = (tx * qx + ty * qy + tz * qz) * over
+        fall = h * rise
+        turn = nx * ny * over * (p[6] + p[7] * x)
         return (
             growth * lx + tx,
             growth * ly + ty,
             growth * lz + tz,
-            kept * tx - lost * nx + fall * (nx - h * qx) + turn * (ny * qz - nz * qy),
-            kept * ty - lost * ny + fall * (ny - h * qy) + turn * (nz * qx - nx * qz),
-            kept * tz - lost * nz + fall * (nz - h * qz) + turn * (nx * qy - ny * qx),
+            carry * tx - lost * nx + fall * (nx - h * qx) + turn * (ny * qz - nz * qy),
+            carry * ty - lost * ny + fall * (ny - h * qy) + turn * (nz * qx - nx * qz),
+            carry * tz - lost * nz + fall * (nz - h * qz) + turn * (nx * qy - ny * qx),
             size,
         )
 
@@ -139,29 +157,43 @@ def field(ops: Operations) -> Field:
 def generator(
     spheroid: Spheroid, momentum: Triple, axis: Triple, cos: Any = 1.0, sin: Any = 0.0
 ) -> tuple[Triple, ...]:
-    """Generator u of the near-identity transformation, and p: the exact (L, p) is the slow one plus u of it over St.
+    """Generator u of the near-identity transformation, and p.
+
+    The exact (L, p) is the slow one plus u of the slow one, over St.
 
     L is in units of I_e; p is first turned about L by an angle; the part of u for p is normal to p.
-    Φ^s(p) being hn + e cos s + f sin s, the torque has harmonics of s up to 2. u holds their
-    antiderivatives of zero mean at s = 0, for p those of the turn of n less that of the turn of q
-    seen from n.
+    As Φ^s(p) is hn + e cos s + f sin s, the torque has harmonics of s up to 2. The part of u for L
+    holds their antiderivatives of zero mean at s = 0. The part for p holds the antiderivatives of
+    the turn of n less the turn of q seen from n.
     """
     D, d, c, k = torque_coefficients(spheroid).values()
-    c8, k8, over = c / 8, k / 8, 1 / dot(momentum, momentum) ** 0.5
-    nx, ny, nz = n = over * momentum[0], over * momentum[1], over * momentum[2]
-    h, (fx, fy, fz) = dot(n, axis), cross(n, axis)
+    c8 = c / 8
+    k8 = k / 8
+    over = 1 / dot(momentum, momentum) ** 0.5
+    n = over * momentum[0], over * momentum[1], over * momentum[2]
+    nx, ny, nz = n
+    h = dot(n, axis)
+    fx, fy, fz = cross(n, axis)
     ex, ey, ez = plus(axis, -h, n)
-    ex, ey, ez = e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
+    e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
+    ex, ey, ez = e
     fx, fy, fz = f = cross(n, e)
-    axis, r2, h4, over2 = plus(e, h, n), dot(e, e) + TINY, 4 * h, over * over
+    axis = plus(e, h, n)
+    r2 = dot(e, e) + _TINY
+    h4 = 4 * h
+    over2 = over * over
     # Twice the rate of strain along pairs of n, e and f; of e and f over r2.
-    nn, ne, nf = 2 * nx * ny, nx * ey + ny * ex, nx * fy + ny * fx
-    ee, ef = 2 * ex * ey / r2, (ex * fy + ey * fx) / r2
+    nn = 2 * nx * ny
+    ne = nx * ey + ny * ex
+    nf = nx * fy + ny * fx
+    ee = 2 * ex * ey / r2
+    ef = (ex * fy + ey * fx) / r2
     along = over * (h4 * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn))
     across = over * (c8 * fz - k8 * ne - k8 * h4 * (2 * nn + ee))
     beside = d * h + over * (h4 * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf)
     change = plus(plus((along * nx, along * ny, along * nz), across, e), beside, f)
-    steady, strained = D / 2 * over2, k / 6 * over2 * (h4 * h - 1)
+    steady = D / 2 * over2
+    strained = k / 6 * over2 * (h4 * h - 1)
     tilt = over2 * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz)
     turn = over * d * h + over2 * (c8 * (ez + h4 * nz) - k8 * (5 / 3 * nf + 2 * h * ef))
     turned = plus(
@@ -173,7 +205,10 @@ def generator(
 def swung(
     spheroid: Spheroid, torque_factor: float, momentum: Triple, axis: Triple, *turn: Any
 ) -> tuple[Any, ...]:
-    """Exact L over I_e and p, six components, of slow ones, p turned about L before: p stays of unit length."""
+    """Exact L over I_e and p, of unit length, from slow ones: six components.
+
+    First the slow p is turned about L.
+    """
     change, tilt, axis = generator(spheroid, momentum, axis, *turn)
     return *plus(momentum, torque_factor, change), *unit(plus(axis, torque_factor, tilt))
 
@@ -181,8 +216,9 @@ def swung(
 def exact(spheroid: Spheroid, torque_factor: float, states: np.ndarray) -> np.ndarray:
     """Exact L over I_e and p, shape (n, 6), of states of `field`, shape (n, 7)."""
     turns = states[:, 6] / torque_factor
-    cos, sin = np.cos(turns), np.sin(turns)
-    if 0 < len(states) <= FEW:
+    cos = np.cos(turns)
+    sin = np.sin(turns)
+    if 0 < len(states) <= _FEW:
         rows = zip(states.tolist(), cos.tolist(), sin.tolist(), strict=True)
         return np.array(
             [swung(spheroid, torque_factor, row[:3], unit(row[3:6]), *turn) for row, *turn in rows]
@@ -215,16 +251,25 @@ def cross(u: Triple, v: Triple) -> Triple:
 def orders(
     spheroid: Spheroid, torque_factor: float, slow: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Largest change of L over |L| and of p by the transformation, and |L'| or |E'| of second order over I_max."""
+    """Size of the transformation, and |L'| or |E'| of second order over I_max.
+
+    The size is the largest change of L over |L| plus the change of p.
+    """
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
-    square, flattening, n = dot(momentum, momentum), 1 / spheroid.inertia_ratio - 1, unit(momentum)
+    square = dot(momentum, momentum)
+    flattening = 1 / spheroid.inertia_ratio - 1
+    n = unit(momentum)
     # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
     beside = cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
-    axis = plus([np.sqrt(h2) * each for each in n], np.sqrt((1 - h2) / dot(beside, beside)), beside)
-    change, tilt, _ = generator(spheroid, momentum, axis, np.cos(TURNS), np.sin(TURNS))
+    axis = plus(
+        [np.sqrt(h2) * component for component in n],
+        np.sqrt((1 - h2) / dot(beside, beside)),
+        beside,
+    )
+    change, tilt, _ = generator(spheroid, momentum, axis, np.cos(_TURNS), np.sin(_TURNS))
     relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
-    second = (0.0,) * FIRST + parameters(spheroid, torque_factor)[FIRST:]
+    second = (0.0,) * _FIRST + parameters(spheroid, torque_factor)[_FIRST:]
     growth, rise, *across = slow_rates(ARRAYS)(np.sqrt(square), n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))
     powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)

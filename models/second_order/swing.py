@@ -1,10 +1,10 @@
 """The near-identity transformation at a place on the torus, from series per shape and side.
 
-With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `BASIS` tensors with
-harmonics e^(-ikβ) and coefficients c, each but those of k = 0 with its conjugate; the drag is one
-more, c = l. Of each the rates are Fourier series in α, whose coefficients, real or imaginary, are
-Chebyshev series in a, regular down to a = 0. They are divided by k₁ν₁ + k₂ν₂ when they are wanted.
-The frame of L is the one in which S is the least rotation: β = -χ there.
+With ε = (1, -i, 0) the flow's tensor x⊗y in the frame of L is a sum of `_BASIS` tensors with
+harmonics e^(-ikβ) and coefficients c. Tensors of k > 0 come with their conjugates; the drag is one
+more tensor, c = l. The rates that a tensor makes are Fourier series in α. Their coefficients, real
+or imaginary, are Chebyshev series in a, regular down to a = 0. The division by k₁ν₁ + k₂ν₂ follows
+at each place. S is the least rotation in the frame of L: β = -χ there.
 `polhode.models.second_order.torus` has the same generator over all phases at once.
 """
 
@@ -21,7 +21,7 @@ from polhode.models.once import once
 from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.spheroid import cross
-from polhode.models.second_order.tables import MOST, level, side_of
+from polhode.models.second_order.tables import MAX_A2, level, side_of
 from polhode.models.second_order.torus import carried, least_rotation, turned
 from polhode.models.shape import Ellipsoid
 
@@ -29,55 +29,96 @@ Array = np.ndarray
 
 # Changes whenever the numbers of a series do.
 VERSION = 4
-# Chebyshev nodes in a up to that of the tables' end, polhode phases at them, Fourier terms kept.
-NODES, PHASES, TERMS = 40, 96, 25
-_ANGLES = pi * (NODES - 0.5 - np.arange(NODES)) / NODES
-DEPTHS = 0.5 * sqrt(MOST) * (1 + np.cos(_ANGLES))
-_E, _Z = np.array([1, -1j, 0]), np.array([0, 0, 1])
-_LEVEL, _TURN = np.diag([0.5, 0.5, -1]), np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
-BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
+# Chebyshev nodes in a, from 0 to the end of the tables.
+_NODES = 40
+# Polhode phases at each node.
+_PHASES = 96
+# Fourier terms of the rates in α.
+_TERMS = 25
+# Angles of the nodes, in rad, shape (NODES,): a rises with the index.
+_ANGLES = pi * (_NODES - 0.5 - np.arange(_NODES)) / _NODES
+# Values of a at the nodes, shape (NODES,).
+DEPTHS = 0.5 * sqrt(MAX_A2) * (1 + np.cos(_ANGLES))
+# ε and e₃ in the frame of L.
+_E = np.array([1, -1j, 0])
+_Z = np.array([0, 0, 1])
+# Two tensors of k = 0: one symmetric about L, and a turn about L.
+_LEVEL = np.diag([0.5, 0.5, -1])
+_TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
+# The tensors, shape (5, 3, 3); k = 2, 1, 1, 0, 0.
+_BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
 # k of each tensor and of the drag.
-TURNS = np.array([2, 1, 1, 0, 0, 0])
-# Parts: a y', a α', L₃' of every tensor, L₁' + iL₂' of each and of the conjugates of three. The
-# rate of β + tα with t = (h - ν₂)/ν₁ vanishes.
-RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
-TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
-Y, ALONG, ACROSS = slice(0, 6), slice(12, 18), slice(18, 27)
-# Of each the harmonic k₂, whether its coefficients are real or imaginary, how often it counts, and
-# the c that it goes with, those of the conjugates behind the others.
-K2 = (RATE > 2) + np.where(RATE < 4, -1, 1) * TURNS[TENSOR]
-UNIT = np.where((TENSOR < 4) == (RATE == 1), 1, 1j)
-FACTOR = np.where((RATE < 3) & (TURNS[TENSOR] > 0), 2, 1) * UNIT
-SOURCE = TENSOR + np.where(RATE < 4, 0, 6)
-# The orders k₁ kept of each harmonic: k₁ + k₂ is even; those of -k₂ are the opposite ones of k₂.
-HARMONICS = np.arange(-2, 4)
-ORDERS = 2 * np.arange(TERMS)[:, None] - (TERMS - 1) + HARMONICS % 2
-ORDERS = np.take_along_axis(ORDERS, np.argsort(np.abs(ORDERS), axis=0, kind="stable"), axis=0)
-ORDERS *= np.where(HARMONICS < 0, -1, 1)
-# Harmonics k₂ >= 0 alone are summed: at -k₁, -k₂ a mode's 1/D is that at k₁, k₂ conjugate and of
-# the other sign, its 1/D² the conjugate alone.
-SUMMED = ORDERS[:, HARMONICS >= 0]
+_TURNS = np.array([2, 1, 1, 0, 0, 0])
+# Parts are rates that tensors make: a y', a α', L₃' and L₁' + iL₂' of all six, and L₁' + iL₂' of
+# the conjugates of the first three. This is the number of the rate, shape (27,). The rate of
+# β + tα with t = (h - ν₂)/ν₁ vanishes.
+_RATE = np.repeat([0, 1, 2, 3, 4], [6, 6, 6, 6, 3])
+# The tensor of each part, shape (27,).
+_TENSOR = np.concatenate([np.tile(np.arange(6), 4), np.arange(3)])
+# Parts of y', of L₃' and of L₁' + iL₂'.
+_Y = slice(0, 6)
+_ALONG = slice(12, 18)
+_ACROSS = slice(18, 27)
+# The harmonic k₂ of each part.
+_K2 = (_RATE > 2) + np.where(_RATE < 4, -1, 1) * _TURNS[_TENSOR]
+# 1 or i: whether the coefficients of a part are real or imaginary.
+_UNIT = np.where((_TENSOR < 4) == (_RATE == 1), 1, 1j)
+# Factor of a part in the sum: the rates of y, α and L₃ are real, and doubling stands for the
+# conjugates of k > 0.
+_FACTOR = np.where((_RATE < 3) & (_TURNS[_TENSOR] > 0), 2, 1) * _UNIT
+# Index of the c of each part; the conjugates of c stand behind them.
+_SOURCE = _TENSOR + np.where(_RATE < 4, 0, 6)
+# The harmonics k₂.
+_HARMONICS = np.arange(-2, 4)
+# The orders k₁ of each harmonic, shape (TERMS, 6), the smallest first: k₁ + k₂ is even; -k₂ has the
+# orders of k₂ with the other sign.
+_ORDERS = 2 * np.arange(_TERMS)[:, None] - (_TERMS - 1) + _HARMONICS % 2
+_ORDERS = np.take_along_axis(_ORDERS, np.argsort(np.abs(_ORDERS), axis=0, kind="stable"), axis=0)
+_ORDERS *= np.where(_HARMONICS < 0, -1, 1)
+# Harmonics k₂ >= 0 alone are summed: from k₁, k₂ to -k₁, -k₂ a mode's 1/D becomes its conjugate
+# with the other sign, its 1/D² the conjugate alone.
+_SUMMED = _ORDERS[:, _HARMONICS >= 0]
+# (k₁, k₂) of these, shape (2, TERMS * 4).
 _BOTH = (
-    np.stack(np.broadcast_arrays(SUMMED, HARMONICS[HARMONICS >= 0])).reshape(2, -1).astype(float)
+    np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[_HARMONICS >= 0])).reshape(2, -1).astype(float)
 )
-# What makes the generator: all parts over D, and those of y and L₃ over D². Where real and
-# imaginary parts stand among the products with 1/D of these harmonics and 1/D² of the lower ones,
-# what they count, where those of one kind begin.
-_PARTS = np.r_[: len(RATE), Y, ALONG]
-_ALL, _FIRST = SUMMED.shape[1], 1 - int(HARMONICS[0])
-_OVER, _MIRRORED = _ALL * (np.arange(len(_PARTS)) >= len(RATE)), K2[_PARTS] < 0
-_REAL = FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
+# The part of each summand of the generator, shape (39,): all parts over D, then the parts of y and
+# L₃ over D².
+_PARTS = np.r_[: len(_RATE), _Y, _ALONG]
+# A part has products with 1/D of this many harmonics k₂ = 0, 1, …, then with 1/D² of this many.
+_ALL = _SUMMED.shape[1]
+_FIRST = 1 - int(_HARMONICS[0])
+# First product of a summand's kind: 0 over D, behind those over D².
+_OVER = _ALL * (np.arange(len(_PARTS)) >= len(_RATE))
+# Summands of k₂ < 0: they use the product of -k₂.
+_MIRRORED = _K2[_PARTS] < 0
+# Factors of the real and of the imaginary part of a product in its summand.
+_REAL = _FACTOR[_PARTS] * np.where(_OVER, 1, -1j) * np.where(_MIRRORED & (_OVER == 0), -1, 1)
 _IMAG = 1j * _REAL * np.where(_MIRRORED, -1, 1)
-_PLACES = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
-_PLACES = (_PLACES + 2 * ((_ALL + _FIRST) * _PARTS + _OVER + np.abs(K2[_PARTS]))[:, None]).ravel()
-_FACTORS, _SOURCES = (_REAL + _IMAG).view(float), SOURCE[_PARTS]
+# The product of each summand, and whether its real and its imaginary part come from the product's
+# imaginary part.
+_PRODUCT = (_ALL + _FIRST) * _PARTS + _OVER + np.abs(_K2[_PARTS])
+_SWAPPED = np.stack([_IMAG.real, _IMAG.imag], axis=1) != 0
+# Index of the real and the imaginary part of each summand among the products, and their factors.
+_PLACES = (_SWAPPED + 2 * _PRODUCT[:, None]).ravel()
+_FACTORS = (_REAL + _IMAG).view(float)
+# Index of the c of each summand.
+_SOURCES = _SOURCE[_PARTS]
+# First summand of each kind: y', α', L₃' and L₁' + iL₂' over D, y' and L₃' over D².
 _KINDS = [0, 6, 12, 18, 27, 33]
-# Terms are left out below this share of the largest times St: over St they are rounding. Bounds of
-# that share.
-FAINT, LEAST_FAINT, MOST_FAINT, ROUNDING = 1e-14, 1e-11, 1e-6, 1e-12
-# Change of a divisor over its square above which its series fail; what keeps 1/0 away; for the
-# mean, which has no part.
-CLOSE, TINY, ENDLESS = 0.01, 1e-100, 1e100
+# Terms are left out below this share of the largest one, times St: over St they are rounding.
+_FAINT = 1e-14
+# Least and largest share below which terms are left out.
+LEAST_FAINT = 1e-11
+MOST_FAINT = 1e-6
+# Share of the largest below which terms of χ and of the change of n per y are left out.
+_ROUNDING = 1e-12
+# Change of a divisor over its square above which its asymptotic series fails.
+_CLOSE = 0.01
+# Keeps 1/0 away.
+_TINY = 1e-100
+# Divisor of the mean, which has no part in the transformation.
+_ENDLESS = 1e100
 # An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
 # arithmetic on them.
 np.empty(1 << 18)
@@ -85,7 +126,7 @@ np.empty(1 << 18)
 
 @dataclass(frozen=True)
 class Place:
-    """Where bodies are on the torus, m of them."""
+    """Places of m bodies on the torus."""
 
     series: "Series"
     a2: Array
@@ -100,65 +141,71 @@ class Place:
     @cached_property
     def shape(self) -> Array:
         """χ and the change of n per y, in body axes, shape (m, 4)."""
-        count = self._needed("shape", PHASES // 2, ROUNDING)
-        found = (
+        count = self._needed("shape", _PHASES // 2, _ROUNDING)
+        amplitudes = (
             (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
         )
         waves = _powers(self.alpha, count).view(float).reshape(-1, count, 2)
-        return (found @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
+        return (amplitudes @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
-        """What the transformation adds in frames Q, shape (m, 3, 3), at |L|: changes of L and turns of R in space."""
+        """Changes of L and turns of R in space, in frames Q, shape (m, 3, 3), at |L|."""
         added = q @ self.moved(coefficients(q, size), size, torque_factor)
         return added[..., 0], added[..., 1]
 
     def moved(self, c: Array, size: Array, torque_factor: float) -> Array:
         """The same in the frame of L, shape (m, 3, 2), of the tensors' c."""
-        series, m = self.series, len(size)
+        series = self.series
+        m = len(size)
         terms = self._needed(
-            "rates", TERMS, min(MOST_FAINT, max(LEAST_FAINT, FAINT / torque_factor))
+            "rates", _TERMS, min(MOST_FAINT, max(LEAST_FAINT, _FAINT / torque_factor))
         )
-        found = (self._levels @ series.rates[:, : len(RATE) * terms]).reshape(m, terms, -1)
+        amplitudes = (self._levels @ series.rates[:, : len(_RATE) * terms]).reshape(m, terms, -1)
         nu = self._levels @ series.frequencies
-        a, size, (nu1, nu2, rise1, rise2) = _columns(np.sqrt(self.a2)), _columns(size), _columns(nu)
-        spun, dragged = _columns(np.real(c[:, 4:6]) * found[:, 0, 4:6])
+        a = _columns(np.sqrt(self.a2))
+        size = _columns(size)
+        nu1, nu2, rise1, rise2 = _columns(nu)
+        spun, dragged = _columns(np.real(c[:, 4:6]) * amplitudes[:, 0, 4:6])
         rise = torque_factor * (spun + dragged) / (a * size**2)
 
         orders = _BOTH[:, : _ALL * terms]
         divisor = nu[:, :2] @ orders
-        divisor[:, 0] = ENDLESS
+        divisor[:, 0] = _ENDLESS
         twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
         waves = _powers(self.alpha, terms + 1)
-        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, SUMMED[:terms]]
+        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, _SUMMED[:terms]]
         over = np.empty((m, terms, _ALL + _FIRST), complex)
         np.multiply(once.reshape(waves.shape), waves, out=over[..., :_ALL])
         np.multiply(
             twice.reshape(waves.shape)[..., :_FIRST], waves[..., :_FIRST], out=over[..., _ALL:]
         )
-        products = (found.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
+        products = (amplitudes.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
         summands = (np.take(products, _PLACES, axis=1) * _FACTORS).view(complex)
         # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
-        c, ahead = c.copy(), np.exp(1j * self.shape[:, :1])
+        c = c.copy()
+        ahead = np.exp(1j * self.shape[:, :1])
         c[:, :3] *= ahead
         c[:, :1] *= ahead
         summands *= np.concatenate([c, c.conj()], axis=1)[:, _SOURCES]
         kinds = np.add.reduceat(summands, _KINDS, axis=1)
         kinds[:, 3:4] *= ahead.conj()
 
-        (u_y, u_a, u_l, _, drawn, growth), across = (
-            _columns(np.real(kinds)),
-            _columns(kinds)[3] / size,
-        )
-        (z1, z2, z3), (_, y1, y2, y3) = _columns(self.z), _columns(self.shape)
+        u_y, u_a, u_l, _, drawn, growth = _columns(np.real(kinds))
+        across = _columns(kinds)[3] / size
+        z1, z2, z3 = _columns(self.z)
+        _, y1, y2, y3 = _columns(self.shape)
         i1, i2, i3 = series.side.inverse_inertia.tolist()
-        drawn, u_y = drawn / a, u_y / a
+        drawn = drawn / a
+        u_y = u_y / a
         u_a = (u_a / a - nu1 * growth - rise1 * drawn) / nu1
         h = i1 * z1 * z1 + i2 * z2 * z2 + i3 * z3 * z3
         u_b = -h * growth - (rise2 + (h - nu2) / nu1 * rise1) * drawn
         # The change of n in the body, which S carries across L.
-        x, y = u_a * (i3 - i2) * z2 * z3 + u_y * y1, u_a * (i1 - i3) * z3 * z1 + u_y * y2
+        x = u_a * (i3 - i2) * z2 * z3 + u_y * y1
+        y = u_a * (i1 - i3) * z3 * z1 + u_y * y2
         least = (z1 * x + z2 * y) / (1 + z3) + u_a * (i2 - i1) * z1 * z2 + u_y * y3
-        x, y = x - z1 * least, y - z2 * least
+        x = x - z1 * least
+        y = y - z2 * least
         changes = across.real, across.imag, u_l / size
         turns = (y / size - across.imag) / size, (across.real - x / size) / size, u_b / size**2
         return (torque_factor * np.array([changes, turns])).reshape(2, 3, m).T
@@ -170,7 +217,7 @@ class Place:
     def _needed(self, name: str, terms: int, faint: float) -> int:
         """How many of the terms of the series of a name matter up to the largest a."""
         node = bisect_left(DEPTHS, float(self.a2.max()) ** 0.5)
-        return _needed(self.series, name, terms, faint)[min(NODES - 1, node)]
+        return _needed(self.series, name, terms, faint)[min(_NODES - 1, node)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,52 +233,65 @@ class Series:
 @once()
 def _needed(series: Series, name: str, terms: int, faint: float) -> list[int]:
     """The same at each node's a: those up to the last one above a share of the largest."""
-    sizes = np.abs(_levels(DEPTHS**2) @ getattr(series, name)).reshape(NODES, terms, -1).max(axis=2)
+    sizes = (
+        np.abs(_levels(DEPTHS**2) @ getattr(series, name)).reshape(_NODES, terms, -1).max(axis=2)
+    )
     return [int(np.flatnonzero(row > faint * row.max())[-1]) + 1 for row in sizes]
 
 
 def tails(x: Array, q: Array) -> tuple[Array, Array]:
-    """What stands for 1/x² and 1/x of a divisor x that changes by q while the phase turns by a radian."""
-    # The integral of the mode from long before its resonance, behind it to long after, and the
-    # integral of that: their asymptotic series in q/x² or, near the resonance, what these belong
-    # to, Faddeeva's function.
+    """Finite values in place of 1/x² and 1/x, where a divisor x changes by q in a radian."""
+    # The integral of the mode from long before its resonance, or behind the resonance to long after
+    # it, and the integral of that integral: near the resonance by Faddeeva's function, elsewhere by
+    # its asymptotic series in q/x².
     from scipy.special import wofz
 
     # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
     # number does.
-    square = 1 / np.maximum(x * x, np.abs(q) + TINY)
-    u, once, twice = q * square, np.empty(x.shape, complex), np.empty(x.shape, complex)
-    u2, over = u * u, x * square
-    once.real, once.imag = over * (1 - 3 * u2), over * u * (15 * u2 - 1)
-    twice.real, twice.imag = square * (1 - 15 * u2), square * u * (105 * u2 - 3)
-    close = u2 > CLOSE**2
+    square = 1 / np.maximum(x * x, np.abs(q) + _TINY)
+    u = q * square
+    once = np.empty(x.shape, complex)
+    twice = np.empty(x.shape, complex)
+    u2 = u * u
+    over = x * square
+    once.real = over * (1 - 3 * u2)
+    once.imag = over * u * (15 * u2 - 1)
+    twice.real = square * (1 - 15 * u2)
+    twice.imag = square * u * (105 * u2 - 3)
+    close = u2 > _CLOSE**2
     if close.any():
-        x, q = x[close], q[close]
-        root, sign = np.sqrt(-0.5j * q), np.where(x * q > 0, -1, 1)
+        x = x[close]
+        q = q[close]
+        root = np.sqrt(-0.5j * q)
+        sign = np.where(x * q > 0, -1, 1)
         z = -sign * x / (2 * root)
-        found = sqrt(pi) * wofz(z)
-        once[close] = sign * 0.5j / root * found
-        twice[close] = -0.5 / root**2 * (1 + 1j * z * found)
+        faddeeva = sqrt(pi) * wofz(z)
+        once[close] = sign * 0.5j / root * faddeeva
+        twice[close] = -0.5 / root**2 * (1 + 1j * z * faddeeva)
     return twice, once
 
 
 def _levels(a2: Array) -> Array:
     """Chebyshev polynomials in a, shape (m, NODES)."""
-    (t,) = _columns((2 * np.sqrt(a2 / MOST) - 1)[:, None])
-    return np.array(polynomials(t, NODES)).reshape(NODES, -1).T
+    (t,) = _columns((2 * np.sqrt(a2 / MAX_A2) - 1)[:, None])
+    return np.array(polynomials(t, _NODES)).reshape(_NODES, -1).T
 
 
 def _powers(angle: Array, count: int) -> Array:
     """Powers of exp(i angle) from 0 on, shape (m, count)."""
-    found = np.exp(1j * angle)[:, None].repeat(count, axis=1)
-    found[:, 0] = 1
-    return np.multiply.accumulate(found, axis=1)
+    powers = np.exp(1j * angle)[:, None].repeat(count, axis=1)
+    powers[:, 0] = 1
+    return np.multiply.accumulate(powers, axis=1)
 
 
 def coefficients(q: Array, size: Array) -> Array:
-    """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|; Q's rows x and y are the flow's."""
+    """The tensors' c, shape (m, 6), from frames Q, shape (m, 3, 3), and |L|.
+
+    Q's rows x and y are the flow's.
+    """
     x1, x2, x3, y1, y2, y3 = _columns(q[:, :2].reshape(-1, 6))
-    x, y = x1 + 1j * x2, y1 + 1j * y2
+    x = x1 + 1j * x2
+    y = y1 + 1j * y2
     level = x * y.conjugate()
     c = x * y / 4, x * y3 / 2, x3 * y / 2, level.real, -level.imag, _columns(size)
     return np.array(c, complex).reshape(6, -1).T
@@ -246,11 +306,9 @@ def frame(n: Array, first: Array, turn: Array) -> Array:
     """Q, shape (m, 3, 3), turned about n: columns e₁, n × e₁, n."""
     first = first - np.sum(n * first, axis=1)[:, None] * n
     first = first / np.linalg.norm(first, axis=1)[:, None]
-    cos, sin, second = (
-        np.cos(turn)[:, None],
-        np.sin(turn)[:, None],
-        np.array(cross(tuple(n.T), tuple(first.T))).T,
-    )
+    cos = np.cos(turn)[:, None]
+    sin = np.sin(turn)[:, None]
+    second = np.array(cross(tuple(n.T), tuple(first.T))).T
     return np.array([(cos * first + sin * second).T, (cos * second - sin * first).T, n.T]).T
 
 
@@ -263,45 +321,56 @@ def frame_of(momentum: Array) -> Array:
 def modes_at(
     series: "Series", momentum: Array, a2: Array, k1: Array, k2: Array
 ) -> tuple[Array, Array, Array]:
-    """Modes P exp i(k₁α + k₂β) + c.c. of the rates in slow time, one for each L, shape (m, 3), and a²; k₂ > 0.
+    """Modes P exp i(k₁α + k₂β) + c.c. of the rates in slow time.
 
-    |P| of L', then P* of l' and of y', shape (m,) each.
+    One mode, k₂ > 0, for each L, shape (m, 3), and a²: |P| of L', then P* of l' and of y', shape
+    (m,) each.
     """
-    size, many = np.linalg.norm(momentum, axis=1), np.arange(len(a2))
+    size = np.linalg.norm(momentum, axis=1)
+    many = np.arange(len(a2))
     c = coefficients(frame_of(momentum), size)
-    factors = np.concatenate([c, c.conj()], axis=1)[:, SOURCE] * UNIT
-    factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), TERMS, -1)
+    factors = np.concatenate([c, c.conj()], axis=1)[:, _SOURCE] * _UNIT
+    factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), _TERMS, -1)
 
     def mode(parts: slice, sign: int) -> Array:
-        column = np.clip(sign * k2 - HARMONICS[0], 0, len(HARMONICS) - 1)
-        row = np.argmax(ORDERS[:, column] == sign * k1, axis=0)
-        counts = (ORDERS[row, column] == sign * k1)[:, None] & (K2[parts] == sign * k2[:, None])
+        column = np.clip(sign * k2 - _HARMONICS[0], 0, len(_HARMONICS) - 1)
+        row = np.argmax(_ORDERS[:, column] == sign * k1, axis=0)
+        counts = (_ORDERS[row, column] == sign * k1)[:, None] & (_K2[parts] == sign * k2[:, None])
         return np.sum(np.where(counts, factors[many, row, parts], 0), axis=1)
 
-    flat, other, along = mode(ACROSS, 1), mode(ACROSS, -1), mode(ALONG, -1)
-    rise = mode(Y, -1) / (np.sqrt(a2) * size)
-    return np.sqrt((np.abs(flat) ** 2 + np.abs(other) ** 2) / 2 + np.abs(along) ** 2), along, rise
+    forward = mode(_ACROSS, 1)
+    backward = mode(_ACROSS, -1)
+    along = mode(_ALONG, -1)
+    rise = mode(_Y, -1) / (np.sqrt(a2) * size)
+    return (
+        np.sqrt((np.abs(forward) ** 2 + np.abs(backward) ** 2) / 2 + np.abs(along) ** 2),
+        along,
+        rise,
+    )
 
 
 @once()
 def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
-    """The series of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
-    side, key = side_of(ellipsoid, longest), f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
+    """The series of one side, around the longest semi-axis or around the shortest; cached on disk."""
+    side = side_of(ellipsoid, longest)
+    key = f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
-        found = series_of(side)
-        kept.save(key, np.concatenate([found.rates, found.shape, found.frequencies], axis=1))
-        return found
-    parts = np.split(numbers.reshape(NODES, -1), [TERMS * len(RATE), -4], axis=1)
-    return Series(side, *(np.ascontiguousarray(each) for each in parts))
+        series = series_of(side)
+        kept.save(key, np.concatenate([series.rates, series.shape, series.frequencies], axis=1))
+        return series
+    parts = np.split(numbers.reshape(_NODES, -1), [_TERMS * len(_RATE), -4], axis=1)
+    return Series(side, *(np.ascontiguousarray(part) for part in parts))
 
 
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
-    p = Polhodes(side, level(DEPTHS**2), np.zeros(NODES), PHASES)
-    z, dz, yz = p.z, p.along, p.beside.z
+    p = Polhodes(side, level(DEPTHS**2), np.zeros(_NODES), _PHASES)
+    z = p.z
+    dz = p.along
+    yz = p.beside.z
     body = carried(z, p.lead)
-    tensors = np.einsum("naik,jil,nalm->jnakm", body, BASIS, body, optimize=True)
+    tensors = np.einsum("naik,jil,nalm->jnakm", body, _BASIS, body, optimize=True)
     flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)
     tau = side.drag * np.concatenate([flows, (-side.inverse_inertia * z)[None]])
     rate_y = 2 / p.slope[:, None] * np.sum(p.beyond[:, None] * z * tau, axis=-1)
@@ -311,14 +380,14 @@ def series_of(side: SidedBody) -> Series:
     lx, ly, lz = np.moveaxis(np.einsum("naik,jnak->jnai", body, tau), -1, 0)
     scale = DEPTHS[:, None]
     rates = np.stack([scale * rate_y, scale * rate_a, lz, lx + 1j * ly, lx.conj() + 1j * ly.conj()])
-    spectrum = np.fft.fft(rates[RATE, TENSOR], axis=-1, norm="forward")
-    orders = ORDERS.T[K2 - HARMONICS[0]][:, None] % PHASES
+    spectrum = np.fft.fft(rates[_RATE, _TENSOR], axis=-1, norm="forward")
+    orders = _ORDERS.T[_K2 - _HARMONICS[0]][:, None] % _PHASES
     picked = np.take_along_axis(spectrum, orders, axis=-1).T
     waves = np.fft.fft(np.stack([p.lead, *np.moveaxis(yz, -1, 0)]), axis=-1, norm="forward")
-    waves = waves[..., : PHASES // 2] * np.where(np.arange(PHASES // 2) > 0, 2, 1)
+    waves = waves[..., : _PHASES // 2] * np.where(np.arange(_PHASES // 2) > 0, 2, 1)
     shape = np.stack([-waves[0].imag, waves[1].real, -waves[2].imag, waves[3].real], axis=-1)
     frequencies = np.stack([p.rate, p.precession, p.beside.rate, p.beside.precession], axis=-1)
-    weights = 2 / NODES * np.cos(np.outer(np.arange(NODES), _ANGLES))
+    weights = 2 / _NODES * np.cos(np.outer(np.arange(_NODES), _ANGLES))
     weights[0] /= 2
-    values = (picked / UNIT).real.swapaxes(0, 1), shape, frequencies
-    return Series(side, *(weights @ each.reshape(NODES, -1) for each in values))
+    values = (picked / _UNIT).real.swapaxes(0, 1), shape, frequencies
+    return Series(side, *(weights @ array.reshape(_NODES, -1) for array in values))

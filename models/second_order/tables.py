@@ -12,11 +12,11 @@ from polhode.models.once import once
 from polhode.models.operations import ARRAYS
 from polhode.models.second_order.averages import MODES, averages
 from polhode.models.second_order.field import (
-    NAMES,
+    COEFFICIENTS,
     NODES,
     POLE,
     POLES,
-    SECOND,
+    SECOND_ORDER,
     averaged_rates,
     polynomials,
     regular,
@@ -27,69 +27,73 @@ from polhode.models.shape import Ellipsoid
 Array = np.ndarray
 
 # Changes whenever the numbers of a table do.
-VERSION = 3
-# Tables reach from a² = 0 to here: 1 - x = 0.0025.
-MOST = 6.0
+_VERSION = 3
+# Tables reach from a² = 0 to this a²: 1 - x = 0.0025.
+MAX_A2 = 6.0
+# Angles of the Chebyshev points, in rad, and the a² there.
 _ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
-POINTS = 0.5 * MOST * (1 + np.cos(_ANGLES))
+_POINTS = 0.5 * MAX_A2 * (1 + np.cos(_ANGLES))
 # Powers of I_max that each coefficient carries when L is measured in it.
-SCALES = dict.fromkeys(NAMES, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
-SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
-# Where the functions of second order stand among all.
-_SECOND = slice(NAMES.index("a1"), NAMES.index("nu1"))
+_SCALES = dict.fromkeys(COEFFICIENTS, 3) | dict.fromkeys(("f2", "g2", "r1", "r2", "ea", "eb"), 1)
+_SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
+# The functions of second order among all.
+_SECOND = slice(COEFFICIENTS.index("a1"), COEFFICIENTS.index("nu1"))
 # Modes of a smaller share of the torque are no resonances.
-FAINT = 1e-8
-# Averages at a divisor below this share of ν₂ weigh less in the table; so many terms fewer than
-# nodes fit the others.
-NEAR, SPARE = 0.02, 6
+_FAINT = 1e-8
+# Averages at a divisor below this share of ν₂ weigh less in the table.
+_NEAR = 0.02
+# The fit has this many terms fewer than nodes, as some nodes weigh little.
+_SPARE = 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
-# Distance in a² at which the poles of the averages are found, and the a² of those that are none.
-BESIDE, FAR = 5e-4, 1e3
-# Of resonances, the least and the largest half width of a window, in √(|dD/dt|/St) of the divisor.
-WIDTHS = (4.0, 40.0)
+# Distance in a² from a pole at which the averages tell its residues.
+_BESIDE = 5e-4
+# The a² of rows without a pole: far beyond the table.
+_FAR = 1e3
+# Least and largest half width of a resonance's window, in √(|dD/dt|/St) of the divisor D.
+_WIDTHS = (4.0, 40.0)
 
 
 @dataclass(frozen=True)
 class Table:
-    """One side's functions of a², 0 <= a² <= MOST."""
+    """One side's functions of a², 0 <= a² <= MAX_A2."""
 
-    series: (
-        Array  # Chebyshev coefficients, a row per function, in the order of `NAMES`; y' as (a²)'/a²
-    )
+    series: Array  # Chebyshev coefficients, a row per function, in the order of `COEFFICIENTS`; y' as (a²)'/a²
     poles: Array  # a row per pole: its a², dD/da² over l, residues of second and of first order of the functions
     resonances: Array  # a row per resonance: k₁, k₂, a², dD/da² over l, |P_k| of L' at l = 0 and its gain per l
 
     @cached_property
     def turning(self) -> Array:
         """Chebyshev coefficients of ν₁, ν₂, dν₁/da² and dν₂/da²."""
-        rises = 2 / MOST * chebder(self.series[-2:], axis=1)
+        rises = 2 / MAX_A2 * chebder(self.series[-2:], axis=1)
         return np.concatenate([self.series[-2:], np.pad(rises, ((0, 0), (0, 1)))])
 
 
 @dataclass(frozen=True, eq=False)
 class Kick:
-    """What a resonance gives L, over I_max."""
+    """A resonance that a path passes; it changes L by `size`, over I_max."""
 
     time: float
     size: float
     mode: tuple[int, int]
     width: float  # time that the phase takes to turn by a radian there
-    along: Array  # what it gives (|L|, E), over I_max, complex: the part of the phase that happens to be is real
+    # Its change of (|L|, E), over I_max, complex: the real part belongs to the phase that occurs.
+    along: Array
     bend: float  # by how much the mode changes dD/dt, over that
     drift: float  # change of a² in its width
 
     def window(self, budget: float) -> float:
         """Half width of the window at whose ends about the budget is missed."""
-        least, largest = WIDTHS
+        least, largest = _WIDTHS
         share = self.size / budget
-        wanted = (share * self.bend) ** (1 / 3), sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
-        return self.width * min(largest, max(least, *wanted))
+        by_bend = (share * self.bend) ** (1 / 3)
+        by_tail = sqrt(2 * share * (1.5 * self.bend**2 + self.drift))
+        return self.width * min(largest, max(least, by_bend, by_tail))
 
     def missed(self, times: Array) -> Array:
-        """What the transformation misses of it at times outside a window, at most."""
-        near = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
-        return self.size * near**2 * (self.bend * near + 1.5 * self.bend**2 + self.drift)
+        """Largest part of the change that the transformation misses at times outside a window."""
+        closeness = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
+        return self.size * closeness**2 * (self.bend * closeness + 1.5 * self.bend**2 + self.drift)
 
 
 def level(a2: Array) -> Array:
@@ -99,42 +103,43 @@ def level(a2: Array) -> Array:
 
 @once()
 def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
-    """Table of one side: that around the longest semi-axis, or that around the shortest; kept on disk."""
-    key = f"second order {VERSION} {ellipsoid.scaled_axes} {longest}"
+    """Table of one side, around the longest semi-axis or around the shortest; cached on disk."""
+    key = f"second order {_VERSION} {ellipsoid.scaled_axes} {longest}"
     numbers = kept.load(key)
     if numbers is None:
-        found = made(side_of(ellipsoid, longest))
-        arrays = found.series, found.poles, found.resonances
-        kept.save(key, np.concatenate([each.ravel() for each in arrays]))
-        return found
-    parts = np.split(numbers, np.cumsum([len(NAMES) * NODES, POLES * POLE]))
-    return Table(*(each.reshape(-1, n) for each, n in zip(parts, (NODES, POLE, 6), strict=True)))
+        computed = made(side_of(ellipsoid, longest))
+        arrays = computed.series, computed.poles, computed.resonances
+        kept.save(key, np.concatenate([array.ravel() for array in arrays]))
+        return computed
+    parts = np.split(numbers, np.cumsum([len(COEFFICIENTS) * NODES, POLES * POLE]))
+    lengths = (NODES, POLE, 6)
+    return Table(*(part.reshape(-1, n) for part, n in zip(parts, lengths, strict=True)))
 
 
 def made(side: SidedBody) -> Table:
-    """The table of a side, not kept."""
-    found, _, strengths = averages(side, level(POINTS))
+    """The table of a side, not cached."""
+    functions, _, strengths = averages(side, level(_POINTS))
     for name in ("g0", "g2", "b1", "b2"):
-        found[name] = found[name] * per_square(POINTS)
-    series = series_of(np.stack([found[name] for name in NAMES]))
-    resonances = _resonances(series[-2:], POINTS, strengths)
+        functions[name] = functions[name] * per_square(_POINTS)
+    series = series_of(np.stack([functions[name] for name in COEFFICIENTS]))
+    resonances = _resonances(series[-2:], _POINTS, strengths)
     poles = _poles(side, resonances)
-    values = np.stack([found[name] for name in SECOND])
+    values = np.stack([functions[name] for name in SECOND_ORDER])
     for pole in poles:
-        twice, once = regular(POINTS - pole[0], 0 * POINTS)
-        values -= np.outer(pole[2 : 2 + len(SECOND)], twice) + np.outer(
-            pole[2 + len(SECOND) :], once
+        twice, once = regular(_POINTS - pole[0], 0 * _POINTS)
+        values -= np.outer(pole[2 : 2 + len(SECOND_ORDER)], twice) + np.outer(
+            pole[2 + len(SECOND_ORDER) :], once
         )
     weight = np.ones(NODES)
     for k1, k2 in resonances[:, :2]:
-        square = ((k1 * found["nu1"] + k2 * found["nu2"]) / (NEAR * found["nu2"])) ** 2
+        square = ((k1 * functions["nu1"] + k2 * functions["nu2"]) / (_NEAR * functions["nu2"])) ** 2
         weight *= square / (1 + square)
     series[_SECOND] = _fitted(values, weight)
     chosen = np.zeros((POLES, POLE))
-    chosen[:, :2] = FAR, 1
+    chosen[:, :2] = _FAR, 1
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
     chosen[: len(largest)] = largest
-    inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MOST)
+    inside = (resonances[:, 2] > 0) & (resonances[:, 2] < MAX_A2)
     return Table(series, chosen, resonances[inside])
 
 
@@ -143,47 +148,54 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
     t = np.linspace(-1.1, 1.2, 400)
     nu = evaluated(rates, t)
     rows = []
-    for k1, k2 in (
-        (-k1, k2) for k2 in (1, 2, 3) for k1 in range(1, MODES + 1) if (k1 + k2) % 2 == 0
-    ):
+    for k1, k2 in _modes():
         divisor = k1 * nu[0] + k2 * nu[1]
         combined = (k1 * rates[0] + k2 * rates[1])[None]
         for i in np.flatnonzero(divisor[1:] * divisor[:-1] < 0):
             root = t[i] - divisor[i] * (t[i + 1] - t[i]) / (divisor[i + 1] - divisor[i])
             slope = (divisor[i + 1] - divisor[i]) / (t[i + 1] - t[i])
             for _ in range(2):
-                below, here, above = evaluated(combined, root + np.array([-1e-5, 0, 1e-5]))[0]
+                below, middle, above = evaluated(combined, root + np.array([-1e-5, 0, 1e-5]))[0]
                 slope = (above - below) / 2e-5
-                root -= here / slope
-            a2 = 0.5 * MOST * (1 + root)
+                root -= middle / slope
+            a2 = 0.5 * MAX_A2 * (1 + root)
             logs = np.log(strengths[::-1, -k1 - 1, k2 - 1].T + 1e-30)
-            still, gain, most = (np.exp(np.interp(a2, points[::-1], each)) for each in logs)
-            if still + gain > FAINT * most:
-                rows.append((k1, k2, a2, slope * 2 / MOST, still, gain))
+            still, gain, most = (np.exp(np.interp(a2, points[::-1], column)) for column in logs)
+            if still + gain > _FAINT * most:
+                rows.append((k1, k2, a2, slope * 2 / MAX_A2, still, gain))
     return np.array(rows).reshape(-1, 6)
+
+
+def _modes() -> list[tuple[int, int]]:
+    """Modes (k₁, k₂) of opposite signs that may resonate; k₁ + k₂ is even."""
+    modes = list[tuple[int, int]]()
+    for k2 in (1, 2, 3):
+        modes += [(-k1, k2) for k1 in range(1, MODES + 1) if (k1 + k2) % 2 == 0]
+    return modes
 
 
 def _poles(side: SidedBody, resonances: Array) -> Array:
     """Poles of the averages of second order at resonances, rows as in `Table`."""
-    known: list[list[float]] = []
-    for a2, slope in resonances[resonances[:, 2] > 2 * BESIDE, 2:4].tolist():
-        if all(abs(a2 - other) >= BESIDE for other, _ in known):
-            known.append([a2, slope])
-    places = np.array(known).reshape(-1, 2)
-    beside = np.concatenate([places[:, 0] - BESIDE, places[:, 0] + BESIDE])
-    found = averages(side, level(beside))[0] if known else {}
-    values = [
-        found[name] * (per_square(beside) if name[0] == "b" else 1.0) for name in SECOND if known
-    ]
-    below, above = np.array(values).reshape(len(SECOND), 2, -1).swapaxes(0, 1)
+    isolated: list[list[float]] = []
+    for a2, slope in resonances[resonances[:, 2] > 2 * _BESIDE, 2:4].tolist():
+        if all(abs(a2 - pole) >= _BESIDE for pole, _ in isolated):
+            isolated.append([a2, slope])
+    places = np.array(isolated).reshape(-1, 2)
+    beside = np.concatenate([places[:, 0] - _BESIDE, places[:, 0] + _BESIDE])
+    functions = averages(side, level(beside))[0] if isolated else {}
+    values = list[Array]()
+    for name in SECOND_ORDER if isolated else ():
+        scale = per_square(beside) if name[0] == "b" else 1.0
+        values.append(functions[name] * scale)
+    below, above = np.array(values).reshape(len(SECOND_ORDER), 2, -1).swapaxes(0, 1)
     return np.column_stack(
-        [places, 0.5 * BESIDE**2 * (above + below).T, 0.5 * BESIDE * (above - below).T]
+        [places, 0.5 * _BESIDE**2 * (above + below).T, 0.5 * _BESIDE * (above - below).T]
     )
 
 
 def _fitted(values: Array, weight: Array) -> Array:
-    """Chebyshev series, shape (k, NODES), of functions at the Chebyshev points, some of which weigh little."""
-    terms = NODES - SPARE
+    """Chebyshev series, shape (k, NODES), of values at the Chebyshev points, by their weights."""
+    terms = NODES - _SPARE
     basis = weight[:, None] * np.cos(np.outer(_ANGLES, np.arange(terms)))
     series = np.zeros((len(values), NODES))
     series[:, :terms] = np.linalg.lstsq(basis, (weight * values).T, rcond=1e-15)[0].T
@@ -209,45 +221,49 @@ def side_of(ellipsoid: Ellipsoid, longest: bool) -> SidedBody:
 @once()
 def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tuple[float, ...]:
     """Parameters p of `field` on one side."""
-    averaged, unit = table(ellipsoid, longest), max(ellipsoid.inertia)
-    over = {*SECOND, "ea", "eb"}
+    averaged = table(ellipsoid, longest)
+    unit = max(ellipsoid.inertia)
+    over = {*SECOND_ORDER, "ea", "eb"}
     factors = np.array(
-        [(torque_factor if name in over else 1.0) / unit ** SCALES[name] for name in NAMES]
+        [(torque_factor if name in over else 1.0) / unit ** _SCALES[name] for name in COEFFICIENTS]
     )
     places, slopes, residues = np.split(averaged.poles, [1, 2], axis=1)
     poles = np.hstack(
         [places, torque_factor / (unit * slopes), residues * np.tile(factors[_SECOND], 2)]
     )
     return (
-        0.5 * MOST,
-        2 / MOST,
+        0.5 * MAX_A2,
+        2 / MAX_A2,
         *(factors[:, None] * averaged.series).ravel().tolist(),
         *poles.ravel().tolist(),
     )
 
 
 def series_of(values: Array) -> Array:
-    """Chebyshev coefficients, shape (k, NODES), of functions given at the Chebyshev points, shape (k, NODES)."""
+    """Chebyshev coefficients of functions from values at the Chebyshev points, both (k, NODES)."""
     series = 2 / NODES * values @ np.cos(np.outer(_ANGLES, np.arange(NODES)))
     series[:, 0] /= 2
     return series
 
 
-def second(found: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:
-    """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max; `steep` is how h follows ln a²."""
-    values = evaluated(found.series[_SECOND], 2 * a2 / MOST - 1)
-    twice, once = regular(a2 - found.poles[:, :1], 1e-2)
+def second(averaged: Table, unit: float, slow: Array, a2: Array, steep: Array) -> Array:
+    """The larger one of |L'| and |E'| of second order, for (L, E), all over I_max.
+
+    `steep` is dh/d ln a².
+    """
+    values = evaluated(averaged.series[_SECOND], 2 * a2 / MAX_A2 - 1)
+    twice, once = regular(a2 - averaged.poles[:, :1], 1e-2)
     values += (
-        found.poles[:, 2 : 2 + len(SECOND)].T @ twice + found.poles[:, 2 + len(SECOND) :].T @ once
+        averaged.poles[:, 2 : 2 + len(SECOND_ORDER)].T @ twice
+        + averaged.poles[:, 2 + len(SECOND_ORDER) :].T @ once
     )
-    values = values / np.array([unit ** SCALES[name] for name in SECOND])[:, None]
-    momentum, energy = slow[:, :3], slow[:, 3]
+    values = values / np.array([unit ** _SCALES[name] for name in SECOND_ORDER])[:, None]
+    momentum = slow[:, :3]
+    energy = slow[:, 3]
     size = np.linalg.norm(momentum, axis=1)
-    n, first, rates = (
-        (momentum / size[:, None]).T,
-        [np.zeros(len(size))] * 2,
-        averaged_rates(ARRAYS),
-    )
+    n = (momentum / size[:, None]).T
+    first = [np.zeros(len(size))] * 2
+    rates = averaged_rates(ARRAYS)
     growth, rise, *across = rates(
         size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:]
     )

@@ -1,4 +1,6 @@
-"""The torque as a perturbation of the Euler top, on the torus of polhode phase α and precession phase β.
+"""The torque as a perturbation of the Euler top, on the torus of phases α and β.
+
+α is the polhode phase and β the precession phase.
 
 Q carries the frame of L (e₃ = n = L/l) to space, S the body
 (`polhode.models.second_order.polhodes`) to the frame of L: R = QS, S = R_z(β + χ)S₀(z), S₀ the
@@ -6,8 +8,8 @@ least rotation that carries the body vector z = Rᵀn to e₃. Unperturbed, dα/
 lν₂(h).
 
 Arrays have shape (…, m, a, b): m states, a equal polhode phases and b equal precession phases
-counted from the state's own, which is entry (0, 0). What L and the flow are comes before, if there
-are several for each polhode; vectors are triples of such arrays.
+counted from the state's own, which is entry (0, 0). Leading axes stand for several L and flows of
+each polhode; vectors are triples of such arrays.
 """
 
 from collections.abc import Callable, Iterable
@@ -24,8 +26,10 @@ from polhode.models.second_order.spheroid import Triple, cross, dot, plus
 Array = np.ndarray
 
 # The torque holds |k₂| <= 3 in space, so that eight precession phases resolve it.
-PRECESSIONS = 8
-_UNITS, _UPSIDE = np.eye(3), np.array([[1.0], [1.0], [-1.0]])
+_PRECESSIONS = 8
+_UNITS = np.eye(3)
+# Signs of the rows that turn the reflection of z to -e₃ into the rotation of z to e₃.
+_UPSIDE = np.array([[1.0], [1.0], [-1.0]])
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class Torus:
     @cached_property
     def rotation(self) -> Array:
         """S, shape (m, a, b, 3, 3)."""
-        turn = self.precession[:, None, None] + 2 * pi / PRECESSIONS * np.arange(PRECESSIONS)
+        turn = self.precession[:, None, None] + 2 * pi / _PRECESSIONS * np.arange(_PRECESSIONS)
         return carried(self.polhode.z[:, :, None], turn + self.polhode.lead[:, :, None])
 
     @cached_property
@@ -54,7 +58,7 @@ class Torus:
         """n in body axes and its changes per α and per y."""
         p = self.polhode
         n, along, beside = (
-            tuple(np.moveaxis(each, -1, 0)[..., None].copy()) for each in (p.z, p.along, p.beside.z)
+            tuple(np.moveaxis(rows, -1, 0)[..., None].copy()) for rows in (p.z, p.along, p.beside.z)
         )
         return n, along, beside
 
@@ -62,19 +66,20 @@ class Torus:
     def driven(self) -> tuple[Triple, Triple, Triple]:
         """The flow's x and y and the torque τ in body axes (`ultima`, `jw1`–`jw3`)."""
         x, y = (
-            times(self.rows.swapaxes(0, 1), over_phases(each))
-            for each in (self.flow, self.gradient)
+            times(self.rows.swapaxes(0, 1), over_phases(direction))
+            for direction in (self.flow, self.gradient)
         )
         return x, y, self.torque(self.momentum, turning(self.polhode.side, x, y))
 
     @cached_property
     def momentum(self) -> Triple:
         """L in body axes."""
-        return tuple(self.size[..., None, None] * each for each in self.polhodes[0])
+        return tuple(self.size[..., None, None] * component for component in self.polhodes[0])
 
     def torque(self, momentum: Triple, driven: Triple) -> Triple:
         """The torque in body axes, of L in them and the angular velocity that drives the body."""
-        drag, inverse = self.polhode.side.drag.tolist(), self.polhode.side.inverse_inertia.tolist()
+        drag = self.polhode.side.drag.tolist()
+        inverse = self.polhode.side.inverse_inertia.tolist()
         return tuple(
             d * (w - i * m) for d, w, i, m in zip(drag, driven, inverse, momentum, strict=True)
         )
@@ -82,13 +87,12 @@ class Torus:
     @cached_property
     def perturbation(self) -> Array:
         """Rates in slow time of (L in its frame, y, α, β), shape (6, ..., m, a, b)."""
-        p, size, (z, dz, yz), (*_, tau) = (
-            self.polhode,
-            self.size[..., None, None],
-            self.polhodes,
-            self.driven,
-        )
-        beyond = [each[:, None] * part for each, part in zip(p.beyond.T[..., None], z, strict=True)]
+        p = self.polhode
+        size = self.size[..., None, None]
+        z, dz, yz = self.polhodes
+        *_, tau = self.driven
+        factors = p.beyond.T[..., None]
+        beyond = [factor[:, None] * part for factor, part in zip(factors, z, strict=True)]
         rate_y = 2 / (size * p.slope[:, None, None]) * dot(beyond, tau)
         rate_a = (dot(tau, dz) / size - rate_y * dot(yz, dz)) / dot(dz, dz)
         rate_b = -rate_a * p.turn[:, None, None] - rate_y * self.turn_beside[:, :, None]
@@ -97,7 +101,8 @@ class Torus:
     @cached_property
     def turn_beside(self) -> Array:
         """Turn of S about e₃ per y, shape (m, a)."""
-        z, dz = self.polhode.z, self.polhode.beside.z
+        z = self.polhode.z
+        dz = self.polhode.beside.z
         return self.polhode.beside.lead + (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (
             1 + z[..., 2]
         )
@@ -106,14 +111,15 @@ class Torus:
     def inverses(self) -> tuple[Array, Array]:
         """1/D² and 1/D of D = k₁ν₁ + k₂ν₂, shape (m, a, b) each."""
         # Zero for the mean, for Nyquist modes and for k₁ + k₂ odd.
-        p, nodes = self.polhode, self.polhode.nodes
+        p = self.polhode
+        nodes = self.polhode.nodes
         k1 = np.fft.fftfreq(nodes, 1 / nodes)[:, None]
-        k2 = np.fft.fftfreq(PRECESSIONS, 1 / PRECESSIONS)
+        k2 = np.fft.fftfreq(_PRECESSIONS, 1 / _PRECESSIONS)
         divisor = k1 * p.rate[:, None, None] + k2 * p.precession[:, None, None]
         left_out = (
             ((k1 + k2) % 2 != 0)
             | (k1 == -(nodes // 2))
-            | (k2 == -(PRECESSIONS // 2))
+            | (k2 == -(_PRECESSIONS // 2))
             | ((k1 == 0) & (k2 == 0))
         )
         once = np.where(left_out, 0, 1 / np.where(left_out, 1, divisor))
@@ -127,9 +133,13 @@ class Torus:
     @cached_property
     def generator(self) -> Array:
         """The generator U of (L, y, α, β), shape (6, ..., m, a, b)."""
-        p, size, (twice, once) = self.polhode, self.size[..., None, None], self.inverses
+        p = self.polhode
+        size = self.size[..., None, None]
+        twice, once = self.inverses
         u = self.spectrum * (-1j * once / size)
-        growth, rise, twice = self.spectrum[2] / size, self.spectrum[3], twice / size
+        growth = self.spectrum[2] / size
+        rise = self.spectrum[3]
+        twice = twice / size
         rates = (p.rate, p.beside.rate), (p.precession, p.beside.precession)
         for angle, (rate, change) in zip(u[4:], rates, strict=True):
             angle -= (rate[:, None, None] * growth + change[:, None, None] * rise) * twice
@@ -138,7 +148,9 @@ class Torus:
     @cached_property
     def ambient(self) -> tuple[Triple, Triple]:
         """The generator as changes of L and turns of R, in the frame of L."""
-        p, u, (z, dz, yz) = self.polhode, self.generator, self.polhodes
+        p = self.polhode
+        u = self.generator
+        z, dz, yz = self.polhodes
         turn = (
             plus(cross(yz, z), self.turn_beside[..., None], z),
             plus(cross(dz, z), p.turn[:, None, None], z),
@@ -162,23 +174,28 @@ def times(matrix: Iterable[Triple], v: Triple) -> Triple:
 def carried(z: Array, turn: Array) -> Array:
     """S, shape (..., 3, 3): the least rotation, then a turn about e₃."""
     first, second, third = np.moveaxis(least_rotation(z), -2, 0)
-    cos, sin = np.cos(turn)[..., None], np.sin(turn)[..., None]
+    cos = np.cos(turn)[..., None]
+    sin = np.sin(turn)[..., None]
     rows = cos * first - sin * second, sin * first + cos * second, third
     return np.stack(np.broadcast_arrays(*rows), axis=-2)
 
 
 def least_rotation(z: Array) -> Array:
-    """Rotations, shape (..., 3, 3), about an axis normal to e₃ that carry z, shape (..., 3), z₃ > -1, to e₃."""
+    """Rotations, shape (..., 3, 3), about axes normal to e₃ that carry z, shape (..., 3), to e₃.
+
+    z₃ > -1.
+    """
     up = z + _UNITS[2]
     return _UPSIDE * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
 
 def turning(side: SidedBody, x: Triple, y: Triple) -> Triple:
-    """Angular velocity of the flow that drives the body, from its x and y in body axes; bilinear."""
+    """Angular velocity of the flow that drives the body, bilinear in its x and y in body axes."""
     return turned(side, lambda k, j: x[k] * y[j])
 
 
 def turned(side: SidedBody, tensor: Callable[[int, int], Any]) -> Triple:
     """`turning` of the components of a tensor x⊗y in body axes."""
-    s, pairs = side.squares.tolist(), ((1, 2), (2, 0), (0, 1))
+    s = side.squares.tolist()
+    pairs = ((1, 2), (2, 0), (0, 1))
     return tuple((s[j] * tensor(k, j) - s[k] * tensor(j, k)) / (s[j] + s[k]) for j, k in pairs)

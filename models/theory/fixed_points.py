@@ -1,4 +1,4 @@
-"""Fixed points of the slow manifold: uniform rotation about a principal axis along the vorticity; attractors."""
+"""Fixed points of the slow manifold, uniform rotation about a principal axis, and attractors."""
 
 from dataclasses import dataclass
 from math import inf, pi, sqrt
@@ -46,42 +46,47 @@ def fixed_points(ellipsoid: Ellipsoid) -> tuple[FixedPoint, ...]:
     if ellipsoid.kind == "sphere":
         momentum = (0.0, 0.0, -ellipsoid.inertia[0] / 2)
         return (FixedPoint("any axis of a sphere", momentum, eigenvalues(ellipsoid, 0)[:3]),)
-    known: list[tuple[Rotation, int, float]]
+    # Rotation, body axis along the vorticity, and the last slow variable: E, or η.
+    rotations: list[tuple[Rotation, int, float]]
     if ellipsoid.symmetry_axis is None:
-        known = [
+        rotations = [
             (get_args(ByLength)[i], axis, ellipsoid.inertia[axis] / 8)
             for i, axis in enumerate(ellipsoid.order)
         ]
     else:
-        axial, equatorial = ellipsoid.symmetry_axis, (ellipsoid.symmetry_axis + 1) % 3
-        known = [
+        axial = ellipsoid.symmetry_axis
+        equatorial = (ellipsoid.symmetry_axis + 1) % 3
+        rotations = [
             ("symmetry axis", axial, 0.5),
             ("symmetry axis", axial, -0.5),
             ("equatorial axis", equatorial, 0.0),
         ]
-    found = []
-    for rotation, axis, last in known:
+    points = []
+    for rotation, axis, last in rotations:
         rates = eigenvalues(ellipsoid, axis)[: 2 if rotation == "middle axis" else 4]
-        found.append(FixedPoint(rotation, (0.0, 0.0, -ellipsoid.inertia[axis] / 2, last), rates))
-    return tuple(found)
+        points.append(FixedPoint(rotation, (0.0, 0.0, -ellipsoid.inertia[axis] / 2, last), rates))
+    return tuple(points)
 
 
 def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, float]:
-    """Eigenvalues λ₁₋₄ of uniform rotation about a body axis along the vorticity, per unit of slow time.
+    """Eigenvalues λ₁₋₄ of uniform rotation about a body axis, per unit of slow time.
 
     The paper's lists for the longest and the shortest axis of an ellipsoid (section `elsa`) and for
     the spinning and the tumbling spheroid (section `lsds`) are one formula. About the middle axis
     of a triaxial ellipsoid only the first two hold, as limits that are approached like 1/log.
     """
     squares = [length * length for length in ellipsoid.scaled_axes]
-    inertia, resistance = ellipsoid.inertia, ellipsoid.resistance
-    along_x, along_y, wobble = 0.0, 0.0, 0.0
-    for other in ((axis + 1) % 3, (axis + 2) % 3):
-        third = 3 - axis - other
+    inertia = ellipsoid.inertia
+    resistance = ellipsoid.resistance
+    along_x = 0.0
+    along_y = 0.0
+    wobble = 0.0
+    for across in ((axis + 1) % 3, (axis + 2) % 3):
+        third = 3 - axis - across
         share = squares[third] / (squares[axis] + squares[third])
-        along_x += resistance[other] * share
-        along_y += resistance[other] * (1 - share)
-        wobble += resistance[other] * (inertia[axis] - inertia[other]) / inertia[other]
+        along_x += resistance[across] * share
+        along_y += resistance[across] * (1 - share)
+        wobble += resistance[across] * (inertia[axis] - inertia[across]) / inertia[across]
     factor = -8 * pi / inertia[axis]
     return factor * along_x, factor * along_y, factor * resistance[axis], factor * wobble
 
@@ -107,30 +112,35 @@ def attractors(
     """
     if stokes in (0, inf):
         return ()
-    unit, points = max(ellipsoid.inertia), fixed_points(ellipsoid)
+    unit = max(ellipsoid.inertia)
+    points = fixed_points(ellipsoid)
     states: dict[Rotation, np.ndarray] = {
-        each.rotation: np.array([0.0, 0.0, each.state[2], -each.state[2] / 4]) / unit
-        for each in points
+        point.rotation: np.array([0.0, 0.0, point.state[2], -point.state[2] / 4]) / unit
+        for point in points
     }
-    stable = {each.rotation for each in points if each.stability == "stable node"}
+    stable = {point.rotation for point in points if point.stability == "stable node"}
     reach = radius + (circle(ellipsoid, stokes) if circling else 0.0)
-    found = []
+    stable_states = []
     for rotation, state in states.items():
-        others = [
-            float(np.linalg.norm(state - other))
-            for name, other in states.items()
+        distances = [
+            float(np.linalg.norm(state - second))
+            for name, second in states.items()
             if name != rotation
         ]
-        if rotation in stable and reach < min(others, default=inf) / 2:
-            found.append(Attractor(rotation, state, reach))
-    return tuple(found)
+        if rotation in stable and reach < min(distances, default=inf) / 2:
+            stable_states.append(Attractor(rotation, state, reach))
+    return tuple(stable_states)
 
 
 def circle(ellipsoid: Ellipsoid, stokes: float) -> float:
-    """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis, to order 1/St."""
-    # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t, so that ω oscillates by dΛ/(2 St) about
-    # -½ and E = Iω²/2 by half as much; d is the damping rate and Λ the anisotropy of the section
-    # across the axis. It is 0 for oblate ones.
+    """Distance in (L, E) over I_max at which a particle circles rotation about its shortest axis.
+
+    To order 1/St.
+    """
+    # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t; d is the damping rate and Λ the
+    # anisotropy of the section across the axis. Hence ω oscillates by dΛ/(2 St) about -½, and
+    # E = Iω²/2 by half that amplitude. The distance is 0 for oblate spheroids.
     longest, middle, shortest = ellipsoid.order
-    a2, b2 = ellipsoid.scaled_axes[longest] ** 2, ellipsoid.scaled_axes[middle] ** 2
+    a2 = ellipsoid.scaled_axes[longest] ** 2
+    b2 = ellipsoid.scaled_axes[middle] ** 2
     return sqrt(5) / 4 * ellipsoid.damping[shortest] * (a2 - b2) / (a2 + b2) / stokes

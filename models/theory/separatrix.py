@@ -1,9 +1,9 @@
-"""Slow motion near the singular fixed point, rotation about the middle axis along the vorticity, L_x = L_y = 0.
+"""Slow motion near the singular fixed point, rotation about the middle axis, at L_x = L_y = 0.
 
 Coordinates: y = 1 - m, the complementary parameter of the elliptic functions of the polhode, which
 is μ'δ of the paper, and L_z' = L_z + I₂/2. There E(m)/K(m) = 2/ln(16/y) up to terms of relative
-order y ln y, so that the local equations (`lzasymp`, `muasymp`) are good to powers of y and L_z',
-not of logarithms.
+order y ln y. The local equations (`lzasymp`, `muasymp`) neglect powers of y and L_z', but no powers
+of 1/ln(16/y).
 """
 
 from dataclasses import dataclass
@@ -31,12 +31,13 @@ class Separatrix:
     @cached_property
     def _sorted(self) -> tuple[list[float], list[float]]:
         """Inertia and resistance, from the longest axis to the shortest."""
-        body, order = self.ellipsoid, self.ellipsoid.order
+        body = self.ellipsoid
+        order = self.ellipsoid.order
         return [body.inertia[axis] for axis in order], [body.resistance[axis] for axis in order]
 
     @cached_property
     def growth(self) -> float:
-        """Rate 2W of y ln(16/y) + y, per unit of slow time: negative on the long side, positive on the short one."""
+        """Rate 2W of y ln(16/y) + y, per unit of slow time, negative on the long side alone."""
         (i1, i2, i3), (x1, _, x3) = self._sorted
         size = 32 * pi / i2 * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
         return size if self.side == "short" else -size
@@ -48,7 +49,10 @@ class Separatrix:
 
     @cached_property
     def push(self) -> float:
-        """Ŵ of `lzassol`: -Ŵ/ln(16/y) drives L_z'. The same on both sides, as the exchange 1 ↔ 3 leaves it alone."""
+        """Ŵ of `lzassol`: -Ŵ/ln(16/y) drives L_z'.
+
+        Both sides have one Ŵ, as the exchange 1 ↔ 3 leaves it alone.
+        """
         (i1, i2, i3), (x1, _, x3) = self._sorted
         return 8 * pi * (x3 - x1) * (i3 - i2) * (i2 - i1) / (i2 * (i3 - i1))
 
@@ -58,14 +62,18 @@ class Separatrix:
         return self.growth / logarithm, -self.decay * shift - self.push / logarithm
 
     def time(self, complement: float) -> float:
-        """Slow time since the separatrix at y ≥ 0; negative on the long side, which comes before it."""
+        """Slow time since the separatrix at y ≥ 0.
+
+        Negative on the long side, which comes before it.
+        """
         # From `muasymp`, exactly: 2W t₂ = y ln(16/y) + y; `muassol` keeps the first term alone. It
         # is finite: the singular point is reached, and left, in a finite time.
         return _passed(complement) / self.growth
 
     def complement(self, time: float) -> float:
-        """The y at a slow time since the separatrix, the inverse of `time`, by Lambert's function (DLMF 4.13).
+        """The y at a slow time since the separatrix, the inverse of `time`.
 
+        By Lambert's function (DLMF 4.13).
         Raises ValueError if the time has the wrong sign for the side, or lies beyond y = 1.
         """
         from scipy.special import lambertw
@@ -81,32 +89,34 @@ class Separatrix:
         return 16 * e * exp(float(lambertw(-passed / (16 * e), k=-1).real))
 
     def shift(self, complement: float, complement_start: float, shift_start: float) -> float:
-        """L_z' where y has the given value, from its value at a start (`lzassol` with the exact y of `time`)."""
+        """L_z' at a y, from L_z' at the y of a start (`lzassol` with the exact y of `time`)."""
         from scipy.integrate import quad
 
-        rate, here = self.decay / self.growth, _passed(complement)
-        pushed = quad(
-            lambda y: exp(rate * (_passed(y) - here)),
+        rate = self.decay / self.growth
+        exponent_end = _passed(complement)
+        integral = quad(
+            lambda y: exp(rate * (_passed(y) - exponent_end)),
             complement_start,
             complement,
             epsabs=0,
             epsrel=1e-13,
         )
-        start = exp(rate * (_passed(complement_start) - here))
-        return start * shift_start - self.push / self.growth * pushed[0]
+        start = exp(rate * (_passed(complement_start) - exponent_end))
+        return start * shift_start - self.push / self.growth * integral[0]
 
     def critical(self, complement: float) -> float:
-        """L_z' at y on the critical trajectory, the only one that meets the singular point y = L_z' = 0."""
+        """L_z' at y on the critical trajectory, the only one through y = L_z' = 0."""
         return self.shift(complement, 0.0, 0.0) if complement > 0 else 0.0
 
     def slow_state(self, complement: float, shift: float) -> tuple[float, float, float, float]:
-        """Slow variables (L_x, L_y, L_z, E) with L_x = L_y = 0 of y and L_z', without approximation."""
+        """Exact slow variables (L_x, L_y, L_z, E) of y and L_z', with L_x = L_y = 0."""
         i1, i2, i3 = self._sorted[0]
-        near, far = (i3, i1) if self.side == "short" else (i1, i3)
-        share = complement * (near - i2) / (near - far)
+        encircled, opposite = (i3, i1) if self.side == "short" else (i1, i3)
+        share = complement * (encircled - i2) / (encircled - opposite)
         momentum = shift - i2 / 2
-        return 0.0, 0.0, momentum, momentum * momentum * (1 - share) / (2 * (i2 - share * far))
+        return 0.0, 0.0, momentum, momentum * momentum * (1 - share) / (2 * (i2 - share * opposite))
 
 
 def _passed(complement: float) -> float:
+    """2W t₂ = y ln(16/y) + y at the slow time t₂ since the separatrix."""
     return complement * (log(16 / complement) + 1) if complement > 0 else 0.0

@@ -1,4 +1,4 @@
-"""The paper's first-order correction to a spheroid's slow motion (its appendix B), in corrected form."""
+"""The paper's first-order correction to a spheroid's slow motion (appendix B), corrected."""
 
 from math import atan2
 
@@ -17,11 +17,14 @@ from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 
 # Rounding of a start meant to have L along the vorticity stays below this share of L.
-ALIGNED = 1e-14
+_ALIGNED = 1e-14
 
 
 def field(ops: Operations) -> Field:
-    """Averaged rates of (L_z, η) at L_x = L_y = 0, and of the phase Φ = ∫ L_z/I_e dt₂; p as in `averaged_spheroid`."""
+    """Averaged rates of (L_z, η) at L_x = L_y = 0, and of the phase Φ = ∫ L_z/I_e dt₂.
+
+    The parameters p are as in `averaged_spheroid`.
+    """
     averaged = ops.use(averaged_field)
 
     def rhs(y, p):
@@ -33,15 +36,14 @@ def field(ops: Operations) -> Field:
 
 
 class CorrectedSpheroid(Form):
-    """State (L_z, η, Φ) in slow time: the averaged motion of L along the vorticity, and the phase of the precession.
+    """State (L_z, η, Φ) in slow time: averaged motion of L along z, phase of precession.
 
     To the slow L_z⁽⁰⁾ the observables add L_z⁽¹⁾/St with L_z⁽¹⁾ = -2πY_c Λ h̄² (I_e/L_z⁽⁰⁾) sin
     2(St Φ + φ₀) (`lzsfod2`, the phase taken along the slow solution, L_z signed); the slow solution
     starts at L_z(0) - L_z⁽¹⁾(0)/St. The error of L_z and E is then O(St⁻²).
 
-    Not in the catalogue: L_x and L_y keep their O(1/St) error (the first-order correction of the
-    paper leaves them at 0), so that as a whole the form is of no higher order than
-    `averaged-spheroid`.
+    Not in the catalogue: L_x and L_y keep their O(1/St) error, as the paper's first-order
+    correction leaves them at 0. As a whole the form has the order of `averaged-spheroid`.
     """
 
     name = "averaged-spheroid-corrected"
@@ -53,7 +55,7 @@ class CorrectedSpheroid(Form):
         AveragedSpheroid().check(scene)
         self.require_orientation(scene)
         lx, ly, lz = scene.initial.angular_momentum[0]
-        if np.hypot(lx, ly) > ALIGNED * abs(lz):
+        if np.hypot(lx, ly) > _ALIGNED * abs(lz):
             raise self.refuse("the start has L off the vorticity axis", "averaged-spheroid")
 
     def problem(self, scene: Scene) -> Problem:

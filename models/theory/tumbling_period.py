@@ -1,4 +1,4 @@
-"""Period of a tumbler: an ellipsoid that keeps a principal axis along the vorticity, at any Stokes number."""
+"""Period of a tumbler, an ellipsoid with a principal axis along the vorticity, at any St."""
 
 from math import isfinite, nan, pi, sqrt
 
@@ -6,16 +6,20 @@ import numpy as np
 
 from polhode.models.shape import Ellipsoid
 
-MOST_NODES = 2048
-MOST_STEPS = 20
-ROUNDOFF = 1e-14
+# Collocation nodes in half a turn; they resolve ratios a/b up to 1000 in seconds.
+_MOST_NODES = 2048
+# Newton's method converges quadratically from the marched guess: more steps would not help.
+_MOST_STEPS = 20
+# Relative difference of two periods, over √nodes, that counts as rounding.
+_ROUNDOFF = 1e-14
 
 
 def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     """Period of one full turn on the limit cycle, in units of the inverse shear rate.
 
-    The rate w = -φ̇ of the one angle φ obeys w dw/dφ = ε⁻¹(w - g), g = (a²sin²φ + b²cos²φ)/(a² +
-    b²), with a, b the semi-axes in the flow-gradient plane and ε = St I/(8πX) (`ultima`, `jw3`).
+    The rate w = -φ̇ of the one angle φ obeys w dw/dφ = ε⁻¹(w - g) (`ultima`, `jw3`). Here g is
+    (a²sin²φ + b²cos²φ)/(a² + b²), ε is St I/(8πX), and a, b are the semi-axes in the flow-gradient
+    plane.
     Its solution of period π is found by collocation, not by waiting for the transient to decay, and
     T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ), κ = a/b, at St = 0 and tends to 4π as St → ∞.
 
@@ -29,22 +33,24 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     if stokes == 0:
         return 2 * pi * (a / b + b / a)
     damping = ellipsoid.damping[axis] / stokes
-    slope, equilibrium = _profile(a, b, MOST_NODES)
+    slope, equilibrium = _profile(a, b, _MOST_NODES)
     guess = _marched(slope, equilibrium, damping)
-    nodes, previous = 32, nan
-    while nodes <= MOST_NODES:
-        every = MOST_NODES // nodes
+    nodes = 32
+    previous = nan
+    while nodes <= _MOST_NODES:
+        every = _MOST_NODES // nodes
         period = _collocated_period(slope[::every], equilibrium[::every], damping, guess[::every])
-        if abs(period - previous) <= ROUNDOFF * nodes**0.5 * period:
+        if abs(period - previous) <= _ROUNDOFF * nodes**0.5 * period:
             return period
-        nodes, previous = 2 * nodes, period
+        nodes = 2 * nodes
+        previous = period
     raise ValueError(
         f"semi_axes: {a!r} and {b!r} in the flow-gradient plane, expected a ratio closer to one"
     )
 
 
 def weak_inertia_period_change(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
-    """Leading change of the tumbling period at small St: -4π ε² (a - b)²/(a² + b²), ε = St I/(8πX)."""
+    """Leading change of the period at small St: -4π ε² (a - b)²/(a² + b²), ε = St I/(8πX)."""
     # For a prolate spheroid this is `vivtp`; the period decreases. The next term is of order St⁴.
     a, b = (ellipsoid.scaled_axes[(axis + step) % 3] for step in (1, 2))
     return -4 * pi * (stokes / ellipsoid.damping[axis]) ** 2 * (a - b) ** 2 / (a * a + b * b)
@@ -67,7 +73,8 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
     # The equation contracts everywhere and each step has one positive root, so that this cannot
     # fail.
     steps = (pi / len(slope) * damping * slope).tolist()
-    rates, rate = [], 0.5
+    rates = []
+    rate = 0.5
     for _ in range(2):
         rates = []
         for step, g in zip(steps, equilibrium.tolist(), strict=True):
@@ -81,7 +88,10 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
 def _collocated_period(
     slope: np.ndarray, equilibrium: np.ndarray, damping: float, rate: np.ndarray
 ) -> float:
-    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method; NaN if it fails."""
+    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method.
+
+    NaN if it fails.
+    """
     # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩
     # + ε⁻¹ ∫ r ds = 0 and ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
     from scipy.linalg import circulant
@@ -93,7 +103,7 @@ def _collocated_period(
     inverse[resolved] = -1j / wave[resolved]
     integral = circulant(np.fft.ifft(inverse).real)
     mean = np.full((nodes, nodes), 1 / nodes)
-    for _ in range(MOST_STEPS):
+    for _ in range(_MOST_STEPS):
         force = slope * (1 - equilibrium / rate)
         residual = rate - rate.mean() + damping * (integral @ force) + force.mean()
         jacobian = (

@@ -1,8 +1,8 @@
-"""Full forms for many particles at once by equal steps in SIMD lanes, the error of each particle checked.
+"""Full forms for many particles at once by equal steps in SIMD lanes.
 
 Method and step are chosen on a sample. Every particle then runs twice, by those steps and by steps
-twice as wide; one whose two runs differ by more than those of the sample that were right is run
-anew by smaller steps, and at last by Taylor's method, whose steps adapt.
+twice as wide. The right runs of the sample bound the difference of the two; a particle beyond that
+bound runs anew by smaller steps, and at last by Taylor's method, whose steps adapt.
 """
 
 from dataclasses import dataclass
@@ -20,20 +20,28 @@ from polhode.solvers.machine_code.lanes import by_particle
 # Pieces that a run has at least; two runs of a particle are compared after every other one, or at
 # as many times.
 PIECES = 16
-# Share of the sample whose error the chosen steps keep to, and the error aimed at, over the
-# tolerance.
-KEPT, AIM = 0.98, 0.5
-# A reference's error over the tolerance, by comparison with half as many steps, and how often they
-# are doubled.
-SURE, DOUBLINGS = 0.05, 8
-# Order that finds the steps, which are looked for so often; smaller ones may pay, where they leave
-# less in doubt.
-ORDER, ROUNDS, SMALLER = 8, 6, 1.15
-# Doubtful particles get twice as many steps, so often; then Taylor's method, at the tolerance times
-# this.
-HALVINGS, TAYLOR = 4, 1e-3
-# Steps are first tried at this angle, in rad, and at this share of a relaxation time.
-ANGLE, RELAXATION = 1.0, 2.0
+# Share of the sample whose error the chosen steps keep to.
+_KEPT = 0.98
+# Error aimed at, over the tolerance.
+_AIM = 0.5
+# Error of a reference over the tolerance, by comparison with half as many steps.
+_SURE = 0.05
+# Times that a reference's steps are doubled at most.
+_DOUBLINGS = 8
+# Order by which the number of steps follows from an error.
+_ORDER = 8
+# Trials of a number of steps, per method.
+_ROUNDS = 6
+# This many times as many steps may pay, as they leave fewer particles in doubt.
+_SMALLER = 1.15
+# Times that a doubtful particle's steps are doubled; then Taylor's method runs it.
+_HALVINGS = 4
+# Tolerance of Taylor's method over the requested one.
+TAYLOR = 1e-3
+# Steps are first tried at this angle, in rad.
+_ANGLE = 1.0
+# They are first tried at no more than this multiple of a relaxation time.
+_RELAXATION = 2.0
 
 
 @dataclass(frozen=True)
@@ -42,64 +50,79 @@ class Plan:
 
     method: str  # of `polhode.solvers.ensembles.methods`
     steps: int  # from one time to the next, or of each piece where there are few times
-    apart: float  # largest difference between a run and one by steps twice as wide that is no reason for doubt
-    error: float  # that most particles of the sample stay below (`KEPT`), those in doubt not yet run anew
+    # Largest difference from a run by steps twice as wide that is no reason for doubt.
+    apart: float
+    # Bound of most errors of the sample (`_KEPT`), before particles in doubt are run anew.
+    error: float
     cost: float  # of a particle, in flows of a splitting
 
 
 def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Plan | None:
-    """The cheapest method and step that keep a sample's errors; None if none does, as where motion is chaotic.
+    """The cheapest method and step that keep a sample's errors.
+
+    None if none does, as where motion is chaotic.
 
     The problem has no periodic components; the sample holds starts, shape (n, d); the times are
-    equispaced from 0 to the end; the tolerance is that of any component on the way, over the
-    largest one at the start, or 1 if that is less.
+    equispaced from 0 to the end. The tolerance bounds the error of any component on the way, over
+    the largest one at the start, or 1 if that is less.
     """
     times, _ = _in_pieces(times)
     steps = _first_steps(problem, sample, times)
     reference = _reference(problem, sample, times, tolerance, steps)
     if reference is None:
         return None
-    found = [
+    fittings = [
         _fitting(method(name, problem), sample, times, tolerance, reference, steps)
         for name in names(problem)
     ]
-    return min((each for each in found if each), key=lambda each: each.cost, default=None)
+    return min(filter(None, fittings), key=lambda fitting: fitting.cost, default=None)
 
 
 def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -> Plan:
-    """Steps that are a fair guess, for so few particles that none is worth a sample; parameters as those of `plan`."""
-    by, (times, _) = method(RUNGE_KUTTA, problem), _in_pieces(times)
-    steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / ORDER) / 2))
+    """Steps that are a fair guess, for too few particles to spend a sample on.
+
+    Parameters as in `plan`.
+    """
+    by = method(RUNGE_KUTTA, problem)
+    times, _ = _in_pieces(times)
+    steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / _ORDER) / 2))
     return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
 
 
 def run(
     problem: Problem, starts: Array, times: Array, tolerance: float, chosen: Plan
 ) -> tuple[Array, Array]:
-    """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts; parameters as of `plan`."""
-    by, steps, (times, pieces) = method(chosen.method, problem), chosen.steps, _in_pieces(times)
-    found = _march(by, starts, times, steps)
-    doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, found) <= chosen.apart))
-    states = by_particle(found[:, ::pieces], len(starts)).swapaxes(0, 1)
-    group, lane = np.divmod(doubtful, found.shape[3])
-    before = found[group, :, :, lane]
-    for _ in range(HALVINGS):
+    """States, shape (m, n, d), NaN where a particle failed, and statuses, of many starts.
+
+    Parameters as of `plan`.
+    """
+    by = method(chosen.method, problem)
+    steps = chosen.steps
+    times, pieces = _in_pieces(times)
+    in_lanes = _march(by, starts, times, steps)
+    doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, in_lanes) <= chosen.apart))
+    states = by_particle(in_lanes[:, ::pieces], len(starts)).swapaxes(0, 1)
+    group, lane = np.divmod(doubtful, in_lanes.shape[3])
+    before = in_lanes[group, :, :, lane]
+    for _ in range(_HALVINGS):
         if not len(doubtful):
             break
         steps *= 2
         finer = by_particle(_march(by, starts[doubtful], times, steps), len(doubtful))
         states[:, doubtful] = finer[:, ::pieces].swapaxes(0, 1)
         still = ~(_apart(finer[..., None], before[..., None]) <= tolerance * by.sure)
-        doubtful, before = doubtful[still], finer[still]
+        doubtful = doubtful[still]
+        before = finer[still]
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
     if len(doubtful):
-        found = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
-        states[:, doubtful], statuses[doubtful] = found
+        rows, outcomes = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
+        states[:, doubtful] = rows
+        statuses[doubtful] = outcomes
     return states, statuses
 
 
 def _march(by: Method, starts: Array, times: Array, steps: int) -> Array:
-    """States in lanes by so many steps from one time to the next."""
+    """States in lanes by a number of steps from one time to the next."""
     return by.lanes.march(starts, len(times), by.constants(_step(times, steps)), steps)
 
 
@@ -107,10 +130,10 @@ def _step(times: Array, steps: int) -> float:
     return float(times[-1]) / (len(times) - 1) / steps
 
 
-def _apart(states: Array, others: Array, stride: int = 1) -> Array:
+def _apart(states: Array, reference: Array, stride: int = 1) -> Array:
     """Largest difference of each particle's states over the largest component at the start or 1."""
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = states[:, ::stride][:, : others.shape[1]] - others
+        apart = states[:, ::stride][:, : reference.shape[1]] - reference
         apart = np.abs(apart, out=apart).reshape(len(states), -1, states.shape[3]).max(axis=1)
         return (apart / np.maximum(1.0, np.abs(states[:, 0]).max(axis=1))).ravel()
 
@@ -119,7 +142,8 @@ def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -
     """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
     # An even number of times lies from one check to the next.
     stride = 2 * -(-(len(times) - 1) // (2 * PIECES))
-    rows, wide = 1 + (len(times) - 1) // stride, by.constants(2 * _step(times, steps))
+    rows = 1 + (len(times) - 1) // stride
+    wide = by.constants(2 * _step(times, steps))
     return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[
         : len(starts)
     ]
@@ -135,24 +159,24 @@ def _in_pieces(times: Array) -> tuple[Array, int]:
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
     rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
-    length = ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
+    length = _ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
     if (
         problem.parts is not None
         and (strength := problem.parts.strength(problem.parameters or ())) > 0
     ):
-        length = min(length, RELAXATION / strength)
+        length = min(length, _RELAXATION / strength)
     return max(1, int(np.ceil(_step(times, 1) / length)))
 
 
 @dataclass(frozen=True)
 class _Reference:
-    """States of the sample whose error is small against the tolerance, and a bound of that error."""
+    """States of the sample with an error far below the tolerance, and a bound of that error."""
 
     states: Array
-    error: float  # that most particles stay below (`KEPT`); rounding at least, never 0
+    error: float  # that most particles stay below (`_KEPT`); rounding at least, never 0
 
     def error_of(self, states: Array) -> float:
-        """Error that most particles stay below: their distance from the reference, and its own error.
+        """Bound of most particles' errors: their distance from the reference, and its own error.
 
         A run by the reference's own method and steps has distance 0, and the reference's error.
         """
@@ -162,21 +186,23 @@ class _Reference:
 def _reference(
     problem: Problem, sample: Array, times: Array, tolerance: float, steps: int
 ) -> _Reference | None:
-    by, before = method(RUNGE_KUTTA, problem), None
+    by = method(RUNGE_KUTTA, problem)
+    before = None
     rounding = float(np.finfo(float).eps)
-    for _ in range(DOUBLINGS):
+    for _ in range(_DOUBLINGS):
         states = _march(by, sample, times, steps)
         if before is not None:
             error = _kept(_apart(states, before)) / by.sure
-            if error <= SURE * tolerance:
+            if error <= _SURE * tolerance:
                 return _Reference(states, max(error, rounding))
-        before, steps = states, 2 * steps
+        before = states
+        steps = 2 * steps
     return None
 
 
 def _kept(errors: Array) -> float:
-    """What most errors of the sample stay below."""
-    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), KEPT, method="higher"))
+    """Bound of most errors of the sample (`_KEPT`)."""
+    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), _KEPT, method="higher"))
 
 
 def _fitting(
@@ -185,32 +211,30 @@ def _fitting(
     """The fewest steps found that keep the sample's errors, if any do."""
     tried: dict[int, Array] = {}
     good: list[int] = []
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         states = tried[steps] = _march(by, sample, times, steps)
-        error = reference.error_of(states) / (AIM * tolerance)
+        error = reference.error_of(states) / (_AIM * tolerance)
         good += [steps] if error <= 1 else []
-        steps = int(np.ceil(steps * float(np.clip(error ** (1 / ORDER), 0.4, 2.5))))
+        steps = int(np.ceil(steps * float(np.clip(error ** (1 / _ORDER), 0.4, 2.5))))
         if steps in tried:
             break
     if not good:
         return None
     plans = []
-    for each in {min(good), int(np.ceil(SMALLER * min(good)))}:
-        states = tried[each] if each in tried else _march(by, sample, times, each)
-        errors, apart = (
-            _apart(reference.states, states)[: len(sample)],
-            _doubt(by, sample, times, each, states),
-        )
-        wrong = ~(errors <= AIM * tolerance)
+    for count in {min(good), int(np.ceil(_SMALLER * min(good)))}:
+        states = tried[count] if count in tried else _march(by, sample, times, count)
+        errors = _apart(reference.states, states)[: len(sample)]
+        apart = _doubt(by, sample, times, count, states)
+        wrong = ~(errors <= _AIM * tolerance)
         doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
         again = float(np.mean(~(apart <= doubt)))
         plans.append(
             Plan(
                 by.name,
-                each,
+                count,
                 doubt,
                 _kept(errors) + reference.error,
-                by.cost * each * (1.5 + 3 * again),
+                by.cost * count * (1.5 + 3 * again),
             )
         )
-    return min(plans, key=lambda each: each.cost)
+    return min(plans, key=lambda fitting: fitting.cost)

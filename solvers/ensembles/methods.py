@@ -1,4 +1,4 @@
-"""Methods of equal steps for many particles at once, each as a map of states: splitting, and an eighth-order pair's."""
+"""Methods of equal steps for many particles at once: splitting, and an eighth-order pair's."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,9 +13,10 @@ from polhode.solvers.machine_code.lanes import Lanes, lanes
 from polhode.solvers.machine_code.tracing import OPERATIONS
 from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
+# Name of the eighth-order pair's method.
 RUNGE_KUTTA = "DOP853"
-# Time of an evaluation of a field over that of a splitting's slow and fast flow.
-EVALUATION = 1.6
+# Time of an evaluation of a field over the time of a splitting's slow and fast flow.
+_EVALUATION = 1.6
 Array = np.ndarray
 
 
@@ -38,14 +39,15 @@ def names(problem: Problem) -> tuple[str, ...]:
 
 def method(name: str, problem: Problem) -> Method:
     """A method for a problem; its machine code is made once in the life of the process."""
-    p, parts = [float(value) for value in problem.parameters or ()], problem.parts
+    p = [float(value) for value in problem.parameters or ()]
+    parts = problem.parts
     if name == RUNGE_KUTTA:
         code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
-        return Method(name, code, lambda h: np.array([h, *p]), EVALUATION * stages, 2.0**6.5)
-    (scheme,) = (each for each in SCHEMES if each.name == name)
+        return Method(name, code, lambda h: np.array([h, *p]), _EVALUATION * stages, 2.0**6.5)
+    (scheme,) = (candidate for candidate in SCHEMES if candidate.name == name)
     assert parts is not None
-    # The last of one step and the first of the next in one, and the first one undone, stand behind
-    # those of a step.
+    # Two flows stand behind the flows of a step: the last of one step and the first of the next in
+    # one, and the first one undone.
     fast = *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
     shares = (
         *((parts.fast, share) for share in fast),
@@ -63,7 +65,8 @@ def method(name: str, problem: Problem) -> Method:
 @once()
 def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
     zeros = [0.0] * 64
-    fast, slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+    fast = parts.fast.flow(OPERATIONS)
+    slow = parts.slow.flow(OPERATIONS)
     fast_size, slow_size = (len(part.constants(zeros, 0.0)) for part in (parts.fast, parts.slow))
     count = len(scheme.fast)
     begin = fast_size * (count + 2)
@@ -83,8 +86,10 @@ def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
 
 @once()
 def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes, int]:
-    table, rhs = dop853(), field(OPERATIONS)
-    nodes, weights = table.A[: table.N_STAGES].tolist(), table.B.tolist()
+    table = dop853()
+    rhs = field(OPERATIONS)
+    nodes = table.A[: table.N_STAGES].tolist()
+    weights = table.B.tolist()
 
     def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
         slopes = [rhs(y, c[1:])]
@@ -96,16 +101,17 @@ def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes
 
 
 def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:
-    """What a step of length h adds to each component, by the shares of slopes."""
+    """Change of each component in a step of length h, by the shares of slopes."""
     used = [(share, slope) for share, slope in zip(shares, slopes, strict=False) if share]
-    return [
-        h * sum((share * slope[i] for share, slope in used), start=0.0)
-        for i in range(len(slopes[0]))
-    ]
+    changes = list[Any]()
+    for i in range(len(slopes[0])):
+        weighted_slope = sum((share * slope[i] for share, slope in used), start=0.0)
+        changes.append(h * weighted_slope)
+    return changes
 
 
 def moved(
     y: Sequence[Any], h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]
 ) -> list[Any]:
-    """The state that lies there."""
+    """The state after that step."""
     return [before + more for before, more in zip(y, change(h, shares, slopes), strict=True)]

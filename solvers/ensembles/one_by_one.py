@@ -1,4 +1,4 @@
-"""Particles one after another by a solver of the catalogue: what is left where no library runs many at once."""
+"""Particles one after another by a solver of the catalogue, if no library runs many at once."""
 
 from dataclasses import replace
 
@@ -16,7 +16,10 @@ _MAX_STEPS = 10_000_000
 def run_one_by_one(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where one failed, and statuses."""
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
+
+    States are NaN from the time on at which a particle failed.
+    """
     method = available_like("cyrk-vern8")
     states = np.full((len(times), *starts.shape), np.nan)
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))

@@ -1,4 +1,4 @@
-"""Full forms for many particles at once: heyoka's Taylor integrator with one particle in each SIMD lane."""
+"""Full forms for many particles at once: heyoka's Taylor integrator in SIMD lanes."""
 
 from copy import deepcopy
 from typing import Any
@@ -16,17 +16,18 @@ from polhode.solvers.machine_code.program import REGISTERS
 
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for
 # this method.
-MOST_STEPS = 10_000_000
+_MOST_STEPS = 10_000_000
 
 
 def run_batches(
     problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), NaN where a particle failed, and statuses.
+    """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
 
-    Particles of like speed share a batch, so that no lane waits long for the others. The problem
-    has no periodic components, whose angles would need wrapping; the times increase from 0 to the
-    end; the tolerance is heyoka's `tol`. Without heyoka the particles run one by one.
+    States of a particle that failed are NaN. Particles of like speed share a batch, so that no lane
+    waits long for the others. The problem has no periodic components, whose angles would need
+    wrapping; the times increase from 0 to the end; the tolerance is heyoka's `tol`. Without heyoka
+    the particles run one by one.
     """
     if not installed("heyoka"):
         states, statuses = run_one_by_one(problem, starts, times, tolerance)
@@ -44,10 +45,8 @@ def run_batches(
         together = order[first : first + lanes]
         rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
         if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
-            states[:, together], statuses[together] = (
-                rows[:, : len(together)],
-                str(Status.REACHED_END),
-            )
+            states[:, together] = rows[:, : len(together)]
+            statuses[together] = str(Status.REACHED_END)
             continue
         # One particle's failure stops its whole batch: each of them gets a run of its own.
         for who in together:
@@ -61,7 +60,7 @@ def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndar
     """States, shape (m, lanes, d), of one batch."""
     integrator.set_time(0.0)
     integrator.state[:] = starts.T
-    return np.moveaxis(integrator.propagate_grid(grid, max_steps=MOST_STEPS)[-1], 2, 1)
+    return np.moveaxis(integrator.propagate_grid(grid, max_steps=_MOST_STEPS)[-1], 2, 1)
 
 
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
@@ -72,11 +71,11 @@ def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.n
 
 
 def _status(outcome: Any) -> str:
-    known = load_heyoka().taylor_outcome
+    outcomes = load_heyoka().taylor_outcome
     statuses = {
-        known.time_limit: "REACHED_END",
-        known.step_limit: "STEP_LIMIT",
-        known.err_nf_state: "NON_FINITE",
+        outcomes.time_limit: "REACHED_END",
+        outcomes.step_limit: "STEP_LIMIT",
+        outcomes.err_nf_state: "NON_FINITE",
     }
     return str(Status[statuses.get(outcome, "STEP_UNDERFLOW")])
 

@@ -1,4 +1,4 @@
-"""Where an array begins in memory."""
+"""The address at which an array begins in memory."""
 
 from ctypes import addressof, c_char
 from typing import Any

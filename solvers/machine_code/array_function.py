@@ -18,7 +18,9 @@ from polhode.solvers.machine_code.llvm import compile_file
 # What the function knows of Python and of NumPy.
 _KNOWN = {"head": object.__basicsize__, "native": ord("="), "double": np.dtype(float).num}
 _KNOWN |= {"ndarray": id(np.ndarray), "type_error": id(TypeError), "none": id(None)}
-_READABLE, _WRITEABLE = 0x0101, 0x0501  # C-contiguous and aligned; writeable as well
+# C-contiguous and aligned; writeable as well
+_READABLE = 0x0101
+_WRITEABLE = 0x0501
 # Python's flag of a function that receives its arguments as a C array.
 _FASTCALL = 0x0080
 _EXPECTED = b"expected one-dimensional contiguous arrays of float64, of the field's sizes, the last one writeable"
@@ -29,7 +31,8 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
 
     It raises a TypeError unless each is contiguous, of float64 and of its length.
     """
-    python, message = ctypes.pythonapi, ctypes.create_string_buffer(_EXPECTED)
+    python = ctypes.pythonapi
+    message = ctypes.create_string_buffer(_EXPECTED)
     calls = {
         name: ctypes.cast(python[name], ctypes.c_void_p).value
         for name in ("PyErr_SetString", "Py_IncRef")
@@ -49,9 +52,7 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
         pack("PPiP", ctypes.addressof(name), code.address, _FASTCALL, 0)
     )
     new = python.PyCFunction_NewEx
-    new.argtypes, new.restype = (
-        [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p],
-        ctypes.py_object,
-    )
+    new.argtypes = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
+    new.restype = ctypes.py_object
     # The function keeps alive what it is bound to.
     return new(ctypes.addressof(definition), (code, definition, name, message), None)

@@ -1,4 +1,4 @@
-"""The exact Jacobian of a vector field: dual numbers, which carry their derivatives along, traced like any other."""
+"""The exact Jacobian of a vector field: traced numbers that carry their derivatives along."""
 
 from collections.abc import Callable
 from functools import partial
@@ -51,7 +51,8 @@ def _quotient(above: Any, below: Any) -> "Dual":
 
 
 def _power(base: Any, exponent: Any) -> "Dual":
-    x, n = _value(base), _value(exponent)
+    x = _value(base)
+    n = _value(exponent)
     power = x**n
     by_base = n * x ** (n - 1) if isinstance(exponent, Dual) or n != 0 else 0.0
     return _chained(
@@ -66,7 +67,8 @@ class Dual:
     __array_ufunc__ = None
 
     def __init__(self, value: Any, slopes: dict[int, Any]) -> None:
-        self.value, self.slopes = value, slopes
+        self.value = value
+        self.slopes = slopes
 
     __add__, __radd__ = either_side(
         lambda a, b: _chained(_value(a) + _value(b), (a, 1.0), (b, 1.0))
@@ -95,11 +97,11 @@ def _function(name: str, derivative: Callable[[Any], Any], x: Any) -> Any:
 
 def _where_positive(x: Any, a: Any, b: Any) -> Dual:
     where = partial(OPERATIONS.where_positive, _value(x))
-    slopes = _slopes(a), _slopes(b)
-    return Dual(
-        where(_value(a), _value(b)),
-        {i: where(*(each.get(i, 0.0) for each in slopes)) for i in {*slopes[0], *slopes[1]}},
-    )
+    value = where(_value(a), _value(b))
+    above = _slopes(a)
+    below = _slopes(b)
+    slopes = {i: where(above.get(i, 0.0), below.get(i, 0.0)) for i in {*above, *below}}
+    return Dual(value, slopes)
 
 
 # Derivatives of functions of C's library.
@@ -146,20 +148,28 @@ _DUAL = Operations(
 
 @once()
 def trace_jacobian(factory: Factory, dimension: int, parameters: int, mass: bool = False) -> str:
-    """LLVM's lines that compute a field's Jacobian column by column, read and written as by `tracing.trace`.
+    """LLVM's lines that compute a field's Jacobian column by column.
 
-    Of the mass form it is that of the residual, ``cj * mass - jacobian``, where the slope follows
-    the state by %cj.
+    They read and write arrays as the lines of `tracing.trace` do.
+
+    With `mass` it is the residual's Jacobian, ``cj * mass - jacobian``, where the slope follows the
+    state by %cj.
     """
     # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)
     lines: dict[str, str] = {}
-    y = [Dual(each, {i: 1.0}) for i, each in enumerate(read(lines, "y", dimension))]
-    rates = factory(_DUAL)(y, [Dual(each, {}) for each in read(lines, "p", parameters)])
-    columns = [[_slopes(rate).get(i, 0.0) for rate in rates] for i in range(dimension)]
+    y = [Dual(number, {i: 1.0}) for i, number in enumerate(read(lines, "y", dimension))]
+    rates = factory(_DUAL)(y, [Dual(number, {}) for number in read(lines, "p", parameters)])
+    slopes = [_slopes(rate) for rate in rates]
+    # Entry (row, column) stands at column * dimension + row.
+    entries = list[Any]()
+    for i in range(dimension):
+        entries += [slope.get(i, 0.0) for slope in slopes]
     if mass:
-        masses, cj = read(lines, "mass", dimension), Number(lines, "%cj")
-        columns = [[-entry for entry in column] for column in columns]
-        for i, each in enumerate(masses):
-            columns[i][i] = cj * each + columns[i][i]
-    return written(lines, [entry for column in columns for entry in column])
+        masses = read(lines, "mass", dimension)
+        cj = Number(lines, "%cj")
+        entries = [-entry for entry in entries]
+        for i, diagonal in enumerate(masses):
+            place = i * dimension + i
+            entries[place] = cj * diagonal + entries[place]
+    return written(lines, entries)

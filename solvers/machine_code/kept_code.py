@@ -1,4 +1,4 @@
-"""heyoka's machine code on disk, beside it a checksum of every entry: what is damaged is dropped, never run.
+"""heyoka's machine code on disk with a checksum of every entry: damaged code is never run.
 
 The checksums are for accidents. Who may write to the folder may write code, hence it is the user's
 alone.
@@ -13,7 +13,7 @@ from zlib import crc32
 
 from polhode.models.files.kept import make_private, say
 
-# Bytes that heyoka may keep, some fifty integrators: to read and sum them takes 20 ms of a start.
+# Bytes that heyoka may cache, some fifty integrators: to read and sum them takes 20 ms of a start.
 MOST = 20_000_000
 
 
@@ -31,10 +31,12 @@ def check(folder: Path) -> bool:
     if not os.access(folder, os.W_OK):
         return False
     try:
-        known, found = _noted(folder), _sums(folder)
-        if all(known.get(key, checksum) == checksum for key, checksum in found.items()):
-            # Of entries that no process has written down the one that made them was killed.
-            _write(folder, known, found)
+        noted = _noted(folder)
+        sums = _sums(folder)
+        if all(noted.get(key, checksum) == checksum for key, checksum in sums.items()):
+            # Entries without a checksum count as sound: their process was killed before
+            # it noted them.
+            _write(folder, noted, sums)
             return True
         reason = "a checksum does not match"
     except DatabaseError as error:
@@ -48,29 +50,29 @@ def check(folder: Path) -> bool:
 
 def note(folder: Path) -> None:
     """Write down the checksums of new entries."""
-    known = _noted(folder)
-    # What cannot be read now is found at the next start.
+    noted = _noted(folder)
+    # An entry that cannot be read now gets its checksum at the next start.
     with suppress(Exception):
-        _write(folder, known, _sums(folder, known))
+        _write(folder, noted, _sums(folder, noted))
 
 
-def _write(folder: Path, known: Mapping[str, int], found: Mapping[str, int]) -> None:
-    if found.keys() - known.keys():
+def _write(folder: Path, noted: Mapping[str, int], sums: Mapping[str, int]) -> None:
+    if sums.keys() - noted.keys():
         private = folder / f"sums.{os.getpid()}"
         with suppress(OSError):
-            private.write_text(json.dumps({**known, **found}), encoding="utf-8")
+            private.write_text(json.dumps({**noted, **sums}), encoding="utf-8")
             private.replace(folder / "sums.json")
 
 
 def _noted(folder: Path) -> dict[str, int]:
     try:
-        found = json.loads((folder / "sums.json").read_text(encoding="utf-8"))
+        sums = json.loads((folder / "sums.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return sums if isinstance(sums, dict) else {}
 
 
-def _sums(folder: Path, known: Container[str] = ()) -> dict[str, int]:
+def _sums(folder: Path, noted: Container[str] = ()) -> dict[str, int]:
     """Checksum of each entry not known yet; raises sqlite3.DatabaseError if the file is damaged."""
     import sqlite3
 
@@ -82,7 +84,7 @@ def _sums(folder: Path, known: Container[str] = ()) -> dict[str, int]:
             row[1] for row in code.execute("PRAGMA table_info(cache)") if row[1] != "last_access"
         ]
         entry = f"SELECT {', '.join(names)} FROM cache WHERE hash = ?"
-        keys = [key for (key,) in code.execute("SELECT hash FROM cache") if str(key) not in known]
+        keys = [key for (key,) in code.execute("SELECT hash FROM cache") if str(key) not in noted]
         return {str(key): _sum(code.execute(entry, (key,)).fetchone() or ()) for key in keys}
 
 

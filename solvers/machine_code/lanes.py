@@ -1,4 +1,4 @@
-"""Maps of states, repeated for many particles at once in machine code: one particle in each SIMD lane.
+"""Maps of states, repeated in machine code with one particle in each SIMD lane.
 
 A map is a straight line of arithmetic, traced like a vector field; its lines serve vectors of
 doubles as they are.
@@ -24,9 +24,11 @@ class Lanes:
     dimension: int
 
     def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
-        """States in lanes, shape (groups, rows, d, width), each row so many times the map of the one before.
+        """States in lanes, shape (groups, rows, d, width).
 
-        Of starts, shape (n, d), the last one fills the lanes that are left over.
+        `steps` maps lead from each row to the next.
+
+        The last of the starts, shape (n, d), fills the lanes that are left over.
         """
         groups = -(-len(starts) // width())
         states = np.empty((groups, rows, self.dimension, width()))
@@ -38,7 +40,7 @@ class Lanes:
 
 
 def by_particle(states: np.ndarray, particles: int) -> np.ndarray:
-    """States in lanes as states of particles, shape (particles, rows, d), component by component in memory."""
+    """States in lanes as states of particles, shape (particles, rows, d), components in blocks."""
     groups, rows, dimension, wide = states.shape
     return np.moveaxis(states.transpose(2, 0, 3, 1).reshape(dimension, groups * wide, rows), 0, 2)[
         :particles
@@ -52,16 +54,19 @@ def lanes(
     before: Step | None = None,
     after: Step | None = None,
 ) -> Lanes:
-    """Compile ``step(y, constants) -> y`` over generic numbers; the constants are the same for all particles.
+    """Compile ``step(y, constants) -> y`` over generic numbers.
 
-    Rows are states as the map `after` makes them of what is stepped, and the map `before` makes
-    that of a row.
+    The constants are the same for all particles.
+
+    The map `before` turns a row into the state that is stepped, and `after` turns that state into
+    the next row.
     """
     wide = width()
     program = Program("march", "states constants counts", attribute=WIDEST_REGISTERS)
-    states, given, counts = program.arguments
+    states, numbers, counts = program.arguments
     steps, rows, groups = counts.load(3)
-    c, y = [splat(each, wide) for each in given.load(constants)], program.room(dimension, wide)
+    c = [splat(constant, wide) for constant in numbers.load(constants)]
+    y = program.room(dimension, wide)
     with program.times(groups) as group:
         first = states.of(wide) + group * rows * float(dimension)
         with program.times(rows - 1.0) as row:

@@ -32,13 +32,15 @@ class MachineCode:
 
     def function(self, prototype: Any) -> Any:
         """The function as ctypes calls it, which keeps the code alive."""
-        made = prototype(self.address)
-        made.code = self
-        return made
+        function = prototype(self.address)
+        function.code = self
+        return function
 
 
 def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCode:
-    """Compile a file of LLVM's language that defines the function; fields, or a library's `functions`, are ``$name``.
+    """Compile a file of LLVM's language that defines the function.
+
+    Fields, or a library's `functions`, are ``$name``.
 
     Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time
     with its own ``{i}``.
@@ -55,10 +57,11 @@ def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCod
 
 
 def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
-    """Compile definitions for this processor into an engine, which knows the addresses of the functions."""
+    """Compile definitions for this processor into an engine that knows the functions' addresses."""
     # At a lower level of optimization it takes less time. Extended, every double is x86's long
     # double of 80 bits.
-    llvm, text = _llvm(), _DECLARATIONS + text
+    llvm = _llvm()
+    text = _DECLARATIONS + text
     module = llvm.parse_assembly(_extended(text) if extended else text)
     target = llvm.Target.from_default_triple()
     cpu, features = _host()
@@ -79,8 +82,8 @@ def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
 
 
 def _extended(text: str) -> str:
-    def constant(found: re.Match[str]) -> str:
-        value = np.frombuffer(bytes.fromhex(found[1] or "00" * 8), ">f8")[0]
+    def constant(match: re.Match[str]) -> str:
+        value = np.frombuffer(bytes.fromhex(match[1] or "00" * 8), ">f8")[0]
         return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
 
     text = re.sub(r"0x([0-9A-F]{16})|\b0\.0\b", constant, text)
@@ -89,7 +92,7 @@ def _extended(text: str) -> str:
 
 
 def host_features() -> dict[str, bool]:
-    """What this processor can do, by LLVM's names."""
+    """Features of this processor by LLVM's names, and whether it has them."""
     return _llvm().get_host_cpu_features()
 
 

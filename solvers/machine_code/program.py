@@ -1,7 +1,9 @@
-"""Functions with loops and branches around traced numbers. Every number is a double, counts included.
+"""Functions with loops and branches around traced numbers.
 
-A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. What
-outlives a block lies in an `Array`; LLVM keeps small ones of the program's own in registers.
+Every number is a double, counts included.
+
+A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. Numbers
+that outlive a block lie in an `Array`; LLVM keeps small arrays of the program in registers.
 """
 
 import ctypes
@@ -27,11 +29,16 @@ REGISTERS = 2
 def width() -> int:
     """Particles, or rows, that this processor moves at once."""
     features = host_features()
-    return REGISTERS * (8 if features.get("avx512f") else 4 if features.get("avx") else 2)
+    doubles = 2
+    if features.get("avx"):
+        doubles = 4
+    if features.get("avx512f"):
+        doubles = 8
+    return REGISTERS * doubles
 
 
 def widened(line: str, lanes: int = 0) -> str:
-    """A line about numbers as one about vectors of them, of as many as this processor moves at once if not said."""
+    """A line about numbers as one about vectors, by default as wide as this processor's."""
     lanes = lanes or width()
     line = re.sub(r"\bdouble\b", f"<{lanes} x double>", line)
     line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)
@@ -40,7 +47,9 @@ def widened(line: str, lanes: int = 0) -> str:
 
 
 class Program(dict[str, str]):
-    """A function without result, its arguments arrays and numbers: the lines known in the block at hand, and the text.
+    """A function without result; its arguments are arrays and numbers.
+
+    It is the dictionary of the lines of the present block, and holds the text of all blocks.
 
     Names of arguments stand between blanks. The linkage is "internal" if other programs alone are
     to call it, the attribute "noinline", or what registers it may take.
@@ -50,12 +59,16 @@ class Program(dict[str, str]):
         self, name: str, arrays: str, numbers: str = "", linkage: str = "", attribute: str = ""
     ) -> None:
         super().__init__()
-        arguments = [f"ptr noalias %{each}" for each in arrays.split()]
-        arguments += [f"double %{each}" for each in numbers.split()]
+        arguments = [f"ptr noalias %{argument}" for argument in arrays.split()]
+        arguments += [f"double %{argument}" for argument in numbers.split()]
         self.head = f"define {linkage} void @{name}({', '.join(arguments)}) {attribute} {{\nstart:"
-        self.name, self.linkage, self.text, self.rooms, self.count = name, linkage, [], [], 0
-        self.arguments: list[Any] = [Array(self, f"%{each}") for each in arrays.split()]
-        self.arguments += [Number(self, f"%{each}") for each in numbers.split()]
+        self.name = name
+        self.linkage = linkage
+        self.text = []
+        self.rooms = []
+        self.count = 0
+        self.arguments: list[Any] = [Array(self, f"%{argument}") for argument in arrays.split()]
+        self.arguments += [Number(self, f"%{argument}") for argument in numbers.split()]
 
     def __str__(self) -> str:
         """The function in LLVM's language."""
@@ -68,7 +81,7 @@ class Program(dict[str, str]):
         return self[line]
 
     def fresh(self, line: str) -> str:
-        """The number that a line computes, which may differ from that of an equal line before."""
+        """The number that a line computes; an equal line before may have computed another one."""
         name = f"%{self.new()}"
         self.text.append(f"{name} = {line}")
         return name
@@ -90,13 +103,15 @@ class Program(dict[str, str]):
         room[0] = value
         return room
 
-    def call(self, other: "Program", *arguments: Any) -> None:
+    def call(self, callee: "Program", *arguments: Any) -> None:
         """Run another program."""
-        given = [
-            f"ptr {each.pointer}" if isinstance(each, Array) else f"double {operand(each)}"
-            for each in arguments
-        ]
-        self.text.append(f"call void @{other.name}({', '.join(given)})")
+        operands = list[str]()
+        for argument in arguments:
+            is_array = isinstance(argument, Array)
+            operands.append(
+                f"ptr {argument.pointer}" if is_array else f"double {operand(argument)}"
+            )
+        self.text.append(f"call void @{callee.name}({', '.join(operands)})")
 
     def _begin(self, label: str) -> None:
         """End the block at hand."""
@@ -110,7 +125,8 @@ class Program(dict[str, str]):
     @contextmanager
     def when(self, condition: str) -> Iterator[None]:
         """Do what follows if a condition holds."""
-        inside, after = self.new(), self.new()
+        inside = self.new()
+        after = self.new()
         self._branch(condition, inside, after, inside)
         yield
         self._begin(after)
@@ -118,7 +134,8 @@ class Program(dict[str, str]):
     @contextmanager
     def repeat(self) -> Iterator[Callable[[str], None]]:
         """Do what follows again and again, until it is left on a condition."""
-        begin, after = self.new(), self.new()
+        begin = self.new()
+        after = self.new()
         self._begin(begin)
 
         def leave(condition: str) -> None:
@@ -131,7 +148,7 @@ class Program(dict[str, str]):
 
     @contextmanager
     def times(self, number: Any) -> Iterator[Number]:
-        """Do what follows so many times; yields how many have been."""
+        """Do what follows `number` times; yields how often it has been done."""
         done = self.cell(0.0)
         with self.repeat() as leave:
             now = done[0]
@@ -141,7 +158,7 @@ class Program(dict[str, str]):
 
 
 class Wide(Number):
-    """A number in each of so many SIMD lanes."""
+    """A number in each of several SIMD lanes."""
 
     def __init__(self, lines: dict[str, str], name: str, lanes: int) -> None:
         super().__init__(lines, name)
@@ -171,14 +188,19 @@ def splat(number: Number, lanes: int) -> Number:
 
 
 class Array:
-    """Numbers in memory, by an index that is counted from 0; with lanes, one of each lane at an index."""
+    """Numbers in memory, by an index that is counted from 0.
+
+    With lanes, one of each lane at an index.
+    """
 
     def __init__(self, program: Program, pointer: str, lanes: int = 1) -> None:
-        self.program, self.pointer, self.lanes = program, pointer, lanes
+        self.program = program
+        self.pointer = pointer
+        self.lanes = lanes
         self.kind = widened("double", lanes) if lanes > 1 else "double"
 
     def __add__(self, index: Any) -> "Array":
-        """What begins with the entry of that index."""
+        """The array from the entry of that index on."""
         if not isinstance(index, Number):
             whole = int(index)
         else:
@@ -199,7 +221,7 @@ class Array:
         self.program.text.append(widened(line, self.lanes) if self.lanes > 1 else line)
 
     def of(self, lanes: int) -> "Array":
-        """The same place, entries of so many lanes."""
+        """The same place, with `lanes` numbers in each entry."""
         return Array(self.program, self.pointer, lanes)
 
     def load(self, size: int) -> tuple[Number, ...]:
@@ -216,7 +238,8 @@ class Same:
     """Numbers in memory, each of them for all lanes."""
 
     def __init__(self, array: Array, lanes: int) -> None:
-        self.array, self.lanes = array, lanes
+        self.array = array
+        self.lanes = lanes
 
     def __getitem__(self, index: Any) -> Number:
         return splat(self.array[index], self.lanes)
@@ -231,20 +254,25 @@ def _expm1(x: Any) -> Any:
     return value
 
 
+# Operations on numbers in lanes: C's library has no expm1 for vectors.
 WIDE = replace(OPERATIONS, expm1=_expm1)
+# A buffer of no bytes: it shows where an array begins.
 _NOTHING = ctypes.c_char * 0
 # Left to itself, LLVM halves the widest registers.
 WIDEST_REGISTERS = '"prefer-vector-width"="512"'
 
 
 def compare(how: str, left: Any, right: Any) -> str:
-    """The condition that numbers compare as "olt", "ole", "ogt" or "oge"; NaN fulfils "uge" and its like alone."""
+    """The condition that numbers compare as "olt", "ole", "ogt" or "oge".
+
+    NaN fulfils "uge" and its like alone.
+    """
     number: Any = left if isinstance(left, Number) else right
     return number.lines.setdefault(f"fcmp {how} double {operand(left)}, {operand(right)}", "")
 
 
 def _address(array: np.ndarray) -> int:
-    """Where an array's numbers are, in a quarter of the time NumPy takes for it, unless it is read-only."""
+    """Address of an array's numbers, in a quarter of NumPy's time unless the array is read-only."""
     try:
         return ctypes.addressof(_NOTHING.from_buffer(array))  # pyright: ignore[reportArgumentType]
     except TypeError:
@@ -252,14 +280,16 @@ def _address(array: np.ndarray) -> int:
 
 
 def compiled(*programs: Program, number: type = float, level: int = 1) -> list[Callable[..., None]]:
-    """Compile programs together; those that are not internal have arrays alone as arguments, and become functions.
+    """Compile programs together.
+
+    Those that are not internal have arrays alone as arguments, and become functions.
 
     The arrays, or their addresses, are contiguous and of the type named, float or x86's
     `numpy.longdouble`: nothing checks that. A call releases Python's lock.
     """
     # Loops as these gain nothing by more.
     engine = compile_text(
-        "\n".join(str(each) for each in programs), level=level, extended=number is not float
+        "\n".join(str(program) for program in programs), level=level, extended=number is not float
     )
 
     def function(program: Program) -> Callable[..., None]:
@@ -267,9 +297,9 @@ def compiled(*programs: Program, number: type = float, level: int = 1) -> list[C
         code = types(engine.get_function_address(program.name))
 
         def call(*arrays: np.ndarray | int) -> None:
-            code(*[each if isinstance(each, int) else _address(each) for each in arrays])
+            code(*[array if isinstance(array, int) else _address(array) for array in arrays])
 
         call.engine = engine  # pyright: ignore[reportFunctionMemberAccess]
         return call
 
-    return [function(each) for each in programs if each.linkage != "internal"]
+    return [function(program) for program in programs if program.linkage != "internal"]

@@ -1,4 +1,4 @@
-"""Vector fields as lines of LLVM's language: a number type of our own over `Operations`, and what no field may do.
+"""Vector fields as lines of LLVM's language, by a number type of our own over `Operations`.
 
 A field is a straight line of arithmetic. Called with numbers that write down what is done to them,
 it yields one line for each operation, ``%v7 = fmul contract double %v1, %v4``. Equal lines are
@@ -26,7 +26,7 @@ from polhode.models.problem import Factory
 from polhode.models.recording import UntraceableError
 
 # Powers that are multiplied out.
-MULTIPLIED_OUT = range(-16, 17)
+_MULTIPLIED_OUT = range(-16, 17)
 
 
 class FieldError(ValueError):
@@ -36,13 +36,13 @@ class FieldError(ValueError):
 def either_side(
     operation: Callable[[Any, Any], Any],
 ) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
-    """An operator of numbers and arrays of them, and the one that Python calls where the number is on the right."""
+    """An operator of numbers and arrays, and its mirror image for a number on the right."""
 
     def of_any(left: Any, right: Any) -> Any:
         if not (isinstance(left, np.ndarray) or isinstance(right, np.ndarray)):
             return operation(left, right)
         return np.vectorize(operation, otypes=[object])(
-            *(np.array(each, dtype=object) for each in (left, right))
+            *(np.array(side, dtype=object) for side in (left, right))
         )
 
     return of_any, lambda right, left: of_any(left, right)
@@ -68,7 +68,8 @@ class Number:
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def __init__(self, lines: dict[str, str], name: str) -> None:
-        self.lines, self.name = lines, name
+        self.lines = lines
+        self.name = name
 
     def emit(self, line: str) -> "Number":
         """The number that a line computes, a new line or an equal one from before."""
@@ -86,7 +87,7 @@ class Number:
         return self
 
     def __pow__(self, exponent: Any) -> Any:
-        if isinstance(exponent, Number) or exponent not in MULTIPLIED_OUT:
+        if isinstance(exponent, Number) or exponent not in _MULTIPLIED_OUT:
             return call("pow", self, exponent)
         n = int(exponent)
         if n < 2:
@@ -140,10 +141,17 @@ def of_library(function: str, *arguments: Any) -> Any:
 _expm1 = partial(of_library, "expm1")
 
 
-_SIN, _COS, _SQRT, _EXP, _LOG = (
-    partial(call, name) for name in ("sin", "cos", "sqrt", "exp", "log")
+# Operations on traced numbers.
+OPERATIONS = Operations(
+    partial(call, "sin"),
+    partial(call, "cos"),
+    partial(call, "sqrt"),
+    _where_positive,
+    _expm1,
+    partial(call, "exp"),
+    partial(call, "log"),
+    of_library,
 )
-OPERATIONS = Operations(_SIN, _COS, _SQRT, _where_positive, _expm1, _EXP, _LOG, of_library)
 
 
 @once()
@@ -156,7 +164,8 @@ def trace(factory: Factory, dimension: int, parameters: int, mass: bool = False)
     lines: dict[str, str] = {}
     rates = _evaluate(factory, read(lines, "y", dimension), read(lines, "p", parameters))
     if mass:
-        slopes, masses = read(lines, "slope", dimension), read(lines, "mass", dimension)
+        slopes = read(lines, "slope", dimension)
+        masses = read(lines, "mass", dimension)
         rates = [m * slope - rate for m, slope, rate in zip(masses, slopes, rates, strict=True)]
     return written(lines, rates)
 
@@ -187,8 +196,8 @@ def _evaluate(factory: Factory, y: tuple[Number, ...], p: tuple[Number, ...]) ->
     place = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(rhs)
     names = [
         name
-        for name, each in inspect.signature(rhs).parameters.items()
-        if each.default is each.empty
+        for name, parameter in inspect.signature(rhs).parameters.items()
+        if parameter.default is parameter.empty
     ]
     if len(names) != 2 or names[0] == "t":
         raise FieldError(f"{place}: got rhs({', '.join(names)}), expected rhs(y, p)")

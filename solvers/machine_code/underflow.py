@@ -18,7 +18,7 @@ _FLUSHING = 0x1F80 | 0x8000 | 0x0040
 
 
 class FlushedToZero:
-    """Within it numbers below 2e-308 are zero in this thread; on x86 alone, elsewhere nothing happens.
+    """Within it numbers below 2e-308 are zero in this thread, on x86 alone.
 
     The first one compiles what it needs: a solver makes one while it prepares, lest a run be
     charged with it.

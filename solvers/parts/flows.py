@@ -1,4 +1,4 @@
-"""What kernels are made of: the flows of a problem's parts, in lanes, with the constants of a step."""
+"""The flows of a problem's parts, in lanes, with the constants of a step: parts of kernels."""
 
 from collections.abc import Sequence
 
@@ -15,35 +15,40 @@ from polhode.solvers.machine_code.program import (
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
 # More slow flows than a step of any scheme has.
-MOST_STAGES = 16
+_MOST_STAGES = 16
 
 
 class Flows:
-    """What the kernels are made of: `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
+    """The flows of kernels.
 
-    Chains are compositions of flows beside each other, each in a SIMD lane. Constants of stage i, a
-    fast flow and a slow one, are row i of an array; then come those of the last fast flow and, of
-    one chain alone, of the last and the next one together.
+    `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
+
+    Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
+    constants belongs to stage i, a fast flow and a slow one. The row behind belongs to the last
+    fast flow, and with one chain alone a further row to the last and the next one together.
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
-        self.parts, self.dimension, self.chains = parts, dimension, chains
+        self.parts = parts
+        self.dimension = dimension
+        self.chains = chains
         self.lanes = width() if number is float else 1
-        self.fast, self.slow = parts.fast.flow(OPERATIONS), parts.slow.flow(OPERATIONS)
+        self.fast = parts.fast.flow(OPERATIONS)
+        self.slow = parts.slow.flow(OPERATIONS)
         self.rate = parts.rate(OPERATIONS)
         numbers = (0.5,) * 64, 0.5
         self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
         self.both = (
             parts.both(OPERATIONS)
             if parts.both
-            else lambda y, *made: self.slow(self.fast(y, made[0]), made[1])
+            else lambda y, fast, slow, *_: self.slow(self.fast(y, fast), slow)
         )
         self.prepare = self._prepare()
         self.spread = self._spread()
 
     def constants(self, program: Program, lanes: int = 0) -> Array:
         """Room for the constants of a step, of each chain if lanes are not given."""
-        return program.room((MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
+        return program.room((_MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
 
     def row(self, constants: Array, i: float | Number) -> Array:
         """Constants from row i on."""
@@ -67,8 +72,8 @@ class Flows:
 
     def both_flows(self, y: Array, fast: Array, slow: Array, base: Sequence[Number] = ()) -> None:
         """Advance a state by a fast flow and a slow one, with the constants of two rows."""
-        made = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
-        y.store(self.both(self.whole(y, base), *made, *([y.load(len(base))] if base else [])))
+        constants = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
+        y.store(self.both(self.whole(y, base), *constants, *([y.load(len(base))] if base else [])))
 
     def _prepare(self) -> Program:
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
@@ -81,13 +86,13 @@ class Flows:
         self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number
     ) -> None:
         """Compute the constants of a step h, in as many lanes as they have."""
-        fast, slow, lanes = self.parts.fast, self.parts.slow, constants.lanes
+        fast = self.parts.fast
+        slow = self.parts.slow
+        lanes = constants.lanes
         mirrored = self.chains == 1 or isinstance(shares, Same)
-        ops, parameters, program = (
-            WIDE if lanes > 1 else OPERATIONS,
-            Same(p, lanes),
-            constants.program,
-        )
+        ops = WIDE if lanes > 1 else OPERATIONS
+        parameters = Same(p, lanes)
+        program = constants.program
         with program.times(stages + 1.0) as i:
             self.row(constants, i).store(fast.constants(parameters, shares[i] * h, ops))
         if self.chains == 1:
@@ -95,25 +100,29 @@ class Flows:
                 fast.constants(parameters, 2.0 * shares[0] * h, ops)
             )
         with program.times(0.5 * stages if mirrored else stages) as i:
-            made = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
+            slow_constants = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
             for row in (i, stages - 1.0 - i) if mirrored else (i,):
-                (self.row(constants, row) + self.sizes[0]).store(made)
+                (self.row(constants, row) + self.sizes[0]).store(slow_constants)
 
     def _spread(self) -> Program:
-        """Move rows by a time of each one's own, one in each lane; `number` holds the rows, and the steps of each."""
+        """Move rows by a time of each one's own, one in each lane.
+
+        `number` holds the rows, and the steps of each.
+        """
         program = Program(
             "spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS
         )
         scheme, p, number, times, rows = program.arguments
-        stages, last, steps, dimension, lanes = (
-            scheme[0],
-            number[0] - 1.0,
-            number[1],
-            self.dimension,
-            float(self.lanes),
-        )
-        y, h = program.room(dimension, self.lanes), program.room(1, self.lanes)
-        constants, entries, lengths = self.constants(program, self.lanes), y.of(1), h.of(1)
+        stages = scheme[0]
+        last = number[0] - 1.0
+        steps = number[1]
+        dimension = self.dimension
+        lanes = float(self.lanes)
+        y = program.room(dimension, self.lanes)
+        h = program.room(1, self.lanes)
+        constants = self.constants(program, self.lanes)
+        entries = y.of(1)
+        lengths = h.of(1)
         with program.times(number[0] / lanes) as i:
 
             def row(k: Number) -> tuple[Number, Array]:

@@ -1,4 +1,4 @@
-"""Machine code that composes the flows of a problem's parts: no Python per step, nor per requested time."""
+"""Machine code that composes the flows of a problem's parts: no Python per step or row."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -22,12 +22,15 @@ from polhode.solvers.parts.flows import Flows
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it
 # stays, since what errs to and fro within a turn adds up to nothing only while steps are equal.
-BAND = 1.05
+_BAND = 1.05
 # Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
-BACKWARD = 0.05
-# Numbers in a law; times at which a check compares runs, in either part; what rounding makes of
-# their difference.
-LAW, POINTS, ROUNDING = 6, 8, {float: 1e-13, np.longdouble: 5e-17}
+_BACKWARD = 0.05
+# Numbers in a law.
+_LAW = 6
+# Times at which a check compares runs, in either part.
+_POINTS = 8
+# Difference of two runs by rounding, per type of number, relative.
+_ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
 # How a call of `advance` ends.
 Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
 # Places in a clock: the time at which the step was last changed, the step, the rates between which
@@ -35,7 +38,8 @@ Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", 
 # time, steps, and the number of times.
 At = IntEnum("At", "BEGIN STEP LOW HIGH SINCE FILLED STEPS CODE UNTIL LIMIT ROWS", start=0)
 
-sqrt, where_positive = OPERATIONS.sqrt, OPERATIONS.where_positive
+sqrt = OPERATIONS.sqrt
+where_positive = OPERATIONS.where_positive
 
 
 @dataclass(frozen=True)
@@ -53,24 +57,27 @@ class Kernels:
     # each row.
     advance: Callable[..., None]
     # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at
-    # the end. The numbers: the laws, the length of either part and of the whole, the rate, and what
-    # is found. Of what the two runs differ by: the most of the slow quantities, the most of the
-    # fast components per turn, and the change of the slow quantities' mean; the amplitudes of the
-    # fast components in either part; the steps; the codes' sum.
+    # the end. The numbers: the laws, the length of either part and of the whole, the rate, and the
+    # results. These are the largest difference of the two runs in slow quantities, and in fast
+    # components per turn; the change of the mean difference of slow quantities; the amplitudes of
+    # the fast components in either part; the steps; the codes' sum.
     check: Callable[..., None]
 
 
 def clock(time: float, number: type = float) -> np.ndarray:
-    """The clock of a run that begins; no rate lies between its bounds, so that a first step is chosen."""
+    """The clock of a run that begins.
+
+    No rate lies between its bounds, so that a first step is chosen.
+    """
     return np.array([time, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, 0.0, 0.0], number)
 
 
 @once()
 def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1) -> Kernels:
-    """Compile those of splitting for a problem's parts, once in a process, over a type of numbers."""
+    """Compile the kernels of splitting for a problem's parts and a type of numbers, once."""
     flows = Flows(parts, dimension, number, chains)
     advance = _advance(flows)
-    programs = flows.prepare, flows.spread, advance, _check(flows, advance, ROUNDING[number])
+    programs = flows.prepare, flows.spread, advance, _check(flows, advance, _ROUNDING[number])
     return Kernels(*compiled(*programs, number=number))
 
 
@@ -80,8 +87,8 @@ def larger(a: Number, b: Number) -> Number:
 
 
 def length(vector: Sequence[Number]) -> Number:
-    """Of a vector."""
-    return sqrt(sum(each * each for each in vector))
+    """Euclidean norm of a vector."""
+    return sqrt(sum(component * component for component in vector))
 
 
 def _advance(flows: Flows) -> Program:
@@ -89,18 +96,21 @@ def _advance(flows: Flows) -> Program:
         "advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS
     )
     scheme, law, p, state, clock, times, rests, rows = program.arguments
-    stages, dimension, kept = scheme[0], flows.dimension, flows.parts.moving[0]
-    constants, number = flows.constants(program), program.room(2)
-    y, at, each = (
-        program.room(dimension),
-        program.room(dimension),
-        program.room(dimension, flows.chains),
-    )
-    rest = program.room(kept)
-    rest.store([0.0] * kept)
+    stages = scheme[0]
+    dimension = flows.dimension
+    # Number of first components that the fast flow leaves alone.
+    unmoved = flows.parts.moving[0]
+    constants = flows.constants(program)
+    number = program.room(2)
+    y = program.room(dimension)
+    at = program.room(dimension)
+    chain_states = program.room(dimension, flows.chains)
+    remainder = program.room(unmoved)
+    remainder.store([0.0] * unmoved)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
-    open_, code = program.cell(0.0), program.cell(float(Code.FINISHED))
+    open_ = program.cell(0.0)
+    code = program.cell(float(Code.FINISHED))
     limit = clock[At.STEPS] + clock[At.LIMIT]
     begin, step, low, high, since, filled, steps = (program.cell(clock[i]) for i in range(At.CODE))
 
@@ -123,8 +133,10 @@ def _advance(flows: Flows) -> Program:
         with program.when(compare("ogt", outside[0], 0.0)):
             close(y)
             open_[0] = 0.0
-            begin[0], since[0] = begin[0] + since[0] * step[0], 0.0
-            low[0], high[0] = speed / BAND, speed * BAND
+            begin[0] = begin[0] + since[0] * step[0]
+            since[0] = 0.0
+            low[0] = speed / _BAND
+            high[0] = speed * _BAND
             free = law[0] * speed ** (1.0 - law[1])
             step[0] = where_positive(law[2] - free, free, law[2]) / speed
             code[0] = float(Code.NOT_FINITE)
@@ -138,13 +150,13 @@ def _advance(flows: Flows) -> Program:
         now = begin[0] + since[0] * step[0]
         # Rows are reached from the nearer end of a step, except back in time where the slow part is
         # strong.
-        near = now + where_positive(BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
-        with program.when(compare("ole", times[filled[0]], near)):
+        row_limit = now + where_positive(_BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
+        with program.when(compare("ole", times[filled[0]], row_limit)):
             at.store(y.load(dimension))
             close(at)
             with program.repeat() as done:
                 done(compare("oge", filled[0], clock[At.ROWS]))
-                done(compare("ogt", times[filled[0]], near))
+                done(compare("ogt", times[filled[0]], row_limit))
                 (rows + filled[0] * float(dimension)).store(at.load(dimension))
                 rests[filled[0]] = times[filled[0]] - now
                 filled[0] = filled[0] + 1.0
@@ -158,27 +170,32 @@ def _advance(flows: Flows) -> Program:
         code[0] = float(Code.FINISHED)
         if flows.chains > 1:
             # All chains begin where the step does, and their mean, by weight, is where it ends.
-            # What components gain that the fast flow leaves alone is summed apart: rounding of the
-            # same sign in each step would pile up.
+            # Gains of components that the fast flow leaves alone are summed apart: rounding of
+            # equal sign in each step would pile up.
             start = y.load(dimension)
-            each.store(
-                [splat(number, flows.chains) for number in (*rest.load(kept), *start[kept:])]
+            chain_states.store(
+                [
+                    splat(number, flows.chains)
+                    for number in (*remainder.load(unmoved), *start[unmoved:])
+                ]
             )
-            base = [splat(number, flows.chains) for number in start[:kept]]
+            base = [splat(number, flows.chains) for number in start[:unmoved]]
             with program.times(stages) as i:
-                flows.both_flows(each, flows.row(constants, i), flows.row(constants, i), base)
-            flows.fast_flow(each, flows.row(constants, stages), base)
+                flows.both_flows(
+                    chain_states, flows.row(constants, i), flows.row(constants, i), base
+                )
+            flows.fast_flow(chain_states, flows.row(constants, stages), base)
             weights = (scheme + 1).of(flows.chains)[2.0 * stages + 1.0]
-            means = [(weights * number).total() for number in each.load(dimension)]
-            ends = [before + gain for before, gain in zip(start, means[:kept], strict=False)]
-            rest.store(
+            means = [(weights * number).total() for number in chain_states.load(dimension)]
+            ends = [before + gain for before, gain in zip(start, means[:unmoved], strict=False)]
+            remainder.store(
                 [
                     gain - (end - before)
                     for before, gain, end in zip(start, means, ends, strict=False)
                 ]
             )
             assert flows.parts.restored is not None
-            y.store(flows.parts.restored([*ends, *means[kept:]]))
+            y.store(flows.parts.restored([*ends, *means[unmoved:]]))
         else:
             first = open_[0] * (stages + 1.0)
             with program.times(stages) as i:
@@ -186,42 +203,54 @@ def _advance(flows: Flows) -> Program:
                     y, flows.row(constants, where_positive(i, i, first)), flows.row(constants, i)
                 )
             open_[0] = 1.0
-        since[0], steps[0] = since[0] + 1.0, steps[0] + 1.0
+        since[0] = since[0] + 1.0
+        steps[0] = steps[0] + 1.0
     close(y)
     state.store(y.load(dimension))
     before = clock[At.FILLED]
     leading = scheme + (1.0 + (2.0 * stages + 2.0) * flows.chains)
     number.store([filled[0] - before, 1.0])
     program.call(flows.spread, leading, p, number, rests + before, rows + before * float(dimension))
-    clock.store([each[0] for each in (begin, step, low, high, since, filled, steps, code)])
+    cells = (begin, step, low, high, since, filled, steps, code)
+    clock.store([cell[0] for cell in cells])
     return program
 
 
 def _check(flows: Flows, advance: Program, rounding: float) -> Program:
     program = Program("check", "scheme p state numbers")
     scheme, p, state, laws = program.arguments
-    setting, out = laws + 2 * LAW, laws + (2 * LAW + 3)
-    dimension, moving, points = flows.dimension, range(*flows.parts.moving), float(POINTS)
-    rows, y = program.room((4 * POINTS + 2) * dimension), program.room(dimension)
-    times, rests = (program.room(2 * POINTS + 1) for _ in range(2))
-    # From 0 on, since times far from there are rounded to more than is looked for.
+    setting = laws + 2 * _LAW
+    out = laws + (2 * _LAW + 3)
+    dimension = flows.dimension
+    moving = range(*flows.parts.moving)
+    points = float(_POINTS)
+    rows = program.room((4 * _POINTS + 2) * dimension)
+    y = program.room(dimension)
+    times, rests = (program.room(2 * _POINTS + 1) for _ in range(2))
+    # From 0 on: times far from 0 have a rounding larger than the differences that a check seeks.
     span, whole, rate = setting.load(3)
     times[0] = 0.0
     with program.times(points) as k:
         after = (k + 1.0) * (span / points)
-        times[k + 1.0], times[k + (points + 1.0)] = after, whole - span + after
+        times[k + 1.0] = after
+        times[k + (points + 1.0)] = whole - span + after
     out.store([0.0] * 7)
     with program.times(2.0) as run:
         clock = program.room(len(At))
         clock.store([0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
         y.store(state.load(dimension))
-        own = rows + run * (2 * points + 1) * dimension
-        program.call(advance, scheme, laws + run * float(LAW), p, y, clock, times, rests, own)
-        out[5], out[6] = out[5] + clock[At.STEPS], out[6] + clock[At.CODE]
+        run_rows = rows + run * (2 * points + 1) * dimension
+        program.call(advance, scheme, laws + run * float(_LAW), p, y, clock, times, rests, run_rows)
+        steps = out[5] + clock[At.STEPS]
+        codes = out[6] + clock[At.CODE]
+        out[5] = steps
+        out[6] = codes
     size = len(flows.parts.slow_quantities(y))
     before = program.room(size)
     with program.times(2.0) as part:
-        change, middle, most = program.room(size), program.room(len(moving)), out + part + 3.0
+        change = program.room(size)
+        middle = program.room(len(moving))
+        most = out + part + 3.0
         change.store([0.0] * size)
         middle.store([0.0] * len(moving))
 
@@ -229,12 +258,13 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
             return rows + ((part + 2 * run) * points + (k + 1.0 + run)) * float(dimension)
 
         with program.times(points) as k:
-            first, second = row(k, 0.0), row(k, 1.0)
+            first = row(k, 0.0)
+            second = row(k, 1.0)
             slow = [
                 b - a
                 for a, b in zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
             ]
-            change.store([each + more for each, more in zip(change.load(size), slow, strict=True)])
+            change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
             out[0] = larger(out[0], length(slow))
             turns = times[part * points + k + 1.0] * rate / (2 * pi)
             out[1] = larger(
@@ -245,7 +275,7 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
         with program.times(points) as k:
             first = row(k, 0.0)
             most[0] = larger(most[0], length([first[i] - middle[j] for j, i in enumerate(moving)]))
-        # Of the first part, before there is another.
+        # The first part leaves its mean for the second to compare with.
         out[2] = length([(change[i] - before[i]) / points for i in range(size)])
         before.store(change.load(size))
     return program

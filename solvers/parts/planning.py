@@ -7,60 +7,79 @@ import numpy as np
 
 from polhode.solvers.contract import Record
 
-# A step h at the rate r of the fast angle, where the slow part relaxes at the rate γ, leaves the
-# slow components with errors of about COEFFICIENT γ r**-POWER (h r)**ORDER, in whatever time: what
-# accumulates does so no longer than the slow components remember, a time 1/γ. The angle h r is
-# never wider than flows reach.
-ORDER, POWER, COEFFICIENT = 6, 2.0, 6e-7
-# What errors are to the law at first, by the strength of the torque squared over the rate at which
-# it is forgotten.
-SCALE, SHARE = 1.4, 0.6
-# Of steps ``H r**-EXPONENT`` that err alike, between those equal in angle (1) and in time (0).
-EXPONENT = 1 - POWER / ORDER
+# The law of errors. A step h leaves the slow components with errors of about
+# COEFFICIENT γ r**-POWER (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the
+# slow part relaxes. The time has no part in it: errors accumulate no longer than the slow
+# components remember, a time 1/γ. The angle h r is never wider than flows reach.
+_ORDER = 6
+_POWER = 2.0
+_COEFFICIENT = 6e-7
+# First guess of the ratio of errors to the law: SCALE (s²/f)**SHARE, s the strength of the torque
+# and f the rate at which it is forgotten.
+_SCALE = 1.4
+_SHARE = 0.6
+# Steps ``H r**-EXPONENT`` err alike; they lie between steps equal in angle (1) and in time (0).
+_EXPONENT = 1 - _POWER / _ORDER
 # Error aimed at over the tolerance: estimates may be off, and what follows the check may amplify.
-AIM = 0.2
-# A check takes this share of what is left of the run, within so many turns, against steps smaller
-# by this factor, at so many times within some turns at its beginning and at its end. It takes all
-# of a run of few turns, or of more where they are damped, in proportion.
-CHECKED, LEAST_TURNS, MOST_TURNS = 0.003, 2.0, 500.0
-ALL, DAMPED, MOST_ALL = 4.0, 4.0, 200.0
-FINER, MEAN_OVER = 0.8, 5.0
-# No step is a larger share of the run.
-SEEN = 0.4
-# The step stands if the estimated error is within these factors of the one wanted; else the law is
-# scaled, so often, for an error so much of that; where none is estimated the least is taken.
-FITTING, MIDDLE, LEAST, ROUNDS = (0.3, 2.0), 0.8, 1e-6, 4
-# Of the errors of steps that are not checked again, where they fall more slowly: where the slow
-# part is not so small.
-LEAST_ORDER = 4
-# A check sees errors from so many times what rounding makes of them; for smaller ones steps are
-# narrowed unseen. No error is aimed at below so many times the rounding of one number.
-CLEAR, LEAST_ERROR = 4.0, 100.0
-# Another round pays if wider steps cost no more than this share of those at hand, and if the plans
-# differ by a check, which costs as much as so many steps beside its own.
-REWARDING, CHECK = 0.85, 250.0
-# Numbers that a check finds.
-FOUND = 7
+_AIM = 0.2
+# A check takes this share of the remaining run.
+_CHECKED = 0.003
+# Least and most turns of a check.
+_LEAST_TURNS = 2.0
+_MOST_TURNS = 500.0
+# A check takes all of a run of fewer turns, or of more where they are damped: in proportion to this
+# multiple of the damping in a turn, up to a most number of turns.
+_ALL = 4.0
+_DAMPED = 4.0
+_MOST_ALL = 200.0
+# Ratio of the steps that a check compares.
+_FINER = 0.8
+# Turns at the beginning and at the end of a check over which means are taken.
+_MEAN_OVER = 5.0
+# Largest share of the run that a step takes.
+_MAX_STEP_SHARE = 0.4
+# The step stands if the estimated error is within these factors of the requested one.
+_FITTING = (0.3, 2.0)
+# Otherwise the law is scaled for an error of this share of the requested one.
+_MIDDLE = 0.8
+# Least estimate, over the requested error: takes the place of 0.
+_LEAST = 1e-6
+# Checks of one plan at most.
+ROUNDS = 4
+# Order by which errors of steps fall that are not checked again: lower, as the slow part may not be
+# small there.
+_LEAST_ORDER = 4
+# A check sees errors from this multiple of their rounding on; for smaller ones steps are narrowed
+# without a check.
+_CLEAR = 4.0
+# Least error aimed at, over the rounding of one number.
+_LEAST_ERROR = 100.0
+# Another round pays if wider steps cost no more than this share of the present ones.
+_REWARDING = 0.85
+# It pays only if the plans differ by a check, which costs this many steps beside its own.
+_CHECK = 250.0
+# Numbers that a check returns.
+_FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
-PER_TURN = 0.1
+_PER_TURN = 0.1
 # Scale of the error of a plan that ends in nothing.
-HOPELESS = 1e3
+_HOPELESS = 1e3
 
 
 class Plan(NamedTuple):
-    """The number H of a step, the square of the least rate that counts, and the widest angle of a step."""
+    """The number H of steps, the square of the least rate that counts, and the widest angle."""
 
     factor: float
     floor: float
     widest: float
 
     def law(self, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
-        """What machine code receives as law; it holds between two rates."""
-        return self.factor, EXPONENT, self.widest, self.floor, *between
+        """The law as machine code receives it; it holds between two rates."""
+        return self.factor, _EXPONENT, self.widest, self.floor, *between
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
-        return min(self.factor * rate**-EXPONENT, self.widest / rate)
+        return min(self.factor * rate**-_EXPONENT, self.widest / rate)
 
     def narrowed(self, factor: float) -> "Plan":
         """One whose steps are all smaller by a factor."""
@@ -71,105 +90,116 @@ class Planner:
     """Chooses plans for one problem (`splitting.Split`) and one tolerance, from its short runs."""
 
     def __init__(self, problem: Any, tolerance: float) -> None:
-        self.problem, self.error = problem, max(AIM * tolerance, LEAST_ERROR * problem.epsilon)
-        # The error that checked steps are to have, no less than a check sees; what errors are to
-        # the law, as far as is known; the plan of checked steps.
-        self.seen = self.error
+        self.problem = problem
+        self.error = max(_AIM * tolerance, _LEAST_ERROR * problem.epsilon)
+        # The error that checked steps are to have, no less than a check sees.
+        self.aim = self.error
+        # Ratio of errors to the law, as far as checks have shown it.
         self.scale = (
-            SCALE * (problem.strength**2 / problem.forgetting) ** SHARE
+            _SCALE * (problem.strength**2 / problem.forgetting) ** _SHARE
             if problem.strength > 0
             else 1.0
         )
+        # The plan of checked steps.
         self.checked: Plan | None = None
 
     def by_law(self, rate: float, longest: float) -> Plan:
-        """The plan of widest steps at a rate, where errors are so many times those of the law."""
-        factor = (self.seen / (self.problem.strength * self.scale * COEFFICIENT)) ** (1 / ORDER)
-        return Plan(min(factor, longest * rate**EXPONENT), self.problem.floor, self.problem.widest)
+        """The plan of widest steps at a rate, if errors are `scale` times the law."""
+        factor = (self.aim / (self.problem.strength * self.scale * _COEFFICIENT)) ** (1 / _ORDER)
+        return Plan(min(factor, longest * rate**_EXPONENT), self.problem.floor, self.problem.widest)
 
     def plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
-        """The widest plan found for the error aimed at, beginning with that in use."""
-        self.checked = self.found(self.checked if old else None, state, now, record)
-        unseen = self.error / self.seen
-        plan = self.checked.narrowed(unseen ** (1 / LEAST_ORDER)) if unseen < 1 else self.checked
+        """The widest plan for the error aimed at, beginning with the one in use."""
+        self.checked = self.checked_plan(self.checked if old else None, state, now, record)
+        unchecked = self.error / self.aim
+        plan = (
+            self.checked.narrowed(unchecked ** (1 / _LEAST_ORDER))
+            if unchecked < 1
+            else self.checked
+        )
         return old if old and old == plan else plan
 
-    def found(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
-        """The widest plan found that a check lets stand, beginning with an old one."""
-        rate, length = self.problem.rate(state), float(record.times[-1]) - now
+    def checked_plan(self, old: Plan | None, state: np.ndarray, now: float, record: Record) -> Plan:
+        """The widest plan that a check lets stand, beginning with an old one."""
+        rate = self.problem.rate(state)
+        length = float(record.times[-1]) - now
         # Rows within the first step are the same whatever its length: a check sees nothing there.
-        longest = SEEN * length
-        plan, good, bad = old or self.by_law(rate, longest), None, None
+        longest = _MAX_STEP_SHARE * length
+        plan = old or self.by_law(rate, longest)
+        good = None
+        bad = None
         for _ in range(ROUNDS):
             ratio = self.off(plan, state, now, record)
-            if bad and bad[1] <= ratio != HOPELESS:
-                # What is left is rounding, which more steps add to.
+            if bad and bad[1] <= ratio != _HOPELESS:
+                # Only rounding is left, which more steps add to.
                 return bad[0]
-            if ratio <= FITTING[1]:
+            if ratio <= _FITTING[1]:
                 good = plan, ratio
             else:
                 bad = plan, ratio
-            if FITTING[0] <= ratio <= FITTING[1] or record.expired:
+            if _FITTING[0] <= ratio <= _FITTING[1] or record.expired:
                 break
             if good and bad:
                 # Between two that were checked.
-                order = log(bad[1] / max(good[1], LEAST)) / log(
+                order = log(bad[1] / max(good[1], _LEAST)) / log(
                     bad[0].step(rate) / good[0].step(rate)
                 )
                 return self.next(plan, ratio, order, rate, longest)
-            before, plan = plan, self.next(plan, ratio, ORDER, rate, longest)
+            before = plan
+            plan = self.next(plan, ratio, _ORDER, rate, longest)
             saved = abs(1 / before.step(rate) - 1 / plan.step(rate))
-            if saved * length < CHECK or (good and saved * before.step(rate) < 1 - REWARDING):
-                return good[0] if good else self.next(before, ratio, LEAST_ORDER, rate, longest)
+            if saved * length < _CHECK or (good and saved * before.step(rate) < 1 - _REWARDING):
+                return good[0] if good else self.next(before, ratio, _LEAST_ORDER, rate, longest)
         return good[0] if good else plan
 
     def next(self, plan: Plan, ratio: float, order: float, rate: float, longest: float) -> Plan:
-        """A plan of the error aimed at, after one whose error, so many times that, falls by an order."""
-        step = plan.step(rate) * (MIDDLE / max(ratio, LEAST)) ** (1 / order)
-        law = COEFFICIENT * rate ** (ORDER - POWER) * step**ORDER
-        self.scale = self.seen / (self.problem.strength * law)
+        """A plan of the error aimed at, after one with `ratio` times that error, of an order."""
+        step = plan.step(rate) * (_MIDDLE / max(ratio, _LEAST)) ** (1 / order)
+        law = _COEFFICIENT * rate ** (_ORDER - _POWER) * step**_ORDER
+        self.scale = self.aim / (self.problem.strength * law)
         return self.by_law(rate, longest)
 
     def off(self, plan: Plan, state: np.ndarray, now: float, record: Record) -> float:
         """Estimated error of a plan over the one that checked steps are to have."""
         error, rounding = self.estimated(plan, state, now, record)
-        self.seen = max(self.error, CLEAR * rounding)
-        return error / self.seen if isfinite(error) else HOPELESS
+        self.aim = max(self.error, _CLEAR * rounding)
+        return error / self.aim if isfinite(error) else _HOPELESS
 
     def estimated(
         self, plan: Plan, state: np.ndarray, now: float, record: Record
     ) -> tuple[float, float]:
-        """Error of the slow quantities in the rest of the run, from short runs by the plan and by smaller steps.
+        """Error of the slow quantities in the remaining run, from short runs by two step sizes.
 
-        What the two differ by in a turn's mean grows with time, as long as the slow quantities
-        remember; the rest goes to and fro within a turn. What the fast components err by, in rad
-        per turn, counts as well: over their amplitude where that is small and grows, as at a
-        saddle. The second number is what rounding makes of it.
+        The difference of the two in a turn's mean grows with time, as long as the slow quantities
+        remember; the remainder oscillates within a turn. Errors of the fast components, in rad
+        per turn, count as well: over their amplitude where that is small and grows, as at a saddle.
+        The second number is the part of rounding in the estimate.
         """
-        problem, length = self.problem, float(record.times[-1]) - now
+        problem = self.problem
+        length = float(record.times[-1]) - now
         rate = problem.rate(state)
         turn = 2 * pi / rate
-        window = min(length, MOST_TURNS * turn, max(LEAST_TURNS * turn, CHECKED * length))
-        if length < turn * min(MOST_ALL, ALL * max(1.0, DAMPED * problem.strength * turn)):
+        window = min(length, _MOST_TURNS * turn, max(_LEAST_TURNS * turn, _CHECKED * length))
+        if length < turn * min(_MOST_ALL, _ALL * max(1.0, _DAMPED * problem.strength * turn)):
             window = length
-        span = MEAN_OVER * turn if window > 4 * MEAN_OVER * turn else window / 2
-        given = *plan.law(), *plan.narrowed(FINER).law(), span, window, rate
-        numbers = np.array((*given, *(0.0,) * FOUND), problem.number)
+        span = _MEAN_OVER * turn if window > 4 * _MEAN_OVER * turn else window / 2
+        settings = *plan.law(), *plan.narrowed(_FINER).law(), span, window, rate
+        numbers = np.array((*settings, *(0.0,) * _FOUND), problem.number)
         problem.kernels.check(
             problem.scheme.addresses[problem.number], problem.address, state, numbers
         )
-        slow, fast, change, begin, end, steps, failed = numbers[-FOUND:].tolist()
+        slow, fast, change, begin, end, steps, failed = numbers[-_FOUND:].tolist()
         record.work.rejected = (record.work.rejected or 0) + int(steps)
         if failed:
             return inf, 0.0
         if end > begin:
             fast /= min(1.0, end)
-        # Slow components remember for a time between those of the fastest and of the slowest one.
+        # Slow components remember for a time between the memory of the fastest and the slowest one.
         remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
         grown = remaining / (window - span)
         # To and fro in the slow quantities; of the same sign in the phase, where that moves little
         # in a step.
         rounding = problem.epsilon * max(
-            rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / PER_TURN
+            rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / _PER_TURN
         )
-        return max(slow + change * grown, fast / PER_TURN) / (1 - FINER**ORDER), rounding
+        return max(slow + change * grown, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding

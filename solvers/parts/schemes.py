@@ -32,17 +32,18 @@ class Scheme:
 
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
-        """What machine code receives, by the type of its numbers: its own, and the scheme that leads to rows."""
+        """The scheme and the one that leads to rows as numbers for machine code, by their type."""
         types = float, np.longdouble
-        return {each: np.concatenate([self.listed(each), ABA.listed(each)[:-1]]) for each in types}
+        return {
+            number: np.concatenate([self.listed(number), ABA.listed(number)[:-1]])
+            for number in types
+        }
 
     def listed(self, number: type) -> np.ndarray:
         """Stages, fast shares, slow shares, weights of the chains."""
-        shares = [
-            _mirrored(*each, number)
-            for each in ((self.fast, self.stages + 1), (self.slow, self.stages))
-        ]
-        return np.concatenate([np.array([self.stages], number), *shares, np.ones(1, number)])
+        fast = _mirrored(self.fast, self.stages + 1, number)
+        slow = _mirrored(self.slow, self.stages, number)
+        return np.concatenate([np.array([self.stages], number), fast, slow, np.ones(1, number)])
 
     @cached_property
     def widest(self) -> float:
@@ -51,12 +52,12 @@ class Scheme:
 
     @cached_property
     def addresses(self) -> dict[type, int]:
-        """Where machine code finds these numbers."""
+        """Addresses of these numbers, by their type."""
         return {number: array.ctypes.data for number, array in self.numbers.items()}
 
 
 def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
-    """All shares; the middle takes up what rounding of the others leaves, since a sum beside 1 changes the clock."""
+    """All shares; the middle ones make their sum 1, as another sum would change the clock."""
     shares = np.array([*half, *half[: length - len(half)][::-1]], number)
     middle = shares[(length - 1) // 2 : length // 2 + 1]
     middle += (1 - shares.sum()) / len(middle)
@@ -65,7 +66,10 @@ def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Parallel(Scheme):
-    """A mean, by weight, of compositions and their mirror images; given are the shares of slow flows, and where."""
+    """A mean, by weight, of compositions and their mirror images.
+
+    Given are the shares of slow flows, and where.
+    """
 
     nodes: Sequence[float] = ()
     weights: Sequence[float] = ()
@@ -76,13 +80,11 @@ class Parallel(Scheme):
 
     def listed(self, number: type) -> np.ndarray:
         nodes, slow = (
-            np.array(each, number).reshape(-1, self.stages) for each in (self.nodes, self.slow)
+            np.array(rows, number).reshape(-1, self.stages) for rows in (self.nodes, self.slow)
         )
         slow /= slow.sum(axis=1, keepdims=True)
-        nodes, slow = (
-            np.concatenate([nodes, 1 - nodes[:, ::-1]]),
-            np.concatenate([slow, slow[:, ::-1]]),
-        )
+        nodes = np.concatenate([nodes, 1 - nodes[:, ::-1]])
+        slow = np.concatenate([slow, slow[:, ::-1]])
         fast = np.diff(nodes, axis=1, prepend=0, append=1)
         return np.concatenate(
             [[self.stages], fast.T.ravel(), slow.T.ravel(), np.tile(self.weights, 2)]
@@ -90,7 +92,7 @@ class Parallel(Scheme):
 
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
-SCHEMES = tuple(Scheme(**each) for each in _TABLES["palindromes"])
+SCHEMES = tuple(Scheme(**palindrome) for palindrome in _TABLES["palindromes"])
 # By itself it gained over the others at any error; it leads to rows.
 ABA = SCHEMES[-1]
 PARALLEL = Parallel(**_TABLES["parallel"])

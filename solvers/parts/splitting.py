@@ -1,4 +1,4 @@
-"""Splitting: exact flows of a problem's fast and slow parts in turns, by schemes for nearly integrable systems."""
+"""Splitting: exact flows of a problem's fast and slow parts in turns."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -25,21 +25,25 @@ from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import ABA, PARALLEL
 
-# Deadline and Ctrl-C are looked at once per this many steps, some 20 ms.
-CHUNK = 120_000
+# A call checks deadline and Ctrl-C once per this many steps, some 20 ms.
+_MAX_STEPS_PER_CALL = 120_000
 # The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
 # The kernels read half the relaxation's rate from its square as well, which holds for this number
 # alone.
-SHEAR = 0.5
+_SHEAR = 0.5
 # From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
-STRONG = 10.0
+_STRONG = 10.0
 # Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
 # a tenth more.
-WIDEST = 0.99
-# Plans are made anew after these shares of a run, if that is so many turns at least.
-AGAIN, LEAST_BETWEEN = (0.1, 0.4), 120.0
-# And where the rate has changed by this factor, which widens by another each time.
-WIDTH, WIDER = 2.4, 1.15
+_WIDEST = 0.99
+# Plans are made anew after these shares of a run.
+_AGAIN = (0.1, 0.4)
+# Least turns before a plan is made anew.
+_LEAST_BETWEEN = 120.0
+# A plan is also made anew where the rate has changed by this factor.
+_WIDTH = 2.4
+# That factor grows by this one with each plan.
+_WIDER = 1.15
 
 _FAILED: dict[int, Status] = {
     Code.NOT_FINITE: Status.NON_FINITE,
@@ -48,27 +52,29 @@ _FAILED: dict[int, Status] = {
 
 
 class Split:
-    """A problem with parts, bound to machine code over a type of numbers, float or `numpy.longdouble`."""
+    """A problem with parts, bound to machine code over float or `numpy.longdouble`."""
 
     def __init__(self, problem: Problem, tolerance: float, number: type = float) -> None:
         assert problem.parts is not None
         self.parts: Parts = problem.parts
         p = parameter_array(problem)
-        self.number, self.epsilon, self.p = number, float(np.finfo(number).eps), p.astype(number)
-        self.address, self.dimension = self.p.ctypes.data, problem.dimension
-        self.strength, self.forgetting = (
-            self.parts.strength(p.tolist()),
-            self.parts.forgetting(p.tolist()),
-        )
-        self.floor, self.speed = SHEAR * self.strength, self.parts.rate(FLOAT)
-        means = number is float and self.parts.restored and self.strength < STRONG
+        self.number = number
+        self.epsilon = float(np.finfo(number).eps)
+        self.p = p.astype(number)
+        self.address = self.p.ctypes.data
+        self.dimension = problem.dimension
+        self.strength = self.parts.strength(p.tolist())
+        self.forgetting = self.parts.forgetting(p.tolist())
+        self.floor = _SHEAR * self.strength
+        self.speed = self.parts.rate(FLOAT)
+        means = number is float and self.parts.restored and self.strength < _STRONG
         self.scheme = PARALLEL if means else ABA
-        self.widest = WIDEST * self.parts.reach / self.scheme.widest
+        self.widest = _WIDEST * self.parts.reach / self.scheme.widest
         self.planner = Planner(self, tolerance)
 
     @cached_property
     def kernels(self) -> Kernels:
-        """The machine code, compiled when first asked for."""
+        """The machine code, compiled at first use."""
         return kernels(self.parts, self.dimension, self.number, self.scheme.chains)
 
     def rate(self, state: np.ndarray) -> float:
@@ -86,34 +92,46 @@ class Split:
 
     def marks(self, record: Record) -> list[float]:
         """Times at which the plan is made anew in any case."""
-        begin, length = float(record.times[0]), float(record.times[-1] - record.times[0])
-        # What starts from rest will turn as the shear makes it.
-        rate = max(self.rate(record.start), SHEAR * min(1.0, self.strength * length))
-        least = LEAST_BETWEEN * 2 * pi / rate
-        return [begin + share * length for share in AGAIN if share * length > least]
+        begin = float(record.times[0])
+        length = float(record.times[-1] - record.times[0])
+        # A body that starts from rest will turn as the shear makes it.
+        rate = max(self.rate(record.start), _SHEAR * min(1.0, self.strength * length))
+        least = _LEAST_BETWEEN * 2 * pi / rate
+        return [begin + share * length for share in _AGAIN if share * length > least]
 
     def run(self, record: Record) -> Outcome:
         """Fill the record's rows."""
         if not self.strength > 0:
             return self.free(record)
-        work, marks = record.work, self.marks(record)
-        width = WIDTH if marks else inf
-        state, own = record.start.astype(self.number), clock(float(record.times[0]), self.number)
-        times, rows = self.numbers(record.times), self.numbers(record.rows)
-        plan, law, code = None, (), Code.PAUSED
+        work = record.work
+        marks = self.marks(record)
+        width = _WIDTH if marks else inf
+        state = record.start.astype(self.number)
+        run_clock = clock(float(record.times[0]), self.number)
+        times = self.numbers(record.times)
+        rows = self.numbers(record.rows)
+        plan = None
+        law = ()
+        code = Code.PAUSED
         while code != Code.FINISHED:
             if code in (Code.PAUSED, Code.OUTSIDE):
-                now, rate = now_of(own), self.rate(state)
-                before, plan = plan, self.planner.plan(plan, state, float(now), record)
+                now = now_of(run_clock)
+                rate = self.rate(state)
+                before = plan
+                plan = self.planner.plan(plan, state, float(now), record)
                 if plan is not before:
-                    own[: At.FILLED] = clock(now, self.number)[: At.FILLED]
-                own[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
-                # Ever wider, so that a rate that goes to and fro asks for few plans.
-                law, width = plan.law((rate / width, rate * width)), width * WIDER
-            limit = min(record.chunk(CHUNK), record.max_steps - int(own[At.STEPS]))
-            code = self.advance(law, state, own, times, rows, limit=limit)
-            record.put(rows[record.filled : int(own[At.FILLED])])
-            work.steps, record.now = int(own[At.STEPS]), float(now_of(own))
+                    run_clock[: At.FILLED] = clock(now, self.number)[: At.FILLED]
+                run_clock[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
+                # Ever wider, so that an oscillating rate needs few plans.
+                law = plan.law((rate / width, rate * width))
+                width = width * _WIDER
+            limit = min(
+                record.chunk(_MAX_STEPS_PER_CALL), record.max_steps - int(run_clock[At.STEPS])
+            )
+            code = self.advance(law, state, run_clock, times, rows, limit=limit)
+            record.put(rows[record.filled : int(run_clock[At.FILLED])])
+            work.steps = int(run_clock[At.STEPS])
+            record.now = float(now_of(run_clock))
             if code == Code.STEPS_DONE and (stopped := record.stopped):
                 return stopped
             if code in _FAILED:
@@ -122,22 +140,29 @@ class Split:
 
     def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
-        state, own, times, rows = arrays
-        own[At.LIMIT], own[At.ROWS] = limit, len(times)
-        own_law, rests = np.array(law, self.number), np.empty_like(times)
+        state, run_clock, times, rows = arrays
+        run_clock[At.LIMIT] = limit
+        run_clock[At.ROWS] = len(times)
+        law_numbers = np.array(law, self.number)
+        rests = np.empty_like(times)
         scheme = self.scheme.addresses[self.number]
-        self.kernels.advance(scheme, own_law, self.address, state, own, times, rests, rows)
-        return int(own[At.CODE])
+        self.kernels.advance(
+            scheme, law_numbers, self.address, state, run_clock, times, rests, rows
+        )
+        return int(run_clock[At.CODE])
 
     def free(self, record: Record) -> Outcome:
         """Fill the record's rows by the fast flow alone, modulo whole turns."""
-        state, times = record.start.astype(self.number), record.times.astype(self.number)
-        rate, turn = self.parts.rate(ARRAYS)(state, self.p), 8 * np.arctan(self.number(1))
+        state = record.start.astype(self.number)
+        times = record.times.astype(self.number)
+        rate = self.parts.rate(ARRAYS)(state, self.p)
+        turn = 8 * np.arctan(self.number(1))
         left = times[1:] - times[0]
         left -= np.floor(left * rate / turn) * (turn / rate) if rate > 0 else 0.0
         pieces = int(turn / self.parts.reach) + 1
         fast = self.parts.fast
-        flow, constants = fast.flow(ARRAYS), fast.constants(self.p, left / pieces, ARRAYS)
+        flow = fast.flow(ARRAYS)
+        constants = fast.constants(self.p, left / pieces, ARRAYS)
         for _ in range(pieces):
             state = flow(state, constants)
         record.put(np.stack(np.broadcast_arrays(*state), axis=1))
@@ -145,9 +170,9 @@ class Split:
         return Status.REACHED_END, ""
 
 
-def now_of(own: np.ndarray) -> Any:
+def now_of(run_clock: np.ndarray) -> Any:
     """The time on a clock."""
-    return own[At.BEGIN] + own[At.SINCE] * own[At.STEP]
+    return run_clock[At.BEGIN] + run_clock[At.SINCE] * run_clock[At.STEP]
 
 
 class Splitting(Solver):
@@ -155,10 +180,10 @@ class Splitting(Solver):
 
     Class: compositions for nearly integrable systems, each in a SIMD lane; torque-free motion is
     exact at any step. The step follows from the tolerance by a law, and from checks by two step
-    sizes at the beginning and, on longer runs, where the rate has changed and at shares of the run.
-    Stability: unconditional in the relaxation but for short backward ones; the step is bound by the
-    angle, so that at small St, where relaxation outpaces the rotation, steps are as short as those
-    of an explicit method. Tolerance: error of L/I_e over the whole run, however long; orientation
+    sizes: at the beginning and, on longer runs, where the rate has changed and at shares of the
+    run. Stability: unconditional in the relaxation but for short backward ones. The angle bounds
+    the step: at small St, where relaxation outpaces the rotation, steps are as short as an explicit
+    method's. Tolerance: error of L/I_e over the whole run, however long; orientation
     errs by that times the angle turned. Caveat: what lingers at a saddle amplifies errors after the
     check; L of a body that tumbles for ever sways with its orientation, and errs with that. Error
     per rotation over tolerance: at most 10; 2 measured. Source: for one composition, Blanes, Casas,
@@ -215,7 +240,10 @@ class SplittingExtended(Splitting):
 
     @property
     def why_not(self) -> str | None:
-        """What is missing, NumPy's long double of x86 processors besides the library; None if nothing is."""
+        """The missing part, NumPy's long double of x86 processors or the library.
+
+        None if none is missing.
+        """
         if not long_double.IS_X86:
             return "x86's long double of 80 bits is missing, on this machine or in NumPy"
         return super().why_not

@@ -1,4 +1,4 @@
-"""Machine code of stroboscopic averaging: turns, their central differences, the stages of a macro-step, its rows."""
+"""Machine code of stroboscopic averaging: turns, their differences, macro-steps and rows."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,19 +10,23 @@ from polhode.solvers.machine_code.program import Array, Program, compare, compil
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.flows import Flows
 
-# Turns between a row and the point of whole turns from which it is reached, at most; trials to find
-# that point, after which the row is NaN.
-NEAR, TRIALS = 0.505, 20.0
-# Terms of DOP853's interpolant; a number beside which others are rounded to whole ones.
-TERMS, WHOLE = 7, 1.5 * 2.0**52
-# Turns of which the averaged field takes differences, at most; stages in a row of a Runge-Kutta
-# table.
-MOST_TURNS, TABLE = 3, 16
+# Most turns between a row and the point of whole turns from which it is reached.
+MAX_TURNS_TO_ROW = 0.505
+# Trials to find that point, after which the row is NaN.
+_TRIALS = 20.0
+# Terms of DOP853's interpolant.
+TERMS = 7
+# A number beside which others are rounded to whole ones.
+_WHOLE = 1.5 * 2.0**52
+# Most turns of which the averaged field takes differences.
+_MOST_TURNS = 3
+# Stages in a row of a Runge-Kutta table.
+_TABLE = 16
 
 
 @dataclass(frozen=True)
 class StrobeKernels:
-    """Those of stroboscopic averaging; a point is a state with its time behind it."""
+    """Kernels of stroboscopic averaging; a point is a state with its time behind it."""
 
     # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of
     # differences of the map of 1, 2, ... turns: the averaged field, per turn. `setting` holds the
@@ -33,15 +37,15 @@ class StrobeKernels:
     # behind the last, the turns in the step.
     macro: Callable[..., None]
     # (scheme, p, setting, terms, point, times, rests, rows): rows at times within a macro-step from
-    # `point` on, whose points are those of an interpolant, from the end of a whole turn next to
-    # each by a part of a turn. `setting` holds the rows, the steps to each, the turns in the step;
-    # `rests` is room for a number of each row.
+    # `point` on. An interpolant gives the points at the ends of whole turns; from the nearest one a
+    # part of a turn leads to a row. `setting` holds the rows, the steps to each, the turns in the
+    # step; `rests` is room for a number of each row.
     rows: Callable[..., None]
 
 
 @once()
 def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
-    """Compile those of stroboscopic averaging."""
+    """Compile the kernels of stroboscopic averaging."""
     flows = Flows(parts, dimension)
     turn = _turn(flows)
     mean = _mean(flows, turn)
@@ -50,16 +54,19 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 
 def _turn(flows: Flows) -> Program:
-    """One turn of the fast angle forth, of the first point, and back, of the second, side by side."""
-    # Each takes so many steps, and two short ones that close it: one of the scheme, and for what it
-    # leaves one of Strang.
+    """One turn of the fast angle, forth for the first point and back for the second, at once."""
+    # Each takes `steps` steps, and two short ones that close it: one of the scheme, and one of
+    # Strang for the angle that this leaves.
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
-    fast, slow, dimension = flows.parts.fast, flows.parts.slow, flows.dimension
+    fast = flows.parts.fast
+    slow = flows.parts.slow
+    dimension = flows.dimension
     states = [program.room(dimension) for _ in range(2)]
     points = [points, points + (dimension + 1)]
     angles = [program.cell(0.0) for _ in range(2)]
-    closing, ends = [flows.constants(program) for _ in range(2)], flows.constants(program)
+    closing = [flows.constants(program) for _ in range(2)]
+    ends = flows.constants(program)
     for y, point in zip(states, points, strict=True):
         y.store(point.load(dimension))
 
@@ -67,8 +74,8 @@ def _turn(flows: Flows) -> Program:
         angle[0] = angle[0] + flows.rate(y, p) * share
         flows.fast_flow(y, row)
 
-    def step(made: Sequence[Array], lengths: Sequence[Number]) -> None:
-        sides = list(zip(states, angles, made, lengths, strict=True))
+    def step(side_constants: Sequence[Array], lengths: Sequence[Number]) -> None:
+        sides = list(zip(states, angles, side_constants, lengths, strict=True))
         with program.times(scheme[0]) as i:
             for y, angle, constants, length in sides:
                 fast_flow(y, angle, flows.row(constants, i), length * scheme[i + 1.0])
@@ -87,26 +94,32 @@ def _turn(flows: Flows) -> Program:
     with program.times(steps):
         step((forth, back), (h, -1.0 * h))
     first = left()
-    for constants, rest in zip(closing, first, strict=True):
-        program.call(flows.prepare, scheme, p, constants, rest)
+    for constants, remaining in zip(closing, first, strict=True):
+        program.call(flows.prepare, scheme, p, constants, remaining)
     step(closing, first)
-    passed = [sign * steps * h + rest for sign, rest in zip((1.0, -1.0), first, strict=True)]
-    for y, angle, point, time, rest in zip(states, angles, points, passed, left(), strict=True):
+    passed = [
+        sign * steps * h + remaining for sign, remaining in zip((1.0, -1.0), first, strict=True)
+    ]
+    for y, angle, point, time, remaining in zip(
+        states, angles, points, passed, left(), strict=True
+    ):
         for part, shift, share in ((fast, 0, 0.5), (slow, flows.sizes[0], 1.0)):
-            (ends + shift).store(part.constants(p, share * rest, OPERATIONS))
-        fast_flow(y, angle, ends, 0.5 * rest)
+            (ends + shift).store(part.constants(p, share * remaining, OPERATIONS))
+        fast_flow(y, angle, ends, 0.5 * remaining)
         flows.slow_flow(y, ends)
-        fast_flow(y, angle, ends, 0.5 * rest)
-        point.store([*y.load(dimension), point[dimension] + time + rest])
+        fast_flow(y, angle, ends, 0.5 * remaining)
+        point.store([*y.load(dimension), point[dimension] + time + remaining])
     return program
 
 
 def _mean(flows: Flows, turn: Program) -> Program:
     program = Program("mean", "scheme p setting weights point out")
     scheme, p, setting, weights, point, out = program.arguments
-    dimension, sides = flows.dimension, [flows.constants(program) for _ in range(2)]
+    dimension = flows.dimension
+    sides = [flows.constants(program) for _ in range(2)]
     size = dimension + 1
-    moved, (steps, turns, rows) = program.room(2 * size), setting.load(3)
+    moved = program.room(2 * size)
+    steps, turns, rows = setting.load(3)
     with program.times(rows * float(size)) as i:
         out[i] = 0.0
     h = 2 * pi / (flows.rate(point, p) * steps)
@@ -116,7 +129,8 @@ def _mean(flows: Flows, turn: Program) -> Program:
     with program.times(turns) as k:
         program.call(turn, scheme, p, *sides, moved, steps, h)
         with program.times(rows) as row:
-            weight, into = weights[row * float(MOST_TURNS) + k], out + row * float(size)
+            weight = weights[row * float(_MOST_TURNS) + k]
+            into = out + row * float(size)
             for i in range(size):
                 into[i] = into[i] + weight * (moved[i] - moved[size + i])
     return program
@@ -125,13 +139,14 @@ def _mean(flows: Flows, turn: Program) -> Program:
 def _macro(dimension: int, mean: Program) -> Program:
     program = Program("macro", "scheme p setting weights point table stages ends")
     scheme, p, setting, weights, point, table, stages, ends = program.arguments
-    stage, size = program.cell(setting[3]), float(dimension + 1)
+    stage = program.cell(setting[3])
+    size = float(dimension + 1)
     with program.repeat() as leave:
         s = stage[0]
         leave(compare("oge", s, setting[4]))
         ends.store(point.load(dimension + 1))
         with program.times(s) as j:
-            weight = setting[5] * table[s * float(TABLE) + j]
+            weight = setting[5] * table[s * float(_TABLE) + j]
             for i in range(dimension + 1):
                 ends[i] = ends[i] + weight * stages[j * size + float(i)]
         program.call(mean, scheme, p, setting, weights, ends, stages + s * size)
@@ -142,13 +157,18 @@ def _macro(dimension: int, mean: Program) -> Program:
 def _rows(flows: Flows) -> Program:
     program = Program("rows", "scheme p setting terms point times rests rows")
     scheme, p, setting, terms, point, times, rests, rows = program.arguments
-    dimension, turns, at = flows.dimension, setting[2], program.room(flows.dimension + 1)
-    size, whole, off, tried = dimension + 1, program.cell(0.0), program.cell(0.0), program.cell(0.0)
+    dimension = flows.dimension
+    turns = setting[2]
+    at = program.room(flows.dimension + 1)
+    size = dimension + 1
+    whole = program.cell(0.0)
+    off = program.cell(0.0)
+    tried = program.cell(0.0)
     with program.times(setting[0]) as j:
         off[0] = turns * (times[j] - point[dimension]) / terms[dimension]
         whole[0] = tried[0] = 0.0
         with program.repeat() as leave:
-            whole[0] = whole[0] + ((off[0] + WHOLE) - WHOLE)
+            whole[0] = whole[0] + ((off[0] + _WHOLE) - _WHOLE)
             x = whole[0] / turns
             for i in range(size):
                 value = 0.0
@@ -156,10 +176,11 @@ def _rows(flows: Flows) -> Program:
                     value = (value + terms[k * size + i]) * (1.0 - x if k % 2 else x)
                 at[i] = point[i] + value
             rests[j] = times[j] - at[dimension]
-            off[0], tried[0] = rests[j] * flows.rate(at, p) / (2 * pi), tried[0] + 1.0
-            leave(compare("ole", off[0] * off[0], NEAR**2))
+            off[0] = rests[j] * flows.rate(at, p) / (2 * pi)
+            tried[0] = tried[0] + 1.0
+            leave(compare("ole", off[0] * off[0], MAX_TURNS_TO_ROW**2))
             rests[j] = nan
-            leave(compare("oge", tried[0], TRIALS))
+            leave(compare("oge", tried[0], _TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))
     program.call(flows.spread, scheme, p, setting, rests, rows)
     return program

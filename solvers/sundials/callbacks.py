@@ -23,7 +23,7 @@ from polhode.solvers.unwarned import UNWARNED
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
 # Right-hand sides between two looks at the time reached; one and the same time twice is a stall.
-LOOK = 1000
+_LOOK = 1000
 
 
 # Threads that are within `quiet`, and the lock for entering and leaving it.
@@ -84,7 +84,9 @@ class Callbacks:
     """A problem bound to one of scikit-sundae's classes, ``CVODE`` or ``IDA``."""
 
     def __init__(self, library: type, problem: Problem, settings: Settings, **options: Any) -> None:
-        self.implicit, self.calls, self.seen = library.__name__ == "IDA", 0, -np.inf
+        self.implicit = library.__name__ == "IDA"
+        self.calls = 0
+        self.seen = -np.inf
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
         # Plain Python reads a list.
@@ -99,7 +101,7 @@ class Callbacks:
                 # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
                 if record.expired:
                     raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
-                if self.calls % LOOK == 0:
+                if self.calls % _LOOK == 0:
                     self._look(record, t)
             rates(t, y, out)
 
@@ -151,7 +153,10 @@ class Callbacks:
 
     def run(self, record: Record, every: bool) -> Outcome:
         """Fill the record's rows, row by row or by every step, which costs more and counts them."""
-        self.record, self.calls, self.seen, record.now = record, 0, -np.inf, float(record.times[0])
+        self.record = record
+        self.calls = 0
+        self.seen = -np.inf
+        record.now = float(record.times[0])
         for parameters in self.parameters:
             change(parameters, len(parameters), record)
         # The wrapper prints the library's errors, NumPy warns of what becomes infinite.
@@ -201,14 +206,18 @@ class Callbacks:
             record.put(self._to(time, record).y[None])
 
     def _by_steps(self, record: Record) -> Outcome:
-        times, work, end = record.times, record.work, float(record.times[-1])
-        steps, reached = 0, float(times[0])
+        times = record.times
+        work = record.work
+        end = float(record.times[-1])
+        steps = 0
+        reached = float(times[0])
         while True:
             # The first step is guessed from the first time wanted.
             result = self._to(end if steps else times[1], record, "onestep")
             # After an interpolation the library first hands back the step it has.
             advanced = result.t > reached
-            steps, reached = steps + advanced, result.t
+            steps = steps + advanced
+            reached = result.t
             work.steps = steps
             ended = advanced and record.looked_through((reached,), (result.y,), self._between)
             last = int(np.searchsorted(times, reached, side="right"))

@@ -28,7 +28,8 @@ from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, 
 # Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
 CHUNK = 20_000
 # IDA's "IDA_YA_YDP_INIT" and how far beyond the start it looks, as scikit-sundae has it.
-_ALGEBRAIC, _BEYOND = 1, 0.01
+_ALGEBRAIC = 1
+_BEYOND = 0.01
 
 
 class Memory:
@@ -44,12 +45,11 @@ class Memory:
         self.mass, values = posed(problem, self.implicit)
         self.count = len(values)
         # The arrays live as long as what points to them.
-        self.data, self.start = np.array([*values, *self.mass]), np.array(problem.start)
-        self.slope, self.residual, self.differential = (
-            np.zeros(d),
-            np.zeros(d),
-            (self.mass != 0).astype(float),
-        )
+        self.data = np.array([*values, *self.mass])
+        self.start = np.array(problem.start)
+        self.slope = np.zeros(d)
+        self.residual = np.zeros(d)
+        self.differential = (self.mass != 0).astype(float)
         self._owned: list[tuple[str, int, Any]] = []
         finalize(self, _free, library, self._owned)
 
@@ -88,7 +88,8 @@ class Memory:
             self._set("SetId", identity)
             kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
             self._residual = self.field.function(kind)
-        self._advance, self.report = _loop(library), np.zeros(10, dtype=np.int64)
+        self._advance = _loop(library)
+        self.report = np.zeros(10, dtype=np.int64)
 
     def _own(self, free: str, make: str, *arguments: int) -> int:
         made = self.library(make, *arguments)
@@ -130,7 +131,8 @@ class Memory:
 
     def advance(self, record: Record, most: int) -> int:
         """Go on until the end, a failure or a number of steps; the library's last code."""
-        times, rows = record.times, record.rows
+        times = record.times
+        rows = record.rows
         pointers = (
             self.address,
             self.state,
@@ -151,7 +153,9 @@ def integrator(memory: Memory, count: bool) -> Integrator:
             memory.begin(record)
         except RuntimeError as error:
             return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
-        work, report, steps = record.work, memory.report, 0
+        work = record.work
+        report = memory.report
+        steps = 0
         while True:
             with memory.flushed_to_zero:
                 code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
@@ -168,7 +172,8 @@ def integrator(memory: Memory, count: bool) -> Integrator:
                 work.factorizations,
                 _,
             ) = report.tolist()
-            steps, work.rejected = work.steps, errors + failures
+            steps = work.steps
+            work.rejected = errors + failures
             work.rhs_calls = calls + linear if count else None
             if code >= 0:
                 return Status.REACHED_END, ""

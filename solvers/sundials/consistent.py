@@ -39,7 +39,8 @@ def consistent(
     """State and slope at the start; RuntimeError if there are none near, IndexAboveOneError as it says."""
     left, values, right = np.linalg.svd(full(mass))
     rank = int((values > _ZERO * values[0]).sum())
-    differential, algebraic = left[:, :rank].T, left[:, rank:].T
+    differential = left[:, :rank].T
+    algebraic = left[:, rank:].T
     free = right[rank:].T
 
     def at(moment: float, state: np.ndarray) -> np.ndarray:

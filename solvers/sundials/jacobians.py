@@ -18,7 +18,8 @@ _MAX_FULL = 1000
 
 def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
     """Options of scikit-sundae's classes; with a mass, those of IDA's residual."""
-    jacobian, bands = jacobian_of(problem), bands_of(problem)
+    jacobian = jacobian_of(problem)
+    bands = bands_of(problem)
     if mass is not None and mass.ndim == 2:
         # A residual with a full mass matrix is full.
         return {} if jacobian is None else {"jacfn": _filled(jacobian, mass, dense)}
@@ -77,7 +78,8 @@ class _Differences:
     def __init__(self, problem: Problem, pattern: Any) -> None:
         from scipy.optimize._numdiff import group_columns
 
-        self.rates, self.pattern = plain_rates(problem), pattern
+        self.rates = plain_rates(problem)
+        self.pattern = pattern
         self.columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
         self.groups = group_columns(pattern)
 

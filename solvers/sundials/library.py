@@ -33,7 +33,8 @@ class Sundials:
     """The functions of CVODE or of IDA, and those that both libraries hold."""
 
     def __init__(self, prefix: str, file: Path) -> None:
-        self.prefix, self._functions = prefix, ctypes.CDLL(str(file))
+        self.prefix = prefix
+        self._functions = ctypes.CDLL(str(file))
         for names, result in ((_MAKERS, ctypes.c_void_p), (_SILENT, None)):
             for name in names:
                 if hasattr(self._functions, name):
@@ -66,7 +67,8 @@ def load_sundials(prefix: str) -> Sundials | None:
     for file in _files(f"sundials_{prefix.lower()}[-.]*"):
         try:
             library = Sundials(prefix, file)
-            numbers, label = (ctypes.c_int * 3)(), ctypes.create_string_buffer(40)
+            numbers = (ctypes.c_int * 3)()
+            label = ctypes.create_string_buffer(40)
             places = [ctypes.addressof(numbers) + 4 * i for i in range(3)]
             library("SUNDIALSGetVersionNumber", *places, ctypes.addressof(label), len(label))
         except (OSError, AttributeError):

@@ -32,7 +32,7 @@ from polhode.solvers.parts.planning import ROUNDS
 from polhode.solvers.parts.schemes import ABA, PARALLEL, SCHEMES, Scheme
 from polhode.solvers.parts.splitting import Split
 from polhode.solvers.parts.strobe_kernels import TERMS
-from polhode.solvers.parts.stroboscopic import MOST, Setting, Strobe
+from polhode.solvers.parts.stroboscopic import MAX_MICRO_STEPS, Setting, Strobe
 from polhode.solvers.solve import Interrupted, solve
 from polhode.solvers.taylor import propagate, taylor_integrator
 
@@ -531,9 +531,9 @@ def test_the_smallest_micro_steps_are_compared_with_larger_ones(monkeypatch):
     strobe = Strobe(problem(1e6, 5e5), TOLERANCE)
     monkeypatch.setattr(strobe, "mean", lambda point, micro, out: out.fill(micro))
     for horizon, easy in ((1.0, False), (1e-3, True)):
-        setting = Setting(MOST)
+        setting = Setting(MAX_MICRO_STEPS)
         strobe.fields(np.zeros(7), setting, np.full(7, horizon))
-        assert (setting.micro, setting.easy) == (MOST, easy)
+        assert (setting.micro, setting.easy) == (MAX_MICRO_STEPS, easy)
 
 
 def test_a_row_that_is_not_found_is_not_a_number():

@@ -12,7 +12,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.averaging import measure, orders
 from polhode.harness.averaging.data import VARIABLES, AveragingErrors, PaperStudy, write_study
-from polhode.harness.averaging.orders import LEAST_POINTS, TARGETS, first_order, laws
+from polhode.harness.averaging.orders import LEAST_POINTS, NEEDED_ERRORS, first_order, laws
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import aligned, cells, in_two_digits, short
@@ -20,45 +20,49 @@ from polhode.harness.pages.figures.averaging import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import save
 from polhode.harness.pages.tables import columns_of, fill, lines_of
 
-# Where the paper says that the averaged equations are good.
-GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
+# St from which on, by the paper, the averaged equations are good.
+_GOOD_FROM = {"spheroid": 1e2, "ellipsoid": 1e3}
 # Errors of which the page says from which St on they are met.
-SHOWN = (1e-2, 1e-4)
-PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
+_SHOWN = (1e-2, 1e-4)
+_PANELS = {"spheroid": "spheroids", "ellipsoid": "triaxial ellipsoids"}
 _FIELDS = [text.strip("{}") for text in columns_of("accuracy").values()]
 
 
 def statements(rows: Sequence[AveragingErrors]) -> list[str]:
     """How good the paper's "good from St ≈ 100" is, and which orders hold."""
-    own, good = laws(rows), []
-    first = [law for law in own if first_order(law.form)]
-    for family, stokes in GOOD_FROM.items():
+    fitted_laws = laws(rows)
+    good = []
+    first = [law for law in fitted_laws if first_order(law.form)]
+    for family, stokes in _GOOD_FROM.items():
         there = [
             row
             for row in rows
             if row.family == family and row.stokes == stokes and first_order(row.form)
         ]
         needed = [law.needed(1e-2)[0] for law in first if law.family == family]
-        known = sorted(number for number in needed if not isnan(number))
-        good.append((family, stokes, sorted(there, key=lambda row: row.model_error), known))
+        stokes_needed = sorted(number for number in needed if not isnan(number))
+        good.append((family, stokes, sorted(there, key=lambda row: row.model_error), stokes_needed))
     promised = [("First order", 1, first)]
     for family, title in (
         ("spheroid", "spheroids"),
         ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂"),
     ):
-        second = [law for law in own if law.family == family and law not in first]
+        second = [law for law in fitted_laws if law.family == family and law not in first]
         promised.append((f"Second order, {title}", 2, second))
-    known = [(*each, [law for law in each[2] if not isnan(law.order)]) for each in promised]
-    single = [
-        (name, law) for name in VARIABLES for law in laws(rows, name) if first_order(law.form)
-    ]
+    fitted = []
+    for title, order, title_laws in promised:
+        with_order = [law for law in title_laws if not isnan(law.order)]
+        fitted.append((title, order, title_laws, with_order))
+    single = []
+    for name in VARIABLES:
+        single += [(name, law) for law in laws(rows, name) if first_order(law.form)]
     return lines_of(
-        "accuracy-findings", good=good, promised=known, single=single, points=LEAST_POINTS
+        "accuracy-findings", good=good, promised=fitted, single=single, points=LEAST_POINTS
     )
 
 
 def as_text(study: PaperStudy) -> str:
-    """What was found, and the table of the page, for a terminal."""
+    """The findings, and the table of the page, for a terminal."""
     columns = columns_of("accuracy")
     return "\n".join(
         [
@@ -90,20 +94,21 @@ def write_page(study: PaperStudy, folder: Path, command: str) -> None:
     write_file(
         folder / "laws.csv", pd.DataFrame(law_rows(study.errors)).to_csv(index=False), summed=True
     )
-    lines: dict[str, list[Line]] = {title: [] for title in PANELS.values()}
+    lines: dict[str, list[Line]] = {title: [] for title in _PANELS.values()}
     for law in laws(study.errors):
         order = 1 if first_order(law.form) else 2
-        lines[PANELS[law.family]].append(Line(order, order, law.stokes, law.error))
+        lines[_PANELS[law.family]].append(Line(order, order, law.stokes, law.error))
     save(against_stokes(lines, "error of L and E over $I_{max}$"), folder, "errors")
     write_file(folder / "README.md", page(study, command))
 
 
 def law_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, Any]]:
     """One row per case and form: the orders per variable and of the slow error, and the St that errors need."""
-    each = {
-        (law.subject, law.form, name): law.order for name in VARIABLES for law in laws(rows, name)
-    }
-    found = []
+    order_of = {}
+    for name in VARIABLES:
+        for law in laws(rows, name):
+            order_of[law.subject, law.form, name] = law.order
+    law_table = []
     for law in laws(rows):
         row = {"case": law.subject, "form": law.form, "to_t2": law.horizon}
         row |= {
@@ -111,31 +116,34 @@ def law_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, Any]]:
             "St_to": law.alike[0][-1],
             "St_fitted": len(law.fitted[0]),
         }
-        row |= {f"order_{name}": each.get((law.subject, law.form, name), nan) for name in VARIABLES}
+        row |= {
+            f"order_{name}": order_of.get((law.subject, law.form, name), nan) for name in VARIABLES
+        }
         row |= {
             "order": law.order,
             **dict(zip(("order_low", "order_high"), law.order_interval, strict=True)),
         }
-        for target in TARGETS:
+        for target in NEEDED_ERRORS:
             row[f"St_for_{target:g}"], row[f"from_{target:g}"] = law.needed(target)
-        found.append(row)
-    return found
+        law_table.append(row)
+    return law_table
 
 
 def case_rows(rows: Sequence[AveragingErrors]) -> list[dict[str, str]]:
     """One row per case: the St that errors need, and the orders, of first and of second order."""
-    found: dict[str, dict[str, str]] = defaultdict(lambda: dict.fromkeys(_FIELDS, "–"))
+    rows_by_case: dict[str, dict[str, str]] = defaultdict(lambda: dict.fromkeys(_FIELDS, "–"))
     for law in laws(rows):
-        row, which = found[law.subject], "first" if first_order(law.form) else "second"
+        row = rows_by_case[law.subject]
+        which = "first" if first_order(law.form) else "second"
         low, high = law.order_interval
         row |= {
             "case": law.subject,
             which: "–" if isnan(low) else f"{law.order:.2f} ({low:.2f} to {high:.2f})",
         }
-        row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in SHOWN}
+        row |= {f"{which}_{target:.0e}": _needed(*law.needed(target)) for target in _SHOWN}
         if which == "second":
             row["until"] = f"{law.horizon:.3g}"
-    return list(found.values())
+    return list(rows_by_case.values())
 
 
 def page(study: PaperStudy, command: str) -> str:

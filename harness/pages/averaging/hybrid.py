@@ -26,7 +26,7 @@ def write_page(study: Study, folder: Path, command: str) -> None:
 
 def page(study: Study, command: str) -> str:
     """The report as Markdown."""
-    timed = [study.timed.get(part, {}) for part in hybrid.PARTS if getattr(study, part)]
+    timed = [study.timed.get(part, {}) for part in hybrid.HYBRID_PARTS if getattr(study, part)]
     how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
     how |= {
         "largest": ("slow", "max"),
@@ -47,8 +47,9 @@ def page(study: Study, command: str) -> str:
 
 
 def findings(study: Study) -> list[str]:
-    """What was found, in sentences."""
-    runs, speeds = _judged(study.errors), _compared(study.speed)
+    """The findings in sentences."""
+    runs = _judged(study.errors)
+    speeds = _compared(study.speed)
     gains = speeds.dropna(subset=["gain"]).groupby("stokes")
     times = 1e3 * speeds.loc[speeds["new_shape"] > 0, ["new_shape", "known_shape"]]
     stated = runs.dropna(subset=["estimated"])
@@ -63,10 +64,10 @@ def findings(study: Study) -> list[str]:
         ratios=stated["over"][stated["slow"] > 0],
         settled=runs.dropna(subset=["mirror"]),
         worst=(runs["slow"] / runs[["error", "uncertainty"]].max(axis=1)).max(),
-        gains=[(stokes, own) for stokes, own in gains if len(own) > 1],
+        gains=[(stokes, stokes_gains) for stokes, stokes_gains in gains if len(stokes_gains) > 1],
         quantiles=quantiles,
         everywhere=everywhere if everywhere.shape[1] > 1 else [],
-        tables=[(each.median(), each.max()) for _, each in times.items() if len(each)],
+        tables=[(seconds.median(), seconds.max()) for _, seconds in times.items() if len(seconds)],
     )
 
 

@@ -1,6 +1,7 @@
 """The page of the study of second-order averaging: what was found, its figure, and the tables it rests on."""
 
 from collections.abc import Sequence
+from itertools import chain
 from math import isnan
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.second_order.form import STOPS, SecondOrder
 
 # St at which second order is compared with first order.
-GAIN_AT = 1e5
+_GAIN_AT = 1e5
 
 
 def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
@@ -32,15 +33,21 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     fitted = slopes(study.orders)
     write_table(folder / "slopes.csv", Slope, fitted)
     # Slow errors of both orders, and the orientation's, which second order alone knows.
-    found = [
-        own
-        for _, own in frame_of(SecondOrderErrors, study.orders).groupby(
+    errors_by_case = [
+        case_errors
+        for _, case_errors in frame_of(SecondOrderErrors, study.orders).groupby(
             ["shape", "start"], sort=False
         )
     ]
     both = (1, "first_order_slow"), (2, "slow")
-    slow = [Line(order, order, own["stokes"], own[name]) for own in found for order, name in both]
-    turned = [Line(2, 1, own["stokes"], own["orientation"]) for own in found]
+    slow = []
+    for case_errors in errors_by_case:
+        for order, name in both:
+            slow.append(Line(order, order, case_errors["stokes"], case_errors[name]))
+    turned = [
+        Line(2, 1, case_errors["stokes"], case_errors["orientation"])
+        for case_errors in errors_by_case
+    ]
     panels = {"slow error: L and E": slow, "orientation error": turned}
     save(against_stokes(panels, "error over $I_{max}$, or in rad"), folder, "errors")
     write_file(folder / "README.md", page(study, fitted, command))
@@ -49,7 +56,7 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
 def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     """The report as Markdown."""
     second = _of_second_order(study.cost)
-    compared = [each for each in study.cost if each.stokes == second_order.COMPARED]
+    compared = [row for row in study.cost if row.stokes == second_order.COMPARED]
     # The slopes of each case, and the errors at its largest St.
     last = frame_of(SecondOrderErrors, study.orders).sort_values("stokes")
     last = last.drop_duplicates(["shape", "start"], keep="last")
@@ -78,10 +85,15 @@ def findings(study: SecondOrderStudy) -> list[str]:
     passages = {"Through resonances": study.resonances, "Up to L² = 2EI₂": study.crossings}
     triaxial = [slope for slope in fitted if len(set(slope.shape.split(":"))) == 3]
     full = [
-        each
-        for each in study.cost
-        if each.form == "spheroid-axis" and each.stokes == second_order.COMPARED
+        cost
+        for cost in study.cost
+        if cost.form == "spheroid-axis" and cost.stokes == second_order.COMPARED
     ]
+    # How many times smaller than first order's errors are.
+    gains = {}
+    for title, rows in passages.items():
+        compared = [row for row in rows if row.stokes == _GAIN_AT and not row.refused]
+        gains[title] = [row.first_order_slow / row.slow for row in compared]
     return lines_of(
         "second-order-findings",
         fitted={
@@ -89,22 +101,14 @@ def findings(study: SecondOrderStudy) -> list[str]:
             "Triaxial ellipsoids away from resonances and from L² = 2EI₂": triaxial,
         },
         away=_estimates(study.orders),
-        there=_estimates([row for rows in passages.values() for row in rows]),
-        # How many times smaller than first order's errors are.
-        gains={
-            where: [
-                row.first_order_slow / row.slow
-                for row in rows
-                if row.stokes == GAIN_AT and not row.refused
-            ]
-            for where, rows in passages.items()
-        },
-        stokes=GAIN_AT,
+        there=_estimates([*chain.from_iterable(passages.values())]),
+        gains=gains,
+        stokes=_GAIN_AT,
         passages=passages,
         second=_of_second_order(study.cost),
         full=sorted(
-            (each for each in full if each.slow <= second_order.TARGET),
-            key=lambda each: each.seconds,
+            (cost for cost in full if cost.slow <= second_order.TARGET),
+            key=lambda cost: cost.seconds,
         ),
         measured=second_order,
     )
@@ -113,14 +117,15 @@ def findings(study: SecondOrderStudy) -> list[str]:
 def _of_second_order(costs: Sequence[Cost]) -> list[Cost]:
     """Costs of the form itself, by St."""
     return sorted(
-        (each for each in costs if each.form == SecondOrder.name), key=lambda each: each.stokes
+        (cost for cost in costs if cost.form == SecondOrder.name), key=lambda cost: cost.stokes
     )
 
 
 def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]:
     """Errors estimated over those measured, of the slow variables and of the orientation; nothing without runs."""
-    own = [row for row in rows if not isnan(row.slow)]
+    measured = [row for row in rows if not isnan(row.slow)]
     pairs = [
-        (row.estimated_slow / row.slow, row.estimated_orientation / row.orientation) for row in own
+        (row.estimated_slow / row.slow, row.estimated_orientation / row.orientation)
+        for row in measured
     ]
-    return [sorted(each) for each in zip(*pairs, strict=True)]
+    return [sorted(ratios) for ratios in zip(*pairs, strict=True)]

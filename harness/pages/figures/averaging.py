@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from polhode.harness.pages.figures.style import colour, power as power_of
 
-COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
-NAMES = {1: "first order", 2: "second order"}
-SIZE = (8.0, 4.2)
+_COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
+_ORDER_NAMES = {1: "first order", 2: "second order"}
+_SIZE = (8.0, 4.2)  # Inches: two panels beside each other.
 
 
 @dataclass(frozen=True)
@@ -29,12 +29,12 @@ class Line:
 def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the promised slopes."""
     figure, row = plt.subplots(
-        1, len(panels), figsize=SIZE, sharex=True, sharey=True, layout="constrained"
+        1, len(panels), figsize=_SIZE, sharex=True, sharey=True, layout="constrained"
     )
     for axes, (title, lines) in zip(row, panels.items(), strict=True):
         for line in lines:
             style = {
-                "color": COLOURS[line.order],
+                "color": _COLOURS[line.order],
                 "linewidth": 1.2,
                 "markersize": 3.5,
                 "alpha": 0.8,
@@ -53,22 +53,27 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
 
 
 def errors_and_speed(runs: Any, speeds: Any) -> Figure:
-    """Of the form `hybrid`: errors against those asked for; speed against two full solvers."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=SIZE, layout="constrained")
+    """Two panels on the form `hybrid`: measured over requested error; speed over two full solvers."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=_SIZE, layout="constrained")
     draw = np.random.default_rng(0)
-    for stokes, own in runs.groupby("stokes"):
-        asked = own["error"] * 10 ** draw.uniform(-0.6, 0.6, len(own))
+    for stokes, stokes_runs in runs.groupby("stokes"):
+        asked = stokes_runs["error"] * 10 ** draw.uniform(-0.6, 0.6, len(stokes_runs))
         left.loglog(
-            asked, own["slow"], ".", markersize=4, alpha=0.6, label=f"St = {power_of(stokes)}"
+            asked,
+            stokes_runs["slow"],
+            ".",
+            markersize=4,
+            alpha=0.6,
+            label=f"St = {power_of(stokes)}",
         )
     for asked in sorted(runs["error"].unique()):
         left.plot([asked / 4, asked * 4], [asked, asked], color="black", linewidth=1.5)
     left.set_xlabel("error asked for (spread sideways)", fontsize=11)
     left.set_ylabel("slow error over $I_{max}$; black: asked for", fontsize=11)
     for name, marker in (("spheroids", "o"), ("triaxial", "^")):
-        own = speeds[speeds["bodies"] == name]
-        stokes = own["stokes"] * 10 ** draw.uniform(-0.25, 0.25, len(own))
-        right.loglog(stokes, own["gain"], marker, markersize=5, alpha=0.7, label=name)
+        body_speeds = speeds[speeds["bodies"] == name]
+        stokes = body_speeds["stokes"] * 10 ** draw.uniform(-0.25, 0.25, len(body_speeds))
+        right.loglog(stokes, body_speeds["gain"], marker, markersize=5, alpha=0.7, label=name)
     right.axhline(1.0, color="black", linewidth=1.5)
     right.set_xlabel("Stokes number St (spread sideways)", fontsize=11)
     right.set_ylabel("times as fast as cyrk-vern8 or taylor", fontsize=11)
@@ -80,13 +85,13 @@ def errors_and_speed(runs: Any, speeds: Any) -> Figure:
     return figure
 
 
-def _promise(axes: Axes, own: Sequence[Line], power: int) -> None:
+def _promise(axes: Axes, lines: Sequence[Line], power: int) -> None:
     """A dotted line of the promised slope above nine in ten of the errors."""
-    stokes, errors = (
-        np.concatenate([getattr(line, name) for line in own]) for name in ("stokes", "error")
-    )
+    stokes = np.concatenate([line.stokes for line in lines])
+    errors = np.concatenate([line.error for line in lines])
     ends = np.array([stokes.min(), stokes.max()])
-    order, exponent = own[0].order, f"^{power}" if power > 1 else ""
-    label = f"{NAMES[order]}, dotted: $\\propto 1/\\mathrm{{St}}{exponent}$"
+    order = lines[0].order
+    exponent = f"^{power}" if power > 1 else ""
+    label = f"{_ORDER_NAMES[order]}, dotted: $\\propto 1/\\mathrm{{St}}{exponent}$"
     heights = np.quantile(errors * stokes**power, 0.9) / ends**power
-    axes.loglog(ends, heights, ":", color=COLOURS[order], linewidth=2, label=label)
+    axes.loglog(ends, heights, ":", color=_COLOURS[order], linewidth=2, label=label)

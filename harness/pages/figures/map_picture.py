@@ -1,6 +1,7 @@
 """The regime map as a picture."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from math import inf, isnan
 from typing import Any
 
@@ -15,19 +16,22 @@ from polhode.harness.common.text import duration, factor, short
 from polhode.harness.pages.figures.style import colour, power, rank
 from polhode.harness.pages.tables import fill
 
-NOBODY, UNKNOWN = "#FFFFFF", "#E4E4E4"
+_NOBODY = "#FFFFFF"
+_UNKNOWN = "#E4E4E4"
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
     "explicit": ("Oscillatory middle", "explicit methods"),
     "tailored": ("Made for large St", "full solution at large St"),
     "averaged": ("Averaged side", "slow equations, any solver"),
 }
-# In inches: a cell, what stands beside both maps, an entry of the legend; lines of a cell, in rows.
-CELL, BESIDE, ENTRY, LINE = (0.74, 0.43), (0.85, 2.7), 0.192, 0.36
-# The legend needs as much width as so many columns.
-LEAST_COLUMNS = 12
-# What a map is about: in sentences, and as its title.
-ERRORS = {
+_CELL = (0.74, 0.43)  # Inches: width and height of a cell.
+_BESIDE = (0.85, 2.7)  # Inches: width and height of all but cells and legend.
+_ENTRY = 0.192  # Inches: height of an entry of the legend.
+_LINE = 0.36  # Distance of the lines in a cell, over its height.
+# Columns of cells that are as wide as the legend.
+_LEAST_COLUMNS = 12
+# Errors of the maps: the word for sentences, and the title.
+MAP_ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
     "slow_error": ("slow variables", "Slow variables: error over $I_{max}$"),
 }
@@ -38,22 +42,21 @@ def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> A
     columns, rows = (
         len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target")
     )
-    cells = [cell for found in panels for cell in found]
+    cells = [*chain.from_iterable(panels)]
     entries = _entries(cells)
     longest = max(map(len, entries))
-    width = BESIDE[0] + CELL[0] * max(columns, LEAST_COLUMNS)
-    height = BESIDE[1] + CELL[1] * rows * 2 + ENTRY * longest
+    width = _BESIDE[0] + _CELL[0] * max(columns, _LEAST_COLUMNS)
+    height = _BESIDE[1] + _CELL[1] * rows * 2 + _ENTRY * longest
     drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True, layout="constrained")
-    for axes, found, (_, title) in zip(grid, panels, ERRORS.values(), strict=True):
-        draw(axes, found)
+    for axes, panel, (_, title) in zip(grid, panels, MAP_ERRORS.values(), strict=True):
+        draw(axes, panel)
         axes.set_title(title, fontsize=13, loc="left")
         axes.set_ylabel("error asked for", fontsize=11)
     shorter = _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
-    handles = [
-        each
-        for own in entries
-        for each in (*own, *[Patch(facecolor="none")] * (longest - len(own)))
-    ]
+    handles = []
+    for column in entries:
+        # Empty entries fill the shorter columns of the legend.
+        handles += [*column, *[Patch(facecolor="none")] * (longest - len(column))]
     note = fill("regimes-note", shorter=shorter, tie=100 * (TIE - 1), usual=usual_form(cells))
     style = {
         "frameon": False,
@@ -77,23 +80,25 @@ def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]
     """Labels of methods below the headings of their sides, in the order of `rank`; no side without any."""
     sides = {method.label: method.side for method in methods}
     ranked = sorted(sides, key=rank)
-    own = [
-        (heading, [label for label in ranked if sides[label] == side])
-        for side, heading in HEADINGS.items()
-    ]
-    return [(heading, labels) for heading, labels in own if labels]
+    columns = []
+    for side, heading in HEADINGS.items():
+        labels = [label for label in ranked if sides[label] == side]
+        if labels:
+            columns.append((heading, labels))
+    return columns
 
 
-def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
+def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
     """Draw one map: colour names the winner, a corner who ties with it, numbers its time and its lead."""
-    numbers = sorted({cell.stokes for cell in found})
-    targets = sorted({cell.target for cell in found}, reverse=True)
-    at = {(cell.stokes, cell.target): cell for cell in found}
-    usual = usual_form(found)
+    numbers = sorted({cell.stokes for cell in panel})
+    targets = sorted({cell.target for cell in panel}, reverse=True)
+    at = {(cell.stokes, cell.target): cell for cell in panel}
+    usual = usual_form(panel)
     for i, stokes in enumerate(numbers):
         for j, target in enumerate(targets):
             cell = at[stokes, target]
-            color = colour(cell.winner.label) if cell.winner else NOBODY if cell.known else UNKNOWN
+            nobody = _NOBODY if cell.known else _UNKNOWN
+            color = colour(cell.winner.label) if cell.winner else nobody
             axes.add_patch(
                 Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8)
             )
@@ -103,9 +108,12 @@ def draw(axes: Axes, found: Sequence[Cell]) -> Axes:
                     Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none")
                 )
             _write_in(axes, cell, i, j, usual)
-    winners = [[at[stokes, target].winner for target in targets] for stokes in numbers]
     # Heavy lines where one kind of method hands over to another.
-    sides = np.array([[winner.side if winner else "" for winner in column] for column in winners])
+    columns = []
+    for stokes in numbers:
+        winners = [at[stokes, target].winner for target in targets]
+        columns.append([winner.side if winner else "" for winner in winners])
+    sides = np.array(columns)
     style = {"color": "black", "linewidth": 2.2, "solid_capstyle": "round", "zorder": 3}
     for i, j in np.argwhere(sides[1:] != sides[:-1]):
         axes.plot([i + 1, i + 1], [j, j + 1], **style)
@@ -164,31 +172,32 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
     red, green, blue = to_rgb(colour(cell.winner.label))
     # Dark colours carry white numbers.
     ink = "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.4 else "black"
-    lead = "tie" if cell.tied else "alone" if isnan(cell.lead) else factor(cell.lead)
+    untied = "alone" if isnan(cell.lead) else factor(cell.lead)
+    lead = "tie" if cell.tied else untied
     texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
     if cell.winner.label != cell.winner.form and cell.winner.form != usual:
         texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
-    gap = LINE if len(texts) < 3 else 0.3
+    gap = _LINE if len(texts) < 3 else 0.3
     for k, (line, size) in enumerate(texts):
         y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
         axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
 
 
-def _entries(found: Sequence[Cell]) -> list[list[Any]]:
+def _entries(panel: Sequence[Cell]) -> list[list[Any]]:
     """Entries of the legend by column: a heading and the methods of each side, and what empty cells mean."""
-    methods = [
-        method
-        for cell in found
-        for method in (cell.winner, cell.second if cell.tied else None)
-        if method
-    ]
+    methods = []
+    for cell in panel:
+        if cell.winner:
+            methods.append(cell.winner)
+        if cell.tied and cell.second:
+            methods.append(cell.second)
     columns: list[list[Any]] = []
-    for (heading, what), own in by_side(methods):
+    for (heading, explanation), labels in by_side(methods):
         title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
-        patches = [Patch(facecolor=colour(label), label=label) for label in own]
-        columns.append([Patch(facecolor="none", label=f"{title}\n{what}"), *patches])
-    nobody = Patch(facecolor=NOBODY, edgecolor="0.7", label="no run measured gets there")
+        patches = [Patch(facecolor=colour(label), label=label) for label in labels]
+        columns.append([Patch(facecolor="none", label=f"{title}\n{explanation}"), *patches])
+    nobody = Patch(facecolor=_NOBODY, edgecolor="0.7", label="no run measured gets there")
     return [
         *columns,
-        [nobody, Patch(facecolor=UNKNOWN, label="below what the\nreference resolves")],
+        [nobody, Patch(facecolor=_UNKNOWN, label="below what the\nreference resolves")],
     ]

@@ -13,19 +13,21 @@ from polhode.models.flow import Flow
 from polhode.models.observables import completed
 
 # Okabe and Ito's palette, safe for colour-blind readers.
-COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
-# The view: round the gradient axis, then down on it, in rad, as on the page of motions.
-TURN, TILT = 0.45, 0.3
-LIGHT = np.array([-0.5, 0.6, 0.62])
-PARALLELS, MERIDIANS = 36, 72
+_COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
+# The view is the one of the page of motions.
+TURN = 0.45  # Rad: round the gradient axis.
+TILT = 0.3  # Rad: then down on it.
+_LIGHT = np.array([-0.5, 0.6, 0.62])  # Direction to the light: right, up, towards the eye.
+# Faces of the body's surface along a meridian and along a parallel.
+_PARALLELS = 36
+_MERIDIANS = 72
 # Share of the parallels that the coloured caps take at each end of the longest axis.
-CAP = 0.14
-ONE_HALF, OTHER_HALF, CAPS, INK = (
-    (0.47, 0.65, 0.80),
-    (0.63, 0.76, 0.88),
-    (0.84, 0.37, 0.0),
-    "#5b6470",
-)
+_CAP = 0.14
+# Colours of the surface, as shares of red, green and blue: the halves show the spin, the caps the axis.
+_ONE_HALF = (0.47, 0.65, 0.80)
+_OTHER_HALF = (0.63, 0.76, 0.88)
+_CAPS = (0.84, 0.37, 0.0)
+_INK = "#5b6470"
 _SHEAR = np.array(Flow.shear().gradient)
 
 
@@ -47,7 +49,7 @@ def slow_variables(
         label = f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$"
         values = frame[name] / max(solution.scene.ellipsoid.inertia)
         axes.plot(
-            frame["t2" if slow else "t"], values, color=COLOURS[name], linewidth=1.1, label=label
+            frame["t2" if slow else "t"], values, color=_COLOURS[name], linewidth=1.1, label=label
         )
     time = "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
     axes.set(xlabel=time, ylabel="L and E over $I_{max}$")
@@ -61,14 +63,17 @@ def tumbling(solution: SceneSolution) -> Figure:
     drawing, row = plt.subplots(1, count, figsize=(1.75 * count, 1.75), squeeze=False)
     ellipsoid = solution.scene.ellipsoid
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
-    # Of a spheroid the form may know the symmetry axis alone.
-    known = completed(ellipsoid, solution.rotation)
+    # A form may know the symmetry axis of a spheroid alone.
+    full_rotations = completed(ellipsoid, solution.rotation)
     flow = solution.scene.flow or Flow.shear()
     for axes, time, rotation in zip(
-        row[0], solution.times, solution.rotation if known is None else known, strict=True
+        row[0],
+        solution.times,
+        solution.rotation if full_rotations is None else full_rotations,
+        strict=True,
     ):
         body(axes, semi_axes, rotation, flow.gradient_at(float(time)))
-        axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=INK, y=0.0)
+        axes.set_title(f"$t$ = {time:.3g}", fontsize=9, color=_INK, y=0.0)
     drawing.subplots_adjust(left=0, right=1, bottom=0.02, top=1, wspace=0)
     return drawing
 
@@ -79,7 +84,7 @@ def body(
     """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow of a gradient."""
     pole = int(np.argmax(semi_axes))
     polar, around = np.meshgrid(
-        np.linspace(0, np.pi, PARALLELS + 1), np.linspace(0, 2 * np.pi, MERIDIANS + 1)
+        np.linspace(0, np.pi, _PARALLELS + 1), np.linspace(0, 2 * np.pi, _MERIDIANS + 1)
     )
     unit = np.stack(
         [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
@@ -87,32 +92,33 @@ def body(
     unit = np.roll(unit, pole + 1, axis=-1)
     corners = _project((unit * semi_axes) @ rotation)
     normals = _project((unit / semi_axes) @ rotation)
-    faces, normal = _faces(corners), _faces(normals).sum(axis=1)
+    faces = _faces(corners)
+    normal = _faces(normals).sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    at = np.indices((MERIDIANS, PARALLELS)).reshape(2, -1)
-    cap = np.minimum(at[1], PARALLELS - 1 - at[1]) < CAP * PARALLELS
+    at = np.indices((_MERIDIANS, _PARALLELS)).reshape(2, -1)
+    cap = np.minimum(at[1], _PARALLELS - 1 - at[1]) < _CAP * _PARALLELS
     tint = np.where(
-        cap[:, None], CAPS, np.where(at[0][:, None] < MERIDIANS // 2, ONE_HALF, OTHER_HALF)
+        cap[:, None], _CAPS, np.where(at[0][:, None] < _MERIDIANS // 2, _ONE_HALF, _OTHER_HALF)
     )
-    shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ LIGHT))[:, None])
-    seen = normal[:, 2] > 0
+    shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ _LIGHT))[:, None])
+    faces_viewer = normal[:, 2] > 0
     for x in (-1.25, 1.25):
         ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
-        axes.plot(ends[:, 0], ends[:, 1], color=INK, linewidth=0.6, alpha=0.5)
+        axes.plot(ends[:, 0], ends[:, 1], color=_INK, linewidth=0.6, alpha=0.5)
         for y in np.linspace(-1.2, 1.2, 7):
             place = np.array([x, y, 0.0])
             tail, tip = _project(np.array([place, place + 0.38 * (gradient @ place)]))
             style = {
                 "arrowstyle": "->",
-                "color": INK,
+                "color": _INK,
                 "lw": 0.7,
                 "alpha": 0.6,
                 "shrinkA": 0,
                 "shrinkB": 0,
             }
             axes.annotate("", tip[:2], tail[:2], arrowprops=style)
-    look = {"facecolors": shade[seen], "edgecolors": shade[seen], "linewidths": 0.3}
-    axes.add_collection(PolyCollection(list(faces[seen][:, :, :2]), **look))
+    look = {"facecolors": shade[faces_viewer], "edgecolors": shade[faces_viewer], "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(faces[faces_viewer][:, :, :2]), **look))
     axes.set(xlim=(-1.75, 1.75), ylim=(-1.6, 1.6), aspect="equal")
     axes.axis("off")
     return axes
@@ -120,7 +126,8 @@ def body(
 
 def _faces(points: np.ndarray) -> np.ndarray:
     """Corners of every face of the mesh, shape (faces, 4, 3)."""
-    first, later = slice(None, -1), slice(1, None)
+    first = slice(None, -1)
+    later = slice(1, None)
     corners = [
         points[i, j] for i, j in ((first, first), (first, later), (later, later), (later, first))
     ]
@@ -130,7 +137,8 @@ def _faces(points: np.ndarray) -> np.ndarray:
 def _project(points: np.ndarray) -> np.ndarray:
     """Points in space as right, up and towards the eye."""
     x, y, z = np.moveaxis(points, -1, 0)
-    right, near = cos(TURN) * x - sin(TURN) * z, sin(TURN) * x + cos(TURN) * z
+    right = cos(TURN) * x - sin(TURN) * z
+    depth = sin(TURN) * x + cos(TURN) * z
     return np.stack(
-        [right, cos(TILT) * y - sin(TILT) * near, sin(TILT) * y + cos(TILT) * near], axis=-1
+        [right, cos(TILT) * y - sin(TILT) * depth, sin(TILT) * y + cos(TILT) * depth], axis=-1
     )

@@ -22,11 +22,13 @@ LOOKS: dict[str, tuple[str, Any]] = {
         Path(__file__).with_name("looks.toml").read_text("utf-8")
     ).items()
 }
-# Solvers and forms without a look of their own, those outside the catalogue among them: markers in
-# turn.
-OTHER, OTHER_MARKERS = "#6B3F1D", ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
-# Colours of a picture at most, and how far apart, of 255: more and nearer ones only weigh.
-COLOURS, APART = 128, 16
+# Solvers and forms without a look of their own share a colour, and take these markers in turn. Some
+# are outside the catalogue.
+OTHER = "#6B3F1D"
+_OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
+# More colours, or nearer ones, only make a picture larger.
+_COLOURS = 128  # Colours of a picture at most.
+_LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,11 @@ class Look:
 
 def looks(names: Iterable[str]) -> dict[str, Look]:
     """Looks of solvers and averaged forms, in the order of `rank`."""
-    ordered, others = sorted(set(names), key=rank), cycle(OTHER_MARKERS)
+    ordered = sorted(set(names), key=rank)
+    markers = cycle(_OTHER_MARKERS)
     return {
-        name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(others)) for name in ordered
+        name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(markers))
+        for name in ordered
     }
 
 
@@ -62,9 +66,9 @@ def colour(name: str) -> str:
 
 
 def rank(name: str) -> tuple[int, str]:
-    """Where a solver or form stands among others: solvers, then forms, each in the order of its catalogue."""
-    known = [*SOLVERS, *FORMS]
-    return (known.index(name) if name in known else len(known)), name
+    """Key to sort solvers and forms: solvers first, then forms, each in the order of its catalogue."""
+    catalogue = [*SOLVERS, *FORMS]
+    return (catalogue.index(name) if name in catalogue else len(catalogue)), name
 
 
 def is_averaged(form: str) -> bool:
@@ -84,10 +88,11 @@ def power(value: float) -> str:
 def few_colours(image: Image.Image) -> Image.Image:
     """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift."""
     counted: Any = image.getcolors(image.width * image.height)
-    left, chosen = np.array([colour for _, colour in sorted(counted, reverse=True)]), []
-    while len(left) and len(chosen) < COLOURS:
+    left = np.array([colour for _, colour in sorted(counted, reverse=True)])
+    chosen = []
+    while len(left) and len(chosen) < _COLOURS:
         chosen.append(left[0])
-        left = left[np.max(np.abs(left - left[0]), axis=1) >= APART]
+        left = left[np.max(np.abs(left - left[0]), axis=1) >= _LEAST_DIFFERENCE]
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
     return image.quantize(palette=palette, dither=Image.Dither.NONE)

@@ -29,28 +29,33 @@ from polhode.harness.references.uncertainty import KNOWN, known
 from polhode.solvers.contract import Status
 
 # The band under the Pareto front.
-FRONT, FRONT_NAME = "#F7EFA6", "Pareto front"
+_FRONT = "#F7EFA6"
+_FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
-FEW_LINES = 8
+_FEW_LINES = 8
 # Names longer than this, in letters, break at the comma.
-NAME = 24
-UNKNOWN = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
+_LONGEST_NAME = 24
+UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # Runs beyond this error have failed, whatever their status; they stay in the table.
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
-DASHES = ("-", "--", ":", "-.")
-# In inches: a panel, the names beside it, and the legend below all panels. A page shows them 800
-# pixels wide.
-PANEL, NAMES, LEGEND = (3.35, 2.9), 1.05, 0.75
-# What the legend needs of one panel alone.
-LEAST_WIDTH = 6.4
+_DASHES = ("-", "--", ":", "-.")
+# A page shows figures 800 pixels wide.
+_PANEL = (3.35, 2.9)  # Inches: width and height of a panel.
+_NAMES_WIDTH = 1.05  # Inches: width of the names beside a panel.
+_LEGEND = 0.75  # Inches: height of the legend below all panels.
+# Width of a figure of one panel, in inches: the legend needs it.
+_LEAST_WIDTH = 6.4
 # Numbers left of a panel that shares no axis.
-TICKS = 0.4
-# Names beside a panel, in points: their size, and the least distance between two.
-LETTERS, APART = 8.5, 10.5
-BEHIND, BEHIND_NAME = "#BDBDBD", "behind the front"
-# Factors over the fastest shown, and the one that the sentence is about.
-LARGEST_FACTOR, NEAR = 1000.0, 2.0
+_TICKS = 0.4
+# Names beside a panel.
+_LETTERS = 8.5  # Points: their size.
+_NAME_SPACING = 10.5  # Points: the least distance between two lines of them.
+BEHIND = "#BDBDBD"
+_BEHIND_NAME = "behind the front"
+# Factors over the time of the fastest method.
+_LARGEST_FACTOR = 1000.0  # The figure ends here.
+_NEAR = 2.0  # The sentence names the method that stays most often within this factor.
 # Methods that the figure names, those that are fast and sure; the others are grey.
 NAMED = 7
 
@@ -77,17 +82,17 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     front = pareto_front(where(done, done["form"].isin(full) & known(done, error) & reached), error)
     if len(front):
         band = {
-            "color": FRONT,
+            "color": _FRONT,
             "solid_capstyle": "round",
             "solid_joinstyle": "round",
             "zorder": 0.5,
         }
-        axes.plot(*_points(front, error), linewidth=7, label=FRONT_NAME, **band)
+        axes.plot(*_points(front, error), linewidth=7, label=_FRONT_NAME, **band)
     leading = set(zip(front["solver"], front["form"], strict=True))
     for solver, look in looks(runs["solver"]).items():
-        for form, dash in zip(full, cycle(DASHES)):
-            own = where(done, (done["solver"] == solver) & (done["form"] == form))
-            if own.empty:
+        for form, dash in zip(full, cycle(_DASHES)):
+            method_runs = where(done, (done["solver"] == solver) & (done["form"] == form))
+            if method_runs.empty:
                 continue
             label = solver if len(full) == 1 else f"{solver}, {form}"
             style: dict[str, Any] = {
@@ -98,16 +103,17 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             }
             if (solver, form) not in leading:
                 style |= {"alpha": 0.45, "markersize": 3.5, "linewidth": 0.8, "zorder": 1.5}
-            axes.plot(*_points(own, error), linestyle=dash, label=label, **style)
-            _grey_out(axes, own, error, look.marker, style["markersize"])
+            axes.plot(*_points(method_runs, error), linestyle=dash, label=label, **style)
+            _grey_out(axes, method_runs, error, look.marker, style["markersize"])
     for form in forms:
         if form not in full:
-            own, look = where(done, done["form"] == form), looks([form])[form]
-            cheapest = pareto_front(own, error)
+            form_runs = where(done, done["form"] == form)
+            look = looks([form])[form]
+            cheapest = pareto_front(form_runs, error)
             style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
             axes.plot(*_points(cheapest, error), label=f"{form} form,\ncheapest runs", **style)
             _grey_out(axes, cheapest, error, look.marker, 9)
-            for model in own[f"model_{error}"].dropna().head(1):
+            for model in form_runs[f"model_{error}"].dropna().head(1):
                 label = f"{form} form,\nmodel error"
                 axes.axvline(
                     float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label
@@ -132,7 +138,7 @@ def _grey_out(axes: Axes, runs: pd.DataFrame, error: str, marker: Any, size: flo
     unknown = where(runs, ~known(runs, error))
     if len(unknown):
         style = {"marker": marker, "markersize": size, "linewidth": 0, "color": GREY, "zorder": 2.5}
-        label = "_again" if UNKNOWN in axes.get_legend_handles_labels()[1] else UNKNOWN
+        label = "_again" if UNKNOWN_LABEL in axes.get_legend_handles_labels()[1] else UNKNOWN_LABEL
         axes.plot(*_points(unknown, error), label=label, **style)
 
 
@@ -144,8 +150,8 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     places = (
         failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
     )
-    for tolerance, own in failed.groupby(places):
-        for i, (solver, look) in enumerate(looks(own["solver"]).items()):
+    for tolerance, failed_runs in failed.groupby(places):
+        for i, (solver, look) in enumerate(looks(failed_runs["solver"]).items()):
             style = {
                 "marker": look.marker,
                 "color": look.colour,
@@ -167,7 +173,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
 def name_lines(axes: Axes, few: int = 0) -> None:
     """Write each line's name beside the panel, near where it ends.
 
-    Of more lines than `few`, pale ones become grey, without markers or names.
+    A panel of more than `few` lines shows pale ones in grey, without markers or names.
     """
     axes.get_ylim()  # Limits that follow from the data are set once they are asked for.
     # In points, which a picture's resolution does not change.
@@ -176,26 +182,28 @@ def name_lines(axes: Axes, few: int = 0) -> None:
     lines = axes.get_lines()
     many = len([line for line in lines if not str(line.get_label()).startswith("_")]) > few
     for line in lines:
-        label, points = str(line.get_label()), np.asarray(line.get_xydata())
+        label = str(line.get_label())
+        points = np.asarray(line.get_xydata())
         if many and line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
         elif (
-            not label.startswith("_") and "\n" not in label and label != FRONT_NAME and len(points)
+            not label.startswith("_") and "\n" not in label and label != _FRONT_NAME and len(points)
         ):
             end = points[-1]
-            name = label.replace(", ", ",\n") if len(label) > NAME else label
+            name = label.replace(", ", ",\n") if len(label) > _LONGEST_NAME else label
             ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
-    ends.sort(key=lambda each: each[0])
+    ends.sort(key=lambda entry: entry[0])
     box = axes.get_window_extent()
     # Names move as little as keeps them apart, in order and beside the panel.
-    rooms = np.array([APART * (1 + name.count("\n")) for *_, name in ends])
+    rooms = np.array([_NAME_SPACING * (1 + name.count("\n")) for *_, name in ends])
     middles = np.cumsum(rooms) - rooms / 2
-    lowest, highest = box.y0 / scale - APART / 2, box.y1 / scale + APART / 2 - rooms.sum()
+    lowest = box.y0 / scale - _NAME_SPACING / 2
+    highest = box.y1 / scale + _NAME_SPACING / 2 - rooms.sum()
     free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
         style = {
-            "fontsize": LETTERS,
+            "fontsize": _LETTERS,
             "color": line.get_color(),
             "fontweight": "bold",
             "va": "center",
@@ -234,15 +242,15 @@ def panels(
     """One panel of `work_precision` for each title and its runs, with one legend; `alike` ones share their axes."""
     columns = 2 if len(groups) > 1 else 1
     lines = -(-len(groups) // columns)
-    between = NAMES + (0.0 if alike else TICKS)
-    size = max((PANEL[0] + between) * columns, LEAST_WIDTH), PANEL[1] * lines + LEGEND
+    between = _NAMES_WIDTH + (0.0 if alike else _TICKS)
+    size = max((_PANEL[0] + between) * columns, _LEAST_WIDTH), _PANEL[1] * lines + _LEGEND
     figure, grid = plt.subplots(
         lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False
     )
     for axes, (title, runs) in zip(grid.flat, groups, strict=False):
         # Those that a panel shows, more accurate to the right.
         errors = (
-            (pd.concat([own for _, own in groups]) if alike else runs)[error]
+            (pd.concat([group_runs for _, group_runs in groups]) if alike else runs)[error]
             .dropna()
             .to_numpy(float)
         )
@@ -260,25 +268,26 @@ def panels(
     for axes in grid[:, 0]:
         axes.set_ylabel("wall time of a warm run, s")
     width, height = size
-    margins = {"left": 0.65 / width, "right": 1 - NAMES / width, "bottom": (LEGEND + 0.5) / height}
+    margins = {
+        "left": 0.65 / width,
+        "right": 1 - _NAMES_WIDTH / width,
+        "bottom": (_LEGEND + 0.5) / height,
+    }
     figure.subplots_adjust(
         **margins,
         top=1 - 0.45 / height,
-        wspace=between / (PANEL[0] - 0.65),
+        wspace=between / (_PANEL[0] - 0.65),
         hspace=0.28 if alike else 0.4,
     )
     for axes in grid.flat[: len(groups)]:
-        name_lines(axes, FEW_LINES)
-    entries = (
-        each for axes in grid.flat for each in zip(*axes.get_legend_handles_labels(), strict=True)
-    )
-    rest = {
-        name.replace("\n", " "): line
-        for line, name in entries
-        if "\n" in name or name == FRONT_NAME
-    }
-    rest[BEHIND_NAME] = Line2D([], [], color=BEHIND)
-    rest["hollow: no result, at that tolerance"] = Line2D(
+        name_lines(axes, _FEW_LINES)
+    legend = {}
+    for axes in grid.flat:
+        for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            if "\n" in name or name == _FRONT_NAME:
+                legend[name.replace("\n", " ")] = line
+    legend[_BEHIND_NAME] = Line2D([], [], color=BEHIND)
+    legend["hollow: no result, at that tolerance"] = Line2D(
         [], [], marker="o", fillstyle="none", color="0.4", lw=0
     )
     style = {
@@ -288,7 +297,9 @@ def panels(
         "handlelength": 1.5,
         "ncols": columns + 1,
     }
-    figure.legend([*rest.values()], [*rest], loc="lower left", bbox_to_anchor=(0.01, 0.0), **style)
+    figure.legend(
+        [*legend.values()], [*legend], loc="lower left", bbox_to_anchor=(0.01, 0.0), **style
+    )
     return figure
 
 
@@ -301,12 +312,14 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     """Seconds to each error, NaN without: a row for each problem that somebody solves, a column for each method."""
-    groups = [runs for _, own in by_scene(table) for _, runs in by_stokes(own)]
-    found: Any = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
+    groups = []
+    for _, scene_runs in by_scene(table):
+        groups += [runs for _, runs in by_stokes(scene_runs)]
+    seconds: Any = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
     return (
-        found.groupby([Method(*each).label for each in found.index], sort=False).min().T
-        if len(found)
-        else found
+        seconds.groupby([Method(*column).label for column in seconds.index], sort=False).min().T
+        if len(seconds)
+        else seconds
     )
 
 
@@ -314,60 +327,66 @@ def profile_lines(
     runs: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast"
 ) -> list[str]:
     """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
-    found = times(runs)
-    if found.empty:
+    seconds = times(runs)
+    if seconds.empty:
         return []
-    save(profiles(found), folder, name)
+    save(profiles(seconds), folder, name)
     return [
         fill(
             "profiles",
             of=name,
             title=title,
-            sentence=sentence(found),
+            sentence=sentence(seconds),
             first=TARGETS[0],
             last=TARGETS[-1],
         )
     ]
 
 
-def sentence(found: pd.DataFrame) -> str:
+def sentence(seconds: pd.DataFrame) -> str:
     """Who is seldom far from the fastest, and who gets there most often."""
-    ratios = found.div(found.min(axis=1), axis=0)
-    near, reached = (ratios <= NEAR).mean(), found.notna().mean()
-    # Of those that are equally sure it names the one that is fast more often.
-    order = near.sort_values(ascending=False, kind="stable").index
-    first, surest = str(order[0]), str(reached.reindex(order).idxmax())
+    ratios = seconds.div(seconds.min(axis=1), axis=0)
+    nearly_fastest = (ratios <= _NEAR).mean()
+    reached = seconds.notna().mean()
+    # Among equally sure methods the sentence names the one that is fast more often.
+    order = nearly_fastest.sort_values(ascending=False, kind="stable").index
+    first = str(order[0])
+    surest = str(reached.reindex(order).idxmax())
     slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
-    shares = {"near": near[first], "reached": reached[surest], "factor": NEAR, "slow": slow}
-    return fill("profiles-sentence", count=len(found), first=first, surest=surest, **shares)
+    shares = {
+        "near": nearly_fastest[first],
+        "reached": reached[surest],
+        "factor": _NEAR,
+        "slow": slow,
+    }
+    return fill("profiles-sentence", count=len(seconds), first=first, surest=surest, **shares)
 
 
-def profiles(found: pd.DataFrame) -> Figure:
+def profiles(seconds: pd.DataFrame) -> Figure:
     """The share of problems solved within a factor of the fastest, and within a time."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.8, 4.0), sharey=True)
-    ratios = found.div(found.min(axis=1), axis=0)
+    ratios = seconds.div(seconds.min(axis=1), axis=0)
     fastest, longest = (
-        float(end) for end in (np.nanmin(found.to_numpy(float)), np.nanmax(found.to_numpy(float)))
+        float(end)
+        for end in (np.nanmin(seconds.to_numpy(float)), np.nanmax(seconds.to_numpy(float)))
     )
-    near = (ratios <= NEAR).mean() + found.notna().mean()
-    named = set(near.sort_values(ascending=False).index[:NAMED])
-    for name, look in looks(map(str, found)).items():
+    standing = (ratios <= _NEAR).mean() + seconds.notna().mean()
+    named = set(standing.sort_values(ascending=False).index[:NAMED])
+    for name, look in looks(map(str, seconds)).items():
         for axes, values, end in (
-            (left, ratios[name], LARGEST_FACTOR),
-            (right, found[name], longest * 1.1),
+            (left, ratios[name], _LARGEST_FACTOR),
+            (right, seconds[name], longest * 1.1),
         ):
             points = np.sort(values.dropna().to_numpy(float))
             points = points[points <= end]
-            shares = np.arange(1, len(points) + 1) / len(found)
-            points, shares = (
-                np.append(points, end),
-                np.append(shares, shares[-1] if len(shares) else 0.0),
-            )
+            shares = np.arange(1, len(points) + 1) / len(seconds)
+            points = np.append(points, end)
+            shares = np.append(shares, shares[-1] if len(shares) else 0.0)
             style = {} if name in named else {"alpha": 0.5, "zorder": 1}
             axes.step(
                 points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style
             )
-    left.set(xlim=(1, LARGEST_FACTOR), ylim=(0, 1.02))
+    left.set(xlim=(1, _LARGEST_FACTOR), ylim=(0, 1.02))
     right.set_xlim(fastest / 1.1, longest * 1.1)
     for axes, label in (
         (left, "time over that of the fastest"),

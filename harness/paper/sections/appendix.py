@@ -54,11 +54,11 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 
 # Deviation from brute force up to which a formula holds: what rounding makes of sums over states.
-ROUNDING = 1e-11
+_ROUNDING = 1e-11
 # Deviations below this one are drawn at it, on a logarithmic axis.
-LEAST_DRAWN = 1e-17
+_LEAST_DRAWN = 1e-17
 # Entries of a table from which on its figure has two columns.
-ONE_COLUMN = 12
+_ONE_COLUMN = 12
 
 
 def frame(momentum: np.ndarray) -> np.ndarray:
@@ -96,20 +96,20 @@ class _Averages(Experiment):
     def draw(self, data: Data) -> Figure:
         """The deviations, entry by entry."""
         table = data[""]
-        columns = 1 if len(table) < ONE_COLUMN else 2
+        columns = 1 if len(table) < _ONE_COLUMN else 2
         count = -(-len(table) // columns)
         size = (6.4 / columns + (columns - 1), 1.2 + 0.15 * count)
         figure, axes = panels(1, columns, *size)
-        for place, own in enumerate(axes):
+        for place, panel in enumerate(axes):
             rows = table[place * count : (place + 1) * count]
             heights = -np.arange(len(rows))
             style: dict[str, Any] = {"linestyle": "none"}
-            right = np.maximum(rows.corrected, LEAST_DRAWN)
-            own.plot(
+            right = np.maximum(rows.corrected, _LEAST_DRAWN)
+            panel.plot(
                 right, heights, marker="o", color=BLUE, markersize=4, label="corrected", **style
             )
-            printed = np.maximum(rows.printed, LEAST_DRAWN)
-            own.plot(
+            printed = np.maximum(rows.printed, _LEAST_DRAWN)
+            panel.plot(
                 printed,
                 heights,
                 marker="x",
@@ -118,8 +118,8 @@ class _Averages(Experiment):
                 label="printed",
                 **style,
             )
-            own.set_yticks(heights, rows.entry.tolist(), fontsize=6.5 if columns > 1 else 8)
-            own.set(
+            panel.set_yticks(heights, rows.entry.tolist(), fontsize=6.5 if columns > 1 else 8)
+            panel.set(
                 xlabel="largest deviation from brute force",
                 ylabel="entry",
                 xscale="log",
@@ -130,11 +130,11 @@ class _Averages(Experiment):
         return figure
 
 
-CAPTION = (
+_CAPTION = (
     "Entries of the table of averages, in its order: largest deviation from the brute-force "
     "average over random states."
 )
-HOLDS = Range.at_most(ROUNDING, "rounding in means over states")
+_HOLDS = Range.at_most(_ROUNDING, "rounding in means over states")
 
 
 @dataclass(frozen=True)
@@ -162,15 +162,15 @@ class SpheroidAverages(_Averages):
     def judge(self, data: Data) -> Verdict:
         """Whether all entries hold as printed."""
         table = data[""]
-        wrong = int(np.sum(table.printed > ROUNDING))
+        wrong = int(np.sum(table.printed > _ROUNDING))
         return Verdict(
             Word.CONFIRMED,
             f"All {len(table)} entries agree with the average to "
             f"{in_two_digits(table.corrected.max())}.",
-            CAPTION,
+            _CAPTION,
             [
                 Number(
-                    f"largest deviation of the {len(table)} formulas", table.corrected.max(), HOLDS
+                    f"largest deviation of the {len(table)} formulas", table.corrected.max(), _HOLDS
                 ),
                 Number(
                     f"printed entries of {len(table)} that deviate",
@@ -208,11 +208,11 @@ class EllipsoidAverages(_Averages):
     def judge(self, data: Data) -> Verdict:
         """Which entries, and which general formulas, hold as printed."""
         table = data[""]
-        wrong = table.printed > ROUNDING
+        wrong = table.printed > _ROUNDING
         general = np.array([name.startswith("general") for name in table.entry])
         failed = int(np.sum(wrong & ~general))
         mixed = int(np.sum(np.isin(table.entry[wrong], mixed_names())))
-        others = [
+        wrong_formulas = [
             name.removeprefix("general ")
             for name in table.entry[wrong & general]
             if MIXED not in name
@@ -223,14 +223,14 @@ class EllipsoidAverages(_Averages):
             f"{np.sum(~wrong & ~general)} of {np.sum(~general)} entries hold as printed. The "
             f"{failed} mixed third moments do not: they, and the general formula for {MIXED} above "
             f"them, lack α₃₃/2. Of the {np.sum(general) - 1} other general formulas those for "
-            f"{' and '.join(others)} contradict the entries below them, which are right. "
+            f"{' and '.join(wrong_formulas)} contradict the entries below them, which are right. "
             f"Corrected, all agree to {in_two_digits(table.corrected.max())}.",
-            CAPTION,
+            _CAPTION,
             [
                 Number(
                     f"largest deviation of the {len(table)} formulas, corrected",
                     table.corrected.max(),
-                    HOLDS,
+                    _HOLDS,
                 ),
                 Number(f"printed entries of {np.sum(~general)} that deviate", failed, six),
                 Number("the same among the mixed third moments", mixed, six),
@@ -250,17 +250,16 @@ def _deviations(entries: Sequence[Entry], worst: np.ndarray) -> dict[str, Any]:
     return {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}
 
 
-# The first-order correction: κ, L_z over I_e at the start, θ₀ and φ₀ in rad, and the slow time
-# followed.
-KAPPA = 2.0
-MOMENTUM = -0.9
-THETA = 0.9
-PHI = 0.6
-SLOW_TIME = 0.04
+# Runs of the first-order correction.
+_KAPPA = 2.0
+_MOMENTUM = -0.9  # L_z over I_e at the start.
+_THETA = 0.9  # Rad, at the start.
+_PHI = 0.6  # Rad, at the start.
+_SLOW_TIME = 0.04  # Slow time that they are followed.
 # St of the run that is shown.
-SHOWN_STOKES = 200.0
+_SHOWN_STOKES = 200.0
 # Smallest St of the fits.
-FITTED_STOKES = 900.0
+_FITTED_STOKES = 900.0
 
 
 @dataclass(frozen=True)
@@ -269,7 +268,7 @@ class FirstOrder(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """L_z in full, averaged and corrected at one St; the largest error against St."""
-        yield "", {"t2": np.linspace(0.0, SLOW_TIME, 401), **_first_order(SHOWN_STOKES, 401)}
+        yield "", {"t2": np.linspace(0.0, _SLOW_TIME, 401), **_first_order(_SHOWN_STOKES, 401)}
         for stokes in np.geomspace(1e2, 1e5, grid.of(13, 4)).tolist():
             runs = _first_order(stokes, grid.of(4001, 1001))
             full = runs.pop("full")
@@ -280,7 +279,7 @@ class FirstOrder(Experiment):
         """How the errors fall with St."""
         errors = data["errors"]
         gain = errors.averaged / errors.printed
-        large = errors[errors.stokes >= FITTED_STOKES]
+        large = errors[errors.stokes >= _FITTED_STOKES]
         orders = {
             name: exponent(large.stokes, large[name])
             for name in ("averaged", "printed", "corrected")
@@ -297,9 +296,9 @@ class FirstOrder(Experiment):
             "part. With the local, signed frequency and a shifted start it is "
             f"{constant:.4g} I_e/St², smaller than as printed from St = {in_two_digits(better)} "
             "on.",
-            f"κ = {KAPPA:g}, L along the vorticity, L_z0 = {MOMENTUM:g} I_e, θ₀ = {THETA:g}, "
-            f"φ₀ = {PHI:g}. Left: L_z at St = {SHOWN_STOKES:g}; right: largest errors up to "
-            f"t₂ = {SLOW_TIME:g}.",
+            f"κ = {_KAPPA:g}, L along the vorticity, L_z0 = {_MOMENTUM:g} I_e, θ₀ = {_THETA:g}, "
+            f"φ₀ = {_PHI:g}. Left: L_z at St = {_SHOWN_STOKES:g}; right: largest errors up to "
+            f"t₂ = {_SLOW_TIME:g}.",
             [
                 Number(
                     "averaged error over that as printed, smallest",
@@ -344,7 +343,7 @@ class FirstOrder(Experiment):
         left.plot(table.t2, table.averaged, color=AVERAGED, label="averaged")
         text = "with first-order correction"
         left.plot(table.t2, table.corrected, color=ORANGE, linestyle="--", label=text)
-        left.set(xlabel="slow time $t_2$", ylabel="$L_z/I_e$", title=f"St = {SHOWN_STOKES:g}")
+        left.set(xlabel="slow time $t_2$", ylabel="$L_z/I_e$", title=f"St = {_SHOWN_STOKES:g}")
         left.legend()
         for name, color, slope in (
             ("averaged", AVERAGED, -1),
@@ -370,9 +369,9 @@ class FirstOrder(Experiment):
 
 def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     """L_z/I_e of the full and the averaged run, with the correction as printed, and corrected."""
-    shape = Spheroid.of(spheroid(KAPPA))
-    scene = aligned_scene(spheroid(KAPPA), stokes, MOMENTUM, THETA, SLOW_TIME, PHI)
-    slow_times = np.linspace(0.0, SLOW_TIME, points)
+    shape = Spheroid.of(spheroid(_KAPPA))
+    scene = aligned_scene(spheroid(_KAPPA), stokes, _MOMENTUM, _THETA, _SLOW_TIME, _PHI)
+    slow_times = np.linspace(0.0, _SLOW_TIME, points)
     averaged = averaged_run(scene, slow_times)
     momentum = averaged.states[:, 2]
     spin = averaged.states[:, 3]
@@ -380,7 +379,7 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     mean = np.concatenate([momentum[:1], phase[1:] / slow_times[1:]])
     tilt = 1 - (shape.inertia_ratio * spin / momentum) ** 2
     amplitude = shape.equatorial_damping * shape.anisotropy * tilt / 4
-    oscillation = amplitude / mean * np.sin(2 * (stokes * phase + PHI)) / stokes
+    oscillation = amplitude / mean * np.sin(2 * (stokes * phase + _PHI)) / stokes
     return {
         "full": full_run(scene, stokes * slow_times).slow[:, 2],
         "averaged": averaged.slow[:, 2],
@@ -389,7 +388,7 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     }
 
 
-SECTION = Section(
+APPENDIX_SECTION = Section(
     "appendix",
     "Appendices: averages and first-order correction",
     (

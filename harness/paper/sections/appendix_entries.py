@@ -1,7 +1,7 @@
 """The appendices' tables of averages, in their order: means over rotations, and the formulas printed for them.
 
-A formula is a function of n = L/|L| and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩). Of the words, x'1 x'2 y'3 are the
-components t_11, t_21, t_32; without a stroke they are components in axes along L.
+A formula is a function of n = L/|L| and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩). In names of
+entries, x'1 x'2 y'3 are the components t_11, t_21, t_32; without a stroke they are components in axes along L.
 """
 
 from collections.abc import Callable
@@ -16,10 +16,10 @@ Mean = Callable[[np.ndarray, np.ndarray], Value]
 Formula = Callable[[np.ndarray, np.ndarray], Value]
 """A formula's value from n and z, shape (3,) each."""
 
-LETTERS = "xyz"
-# Of different rows, and of any columns, for the general formulas.
-ROWS = tuple(permutations(range(3)))
-COLUMNS = tuple(product(range(3), repeat=3))
+_LETTERS = "xyz"
+# Indices of the general formulas: three different rows, and any three columns.
+_ROWS = tuple(permutations(range(3)))
+_COLUMN_TRIPLES = tuple(product(range(3), repeat=3))
 # The general formula of the mixed third moments.
 MIXED = "⟨t_i3,LO t_j1 t_k2⟩"
 
@@ -51,7 +51,7 @@ def _zero(n: np.ndarray, z: np.ndarray) -> float:
 
 def _moment(words: str, printed: Formula, corrected: Formula | None = None) -> Entry:
     """An entry for the mean of a product of components."""
-    factors = [(LETTERS.index(word[0]), int(word[-1]) - 1, "'" in word) for word in words.split()]
+    factors = [(_LETTERS.index(word[0]), int(word[-1]) - 1, "'" in word) for word in words.split()]
 
     def mean(t: np.ndarray, u: np.ndarray) -> float:
         values = [(t if space else u)[:, row, column] for column, row, space in factors]
@@ -113,15 +113,15 @@ def ellipsoid_entries() -> list[Entry]:
     """Entries and general formulas of the ellipsoid's table, in its order."""
     return [
         *_second_aligned_entries(),
-        GENERAL_SECOND_ALIGNED,
+        _GENERAL_SECOND_ALIGNED,
         *_third_aligned_entries(),
-        GENERAL_THIRD_ALIGNED,
+        _GENERAL_THIRD_ALIGNED,
         *_third_mixed_entries(),
-        GENERAL_THIRD_MIXED,
+        _GENERAL_THIRD_MIXED,
         *_third_space_entries(),
-        GENERAL_THIRD_SPACE,
+        _GENERAL_THIRD_SPACE,
         *_second_space_entries(),
-        GENERAL_SECOND_SPACE,
+        _GENERAL_SECOND_SPACE,
     ]
 
 
@@ -261,39 +261,41 @@ def _mean_second_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _second_aligned_formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return np.stack([np.diag([(1 - own) / 2, (1 - own) / 2, own]) for own in z])
+    return np.stack([np.diag([(1 - square) / 2, (1 - square) / 2, square]) for square in z])
 
 
-GENERAL_SECOND_ALIGNED = Entry(
+_GENERAL_SECOND_ALIGNED = Entry(
     "general ⟨t_ki,LO t_kj,LO⟩", _mean_second_aligned, _second_aligned_formula
 )
 
 
 def _mean_third_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    found = np.empty((len(ROWS), len(COLUMNS)))
-    for row, (i, j, k) in enumerate(ROWS):
-        for column, (a, b, c) in enumerate(COLUMNS):
-            found[row, column] = np.mean(u[:, i, a] * u[:, j, b] * u[:, k, c])
-    return found
+    moments = np.empty((len(_ROWS), len(_COLUMN_TRIPLES)))
+    for row, (i, j, k) in enumerate(_ROWS):
+        for column, (a, b, c) in enumerate(_COLUMN_TRIPLES):
+            moments[row, column] = np.mean(u[:, i, a] * u[:, j, b] * u[:, k, c])
+    return moments
 
 
 def _third_aligned_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    signs = np.outer([sign_of(*rows) for rows in ROWS], [sign_of(*columns) for columns in COLUMNS])
+    signs = np.outer(
+        [sign_of(*rows) for rows in _ROWS], [sign_of(*columns) for columns in _COLUMN_TRIPLES]
+    )
     # As printed with δ_i3, which picks ⟨z₃²⟩ always.
     return signs * z[2] / 2
 
 
 def _third_aligned_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    found = np.empty((len(ROWS), len(COLUMNS)))
-    for row, rows in enumerate(ROWS):
-        for column, columns in enumerate(COLUMNS):
+    moments = np.empty((len(_ROWS), len(_COLUMN_TRIPLES)))
+    for row, rows in enumerate(_ROWS):
+        for column, columns in enumerate(_COLUMN_TRIPLES):
             # With δ_l3: the row whose column is the third.
             along = sum(z[i] for i, place in zip(rows, columns, strict=True) if place == 2)
-            found[row, column] = sign_of(*rows) * sign_of(*columns) * along / 2
-    return found
+            moments[row, column] = sign_of(*rows) * sign_of(*columns) * along / 2
+    return moments
 
 
-GENERAL_THIRD_ALIGNED = Entry(
+_GENERAL_THIRD_ALIGNED = Entry(
     "general ⟨t_il,LO t_jm,LO t_kn,LO⟩",
     _mean_third_aligned,
     _third_aligned_printed,
@@ -302,38 +304,38 @@ GENERAL_THIRD_ALIGNED = Entry(
 
 
 def _mean_third_mixed(t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    return np.array([np.mean(u[:, i, 2] * t[:, j, 0] * t[:, k, 1]) for i, j, k in ROWS])
+    return np.array([np.mean(u[:, i, 2] * t[:, j, 0] * t[:, k, 1]) for i, j, k in _ROWS])
 
 
 def _third_mixed_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return np.array([sign_of(i, j, k) * z[i] for i, j, k in ROWS])
+    return np.array([sign_of(i, j, k) * z[i] for i, j, k in _ROWS])
 
 
 def _third_mixed_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
     return _third_mixed_printed(n, z) * n[2] / 2
 
 
-GENERAL_THIRD_MIXED = Entry(
+_GENERAL_THIRD_MIXED = Entry(
     f"general {MIXED}", _mean_third_mixed, _third_mixed_printed, _third_mixed_corrected
 )
 
 
 def _mean_third_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
-    found = np.empty((len(ROWS), 3))
-    for row, (i, j, k) in enumerate(ROWS):
+    moments = np.empty((len(_ROWS), 3))
+    for row, (i, j, k) in enumerate(_ROWS):
         for column in range(3):
-            found[row, column] = np.mean(t[:, i, column] * t[:, j, 0] * t[:, k, 1])
-    return found
+            moments[row, column] = np.mean(t[:, i, column] * t[:, j, 0] * t[:, k, 1])
+    return moments
 
 
 def _third_space(n: np.ndarray, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    found = np.empty((len(ROWS), 3))
-    for row, (i, j, k) in enumerate(ROWS):
+    moments = np.empty((len(_ROWS), 3))
+    for row, (i, j, k) in enumerate(_ROWS):
         first = n[0] * n[2] * (z[i] - z[j])
         second = n[1] * n[2] * (z[i] - z[k])
         third = weights[0] * z[j] + weights[1] * z[k] + weights[2] * z[i]
-        found[row] = sign_of(i, j, k) / 2 * np.array([first, second, third])
-    return found
+        moments[row] = sign_of(i, j, k) / 2 * np.array([first, second, third])
+    return moments
 
 
 def _third_space_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -345,7 +347,7 @@ def _third_space_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
     return _third_space(n, z, n**2)
 
 
-GENERAL_THIRD_SPACE = Entry(
+_GENERAL_THIRD_SPACE = Entry(
     "general ⟨t_il t_j1 t_k2⟩", _mean_third_space, _third_space_printed, _third_space_corrected
 )
 
@@ -355,7 +357,9 @@ def _mean_second_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _second_space_formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    return np.stack([np.outer(n, n) * (3 * own - 1) / 2 + np.eye(3) * (1 - own) / 2 for own in z])
+    return np.stack(
+        [np.outer(n, n) * (3 * square - 1) / 2 + np.eye(3) * (1 - square) / 2 for square in z]
+    )
 
 
-GENERAL_SECOND_SPACE = Entry("general ⟨t_il t_im⟩", _mean_second_space, _second_space_formula)
+_GENERAL_SECOND_SPACE = Entry("general ⟨t_il t_im⟩", _mean_second_space, _second_space_formula)

@@ -1,4 +1,4 @@
-"""Beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, endings next to the saddle, basins."""
+"""Questions beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, the saddle, basins."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -60,25 +60,25 @@ from polhode.models.scenes import PAPER_ELLIPSOID, PAPER_START
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
-ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
-SIDES = ("short", "long")
+_ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
+_SIDES = ("short", "long")
 # Slow time up to which the order of averaging is measured.
-ORDER_TIME = 0.1
-# Faster than Taylor series over so many turns; it does not stop at a graze of L² = 2EI₂ either.
-FAST_SOLVER = "cyrk-vern8"
+_ORDER_TIME = 0.1
+# Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂ either.
+_FAST_SOLVER = "cyrk-vern8"
 # Smallest St of the fits of the order.
-ASYMPTOTIC = 9e4
+_ASYMPTOTIC = 9e4
 # Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
-# side; those of the long side are close to L² = 2EI₂ and cross it soon.
-SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
+# side; starts of the long side are close to L² = 2EI₂ and cross it soon.
+_SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
 def random_start(generator: np.random.Generator, side: str) -> BodyStart:
     """Random orientation, |ω| about 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations."""
-    inertia = np.array(ELLIPSOID.inertia)
+    inertia = np.array(_ELLIPSOID.inertia)
     i1, i2, i3 = np.sort(inertia)
     low, high = (i2, i3) if side == "short" else (i1, i2)
-    least, most = SHARES[side]
+    least, most = _SHARES[side]
     while True:
         omega = generator.normal(size=3)
         omega *= 0.8 / np.linalg.norm(omega)
@@ -90,26 +90,28 @@ def random_start(generator: np.random.Generator, side: str) -> BodyStart:
 
 def same_slow_start(start: BodyStart | EulerStart, generator: np.random.Generator) -> BodyStart:
     """Another start with the same L and E: the free top at a random time."""
-    top = TorqueFree(ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
+    top = TorqueFree(_ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
     quaternion, omega = top.at([generator.uniform(50.0, 500.0)])
     return BodyStart(tuple(quaternion[0].tolist()), tuple(omega[0].tolist()))
 
 
 def above_middle(slow: np.ndarray) -> np.ndarray:
-    """Where L² > 2EI₂, shape (n,)."""
-    middle = sorted(ELLIPSOID.inertia)[1] / max(ELLIPSOID.inertia)
+    """Whether L² > 2EI₂, shape (n,)."""
+    middle = sorted(_ELLIPSOID.inertia)[1] / max(_ELLIPSOID.inertia)
     return np.sum(slow[:, :3] ** 2, axis=1) > 2 * slow[:, 3] * middle
 
 
 def start_exponents(part: Table) -> np.ndarray:
     """Exponents of all starts, from the asymptotic St on."""
-    large = part[part.stokes >= ASYMPTOTIC]
+    large = part[part.stokes >= _ASYMPTOTIC]
     return np.array([exponent(run.stokes, run.error) for _, run in groups(large, "start")])
 
 
 def typical_errors(part: Table) -> np.ndarray:
     """Geometric mean of the error over starts, at each St."""
-    return np.array([np.exp(np.mean(np.log(own.error))) for _, own in groups(part, "stokes")])
+    return np.array(
+        [np.exp(np.mean(np.log(stokes_rows.error))) for _, stokes_rows in groups(part, "stokes")]
+    )
 
 
 def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
@@ -122,7 +124,8 @@ def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
 def local_exponents(part: Table) -> list[Estimate]:
     """Mean over starts of the exponents between neighbouring St."""
     runs = (np.diff(np.log([run.stokes, run.error])) for _, run in groups(part, "start"))
-    return [mean(column) for column in np.transpose([errors / steps for steps, errors in runs])]
+    exponents = [errors / steps for steps, errors in runs]
+    return [mean(column) for column in np.transpose(exponents)]
 
 
 @dataclass(frozen=True)
@@ -134,20 +137,20 @@ class AveragingOrder(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Largest error of L and E of the averaged form by side, start and St."""
         generator = np.random.default_rng(11)
-        slow_times = np.linspace(0.0, ORDER_TIME, 3001)
+        slow_times = np.linspace(0.0, _ORDER_TIME, 3001)
         numbers = np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist()
         numbers += grid.of([1e7], [])
-        for side, (name, count) in enumerate(zip(SIDES, grid.of((16, 64), (4, 8)), strict=True)):
+        for side, (name, count) in enumerate(zip(_SIDES, grid.of((16, 64), (4, 8)), strict=True)):
             for index in range(count):
                 start = random_start(generator, name)
-                scene = Scene(ELLIPSOID, 1.0, start, ORDER_TIME)
-                averaged = averaged_run(scene, slow_times, solver=FAST_SOLVER).slow
+                scene = Scene(_ELLIPSOID, 1.0, start, _ORDER_TIME)
+                averaged = averaged_run(scene, slow_times, solver=_FAST_SOLVER).slow
                 if side and not above_middle(averaged)[-1]:
-                    message = f"start {index} does not cross L² = 2EI₂ by t₂ = {ORDER_TIME:g}"
+                    message = f"start {index} does not cross L² = 2EI₂ by t₂ = {_ORDER_TIME:g}"
                     raise RuntimeError(message)
                 for stokes in numbers:
-                    scene = Scene(ELLIPSOID, stokes, start, stokes * ORDER_TIME)
-                    full = full_run(scene, stokes * slow_times, solver=FAST_SOLVER)
+                    scene = Scene(_ELLIPSOID, stokes, start, stokes * _ORDER_TIME)
+                    full = full_run(scene, stokes * slow_times, solver=_FAST_SOLVER)
                     error = np.max(np.abs(full.slow - averaged))
                     yield "", {"side": side, "start": index, "stokes": stokes, "error": error}
 
@@ -158,7 +161,7 @@ class AveragingOrder(Experiment):
         return Verdict(
             Word.MEASURED,
             laws.sentence(),
-            f"Largest error of L and E of the averaged form up to t₂ = {ORDER_TIME:g}; "
+            f"Largest error of L and E of the averaged form up to t₂ = {_ORDER_TIME:g}; "
             f"{len(laws.single)} random starts without and {laws.starts} with a crossing, "
             "|ω| = 0.8. Two laws: √((a/St)² + b²/St).",
             [
@@ -218,14 +221,14 @@ class AveragingOrder(Experiment):
         laws = Laws.of(data[""])
         figure, axes = panels(1, 2, 3.8, 3.1, sharey=True)
         titles = ("no crossing of $L^2 = 2EI_2$", "crossing $L^2 = 2EI_2$")
-        for own, rows, size, title in zip(
+        for panel, rows, size, title in zip(
             axes, (laws.without, laws.crossing), laws.sizes, titles, strict=True
         ):
             style: dict[str, Any] = {"color": SKY, "linewidth": 0.5, "label": "single starts"}
-            draw_broken(own, rows.stokes, rows.error, rows.start, **style)
+            draw_broken(panel, rows.stokes, rows.error, rows.start, **style)
             line: dict[str, Any] = {"color": BLUE, "linewidth": 2.0, "marker": "o", "markersize": 4}
-            own.plot(laws.stokes, size, label="root mean square", **line)
-            own.set(
+            panel.plot(laws.stokes, size, label="root mean square", **line)
+            panel.set(
                 xlabel="Stokes number St",
                 ylabel="largest error of L and E$/I_{max}$",
                 title=title,
@@ -246,14 +249,14 @@ class AveragingOrder(Experiment):
         bound = laws.bound * laws.sizes[1][-1] / laws.bound[-1]
         text = r"$\mathrm{St}^{-1/2}\,\ln\,$St"
         axes[1].plot(laws.stokes, bound, linestyle="--", color=VERMILLION, label=text)
-        for own in axes:
-            own.legend(loc="lower left", fontsize=8)
+        for panel in axes:
+            panel.legend(loc="lower left", fontsize=8)
         return figure
 
 
 @dataclass(frozen=True)
 class Laws:
-    """What the errors of averaging follow, without and with a crossing."""
+    """Laws of averaging's errors in St, without and with a crossing."""
 
     without: Table
     crossing: Table
@@ -342,7 +345,7 @@ class Laws:
         regular = int(np.sum(np.abs(self.single + 1) < 0.05))
         even = (self.jump / self.scattering) ** 2
         return (
-            f"From St = {in_two_digits(ASYMPTOTIC)} on the largest error without a crossing falls "
+            f"From St = {in_two_digits(_ASYMPTOTIC)} on the largest error without a crossing falls "
             f"like St^({self.free:.3f}), the mean over {len(self.single)} starts: υ = "
             f"{1 + self.free:.2f} (95 %: {1 + low:.2f} … {1 + high:.2f}); {regular} of them fall "
             "like 1/St to 0.05 in the exponent, the slowest like "
@@ -367,13 +370,13 @@ class Laws:
 
 
 # Slow time of the runs over the crossing.
-JUMP_TIME = 0.08
+_JUMP_TIME = 0.08
 # Slow times from the crossing between which deviations are averaged, to take the regular
 # oscillation out.
-BEFORE_CROSSING = (-0.03, -0.02)
-AFTER_CROSSING = (0.015, 0.025)
+_BEFORE_CROSSING = (-0.03, -0.02)
+_AFTER_CROSSING = (0.015, 0.025)
 # Largest St at which resonances are taken not to matter.
-MIDDLE_STOKES = 3e5
+_MIDDLE_STOKES = 3e5
 # Standard deviation of ln(2 sin πξ), ξ uniform; its mean is 0.
 SPREAD = np.pi / np.sqrt(12)
 
@@ -384,7 +387,7 @@ def law(values: np.ndarray) -> np.ndarray:
 
 
 def fitted_level(count: int) -> float:
-    """5 % level of the distance from the law of so many of its own values, their mean and deviation fitted."""
+    """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted."""
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
     values = np.sort(
         (values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True)
@@ -404,7 +407,7 @@ class Scatter(NamedTuple):
 
 
 def scatter(part: Table) -> Scatter:
-    """Of deviations in L and E."""
+    """Scatter of deviations in L and E."""
     values = np.stack([part[name] for name in SLOW], axis=1)
     values = values - values.mean(axis=0)
     _, sizes, directions = np.linalg.svd(values, full_matrices=False)
@@ -423,19 +426,19 @@ class CrossingJumps(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Deviations of full runs from the averaged one, before and after the crossing."""
         generator = np.random.default_rng(29)
-        slow_times = np.linspace(0.0, JUMP_TIME, 2001)
-        averaged = averaged_run(Scene(ELLIPSOID, 1.0, PAPER_START, JUMP_TIME), slow_times).slow
+        slow_times = np.linspace(0.0, _JUMP_TIME, 2001)
+        averaged = averaged_run(Scene(_ELLIPSOID, 1.0, PAPER_START, _JUMP_TIME), slow_times).slow
         crossing = slow_times[np.argmax(above_middle(averaged))]
         starts = [same_slow_start(PAPER_START, generator) for _ in range(grid.of(128, 48))]
         for stokes in grid.of((1e4, 3e4, 1e5, 3e5, 1e6), (1e4, 3e4, 3e5, 1e6)):
             deviations = []
             for start in starts:
-                scene = Scene(ELLIPSOID, stokes, start, stokes * JUMP_TIME)
-                run = full_run(scene, stokes * slow_times, 1e-11, solver=FAST_SOLVER)
+                scene = Scene(_ELLIPSOID, stokes, start, stokes * _JUMP_TIME)
+                run = full_run(scene, stokes * slow_times, 1e-11, solver=_FAST_SOLVER)
                 deviations.append(run.slow - averaged)
-            for after, (low, high) in enumerate((BEFORE_CROSSING, AFTER_CROSSING)):
-                near = (slow_times > crossing + low) & (slow_times < crossing + high)
-                means = np.array(deviations)[:, near].mean(axis=1)
+            for after, (low, high) in enumerate((_BEFORE_CROSSING, _AFTER_CROSSING)):
+                window = (slow_times > crossing + low) & (slow_times < crossing + high)
+                means = np.array(deviations)[:, window].mean(axis=1)
                 yield (
                     "",
                     {"stokes": stokes, "after": after, **dict(zip(SLOW, means.T, strict=True))},
@@ -448,8 +451,8 @@ class CrossingJumps(Experiment):
         sizes = np.array([scatter.size for scatter in after.values()])
         shares = [scatter.share for scatter in after.values()]
         first = stokes[0]
-        regular = stokes <= MIDDLE_STOKES
-        late = stokes >= MIDDLE_STOKES
+        regular = stokes <= _MIDDLE_STOKES
+        late = stokes >= _MIDDLE_STOKES
         middle = in_two_digits(stokes[regular][-1])
         along = after[first].along
         distance = float(stats.kstest(along, law).statistic)
@@ -570,44 +573,44 @@ def _scatters(table: Table) -> tuple[dict[float, Scatter], dict[float, Scatter]]
 
 
 # Slow time of the runs from next to the saddle.
-ENDING_TIME = 1.5
+_ENDING_TIME = 1.5
 # Ticks of the figure of arrivals.
-TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
+_TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
 # Distance from the node, over I_max, at which a run has arrived.
-ARRIVED = 0.06
-ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)
+_ARRIVED = 0.06
+_ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs.
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
 # angular velocities.
-NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
-# What the shares of the starts next to the saddle and of those of the map are shares of.
-AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
-ON_THE_MAP = "a map of starts even in θ and ψ, not of random ones"
+_NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
+# Populations of the shares: of starts next to the saddle, and of starts of the map.
+_AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
+_ON_THE_MAP = "a map of starts even in θ and ψ, not of random ones"
 # Share of the averaged arrival by which a full one is off.
-OFF_BY = 0.2
+_OFF_BY = 0.2
 
 
-def saddle_start(generator: np.random.Generator, near: float) -> BodyStart:
+def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
     """Longest axis along the vorticity and ω = -½ along it, both but for about `near`."""
     phi = generator.uniform(0, 2 * pi)
     psi = generator.choice([-pi / 2, pi / 2])
-    tilt = generator.normal(scale=near, size=2)
+    tilt = generator.normal(scale=spread, size=2)
     quaternion = quaternion_from_euler((pi / 2 + tilt[0], phi, psi + tilt[1]))
-    noise = generator.normal(scale=near, size=3)
+    noise = generator.normal(scale=spread, size=3)
     sign = -np.sign(psi)
     return BodyStart(quaternion, (0.5 * sign + noise[0], noise[1], noise[2]))
 
 
-def _arrival(slow_times: np.ndarray, slow: np.ndarray, near: float = ARRIVED) -> float:
+def _arrival(slow_times: np.ndarray, slow: np.ndarray, radius: float = _ARRIVED) -> float:
     """Slow time from which on L and E stay close to the node; the end if they do not."""
-    away = np.flatnonzero(distance_from_node(ELLIPSOID, slow) > near)
+    away = np.flatnonzero(distance_from_node(_ELLIPSOID, slow) > radius)
     return float(slow_times[min(int(away[-1]) + 1, len(slow_times) - 1)]) if len(away) else 0.0
 
 
 def late(table: Table) -> dict[float, Estimate]:
     """Share of arrivals that are late or early, by St."""
     return {
-        n: share(np.abs(own.full - own.averaged) > OFF_BY * own.averaged)
-        for n, own in groups(table, "stokes")
+        n: share(np.abs(arrivals.full - arrivals.averaged) > _OFF_BY * arrivals.averaged)
+        for n, arrivals in groups(table, "stokes")
     }
 
 
@@ -620,18 +623,18 @@ class SaddleEndings(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Arrival at the node: averaged, and full at several St, with the end of z'."""
         generator = np.random.default_rng(23)
-        slow_times = np.linspace(0.0, ENDING_TIME, 1501)
-        for near, index in product(NEAR_SADDLE, range(grid.of(24, 6))):
-            start = saddle_start(generator, near)
-            scene = Scene(ELLIPSOID, 1.0, start, ENDING_TIME)
-            averaged = averaged_run(scene, slow_times, solver=FAST_SOLVER).slow
+        slow_times = np.linspace(0.0, _ENDING_TIME, 1501)
+        for spread, index in product(_NEAR_SADDLE, range(grid.of(24, 6))):
+            start = saddle_start(generator, spread)
+            scene = Scene(_ELLIPSOID, 1.0, start, _ENDING_TIME)
+            averaged = averaged_run(scene, slow_times, solver=_FAST_SOLVER).slow
             expected = _arrival(slow_times, averaged)
-            for stokes in ENDING_STOKES[:: grid.of(1, 2)]:
-                for phase, own in enumerate((start, same_slow_start(start, generator))):
-                    scene = Scene(ELLIPSOID, stokes, own, stokes * ENDING_TIME)
+            for stokes in _ENDING_STOKES[:: grid.of(1, 2)]:
+                for phase, body_start in enumerate((start, same_slow_start(start, generator))):
+                    scene = Scene(_ELLIPSOID, stokes, body_start, stokes * _ENDING_TIME)
                     run = full_run(scene, stokes * slow_times)
                     up = float(run.observables.rotation[-1, 2, 2] > 0)
-                    case = {"near": near, "start": index, "stokes": stokes, "phase": phase}
+                    case = {"near": spread, "start": index, "stokes": stokes, "phase": phase}
                     arrivals = {"averaged": expected, "full": _arrival(slow_times, run.slow)}
                     yield "", {**case, **arrivals, "up": up}
 
@@ -640,24 +643,26 @@ class SaddleEndings(Experiment):
         table = data[""]
         stokes = np.array(list(by(table, "stokes")))
         last = stokes[-1]
-        shares = {near: late(rows) for near, rows in groups(table, "near")}
+        shares = {spread: late(rows) for spread, rows in groups(table, "near")}
         flipped = _flips(table)[last]
-        named = "; ".join(
-            f"{joined([100 * value for value in shares[near].values()], '.0f')} % from {near:g} of "
-            "the saddle"
-            for near in NEAR_SADDLE
-        )
-        nearest = NEAR_SADDLE[-1]
+        clauses = []
+        for spread in _NEAR_SADDLE:
+            percentages = [100 * value for value in shares[spread].values()]
+            clauses.append(f"{joined(percentages, '.0f')} % from {spread:g} of the saddle")
+        named = "; ".join(clauses)
+        nearest = _NEAR_SADDLE[-1]
         numbers = []
-        for near in NEAR_SADDLE:
-            name = f"share of arrivals off by a fifth, St = {short(last)}, {near:g} from the saddle"
-            value = shares[near][last]
-            numbers.append(
-                Number(name, float(value), interval=value.interval, measure=AT_THE_SADDLE)
+        for spread in _NEAR_SADDLE:
+            name = (
+                f"share of arrivals off by a fifth, St = {short(last)}, {spread:g} from the saddle"
             )
-        far = float(shares[NEAR_SADDLE[0]][stokes[0]])
+            value = shares[spread][last]
+            numbers.append(
+                Number(name, float(value), interval=value.interval, measure=_AT_THE_SADDLE)
+            )
+        far = float(shares[_NEAR_SADDLE[0]][stokes[0]])
         numbers += [
-            Number(f"the same at St = {stokes[0]:g}, {NEAR_SADDLE[0]:g} from it", far),
+            Number(f"the same at St = {stokes[0]:g}, {_NEAR_SADDLE[0]:g} from it", far),
             Number(
                 f"the same at St = {stokes[0]:g}, {nearest:g} from it",
                 float(shares[nearest][stokes[0]]),
@@ -670,15 +675,15 @@ class SaddleEndings(Experiment):
             ),
             Number(
                 "share of full runs that reach the node",
-                float(np.mean(table.full < 0.999 * ENDING_TIME)),
+                float(np.mean(table.full < 0.999 * _ENDING_TIME)),
                 Range(1.0, 1.0, "theory: the node attracts all"),
-                measure=AT_THE_SADDLE,
+                measure=_AT_THE_SADDLE,
             ),
             Number(
                 "share of full runs that end with z' up",
                 float(np.mean(table.up)),
                 Range(0.2, 0.8, "the mirror symmetry of the equations"),
-                measure=AT_THE_SADDLE,
+                measure=_AT_THE_SADDLE,
             ),
         ]
         return Verdict(
@@ -690,9 +695,9 @@ class SaddleEndings(Experiment):
             f"{100 * flipped:.0f} % of the pairs of starts with the same L and E at St = "
             f"{short(last)}.",
             f"{len(np.unique(table.start))} random starts at each of the distances "
-            f"{joined(NEAR_SADDLE)} (tilts in rad, and angular velocities) from the rotation of "
+            f"{joined(_NEAR_SADDLE)} (tilts in rad, and angular velocities) from the rotation of "
             "(1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: slow time from "
-            f"which L and E stay within {ARRIVED:g} I_max of the node; right: shares.",
+            f"which L and E stay within {_ARRIVED:g} I_max of the node; right: shares.",
             numbers,
         )
 
@@ -720,7 +725,7 @@ class SaddleEndings(Experiment):
             yscale="log",
         )
         for axis in (left.xaxis, left.yaxis):
-            axis.set_ticks(*TICKS)
+            axis.set_ticks(*_TICKS)
             axis.set_ticks([], minor=True)
         left.legend()
         draw_each(
@@ -729,7 +734,7 @@ class SaddleEndings(Experiment):
             "near",
             lambda rows: list(late(rows)),
             lambda rows: list(late(rows).values()),
-            label=lambda near: f"arrival off by a fifth, {near:g} from the saddle",
+            label=lambda spread: f"arrival off by a fifth, {spread:g} from the saddle",
             marker="o",
         )
         flips = _flips(table)
@@ -750,19 +755,19 @@ class SaddleEndings(Experiment):
 
 def _flips(table: Table) -> dict[float, Estimate]:
     """Share of the pairs of starts whose ends differ, by St."""
-    found = {}
+    flips = {}
     for stokes, rows in groups(table, "stokes"):
-        found[stokes] = share(rows.up[rows.phase == 0] != rows.up[rows.phase == 1])
-    return found
+        flips[stokes] = share(rows.up[rows.phase == 0] != rows.up[rows.phase == 1])
+    return flips
 
 
-BASIN_STOKES = 1e3
+_BASIN_STOKES = 1e3  # St of the runs of the map.
 # Slow time after which the end of z' is taken.
-BASIN_TIME = 0.6
+_BASIN_TIME = 0.6
 # Distance from the node, over I_max, at which a transient has ended.
-NEAR_NODE = 0.02
+_NEAR_NODE = 0.02
 # z component of the axis beyond which it points along the vorticity: within 0.45 rad.
-ALIGNED = 0.9
+_ALIGNED = 0.9
 
 
 @dataclass(frozen=True)
@@ -780,17 +785,17 @@ class Basins(Experiment):
         heights = np.linspace(0.002, 0.998, size).tolist()
         for cosine, height in product(cosines, heights):
             sine = sqrt((1 - cosine**2) / 2)
-            slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(ELLIPSOID, 0.5, height))
-            run = slow_run(ELLIPSOID, slow, slow_times, solver=FAST_SOLVER).slow
-            arrival = _arrival(slow_times, run, NEAR_NODE)
+            slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(_ELLIPSOID, 0.5, height))
+            run = slow_run(_ELLIPSOID, slow, slow_times, solver=_FAST_SOLVER).slow
+            arrival = _arrival(slow_times, run, _NEAR_NODE)
             yield "transients", {"cosine": cosine, "share": height, "t2": arrival}
-        times = np.array([0.0, BASIN_STOKES * BASIN_TIME])
+        times = np.array([0.0, _BASIN_STOKES * _BASIN_TIME])
         steps = np.arange(side) + 0.5
         thetas = (steps * pi / side).tolist()
         psis = (steps * 2 * pi / side - pi).tolist()
         for theta, psi in product(thetas, psis):
             start = EulerStart((theta, PAPER_START.angles[1], psi), PAPER_START.rates)
-            run = full_run(Scene(ELLIPSOID, BASIN_STOKES, start, times[-1]), times, 1e-9)
+            run = full_run(Scene(_ELLIPSOID, _BASIN_STOKES, start, times[-1]), times, 1e-9)
             yield "ends", {"theta": theta, "psi": psi, "z": run.observables.rotation[-1, 2, 2]}
 
     def judge(self, data: Data) -> Verdict:
@@ -798,7 +803,7 @@ class Basins(Experiment):
         transients = data["transients"]
         ends = data["ends"]
         median = float(np.median(transients.t2))
-        node = next(point for point in fixed_points(ELLIPSOID) if point.stability == "stable node")
+        node = next(point for point in fixed_points(_ELLIPSOID) if point.stability == "stable node")
         relative = -median * max(node.eigenvalues)
         up_map = map_of(ends, "theta psi z")[2] > 0
         # A grid is no sample: its shares have no interval.
@@ -811,14 +816,14 @@ class Basins(Experiment):
             Word.MEASURED,
             f"The transient takes t₂ = {median:.2g} in the median, {relative:.2g} times the slowest "
             f"relaxation time, and up to {transients.t2.max():.2g} on this map, next to the "
-            f"saddle's stable manifold. At St = {BASIN_STOKES:g} the two ends of z' share the "
+            f"saddle's stable manifold. At St = {_BASIN_STOKES:g} the two ends of z' share the "
             f"starts, evenly spaced in θ and ψ, {100 * up:.0f} : {100 - 100 * up:.0f} "
             f"({100 * by_area:.0f} : {100 - 100 * by_area:.0f} by solid angle), and "
             f"{100 * mixed:.0f} % of neighbours on the map end differently. Medians and shares are "
             "those of these maps, not of random starts.",
             "(1, 0.8, 0.5). Left: slow time until the averaged run stays within "
-            f"{NEAR_NODE:g} I_max of the node, from |L| = I_max/2, L_x = L_y. Right: where z' "
-            f"points at t₂ = {BASIN_TIME:g}, {len(up_map)}×{len(up_map)} starts with the paper's "
+            f"{_NEAR_NODE:g} I_max of the node, from |L| = I_max/2, L_x = L_y. Right: where z' "
+            f"points at t₂ = {_BASIN_TIME:g}, {len(up_map)}×{len(up_map)} starts with the paper's "
             "rates.",
             [
                 Number(
@@ -840,7 +845,7 @@ class Basins(Experiment):
                     "share of starts that end with z' up",
                     up,
                     Range(0.1, 0.9, "both ends are reached: the equations are mirror symmetric"),
-                    measure=ON_THE_MAP,
+                    measure=_ON_THE_MAP,
                 ),
                 Number(
                     "share of neighbours on the map that end differently",
@@ -850,9 +855,9 @@ class Basins(Experiment):
                 ),
                 Number(
                     "share of full runs with z' within 0.45 rad of the vorticity axis at the end",
-                    float(np.mean(np.abs(ends.z) > ALIGNED)),
+                    float(np.mean(np.abs(ends.z) > _ALIGNED)),
                     Range(0.8, 1.0, "the node attracts all; some are still on their way"),
-                    measure=ON_THE_MAP,
+                    measure=_ON_THE_MAP,
                 ),
             ],
         )
@@ -878,7 +883,9 @@ class Basins(Experiment):
         label = "$z'$ at the end, along the vorticity axis $z$"
         bar = figure.colorbar(mesh, ax=axes, label=label, ticks=(-0.5, 0.5))
         bar.ax.set_yticklabels(["down", "up"], rotation="vertical", va="center")
-        axes.set(xlabel=r"$\psi_0$, rad", ylabel=r"$\theta_0$, rad", title=f"St = {BASIN_STOKES:g}")
+        axes.set(
+            xlabel=r"$\psi_0$, rad", ylabel=r"$\theta_0$, rad", title=f"St = {_BASIN_STOKES:g}"
+        )
 
 
 def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -887,7 +894,7 @@ def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)
 
 
-SECTION = Section(
+BEYOND_SECTION = Section(
     "beyond",
     "Beyond the paper",
     (

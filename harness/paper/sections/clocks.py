@@ -36,7 +36,7 @@ from polhode.models.theory.fixed_points import eigenvalues
 
 # Bodies whose z' is the axis of the stable rotation: tumbling, spinning, and about the shortest
 # axis.
-BODIES = tuple(
+_BODIES = tuple(
     Ellipsoid(axes)
     for axes in (
         (2.0, 1.0, 1.0),
@@ -46,23 +46,24 @@ BODIES = tuple(
         (1.0, 0.95, 0.5),
     )
 )
-# St of the full runs, and how far, in rad or in the angular velocity, they start off the rotation.
-DECAY_STOKES = 1e5
-AWAY = 0.03
-# |L|/I_max and St of the runs from large L.
-LARGE = 1e3
-LARGE_STOKES = 1e4
-MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
-WOBBLE = 3
+# Full runs that decay to the stable rotation.
+_DECAY_STOKES = 1e5
+_START_OFFSET = 0.03  # Rad, or shear rates of the angular velocity, off the rotation at the start.
+# Runs from large L.
+_LARGE = 1e3  # |L|/I_max at the start.
+_LARGE_STOKES = 1e4
+_MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
+_WOBBLE = 3  # Place of the wobble among the modes.
 
 
 def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
     if mode == 3:
-        return aligned_start(body, -body.inertia[2] / 2, AWAY)
-    tilt, azimuth = ((AWAY, pi / 2), (AWAY, 0.0), (0.0, 0.0))[mode]
+        return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
+    tilt, azimuth = ((_START_OFFSET, pi / 2), (_START_OFFSET, 0.0), (0.0, 0.0))[mode]
     return BodyStart(
-        quaternion_from_euler((tilt, azimuth, 0.3)), (0.0, 0.0, -0.5 - (AWAY if mode == 2 else 0.0))
+        quaternion_from_euler((tilt, azimuth, 0.3)),
+        (0.0, 0.0, -0.5 - (_START_OFFSET if mode == 2 else 0.0)),
     )
 
 
@@ -89,14 +90,14 @@ def decay_tables(grid: Grid) -> tuple[Part, ...]:
 
 def _rates(grid: Grid) -> Computed:
     """The rate of each mode of each body, printed and measured."""
-    for number, body in enumerate(BODIES):
+    for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
         for mode, printed in enumerate(eigenvalues(body, 2)):
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
-            times = DECAY_STOKES * slow_times
-            run = full_run(Scene(body, DECAY_STOKES, displaced(body, mode), times[-1]), times)
-            # Of a tumbling spheroid the fourth variable is η, whose square the wobble is.
-            share = 0.5 if mode == WOBBLE and body.symmetry_axis == 0 else 1.0
+            times = _DECAY_STOKES * slow_times
+            run = full_run(Scene(body, _DECAY_STOKES, displaced(body, mode), times[-1]), times)
+            # The fourth variable of a tumbling spheroid is η, and the wobble is η².
+            share = 0.5 if mode == _WOBBLE and body.symmetry_axis == 0 else 1.0
             measured = share * fitted_rate(slow_times, amplitude(run, mode))
             rates = {"printed": printed, "measured": measured}
             yield "", {"body": number, "mode": mode, **rates, "clock": clock}
@@ -107,10 +108,10 @@ def _from_large(grid: Grid) -> Computed:
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
         slow_times = np.linspace(0.0, 2.0 / min(body.damping), grid.of(401, 101))
-        times = LARGE_STOKES * slow_times
-        omega = LARGE * np.array([0.48, 0.0, 0.64]) / np.array(body.inertia) * max(body.inertia)
+        times = _LARGE_STOKES * slow_times
+        omega = _LARGE * np.array([0.48, 0.0, 0.64]) / np.array(body.inertia) * max(body.inertia)
         start = BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega))
-        observables = full_run(Scene(body, LARGE_STOKES, start, times[-1]), times).observables
+        observables = full_run(Scene(body, _LARGE_STOKES, start, times[-1]), times).observables
         momentum = observables.angular_momentum
         axis = observables.rotation[:, 2]
         size = np.linalg.norm(momentum, axis=1)
@@ -133,13 +134,15 @@ def large_decay(large: Table) -> list[float]:
 
 
 def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
-    """Rates of L_z per St, per St* of the longest axis, and per that of the axis turned about."""
+    """Rates of L_z per St, per St* of the longest axis, and per St* of the axis turned about."""
     chosen = table[table.mode == 2]
     rate = -chosen.measured
     clock = chosen.clock
-    longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in BODIES]
-    other = np.array([inertia / (8 * pi * resistance) for _, inertia, resistance in longest])
-    return rate, rate * other, rate * clock
+    longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in _BODIES]
+    longest_clock = np.array(
+        [inertia / (8 * pi * resistance) for _, inertia, resistance in longest]
+    )
+    return rate, rate * longest_clock, rate * clock
 
 
 @dataclass(frozen=True)
@@ -170,22 +173,24 @@ class DecayRates(_Decay):
         off = [worst(rows.measured / rows.printed - 1) for _, rows in groups(table, "mode")]
         turned = np.degrees(large.turned.max())
         from_large = worst(large_decay(large))
-        bodies = ", ".join(map(axes_of, BODIES))
+        bodies = ", ".join(map(axes_of, _BODIES))
         return Verdict(
             Word.CONFIRMED,
-            f"Full runs at St = 1e5 that start {AWAY:g} off the stable rotation in L_x, L_y, L_z "
+            f"Full runs at St = 1e5 that start {_START_OFFSET:g} off the stable rotation in L_x, L_y, L_z "
             f"or in the wobble approach it at the printed rates to {joined(off, '.1g')}. From |L| "
-            f"= {LARGE:g} I_max the parts of L² along and across the axis decay at the printed "
+            f"= {_LARGE:g} I_max the parts of L² along and across the axis decay at the printed "
             f"rates to {from_large:.1g}, and L turns by {turned:.2g}°. This is for L ≫ I; "
             "docs/misprints.md treats L_z ≪ L.",
             f"Left: rates of {bodies}, whose z' turns along the vorticity; line: equal. Right: "
-            f"squares of the parts of L along and across the axis of spheroids from |L| = {LARGE:g} "
+            f"squares of the parts of L along and across the axis of spheroids from |L| = {_LARGE:g} "
             "I_max.",
             [
                 Number(
                     f"measured over printed rate, less one, worst of {len(table)}",
                     max(off),
-                    Range.at_most(5e-2, f"the start is {AWAY:g} off, where rates are not linear"),
+                    Range.at_most(
+                        5e-2, f"the start is {_START_OFFSET:g} off, where rates are not linear"
+                    ),
                 ),
                 Number(
                     "decay from large L, measured over printed rate, less one, worst",
@@ -212,7 +217,7 @@ class DecayRates(_Decay):
             "mode",
             lambda rows: -rows.printed,
             lambda rows: -rows.measured,
-            label=lambda mode: MODES[int(mode)],
+            label=lambda mode: _MODES[int(mode)],
             linestyle="none",
             marker="o",
         )
@@ -246,7 +251,7 @@ class EllipsoidClock(_Decay):
 
     def judge(self, data: Data) -> Verdict:
         """How far rates differ on three clocks."""
-        plain, longest, own = (spread(rates) for rates in on_clocks(data[""]))
+        plain, longest, shortest = (spread(rates) for rates in on_clocks(data[""]))
         apart = Range(
             1.2, 10.0, "clearly more than by the right clock, and no more than the shapes"
         )
@@ -254,16 +259,16 @@ class EllipsoidClock(_Decay):
             Word.MEASURED,
             "With the moment and the resistance of the axis that ends along the vorticity, the "
             "shortest, St* = I₃ St/(8πX₃) makes the relaxation of L_z the same for the five "
-            f"bodies: the rates differ by a factor of {own:.3f}, by {plain:.2g} per St and by "
+            f"bodies: the rates differ by a factor of {shortest:.3f}, by {plain:.2g} per St and by "
             f"{longest:.2g} with the longest axis, which is the symmetry axis of the paper's "
             "prolate spheroids.",
-            f"Relaxation rates of L_z of {', '.join(map(axes_of, BODIES))} from full runs, on three "
+            f"Relaxation rates of L_z of {', '.join(map(axes_of, _BODIES))} from full runs, on three "
             "clocks, each over its mean.",
             [
                 Number(
                     "largest over smallest rate per St* of the shortest axis",
-                    own,
-                    Range(1.0, 1.05, f"the same, but for a start that is {AWAY:g} off"),
+                    shortest,
+                    Range(1.0, 1.05, f"the same, but for a start that is {_START_OFFSET:g} off"),
                 ),
                 Number("the same per St* of the longest axis", longest, apart),
                 Number("the same per St", plain, apart),
@@ -274,26 +279,26 @@ class EllipsoidClock(_Decay):
         """The rates on three clocks."""
         figure, (axes,) = panels(1, 1, 5.6, 3.2)
         names = ("per St", "per St* of the longest axis", "per St* of the axis along $z$")
-        places = np.arange(len(BODIES))
+        places = np.arange(len(_BODIES))
         for rates, name, color in zip(
             on_clocks(data[""]), names, (BLUE, ORANGE, GREEN), strict=True
         ):
             axes.plot(places, rates / rates.mean(), color=color, marker="o", label=name)
-        axes.set_xticks(places, [axes_of(body) for body in BODIES])
+        axes.set_xticks(places, [axes_of(body) for body in _BODIES])
         axes.set(xlabel="semi-axes", ylabel="relaxation rate of $L_z$ over its mean")
         axes.legend()
         return figure
 
 
-# Effective Stokes number, and L_z and E over I_max, of the figure on the collapse.
-STOKES_STAR = 2.071
-MOMENTUM = -1.0
-ENERGY = 0.6
-COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
+# The figure on the collapse.
+_STOKES_STAR = 2.071  # Effective Stokes number.
+_MOMENTUM = -1.0  # L_z over I_max at the start.
+_ENERGY = 0.6  # E over I_max at the start.
+_COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
 # Scaled time after which the curves should have become one.
-LATE = 6.0
+_LATE = 6.0
 # Oscillation of L_z/I_max below which a spheroid counts as at rest by then.
-CALM = 0.01
+_CALM = 0.01
 
 
 def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
@@ -301,22 +306,22 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     ellipsoid = spheroid(kappa)
     shape = Spheroid.of(ellipsoid)
     largest = max(ellipsoid.inertia)
-    momentum = MOMENTUM * largest
-    energy = ENERGY * largest
+    momentum = _MOMENTUM * largest
+    energy = _ENERGY * largest
     axial = shape.axial_inertia
     equatorial = shape.equatorial_inertia
     spin2 = (momentum**2 - 2 * equatorial * energy) / (axial * (axial - equatorial))
     theta = float(np.arccos(np.sqrt(spin2) * axial / momentum))
     start = aligned_start(ellipsoid, momentum, theta)
-    stokes = STOKES_STAR / (axial / (8 * pi * ellipsoid.resistance[2]))
+    stokes = _STOKES_STAR / (axial / (8 * pi * ellipsoid.resistance[2]))
     return ellipsoid, stokes, BodyStart(start.quaternion, start.angular_velocity)
 
 
 def frequency(run: Table) -> float:
     """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last."""
-    settled = run[run.t2 >= LATE / 2]
+    settled = run[run.t2 >= _LATE / 2]
     first, *between, last = maxima(settled.t2, settled.Lz)
-    return float(2 * pi * (len(between) + 1) / (last - first) / STOKES_STAR)
+    return float(2 * pi * (len(between) + 1) / (last - first) / _STOKES_STAR)
 
 
 @dataclass(frozen=True)
@@ -326,13 +331,13 @@ class Collapse(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """L_z and E, and the rate at which L_z relaxes to the node on either clock."""
         scaled = np.linspace(0.0, 12.0, grid.of(401, 201))
-        for kappa in COLLAPSE_KAPPAS:
+        for kappa in _COLLAPSE_KAPPAS:
             ellipsoid, stokes, start = collapse_start(kappa)
-            scene = Scene(ellipsoid, stokes, start, 13 * STOKES_STAR)
-            run = full_run(scene, STOKES_STAR * scaled)
+            scene = Scene(ellipsoid, stokes, start, 13 * _STOKES_STAR)
+            run = full_run(scene, _STOKES_STAR * scaled)
             yield "", path(kappa, scaled, run.slow, ("Lz", "E"))
             rate = -eigenvalues(ellipsoid, int(np.argmax(ellipsoid.inertia)))[2]
-            rates = {"t2": rate, "star": rate * STOKES_STAR / stokes}
+            rates = {"t2": rate, "star": rate * _STOKES_STAR / stokes}
             yield "rates", {"kappa": kappa, "stokes": stokes, **rates}
 
     def judge(self, data: Data) -> Verdict:
@@ -341,7 +346,7 @@ class Collapse(Experiment):
         rates = data["rates"]
         plain = spread(rates.t2)
         star = spread(rates.star)
-        late = {kappa: rows.Lz[rows.t2 >= LATE] for kappa, rows in groups(table, "path")}
+        late = {kappa: rows.Lz[rows.t2 >= _LATE] for kappa, rows in groups(table, "path")}
         waves = {kappa: worst(momentum + 0.5) for kappa, momentum in late.items()}
         prolate = [kappa for kappa in late if kappa > 1]
         apart = worst(late[prolate[0]] - late[prolate[1]])
@@ -356,7 +361,7 @@ class Collapse(Experiment):
             ),
             Number("the same per St", plain),
             Number(
-                f"oscillation of L_z after t/St* = {LATE:g}, prolate",
+                f"oscillation of L_z after t/St* = {_LATE:g}, prolate",
                 min(prolate_waves),
                 visible,
                 "I_max",
@@ -365,7 +370,7 @@ class Collapse(Experiment):
             Number(
                 "oscillation there, oblate",
                 oblate,
-                Range(0.0, CALM, "a spheroid that spins along the vorticity does not oscillate"),
+                Range(0.0, _CALM, "a spheroid that spins along the vorticity does not oscillate"),
                 "I_max",
             ),
         ]
@@ -381,10 +386,10 @@ class Collapse(Experiment):
             "the damping about the symmetry axis, while prolate spheroids end tumbling about "
             "another: they go on oscillating twice a turn, by "
             f"{prolate_waves[0]:.2g} and {prolate_waves[1]:.2g} I_max, and oblate ones by less "
-            f"than {CALM:g} I_max. The late curves are not one: the two prolate ones, of equal "
+            f"than {_CALM:g} I_max. The late curves are not one: the two prolate ones, of equal "
             f"frequency, differ in phase and so by {apart:.2g} I_max.",
-            f"Full runs of spheroids at St* = {STOKES_STAR:g} from L = (0, 0, {MOMENTUM:g}) I_max, "
-            f"E = {ENERGY:g} I_max; I_max is I_e for prolate and I_a for oblate ones. The figure's "
+            f"Full runs of spheroids at St* = {_STOKES_STAR:g} from L = (0, 0, {_MOMENTUM:g}) I_max, "
+            f"E = {_ENERGY:g} I_max; I_max is I_e for prolate and I_a for oblate ones. The figure's "
             f"caption gives one St* and no St: with these St = {joined(rates.stokes, '.4g')} for "
             f"κ = {joined(rates.kappa)}.",
             numbers,
@@ -411,7 +416,7 @@ class Collapse(Experiment):
         return figure
 
 
-SECTION = Section(
+CLOCKS_SECTION = Section(
     "clocks",
     "Rates, clocks and the pinch point",
     (

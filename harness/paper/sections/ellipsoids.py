@@ -1,7 +1,9 @@
 """Triaxial ellipsoids at large St: the singular fixed point, slow variables, the L_z–E plane, projections."""
 
 from dataclasses import dataclass
+from itertools import product
 from math import sqrt
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -49,45 +51,48 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 from polhode.models.theory.separatrix import Separatrix, Side
 
-ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
-# The largest moment of inertia, and the middle one over it.
-UNIT = max(ELLIPSOID.inertia)
-MIDDLE = sorted(ELLIPSOID.inertia)[1] / UNIT
-SIDES: tuple[Side, Side] = ("long", "short")
+_ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
+_UNIT = max(_ELLIPSOID.inertia)  # I_max, the unit of L and E.
+_MIDDLE = sorted(_ELLIPSOID.inertia)[1] / _UNIT  # The middle moment of inertia over I_max.
+_SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ up to which local and averaged rates are compared.
-NEAR_Y = 1e-3
+_NEAR_Y = 1e-3
 # Largest y of the passage through the singular point.
-PASSAGE_Y = 0.1
+_PASSAGE_Y = 0.1
 # How much longer than by the local solution the averaged passage is followed.
-PASSAGE_LONGER = 1.2
+_PASSAGE_LONGER = 1.2
 
 
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
     """y = 1 - m of slow variables over I_max, shape (n, 4)."""
-    i1, i2, i3 = np.array(sorted(ELLIPSOID.inertia)) / UNIT
-    near, far = (i3, i1) if side == "short" else (i1, i3)
+    i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
+    end_inertia, other_inertia = (i3, i1) if side == "short" else (i1, i3)
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
     energy2 = 2 * slow[:, 3]
-    return (near - far) * (momentum2 - energy2 * i2) / ((near - i2) * (momentum2 - energy2 * far))
+    return (
+        (end_inertia - other_inertia)
+        * (momentum2 - energy2 * i2)
+        / ((end_inertia - i2) * (momentum2 - energy2 * other_inertia))
+    )
 
 
 def state_of(local: Separatrix, complement: float, shift: float) -> list[float]:
     """Slow variables over I_max at y and L_z'."""
-    return (np.array(local.slow_state(complement, shift)) / UNIT).tolist()
+    return (np.array(local.slow_state(complement, shift)) / _UNIT).tolist()
 
 
 def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple[float, float]:
     """Rates of y and L_z'/I_max by the averaged equations, at L_x = L_y = 0."""
     state = state_of(local, complement, shift)
-    problem = Averaged().problem(slow_scene(ELLIPSOID, state, 1.0))
+    problem = Averaged().problem(slow_scene(_ELLIPSOID, state, 1.0))
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
     # y is a quotient of L² - 2EI₂ and L² - 2EI, whose rates are exact; differences of y are not,
     # as it is small.
-    i1, i2, i3 = np.array(sorted(ELLIPSOID.inertia)) / UNIT
-    near, far = (i3, i1) if local.side == "short" else (i1, i3)
-    squared = state[2] ** 2 - 2 * state[3] * np.array([i2, far])
-    changes = 2 * state[2] * rates[2] - 2 * rates[3] * np.array([i2, far])
-    scale = (near - far) / (near - i2)
+    i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
+    end_inertia, other_inertia = (i3, i1) if local.side == "short" else (i1, i3)
+    squared = state[2] ** 2 - 2 * state[3] * np.array([i2, other_inertia])
+    changes = 2 * state[2] * rates[2] - 2 * rates[3] * np.array([i2, other_inertia])
+    scale = (end_inertia - other_inertia) / (end_inertia - i2)
     growth = scale * (changes[0] * squared[1] - squared[0] * changes[1]) / squared[1] ** 2
     return float(growth), float(rates[2])
 
@@ -96,27 +101,27 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
 
     Found by bisection of L_z' at the start: those that start with more pass the point with more. The
-    start is in units of I_max, the time slow. The last rest of the way, from one of so many rows of
-    each run, is the local solution's.
+    start is in units of I_max, the time slow. The local solution takes over the last part of the way, from a
+    row of each run.
     """
-    local = Separatrix(ELLIPSOID, "long")
+    local = Separatrix(_ELLIPSOID, "long")
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:
         """Time, y and L_z'/I_max in the last row on the long side."""
-        slow = slow_run(ELLIPSOID, state_of(local, complement, shift), times).slow
+        slow = slow_run(_ELLIPSOID, state_of(local, complement, shift), times).slow
         complements = complement_of(slow, "long")
         beyond = complements <= 0
         last = int(np.argmax(beyond)) - 1 if beyond.any() else len(slow) - 1
-        return float(times[last]), float(complements[last]), float(slow[last, 2] + MIDDLE / 2)
+        return float(times[last]), float(complements[last]), float(slow[last, 2] + _MIDDLE / 2)
 
     def meets_below(shift: float) -> bool:
-        _, rest, found = before_point(shift)
-        return found <= local.critical(rest) / UNIT
+        _, left, momentum = before_point(shift)
+        return momentum <= local.critical(left) / _UNIT
 
-    shift = bisected(meets_below, -1.5 * UNIT, 0.3 * UNIT, 45)
-    time, rest, _ = before_point(shift)
-    return state_of(local, complement, shift), time - local.time(rest)
+    shift = bisected(meets_below, -1.5 * _UNIT, 0.3 * _UNIT, 45)
+    time, left, _ = before_point(shift)
+    return state_of(local, complement, shift), time - local.time(left)
 
 
 def critical_before(complement: float, points: int, times_left: np.ndarray) -> np.ndarray:
@@ -126,32 +131,34 @@ def critical_before(complement: float, points: int, times_left: np.ndarray) -> n
     """
     start, arrival = critical_start(complement, points)
     times = np.concatenate([[0.0], arrival - times_left])
-    return slow_run(ELLIPSOID, start, times).slow[1:]
+    return slow_run(_ELLIPSOID, start, times).slow[1:]
 
 
 def critical_after(slow_times: np.ndarray) -> np.ndarray:
     """The averaged trajectory that leaves the singular point, shape (n, 4), at times after it; the first is 0."""
-    local = Separatrix(ELLIPSOID, "short")
+    local = Separatrix(_ELLIPSOID, "short")
     beside = 1e-9
-    return slow_run(ELLIPSOID, state_of(local, beside, local.critical(beside)), slow_times).slow
+    return slow_run(_ELLIPSOID, state_of(local, beside, local.critical(beside)), slow_times).slow
 
 
 def passage_time(side: Side, points: int) -> float:
-    """Slow time between y = `PASSAGE_Y` and the singular point by the averaged equations."""
+    """Slow time between y = `_PASSAGE_Y` and the singular point by the averaged equations."""
     if side == "long":
-        return critical_start(PASSAGE_Y, points)[1]
-    times = np.linspace(0.0, PASSAGE_LONGER * Separatrix(ELLIPSOID, side).time(PASSAGE_Y), points)
+        return critical_start(_PASSAGE_Y, points)[1]
+    times = np.linspace(
+        0.0, _PASSAGE_LONGER * Separatrix(_ELLIPSOID, side).time(_PASSAGE_Y), points
+    )
     complement = complement_of(critical_after(times), side)
-    return float(np.interp(PASSAGE_Y, complement, times))
+    return float(np.interp(_PASSAGE_Y, complement, times))
 
 
 def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
     """y and L_z' against time to or from the singular point: critical trajectories, local and averaged."""
-    duration = abs(local.time(PASSAGE_Y))
+    duration = abs(local.time(_PASSAGE_Y))
     if local.side == "long":
         times_left = duration * np.linspace(1.0, 0.0, points)[:-1]
         # The averaged passage takes longer than the local one.
-        slow = critical_before(PASSAGE_Y, 10 * points, times_left)
+        slow = critical_before(_PASSAGE_Y, 10 * points, times_left)
         times = -times_left
     else:
         times = np.linspace(0.0, duration, points)
@@ -162,8 +169,8 @@ def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
         "t2": times,
         "local_y": complement,
         "averaged_y": complement_of(slow, local.side),
-        "local_shift": shifts / UNIT,
-        "averaged_shift": slow[:, 2] + MIDDLE / 2,
+        "local_shift": shifts / _UNIT,
+        "averaged_shift": slow[:, 2] + _MIDDLE / 2,
     }
 
 
@@ -173,8 +180,8 @@ class SingularPoint(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Rates near the singular point, local and averaged; the critical trajectory on either side."""
-        for number, side in enumerate(SIDES):
-            local = Separatrix(ELLIPSOID, side)
+        for number, side in enumerate(_SIDES):
+            local = Separatrix(_ELLIPSOID, side)
             for complement in np.geomspace(1e-8, 0.3, grid.of(40, 14)).tolist():
                 shift = local.critical(complement)
                 growth, push = local.rates(complement, shift)
@@ -182,14 +189,14 @@ class SingularPoint(Experiment):
                 rates = {
                     "local_y": growth,
                     "averaged_y": averaged[0],
-                    "local_shift": push / UNIT,
+                    "local_shift": push / _UNIT,
                     "averaged_shift": averaged[1],
                 }
-                yield "rates", {"side": number, "y": complement, "shift": shift / UNIT, **rates}
+                yield "rates", {"side": number, "y": complement, "shift": shift / _UNIT, **rates}
             yield "trajectory", {"side": number, **_passage(local, grid.of(401, 101))}
             times = {
                 "averaged": passage_time(side, grid.of(4001, 1001)),
-                "local": abs(local.time(PASSAGE_Y)),
+                "local": abs(local.time(_PASSAGE_Y)),
             }
             yield "times", {"side": number, **times}
 
@@ -201,7 +208,7 @@ class SingularPoint(Experiment):
         local = float(data["times"].local[0])
         smallest = rates.y.min()
         slowest = np.abs(rates.averaged_y[rates.y == smallest]).min()
-        near = rates[rates.y <= NEAR_Y]
+        close_rates = rates[rates.y <= _NEAR_Y]
         passage = Range.near(
             local, 0.1 * local, "the local solution, good to the relative order y = 0.1"
         )
@@ -217,8 +224,8 @@ class SingularPoint(Experiment):
             "Dotted: local solution; lines: averaged equations.",
             [
                 Number(
-                    f"local over averaged rate of y, worst, y ≤ {NEAR_Y:g}",
-                    worst(near.local_y / near.averaged_y - 1),
+                    f"local over averaged rate of y, worst, y ≤ {_NEAR_Y:g}",
+                    worst(close_rates.local_y / close_rates.averaged_y - 1),
                     Range.at_most(1e-2, "the next term is of relative order y log(16/y)"),
                 ),
                 Number("slow time from y = 0.1 to the singular point", arriving, passage),
@@ -252,18 +259,18 @@ class SingularPoint(Experiment):
         rates = data["rates"]
         figure, axes = panels(2, 2, 3.9, 2.7)
         time = "slow time from the singular point"
-        for own, name in ((axes[0], "y"), (axes[1], "shift")):
-            _draw_sides(own, trajectory, "t2", f"averaged_{name}", f"local_{name}")
-            own.set_xlabel(time)
-            own.locator_params(nbins=5)
+        for panel, name in ((axes[0], "y"), (axes[1], "shift")):
+            _draw_sides(panel, trajectory, "t2", f"averaged_{name}", f"local_{name}")
+            panel.set_xlabel(time)
+            panel.locator_params(nbins=5)
         name_line(axes[0], "local solution", color=AVERAGED, linestyle=":")
         axes[0].set_ylabel("$y = \\mu'\\delta$")
         axes[0].legend()
         axes[1].set_ylabel("$L_z'/I_{max}$")
         axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2), useMathText=True)
-        for own, name in ((axes[2], "y"), (axes[3], "shift")):
-            _draw_sides(own, rates, "y", f"averaged_{name}", f"local_{name}", absolute=True)
-            own.set(xlabel="$y = \\mu'\\delta$", xscale="log")
+        for panel, name in ((axes[2], "y"), (axes[3], "shift")):
+            _draw_sides(panel, rates, "y", f"averaged_{name}", f"local_{name}", absolute=True)
+            panel.set(xlabel="$y = \\mu'\\delta$", xscale="log")
         axes[2].set_ylabel("$|dy/dt_2|$")
         axes[3].set_ylabel("$|dL_z'/dt_2|/I_{max}$")
         return figure
@@ -286,11 +293,11 @@ def _draw_sides(
     draw_each(axes, table, "side", x, lambda rows: size(rows[local]), **style)
 
 
-# St at which the irregularity of the oscillation is measured, and the slow time it is followed.
-IRREGULAR_STOKES = 500.0
-IRREGULAR_SLOW_TIME = 0.1
+# Runs that measure the irregularity of the oscillation.
+_IRREGULAR_STOKES = 500.0
+_IRREGULAR_SLOW_TIME = 0.1  # Slow time that they are followed.
 # Errors after L² = 2EI₂ over those before, up to which passing it has little effect.
-LITTLE_EFFECT = 2.0
+_LITTLE_EFFECT = 2.0
 
 
 @dataclass(frozen=True)
@@ -300,37 +307,41 @@ class FirstStart(SlowMotion):
     def compute(self, grid: Grid) -> Computed:
         """Also how irregularly L_z swings, beside the paper's first spheroid, at one St."""
         yield from super().compute(grid)
-        times = np.linspace(0.0, IRREGULAR_STOKES * IRREGULAR_SLOW_TIME, 20001)
+        times = np.linspace(0.0, _IRREGULAR_STOKES * _IRREGULAR_SLOW_TIME, 20001)
         for body, start in ((self.ellipsoid, self.start), (spheroid(2.0), SPHEROID_START)):
-            scene = Scene(body, IRREGULAR_STOKES, start, times[-1])
+            scene = Scene(body, _IRREGULAR_STOKES, start, times[-1])
             yield "scatter", {"swings": _scatter(full_run(scene, times).slow[:, 2])}
 
     def judge(self, data: Data) -> Verdict:
         """The verdict on the start, and on the two further claims."""
         verdict = super().judge(data)
         errors = data["errors"]
-        ellipsoid, other = np.exp(data["scatter"].swings)
+        ellipsoid, spheroid_swing = np.exp(data["scatter"].swings)
         passing = errors.after / errors.before
         largest = max(self.shown)
         words = (
             " Over many starts with a crossing of L² = 2EI₂ the error falls more slowly than 1/St "
             "(averaging-order). Two swings of L_z that follow each other in the same direction "
-            f"differ at St = {IRREGULAR_STOKES:g} by a factor of {ellipsoid:.2f} in the median, "
-            f"those of the spheroid by {other:.2f}. After L² = 2EI₂ the largest error is "
+            f"differ at St = {_IRREGULAR_STOKES:g} by a factor of {ellipsoid:.2f} in the median, "
+            f"those of the spheroid by {spheroid_swing:.2f}. After L² = 2EI₂ the largest error is "
             f"{passing.min():.2g} to {passing.max():.2g} times the one before, St = "
             f"{short(min(self.shown))} to {short(errors.stokes[-1])}: little is taken as at most "
-            f"{LITTLE_EFFECT:g} times. Between starts with the same L and E the scatter grows more "
+            f"{_LITTLE_EFFECT:g} times. Between starts with the same L and E the scatter grows more "
             "(crossing-jumps)."
         )
         numbers = [
             *verdict.numbers,
             Number(
                 "irregularity of L_z's oscillation: median factor between neighbouring swings, "
-                f"St = {IRREGULAR_STOKES:g}",
+                f"St = {_IRREGULAR_STOKES:g}",
                 ellipsoid,
-                Range(other, 10.0 * other, "the claim: more irregular than the spheroid's"),
+                Range(
+                    spheroid_swing,
+                    10.0 * spheroid_swing,
+                    "the claim: more irregular than the spheroid's",
+                ),
             ),
-            Number("the same of the spheroid's first start", other),
+            Number("the same of the spheroid's first start", spheroid_swing),
             Number(
                 f"largest error after L² = 2EI₂, St = {largest:g}",
                 errors.after[errors.stokes == largest][0],
@@ -340,7 +351,7 @@ class FirstStart(SlowMotion):
             Number(
                 "the same over the largest before, worst St",
                 passing.max(),
-                Range(0.0, LITTLE_EFFECT, "what little is taken as"),
+                Range(0.0, _LITTLE_EFFECT, "what little is taken as"),
             ),
         ]
         return Verdict(verdict.earned, verdict.sentence + words, verdict.caption, numbers)
@@ -354,11 +365,11 @@ def _scatter(values: np.ndarray) -> float:
 
 
 # Distance along L_z, over I_max, from the singular point where critical trajectories are compared.
-CLOSE_TO_POINT = 2e-3
+_CLOSE_TO_POINT = 2e-3
 # Slow time for which the trajectory on the upper parabola is followed.
-ON_EDGE = 0.25
+_ON_EDGE = 0.25
 # Half sizes of the magnified view of the singular point, over I_max.
-WINDOW = (0.004, 0.0016)
+_WINDOW = (0.004, 0.0016)
 
 
 @dataclass(frozen=True)
@@ -368,11 +379,11 @@ class Plane(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
         shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)[:: grid.of(1, 4)]
-        starts = [(momentum, share) for momentum in (-1.1, -0.08, 1.1) for share in shares]
+        starts = [*product((-1.1, -0.08, 1.1), shares)]
         starts.append((-1.1, 1.0))
-        yield from plane_tables(ELLIPSOID, starts, grid.of(2001, 601), ON_EDGE, _kept)
-        for number, side in enumerate(SIDES):
-            local = Separatrix(ELLIPSOID, side)
+        yield from plane_tables(_ELLIPSOID, starts, grid.of(2001, 601), _ON_EDGE, _kept)
+        for number, side in enumerate(_SIDES):
+            local = Separatrix(_ELLIPSOID, side)
             complements = np.geomspace(1e-6, 0.5, 41).tolist()
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
@@ -383,17 +394,17 @@ class Plane(Experiment):
             yield "critical", {"kind": 1, "side": number, "Lz": slow[:, 2], "E": slow[:, 3]}
 
     def judge(self, data: Data) -> Verdict:
-        """Where the trajectories end; how good the local critical one is."""
+        """Ends of the trajectories; the error of the local critical one."""
         ends = data["ends"]
         left = (ends.Lz0 < 0) & (ends.share < 1.0)
         pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
         paths = by(data[""], "path")
         on_edge = paths[float(np.argmax(ends.share == 1.0))]
-        saddle = planes.fixed_point(ELLIPSOID, "saddle")
+        saddle = planes.fixed_point(_ELLIPSOID, "saddle")
         off_saddle = np.hypot(on_edge.Lz[-1] - saddle[0], on_edge.E[-1] - saddle[1])
         before, after = (misfits(data["critical"], side) for side in (0.0, 1.0))
-        near = max(before[0], after[0])
-        far = max(before[1], after[1])
+        close_misfit = max(before[0], after[0])
+        far_misfit = max(before[1], after[1])
         small = Range.at_most(
             2e-3, "relative order y ≤ 0.1 of a distance of 2e-3, tenfold for log(16/y)"
         )
@@ -402,8 +413,8 @@ class Plane(Experiment):
             "All starts with L_z < 0 off the upper parabola reach the node, passing the singular "
             "point, one on it reaches the saddle; those with L_z > 0 meet the pinch point in a "
             "finite slow time, not an infinite one. The local critical trajectory agrees with the "
-            f"averaged equations to {near:.1g} I_max while L_z is within {CLOSE_TO_POINT:g} I_max "
-            f"of the point, and is off by {far:.1g} I_max at y = 0.5.",
+            f"averaged equations to {close_misfit:.1g} I_max while L_z is within {_CLOSE_TO_POINT:g} I_max "
+            f"of the point, and is off by {far_misfit:.1g} I_max at y = 0.5.",
             f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {len(paths)} slow trajectories of "
             "L_x = L_y = 0; right, around the singular point.",
             [
@@ -433,7 +444,7 @@ class Plane(Experiment):
                 Number("the same after the point", after[0], small, "I_max"),
                 Number(
                     "the same at the end of the local one, y = 0.5, worse side",
-                    far,
+                    far_misfit,
                     Range(1e-3, 1e-1, "y = 0.5 is no small parameter"),
                     "I_max",
                 ),
@@ -445,7 +456,7 @@ class Plane(Experiment):
         figure, (whole, close) = panels(1, 2, 4.6, 4.4)
         critical = data["critical"]
         for axes in (whole, close):
-            planes.draw_frame(axes, ELLIPSOID, -1.0, 1.0)
+            planes.draw_frame(axes, _ELLIPSOID, -1.0, 1.0)
             planes.draw_paths(axes, data[""], (0.6, 0.2, 0.1))
             for kind, color, line, order in ((0, ORANGE, "--", 5), (1, VERMILLION, "-", 4)):
                 style: dict[str, Any] = {
@@ -457,11 +468,11 @@ class Plane(Experiment):
                 draw_each(axes, critical[critical.kind == kind], "side", "Lz", "E", **style)
         whole.set(ylim=(0.0, 0.8))
         planes.name_points(whole, planes.POINTS)
-        planes.name_lines(whole, ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
+        planes.name_lines(whole, _ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
         name_line(whole, "critical, averaged", color=VERMILLION, linewidth=2)
         name_line(whole, "critical, local solution", color=ORANGE, linewidth=2, linestyle="--")
-        momentum, energy = planes.fixed_point(ELLIPSOID, "singular")
-        width, height = WINDOW
+        momentum, energy = planes.fixed_point(_ELLIPSOID, "singular")
+        width, height = _WINDOW
         close.set(
             xlim=(momentum - width, momentum + width),
             ylim=(energy - height, energy + height),
@@ -474,8 +485,8 @@ class Plane(Experiment):
 
 def _kept(slow: np.ndarray) -> np.ndarray:
     """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
-    inside = np.abs(slow[:, 2:] - planes.fixed_point(ELLIPSOID, "singular")) < 1.2 * np.array(
-        WINDOW
+    inside = np.abs(slow[:, 2:] - planes.fixed_point(_ELLIPSOID, "singular")) < 1.2 * np.array(
+        _WINDOW
     )
     return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
@@ -483,11 +494,12 @@ def _kept(slow: np.ndarray) -> np.ndarray:
 def misfits(critical: Table, side: float) -> tuple[float, float]:
     """How far the local critical trajectory is off the averaged one near the singular point, and at its end."""
     kinds = by(by(critical, "side")[side], "kind")
-    local, averaged = kinds[0.0], kinds[1.0]
+    local = kinds[0.0]
+    averaged = kinds[1.0]
     gaps = planes.distances(
         np.column_stack([local.Lz, local.E]), np.column_stack([averaged.Lz, averaged.E])
     )
-    return np.max(gaps[np.abs(local.Lz + MIDDLE / 2) < CLOSE_TO_POINT]), gaps[-1]
+    return np.max(gaps[np.abs(local.Lz + _MIDDLE / 2) < _CLOSE_TO_POINT]), gaps[-1]
 
 
 @dataclass(frozen=True)
@@ -537,14 +549,14 @@ class Space(Experiment):
         """One slow trajectory with L_x = 0 throughout and one with L_y = 0."""
         slow_times = graded(1.0, grid.of(401, 101))
         for zero in (1, 0):
-            slow = np.array([0.0, 0.0, -0.2, planes.energy_at(ELLIPSOID, 1.0, 0.7)])
+            slow = np.array([0.0, 0.0, -0.2, planes.energy_at(_ELLIPSOID, 1.0, 0.7)])
             slow[1 - zero] = sqrt(1 - 0.2**2)
-            yield "", path(zero, slow_times, slow_run(ELLIPSOID, slow.tolist(), slow_times).slow)
+            yield "", path(zero, slow_times, slow_run(_ELLIPSOID, slow.tolist(), slow_times).slow)
 
     def judge(self, data: Data) -> Verdict:
         """That a component that is zero stays zero."""
         paths = by(data[""], "path")
-        last = np.array([[rows[name][-1] for name in SLOW] for rows in paths.values()])
+        last = np.array([itemgetter(*SLOW)(rows[-1]) for rows in paths.values()])
         grown = max(worst(rows[SLOW[int(zero)]]) for zero, rows in paths.items())
         return Verdict(
             Word.CORRECTED,
@@ -564,7 +576,7 @@ class Space(Experiment):
                 ),
                 Number(
                     "distance from the node at the end",
-                    planes.distance_from_node(ELLIPSOID, last).max(),
+                    planes.distance_from_node(_ELLIPSOID, last).max(),
                     Range.at_most(1e-3, "what is left of the approach when the run ends"),
                 ),
             ],
@@ -574,8 +586,8 @@ class Space(Experiment):
         """Both subspaces in three dimensions."""
         paths = by(data[""], "path")
         figure, axes = panels(1, 2, 4.4, 3.5, spatial=[0, 1])
-        for own, zero in zip(axes, (1, 0), strict=True):
-            self._draw_subspace(own, paths[zero], zero)
+        for panel, zero in zip(axes, (1, 0), strict=True):
+            self._draw_subspace(panel, paths[zero], zero)
         return figure
 
     def _draw_subspace(self, axes: Axes, rows: Table, zero: int) -> None:
@@ -590,8 +602,8 @@ class Space(Experiment):
         space.plot(rows[name], rows.Lz, (rows[name] ** 2 + rows.Lz**2) / 2, **thin)
         space.plot(0 * rows.E, rows.Lz, rows.E, **thin)
         space.plot(rows[name], np.full_like(rows.E, 0.6), rows.E, **thin)
-        for point in fixed_points(ELLIPSOID):
-            place = planes.place_of(ELLIPSOID, point)
+        for point in fixed_points(_ELLIPSOID):
+            place = planes.place_of(_ELLIPSOID, point)
             space.scatter(0.0, *place, color=NODE, edgecolor=BLACK, s=25)
         white_panes(space)
         space.set(
@@ -605,10 +617,10 @@ class Space(Experiment):
         space.set_box_aspect((1, 1, 0.8), zoom=1.0)
 
 
-SIX_BODIES = [Ellipsoid((1.0, b, c)) for b in (0.55, 0.75, 0.95) for c in (0.5, 0.3)]
-CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
+SIX_BODIES = [Ellipsoid((1.0, b, c)) for b, c in product((0.55, 0.75, 0.95), (0.5, 0.3))]
+_CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 
-SECTION = Section(
+ELLIPSOIDS_SECTION = Section(
     "ellipsoids",
     "Triaxial ellipsoids at large St",
     (
@@ -629,11 +641,11 @@ SECTION = Section(
             "oscillations are more irregular than a spheroid's; all end at L_z = -I₃/2, E = I₃/8; "
             "passing L² = 2EI₂ has little effect.",
             FirstStart(
-                ELLIPSOID,
+                _ELLIPSOID,
                 PAPER_START,
                 0.6,
                 fitted_from=1e3,
-                constant=Range(8.0, 30.0, CONSTANT_REASON),
+                constant=Range(8.0, 30.0, _CONSTANT_REASON),
                 relative=Range(0.0, ACCURATE, "the claim: good for the St chosen"),
             ),
         ),
@@ -645,13 +657,13 @@ SECTION = Section(
             "with intermediate plateaus while the run lingers at the rotation about the longest "
             "axis.",
             SlowMotion(
-                ELLIPSOID,
+                _ELLIPSOID,
                 SADDLE_START,
                 1.2,
                 (100.0, 150.0, 500.0, 5e3),
                 word=Word.CORRECTED,
                 fitted_from=5e3,
-                constant=Range(8.0, 30.0, CONSTANT_REASON),
+                constant=Range(8.0, 30.0, _CONSTANT_REASON),
                 relative=Range(
                     ACCURATE, 1.5, "the correction: not good at 100, by a factor below three"
                 ),

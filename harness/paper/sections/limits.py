@@ -41,37 +41,35 @@ from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid, Triple
 
-# Where a start lies: an orientation uniform on SO(3); one with φ = 0 and cos θ, ψ uniform, which
-# the shear does not turn into the first; one next to the saddle; one about the separatrix, at ψ = 0.
-ISOTROPIC = 0.0
-ON_SECTION = 1.0
-BESIDE = 2.0
-ABOUT = 3.0
-# ψ, in rad, of the starts next to the saddle, and their distances from it along θ.
-BESIDE_PSI = 1.57
-BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)
+# Kinds of starts, as columns of tables hold them.
+_ISOTROPIC = 0.0  # Orientation uniform on SO(3).
+_ON_SECTION = 1.0  # φ = 0; cos θ, ψ uniform. The shear does not turn it into the first kind.
+_BESIDE = 2.0  # Next to the saddle.
+_ABOUT = 3.0  # About the separatrix, at ψ = 0.
+# Starts next to the saddle.
+_BESIDE_PSI = 1.57  # ψ in rad.
+_BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
 # Distances from the separatrix, over its own from θ = π/2, of the starts about it.
-STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
+_STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # Width, in rad, that rounding alone gives a separatrix.
-ROUNDING = 1e-12
-# Orbits that start across a layer, and the half of their window over the layer's width as the
-# search for its ends finds it: the edges are frayed.
-ACROSS = 1000
-WINDOW = 2.5
+_ROUNDING = 1e-12
+_ACROSS = 1000  # Orbits that start across a layer.
+# Half of their window over the layer's width by the search for its ends: the edges are frayed.
+_WINDOW = 2.5
 # Chaotic orbits from which on the median of their exponents is given.
-FEW = 30
-SEA = Range(0.5, 1.0, "the claim: a sea of chaos surrounds the saddle")
+_FEW = 30
+_SEA = Range(0.5, 1.0, "the claim: a sea of chaos surrounds the saddle")
 # Points of a section that are drawn at most: more make its files large and show no more.
-MOST_DRAWN = 5000
+_MOST_DRAWN = 5000
 # Share of chaotic orbits up to which chaos counts as confined to thin layers.
-THIN_SHARE = 0.05
+_THIN_SHARE = 0.05
 # Starts with φ = 0, which are drawn.
-ON_SECTION_STARTS = 72
+_ON_SECTION_STARTS = 72
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where an orbit starts: a kind, and Euler angles in rad."""
+    """Start of an orbit: a kind, and Euler angles in rad."""
 
     kind: float
     theta: float
@@ -94,24 +92,24 @@ class _Sections(Experiment):
         """Starts of all kinds, the random ones from a fixed seed."""
         generator = np.random.default_rng(7)
         starts = []
-        for kind, full in ((ISOTROPIC, self.isotropic), (ON_SECTION, ON_SECTION_STARTS)):
+        for kind, full in ((_ISOTROPIC, self.isotropic), (_ON_SECTION, _ON_SECTION_STARTS)):
             count = grid.of(full, 16)
             theta = np.arccos(generator.uniform(-1.0, 1.0, count)).tolist()
             psi = generator.uniform(-pi / 2, pi / 2, count).tolist()
             phi = generator.uniform(0.0, 2 * pi, count).tolist()
             for place in range(count):
-                angle = phi[place] if kind == ISOTROPIC else 0.0
+                angle = phi[place] if kind == _ISOTROPIC else 0.0
                 starts.append(Start(kind, theta[place], psi[place], angle))
-        offsets = BESIDE_OFFSETS[: grid.of(3, 1)]
-        starts += [Start(BESIDE, pi / 2 + offset, BESIDE_PSI) for offset in offsets]
+        offsets = _BESIDE_OFFSETS[: grid.of(3, 1)]
+        starts += [Start(_BESIDE, pi / 2 + offset, _BESIDE_PSI) for offset in offsets]
         if layers:
             librating, circulating = layers[-1]
             middle = (librating + circulating) / 2
-            steps = STEPS_OFF[:: grid.of(1, 2)]
-            if circulating - librating <= ROUNDING:
+            steps = _STEPS_OFF[:: grid.of(1, 2)]
+            if circulating - librating <= _ROUNDING:
                 # An orbit on a sharp separatrix would only rest at the saddle.
                 steps = [step for step in steps if step != 0]
-            starts += [Start(ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
+            starts += [Start(_ABOUT, pi / 2 + middle * (1 + step), PSI) for step in steps]
         return starts
 
     def compute(self, grid: Grid) -> Computed:
@@ -128,8 +126,8 @@ class _Sections(Experiment):
         chaotic = stretches > [chaos_border(count) for count in earlier]
         kinds = np.array([start.kind for start in starts])
         for place, count in enumerate(earlier):
-            wild = np.sum(chaotic[kinds == ISOTROPIC, place])
-            yield "growth", {"turns": count, "chaotic": wild, "orbits": np.sum(kinds == ISOTROPIC)}
+            wild = np.sum(chaotic[kinds == _ISOTROPIC, place])
+            yield "growth", {"turns": count, "chaotic": wild, "orbits": np.sum(kinds == _ISOTROPIC)}
         columns = dict(zip(("theta", "phi", "psi"), np.transpose(angles), strict=True))
         exponents = stretches[:, -1] / turns
         row = {"orbit": np.arange(len(starts)), "kind": kinds, **columns}
@@ -142,26 +140,26 @@ class _Sections(Experiment):
         if counts:
             yield "saddle", {"growth": saddle_growth(body)}
             low, high = layers[-1]
-            half = WINDOW * (high - low)
-            if half > ROUNDING:
+            half = _WINDOW * (high - low)
+            if half > _ROUNDING:
                 window = ((low + high) / 2 - half, (low + high) / 2 + half)
-                yield "across", orbits_across(body, counts[-1], window, grid.of(ACROSS, 32))
+                yield "across", orbits_across(body, counts[-1], window, grid.of(_ACROSS, 32))
 
     def _points(
         self, grid: Grid, angles: Sequence[Triple], kinds: np.ndarray, duration: float
     ) -> Computed:
         """Section points of the starts on the section: of all of them, and close to a saddle."""
-        drawn = np.flatnonzero(kinds != ISOTROPIC).tolist()
+        drawn = np.flatnonzero(kinds != _ISOTROPIC).tolist()
         paths = section_points(self.ellipsoid, [angles[number] for number in drawn], duration)
         width, height = self.close
         whole = []
         close = []
         for number, (theta, psi) in zip(drawn, paths, strict=True):
             points = np.column_stack([np.full(len(theta), number), theta, psi])
-            if kinds[number] != ABOUT:
+            if kinds[number] != _ABOUT:
                 whole.append(points)
-            near = (np.abs(theta - pi / 2) <= height) & (pi / 2 - psi <= width)
-            close.append(points[near])
+            in_frame = (np.abs(theta - pi / 2) <= height) & (pi / 2 - psi <= width)
+            close.append(points[in_frame])
         yield "", _thinned(np.concatenate(whole), grid.of(9000, 2000))
         yield "close", _thinned(np.concatenate(close), grid.of(6000, 1000))
 
@@ -175,7 +173,7 @@ class _Sections(Experiment):
         wild = orbits.orbit[orbits.chaotic > 0]
         figure, (whole, saddle) = panels(1, 2, 4.2, 3.6)
         for axes, points, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
-            table = points[:: -(-len(points) // MOST_DRAWN)]
+            table = points[:: -(-len(points) // _MOST_DRAWN)]
             chaotic = np.isin(table.orbit, wild)
             style: dict[str, Any] = {
                 "linestyle": "none",
@@ -186,8 +184,10 @@ class _Sections(Experiment):
             regular = table[~chaotic]
             axes.plot(regular.psi, regular.theta, color=BLUE, label="regular", **style)
             if chaotic.any():
-                rest = table[chaotic]
-                axes.plot(rest.psi, rest.theta, color=VERMILLION, label="chaotic", **style)
+                irregular = table[chaotic]
+                axes.plot(
+                    irregular.psi, irregular.theta, color=VERMILLION, label="chaotic", **style
+                )
             axes.set(xlabel=r"$\psi$, rad", ylabel=r"$\theta$, rad")
         whole.set(xlim=(-pi / 2, pi / 2), ylim=(0, pi))
         whole.plot([-pi / 2, pi / 2], [pi / 2, pi / 2], "x", color=BLACK, clip_on=False)
@@ -205,7 +205,7 @@ class _Sections(Experiment):
         """The caption of the figure."""
         orbits = data["orbits"]
         about = ", with more orbits about its separatrix" if self.layered else ""
-        drawn = np.sum((orbits.kind == ON_SECTION) | (orbits.kind == BESIDE))
+        drawn = np.sum((orbits.kind == _ON_SECTION) | (orbits.kind == _BESIDE))
         return (
             "Section φ = nπ of the inertialess ellipsoid with semi-axes "
             f"{axes_of(self.ellipsoid)} along x', y', z', {drawn} orbits that start on it "
@@ -231,13 +231,13 @@ class Chaos:
         """That of an item's tables."""
         orbits = data["orbits"]
         chaotic = orbits.chaotic > 0
-        isotropic = chaotic[orbits.kind == ISOTROPIC]
+        isotropic = chaotic[orbits.kind == _ISOTROPIC]
         return cls(
             isotropic,
-            chaotic[orbits.kind == ON_SECTION],
-            chaotic[orbits.kind == BESIDE],
+            chaotic[orbits.kind == _ON_SECTION],
+            chaotic[orbits.kind == _BESIDE],
             share(isotropic),
-            median(orbits.exponent[chaotic]) if np.sum(chaotic) >= FEW else None,
+            median(orbits.exponent[chaotic]) if np.sum(chaotic) >= _FEW else None,
             median(orbits.exponent[~chaotic]),
             int(np.sum(chaotic)),
         )
@@ -257,7 +257,7 @@ class Chaos:
     def numbers(self, expected: Range | None, beside: Range | None = None) -> list[Number]:
         """The share with its expected range, and what supports it, of which one may have a range too."""
         low, high = self.share.interval
-        found = [
+        numbers = [
             Number(
                 "share of chaotic orbits, starts uniform on SO(3)",
                 float(self.share),
@@ -287,8 +287,8 @@ class Chaos:
         if exponent is not None:
             name = "median exponent of the chaotic orbits, per half turn"
             measure = f"{self.chaotic_count} orbits of all starts"
-            found.append(Number(name, exponent, interval=exponent.interval, measure=measure))
-        return found
+            numbers.append(Number(name, exponent, interval=exponent.interval, measure=measure))
+        return numbers
 
 
 @dataclass(frozen=True)
@@ -301,13 +301,16 @@ class DominantChaos(_Sections):
         low, high = chaos.share.interval
         expected = None
         if low > 0.5:
-            word, words = Word.CONFIRMED, "the greater part"
+            word = Word.CONFIRMED
+            words = "the greater part"
             expected = Range(0.5, 1.0, "the claim: dominant is more than half")
         elif high < 0.5:
-            word, words = Word.CORRECTED, "the lesser part"
+            word = Word.CORRECTED
+            words = "the lesser part"
             expected = Range(0.0, 0.5, "against the claim: dominant is more than half")
         else:
-            word, words = Word.UNDECIDED, "about half"
+            word = Word.UNDECIDED
+            words = "about half"
         growth = data["growth"]
         shares = joined(growth.chaotic / growth.orbits, ".2f")
         sentence = (
@@ -316,7 +319,7 @@ class DominantChaos(_Sections):
             f"share is {shares}: an orbit that shows its chaos later counts as regular, so that the "
             "share is a lower bound."
         )
-        return Verdict(word, sentence, self.caption(data), chaos.numbers(expected, SEA))
+        return Verdict(word, sentence, self.caption(data), chaos.numbers(expected, _SEA))
 
 
 @dataclass(frozen=True)
@@ -332,26 +335,28 @@ class ThinLayers(_Sections):
         place = float(layer.librating[-1])
         turns = layer.turns[-1]
         growth = float(data["saddle"].growth[0])
-        resolved = abs(width) > ROUNDING
+        resolved = abs(width) > _ROUNDING
         if resolved:
             width, interval = _frayed_width(data["across"])
             expected = Range(1e-5, 1e-3, "wider than rounding by far, and thin beside the section")
             words = self._resolved(data, width, place, turns, chaos)
         else:
-            expected = Range.near(0.0, ROUNDING, "the width that rounding gives a separatrix")
+            expected = Range.near(0.0, _ROUNDING, "the width that rounding gives a separatrix")
             words = (
-                f"A layer of chaos, if there is one, is thinner than {ROUNDING:g} rad: at ψ = 0 "
+                f"A layer of chaos, if there is one, is thinner than {_ROUNDING:g} rad: at ψ = 0 "
                 f"libration changes to circulation at {place:.3f} rad from θ = π/2 within what "
                 f"rounding leaves, over {turns:g} half turns. "
                 f"The saddle repels by no more than {growth:.2g} per half turn, and a separatrix "
                 "splits by what is exponentially small in the inverse of that. As no orbit is "
                 "chaotic, there may be none."
             )
-        numbers = chaos.numbers(Range(0.0, THIN_SHARE, "up to this share a layer counts as thin"))
+        numbers = chaos.numbers(Range(0.0, _THIN_SHARE, "up to this share a layer counts as thin"))
         name = f"width of the layer at ψ = 0 over {turns:g} half turns"
-        measure = "" if interval is None else f"starts that librate and circulate, of {ACROSS}"
+        measure = "" if interval is None else f"starts that librate and circulate, of {_ACROSS}"
         numbers.append(
-            Number(name, width, expected, "rad", interval=interval, measure=measure, floor=ROUNDING)
+            Number(
+                name, width, expected, "rad", interval=interval, measure=measure, floor=_ROUNDING
+            )
         )
         positive = Range(0.0, 1.0, "a saddle repels, a weak one by less than e per half turn")
         numbers.append(Number("exponent of the saddle itself, per half turn", growth, positive))
@@ -364,15 +369,15 @@ class ThinLayers(_Sections):
         layer = data["layer"]
         middle = (layer.librating[-1] + layer.circulating[-1]) / 2
         offset = np.abs(orbits.theta - pi / 2 - middle)
-        near = (orbits.kind == ABOUT) & (offset > 1e-6)
-        chaotic = int(np.sum(orbits.chaotic[near] > 0))
-        nearest = f"{offset[near].min():.1g}"
-        farthest = f"{offset[near].max():.1g}"
+        beside_layer = (orbits.kind == _ABOUT) & (offset > 1e-6)
+        chaotic = int(np.sum(orbits.chaotic[beside_layer] > 0))
+        nearest = f"{offset[beside_layer].min():.1g}"
+        farthest = f"{offset[beside_layer].max():.1g}"
         return (
             "Between orbits that librate and orbits that circulate lies a layer of chaos with frayed "
             f"edges, {place:.3f} rad from the plane θ = π/2 at ψ = 0: orbits that do both within "
             f"{turns:g} half turns start from {in_two_digits(width)} rad in all. It is thin there: of "
-            f"{np.sum(near)} orbits that start from {nearest} to {farthest} rad beside its middle "
+            f"{np.sum(beside_layer)} orbits that start from {nearest} to {farthest} rad beside its middle "
             f"{chaotic or 'none'} {'is' if chaotic < 2 else 'are'} chaotic. The share of random "
             f"orientations alone would not show it: it may be up to {chaos.share.interval[1]:.2g} at 95 %."
         )
@@ -387,17 +392,17 @@ def _frayed_width(across: Table) -> tuple[float, tuple[float, float]]:
 
 
 def _thinned(points: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """At most about so many of the points: orbit, θ and ψ, shape (n, 3)."""
+    """About `count` of the points at most: orbit, θ and ψ, shape (n, 3)."""
     table = np.round(points[:: max(1, len(points) // count)], 6)
     return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))
 
 
-TOP_START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
+_TOP_START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 # Duration, in inverse shear rates, of the tops' paths.
-TOP_TIME = 12.0
+_TOP_TIME = 12.0
 # Turns of the precession in which the path must not close. The nutation has half the period of the
 # polhode.
-TURNS = 12
+_TURNS = 12
 
 
 @dataclass(frozen=True)
@@ -408,8 +413,8 @@ class _Top(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Path of z', in the closed form, and the closed form against integration."""
-        times = np.linspace(0.0, TOP_TIME, grid.of(2401, 601))
-        scene = Scene(self.ellipsoid, inf, TOP_START, TOP_TIME)
+        times = np.linspace(0.0, _TOP_TIME, grid.of(2401, 601))
+        scene = Scene(self.ellipsoid, inf, _TOP_START, _TOP_TIME)
         form = find_form("euler-top")
         exact = run_form(form, scene, times, 1e-14, solver="exact").observables
         integrated = run_form(form, scene, times, 1e-14, solver="taylor").observables
@@ -417,7 +422,7 @@ class _Top(Experiment):
         size = float(np.linalg.norm(exact.angular_momentum[0]))
         nutation = np.arccos(axis @ exact.angular_momentum[0] / size)
         inertia = self.ellipsoid.inertia
-        top = TorqueFree(inertia, TOP_START.quaternion, TOP_START.angular_velocity)
+        top = TorqueFree(inertia, _TOP_START.quaternion, _TOP_START.angular_velocity)
         difference = np.max(np.abs(exact.rotation - integrated.rotation))
         drift = np.max(np.abs(exact.slow - exact.slow[0])) / np.max(np.abs(exact.slow[0]))
         path = {"x": axis[:, 0], "y": axis[:, 1], "z": axis[:, 2]}
@@ -442,7 +447,7 @@ class _Top(Experiment):
     def caption(self) -> str:
         """The caption of the figure."""
         return (
-            f"Path of z' on the unit sphere for {TOP_TIME:g} inverse shear rates from "
+            f"Path of z' on the unit sphere for {_TOP_TIME:g} inverse shear rates from "
             "(θ, φ, ψ, θ̇, φ̇, ψ̇) = (1.05, 0, 0, 2.5, 15, 4) at St = ∞, in closed form; the dot is "
             "the start."
         )
@@ -475,15 +480,15 @@ class GeneralTop(_Top):
         least = np.degrees(table.nutation.min())
         most = np.degrees(table.nutation.max())
         ratio = numbers.precession_period[0] / numbers.period[0]
-        denominators = np.arange(1, 2 * TURNS + 1)
+        denominators = np.arange(1, 2 * _TURNS + 1)
         distance = np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators))
         return Verdict(
             Word.SHARPENED,
             f"The axis nutates between {least:.1f}° and {most:.1f}° from L with T = "
             f"{numbers.period[0]:.5g} and precesses with T' = {numbers.precession_period[0]:.5g}; "
             f"T'/T = {ratio:.5f} is {distance:.1g} from the nearest fraction with a denominator up "
-            f"to {2 * TURNS}: as the nutation repeats itself after T/2, the path does not close "
-            f"within {TURNS} turns of the precession.",
+            f"to {2 * _TURNS}: as the nutation repeats itself after T/2, the path does not close "
+            f"within {_TURNS} turns of the precession.",
             self.caption(),
             [
                 Number(
@@ -495,7 +500,7 @@ class GeneralTop(_Top):
                 Number("precession period T' over polhode period T", ratio),
                 Number(
                     "distance of T'/T from the nearest fraction with a denominator up to "
-                    f"{2 * TURNS}",
+                    f"{2 * _TURNS}",
                     distance,
                     Range(1e-3, 0.5, "far above the digits of the two periods"),
                 ),
@@ -547,7 +552,7 @@ def measured_period(path: Table) -> float:
 
 
 # z' is the longest axis of the first two bodies and the shortest of the others.
-SECTION = Section(
+LIMITS_SECTION = Section(
     "limits",
     "Limiting cases: the Jeffery and the Euler top",
     (

@@ -48,27 +48,27 @@ from polhode.solvers.compile import exact_jacobian
 
 # Aspect ratios of the prolate spheroids whose period is followed.
 
-PERIOD_KAPPAS = (2.0, 4.0, 8.0, 16.0)
+_PERIOD_KAPPAS = (2.0, 4.0, 8.0, 16.0)
 # A tumbler turns about an equatorial axis.
-TUMBLING_AXIS = 0
+_TUMBLING_AXIS = 0
 # Share by which the law of order St² is off where it counts as lost.
-LAW_LOST = 0.1
+_LAW_LOST = 0.1
 
 
 def _periods(stokes: np.ndarray) -> Computed:
     """Tumbling periods of each spheroid at each St, and how far they lie from Jeffery's."""
-    for kappa, number in product(PERIOD_KAPPAS, stokes.tolist()):
-        period = tumbling_period(spheroid(kappa), number, TUMBLING_AXIS)
-        jeffery = tumbling_period(spheroid(kappa), 0.0, TUMBLING_AXIS)
+    for kappa, number in product(_PERIOD_KAPPAS, stokes.tolist()):
+        period = tumbling_period(spheroid(kappa), number, _TUMBLING_AXIS)
+        jeffery = tumbling_period(spheroid(kappa), 0.0, _TUMBLING_AXIS)
         row = {"kappa": kappa, "stokes": number, "period": period, "jeffery": jeffery}
         yield "", {**row, "change": period - jeffery}
 
 
 def validity(rows: Table) -> float:
-    """St at which the law of order St² is off by `LAW_LOST`, for the rows of one κ."""
+    """St at which the law of order St² is off by `_LAW_LOST`, for the rows of one κ."""
     error = np.abs(rows.change / rows.printed - 1)
-    last = int(np.argmax(error > LAW_LOST))
-    return float(np.exp(np.interp(LAW_LOST, error[: last + 1], np.log(rows.stokes[: last + 1]))))
+    last = int(np.argmax(error > _LAW_LOST))
+    return float(np.exp(np.interp(_LAW_LOST, error[: last + 1], np.log(rows.stokes[: last + 1]))))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class PeriodChange(Experiment):
         """Periods, and the change that the law gives."""
         for table, row in _periods(np.geomspace(1e-2, 1e4, grid.of(121, 25))):
             body = spheroid(row["kappa"])
-            printed = weak_inertia_period_change(body, row["stokes"], TUMBLING_AXIS)
+            printed = weak_inertia_period_change(body, row["stokes"], _TUMBLING_AXIS)
             yield table, {**row, "printed": printed}
 
     def judge(self, data: Data) -> Verdict:
@@ -89,12 +89,12 @@ class PeriodChange(Experiment):
         start = table[table.stokes == smallest]
         limits = [validity(rows) for _, rows in groups(table, "kappa")]
         falls = np.flatnonzero(np.diff(limits) <= 0)
-        first_rising = PERIOD_KAPPAS[falls[-1] + 1 if len(falls) else 0]
+        first_rising = _PERIOD_KAPPAS[falls[-1] + 1 if len(falls) else 0]
         return Verdict(
             Word.CORRECTED,
             "Value and sign of `vivtp` hold, but the period decreases where the text says that it "
             f"increases. The law is 10 % off at St = {joined(limits, '.2g')} for "
-            f"κ = {joined(PERIOD_KAPPAS)}, not at order unity, and the later the slenderer the "
+            f"κ = {joined(_PERIOD_KAPPAS)}, not at order unity, and the later the slenderer the "
             f"spheroid from κ = {first_rising:g} on.",
             "Left: decrease of the tumbling period below Jeffery's, at "
             f"{len(np.unique(table.stokes))} Stokes numbers from a collocated limit cycle; dotted, "
@@ -112,12 +112,12 @@ class PeriodChange(Experiment):
                     "1/γ̇",
                 ),
                 Number(
-                    f"St at which the law is 10 % off, κ = {PERIOD_KAPPAS[0]:g}",
+                    f"St at which the law is 10 % off, κ = {_PERIOD_KAPPAS[0]:g}",
                     limits[0],
                     Range(10.0, 30.0, "an order of magnitude above unity, and still one number"),
                 ),
                 Number(
-                    f"the same over that, κ = {PERIOD_KAPPAS[3]:g}",
+                    f"the same over that, κ = {_PERIOD_KAPPAS[3]:g}",
                     limits[-1] / limits[0],
                     Range.at_least(1.0, "the claim: further the slenderer"),
                 ),
@@ -164,7 +164,7 @@ class PeriodChange(Experiment):
 
 
 # Aspect ratios and St, from Jeffery's limit to the fall of the period, of runs in time.
-INTEGRATED = (
+_INTEGRATED = (
     (2.0, 0.1),
     (2.0, 1.0),
     (2.0, 10.0),
@@ -179,7 +179,7 @@ INTEGRATED = (
 def _integrated_period(kappa: float, stokes: float) -> float:
     """Time of one turn by integration in time, after the transient."""
     ellipsoid = spheroid(kappa)
-    settled = 40 * stokes / ellipsoid.damping[TUMBLING_AXIS]
+    settled = 40 * stokes / ellipsoid.damping[_TUMBLING_AXIS]
     start = BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0))
     scene = Scene(ellipsoid, stokes, start, settled + 60 * kappa)
     times = np.concatenate([[0.0], np.arange(settled, scene.time, 0.01)])
@@ -204,9 +204,9 @@ class Period(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Period at all St, and by integration in time at some."""
         yield from _periods(np.geomspace(1e-3, 1e6, grid.of(73, 19)))
-        for kappa, stokes in grid.of(INTEGRATED, INTEGRATED[1:4:2]):
+        for kappa, stokes in grid.of(_INTEGRATED, _INTEGRATED[1:4:2]):
             period = _integrated_period(kappa, stokes)
-            difference = period / tumbling_period(spheroid(kappa), stokes, TUMBLING_AXIS) - 1
+            difference = period / tumbling_period(spheroid(kappa), stokes, _TUMBLING_AXIS) - 1
             row = {"kappa": kappa, "stokes": stokes, "period": period, "difference": difference}
             yield "integrated", row
 
@@ -224,9 +224,9 @@ class Period(Experiment):
             Word.CONFIRMED,
             "Between the limits the period falls monotonically; at St = "
             f"{smallest} it is Jeffery's to {small:.1g}, at St = {largest} it is 4π to "
-            f"{large:.1g} for κ = {joined(PERIOD_KAPPAS)}.",
+            f"{large:.1g} for κ = {joined(_PERIOD_KAPPAS)}.",
             "Period of a tumbling prolate spheroid on its limit cycle, "
-            f"κ = {joined(PERIOD_KAPPAS)}, with Jeffery's period (dotted) and 4π (dashed); "
+            f"κ = {joined(_PERIOD_KAPPAS)}, with Jeffery's period (dotted) and 4π (dashed); "
             "crosses: turns of runs in time.",
             [
                 Number(
@@ -278,14 +278,14 @@ class Period(Experiment):
         return figure
 
 
-DRIFT_KAPPAS = (0.3, 0.5, 2.0, 4.0)
+_DRIFT_KAPPAS = (0.3, 0.5, 2.0, 4.0)
 # Components of L and of the axis across the vorticity in the state of `spheroid-axis`.
-ACROSS = [0, 1, 3, 4]
-# St at which the growth is also taken from a run in time, and the tilt, in rad, at its start.
-FOLLOWED_STOKES = 0.02
-FOLLOWED_TILT = 1e-3
+_ACROSS = [0, 1, 3, 4]
+# The growth is also taken from a run in time.
+_FOLLOWED_STOKES = 0.02
+_FOLLOWED_TILT = 1e-3  # Rad, at the start.
 # St between which the largest rate is looked for.
-PEAK_STOKES = (5.0, 3000.0)
+_PEAK_STOKES = (5.0, 3000.0)
 
 
 def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
@@ -298,21 +298,21 @@ def growth(kappa: float, stokes: float) -> float:
     """Rate at which a tilt of the axis grows, per inverse shear rate: the largest eigenvalue's real part."""
     problem = find_form("spheroid-axis").problem(spinning(kappa, stokes, 0.0, 1.0))
     matrix = exact_jacobian(field, 6, 6)(np.array(problem.start), np.array(problem.parameters))
-    return float(np.linalg.eigvals(matrix[np.ix_(ACROSS, ACROSS)]).real.max())
+    return float(np.linalg.eigvals(matrix[np.ix_(_ACROSS, _ACROSS)]).real.max())
 
 
 def followed_growth(kappa: float, stokes: float) -> float:
     """The same rate from a run: over half a Jeffery period, after one in which the start is forgotten."""
     half = pi * (kappa + 1 / kappa)
     times = half * np.array([0.0, 2.0, 4.0])
-    run = full_run(spinning(kappa, stokes, FOLLOWED_TILT, times[-1]), times)
+    run = full_run(spinning(kappa, stokes, _FOLLOWED_TILT, times[-1]), times)
     tilt = np.linalg.norm(run.observables.rotation[:, 2, :2], axis=1)
     return float(np.log(tilt[2] / tilt[1]) / (2 * half))
 
 
 def peak_of(kappa: float) -> float:
     """St at which the rate has its largest size."""
-    low, high = np.log(PEAK_STOKES)
+    low, high = np.log(_PEAK_STOKES)
     best = minimize_scalar(
         lambda logarithm: -abs(growth(kappa, float(np.exp(logarithm)))),
         bounds=(low, high),
@@ -335,12 +335,12 @@ class SpinDrift(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Growth at all St; its peak; at one small St from a run too."""
         numbers = np.geomspace(1e-4, 1e6, grid.of(61, 21)).tolist()
-        for kappa in DRIFT_KAPPAS:
+        for kappa in _DRIFT_KAPPAS:
             rates = [growth(kappa, stokes) for stokes in numbers]
             yield "", {"kappa": kappa, "stokes": numbers, "growth": rates}
-            here = growth(kappa, FOLLOWED_STOKES)
-            followed = followed_growth(kappa, FOLLOWED_STOKES)
-            yield "runs", {"kappa": kappa, "growth": here, "followed": followed}
+            at_followed = growth(kappa, _FOLLOWED_STOKES)
+            followed = followed_growth(kappa, _FOLLOWED_STOKES)
+            yield "runs", {"kappa": kappa, "growth": at_followed, "followed": followed}
             peak = peak_of(kappa)
             yield "peaks", {"kappa": kappa, "stokes": peak, "growth": growth(kappa, peak)}
 
@@ -367,7 +367,7 @@ class SpinDrift(Experiment):
         return Verdict(
             Word.SHARPENED,
             "A small tilt of the axis from the vorticity grows (κ > 1) or decays (κ < 1) at "
-            f"{joined(small, '.3g')} St for κ = {joined(DRIFT_KAPPAS)} as St → 0. The rate has its "
+            f"{joined(small, '.3g')} St for κ = {joined(_DRIFT_KAPPAS)} as St → 0. The rate has its "
             f"largest size at St = {joined(peaks.stokes, '.3g')} and then falls like 1/St, to the "
             "rates of the averaged equations: of the tilt, half the fourth eigenvalue printed for "
             "the spinning mode, or of L where that is slower.",
@@ -388,7 +388,7 @@ class SpinDrift(Experiment):
                     measure="four chosen κ",
                 ),
                 Number(
-                    f"the rate against a run in time, St = {FOLLOWED_STOKES:g}, relative, worst κ",
+                    f"the rate against a run in time, St = {_FOLLOWED_STOKES:g}, relative, worst κ",
                     worst(runs.followed / runs.growth - 1),
                     Range.at_most(1e-2, "the tilt's square, and what is left of the start"),
                     floor=1e-5,
@@ -432,7 +432,7 @@ class SpinDrift(Experiment):
             label=lambda kappa: rf"$\kappa$ = {kappa:g}, {'grows' if kappa > 1 else 'decays'}",
         )
         axes.plot(peaks.stokes, np.abs(peaks.growth), "o", color=BLACK, markersize=3)
-        last = table[table.kappa == DRIFT_KAPPAS[-1]]
+        last = table[table.kappa == _DRIFT_KAPPAS[-1]]
         small = last[last.stokes < 1e-1]
         large = last[last.stokes > 1e3]
         draw_power(axes, small.stokes, 2 * abs(small.growth[-1]), 1)
@@ -447,8 +447,8 @@ class SpinDrift(Experiment):
         return figure
 
 
-PLANAR_KAPPAS = (0.5, 2.0, 4.0)
-PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
+_PLANAR_KAPPAS = (0.5, 2.0, 4.0)
+_PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
 
 def turns(kappa: float, stokes: float, alpha: float) -> bool:
@@ -484,7 +484,7 @@ class PlanarFlows(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """The α above which turning ends, by bisection."""
-        for kappa, stokes in product(PLANAR_KAPPAS, PLANAR_STOKES):
+        for kappa, stokes in product(_PLANAR_KAPPAS, _PLANAR_STOKES):
             halvings = 50 if stokes == 0 else grid.of(14, 9)
             threshold = bisected(partial(turns, kappa, stokes), 0.0, 1.0, halvings)
             printed = min(kappa, 1 / kappa) ** 2
@@ -503,7 +503,7 @@ class PlanarFlows(Experiment):
             Word.CONFIRMED,
             "Without inertia the thresholds are those printed, by Jeffery's rate in closed form. "
             "Inertia that carries an axis past the point where it would stop raises them at large "
-            f"St: at St = {joined(PLANAR_STOKES)} they are {words}.",
+            f"St: at St = {joined(_PLANAR_STOKES)} they are {words}.",
             "Largest α for which an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning, "
             "from a start at more than its largest speed; dotted: as printed, for St = 0.",
             [
@@ -549,7 +549,7 @@ class PlanarFlows(Experiment):
         return figure
 
 
-SECTION = Section(
+PERIODS_SECTION = Section(
     "periods",
     "Spheroids at finite St: periods, drift, planar flows",
     (

@@ -45,25 +45,24 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
 
-# Of the planes: aspect ratio, L_z/I_max at the start, θ₀ in rad, and the tilt of L, in rad, in the
-# second plane.
-KAPPA = 2.0
-MOMENTUM = 0.4
-THETA = 0.3
-TILT = 0.2
-SHOWN_STOKES = (1e3, 1e4, 1e5)
-SLOW_TIME = 0.12
+# Runs of the planes.
+_KAPPA = 2.0  # Aspect ratio.
+_MOMENTUM = 0.4  # L_z/I_max at the start.
+_THETA = 0.3  # Rad, at the start.
+_TILT = 0.2  # Rad: tilt of L in the second plane.
+_SHOWN_STOKES = (1e3, 1e4, 1e5)
+_SLOW_TIME = 0.12
 # Half sizes of the magnified view, over I_max.
-CLOSE = (0.045, 0.0024)
+_CLOSE = (0.045, 0.0024)
 # Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold.
-WIDTH_KAPPAS = (1.2, 2.0, 3.0)
+_WIDTH_KAPPAS = (1.2, 2.0, 3.0)
 # Half the window around the crossing in which the smallest |L| is looked for, over I_max.
-WINDOW = 0.05
+_WINDOW = 0.05
 # St at which `hybrid`, which follows the neighbourhood by the full equations, is compared with a
 # full run throughout.
-COMPARED_STOKES = 1e7
+_COMPARED_STOKES = 1e7
 # Line widths of the trajectories, the averaged one on top.
-WIDTHS = {np.inf: 0.6, 1e3: 1.9, 1e4: 1.4, 1e5: 1.0}
+_WIDTHS = {np.inf: 0.6, 1e3: 1.9, 1e4: 1.4, 1e5: 1.0}
 
 
 @dataclass(frozen=True)
@@ -74,24 +73,24 @@ class Pinch(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Paths past the pinch point; the smallest |L| of full runs against St."""
-        slow_times = np.linspace(0.0, SLOW_TIME, grid.of(1201, 601))
-        ends, pinch = _slow_to_pinch(KAPPA, slow_times)
+        slow_times = np.linspace(0.0, _SLOW_TIME, grid.of(1201, 601))
+        ends, pinch = _slow_to_pinch(_KAPPA, slow_times)
         yield "aligned", path(np.inf, ends.times, ends.slow)
         yield "tilted", path(np.inf, slow_times, averaged_run(_tilted_scene(1.0), slow_times).slow)
-        for stokes in SHOWN_STOKES:
-            scenes = {"aligned": _scene(KAPPA, stokes), "tilted": _tilted_scene(stokes)}
+        for stokes in _SHOWN_STOKES:
+            scenes = {"aligned": _scene(_KAPPA, stokes), "tilted": _tilted_scene(stokes)}
             for table, scene in scenes.items():
                 yield table, path(stokes, slow_times, full_run(scene, stokes * slow_times).slow)
         yield "end", {"t2": pinch}
         count = grid.of(8, 2)
         phases = ((np.arange(count) + 0.25) * pi / count).tolist()
-        for kappa in WIDTH_KAPPAS:
+        for kappa in _WIDTH_KAPPAS:
             _, met = _slow_to_pinch(kappa, slow_times)
             for stokes in np.geomspace(1e4, 1e9, grid.of(11, 6)).tolist():
                 least = [_least_momentum(kappa, stokes, phi, met) for phi in phases]
                 yield "crossing", {"kappa": kappa, "stokes": stokes, "phi": phases, "least": least}
             pair = {
-                name: _least_momentum(kappa, COMPARED_STOKES, phases[0], met, form)
+                name: _least_momentum(kappa, _COMPARED_STOKES, phases[0], met, form)
                 for name, form in (("hybrid", "hybrid"), ("full", "spheroid-axis"))
             }
             yield "compared", {"kappa": kappa, **pair}
@@ -102,22 +101,22 @@ class Pinch(Experiment):
         compared = data["compared"]
         largest = crossing.stokes.max()
         curves = by(crossing, "kappa")
-        first = WIDTH_KAPPAS[0]
+        first = _WIDTH_KAPPAS[0]
         # Without their intervals: the exponents still change over a decade.
         last = {
             kappa: float(local_exponent(rows, largest / 10, largest))
             for kappa, rows in curves.items()
         }
         whole = local_exponent(curves[first], 1e4, largest)
-        shown = max(SHOWN_STOKES)
+        shown = max(_SHOWN_STOKES)
         turned = by(data["tilted"], "path")
         agreement = worst(turned[shown].Lz - turned[np.inf].Lz)
         passed = [
             rows.Lz[-1] for stokes, rows in groups(data["aligned"], "path") if stokes < np.inf
         ]
         end = float(data["end"].t2[0])
-        body = spheroid(KAPPA)
-        unit = MOMENTUM * max(body.inertia) / (4 * pi)
+        body = spheroid(_KAPPA)
+        unit = _MOMENTUM * max(body.inertia) / (4 * pi)
         slowest = Range(
             unit / max(body.resistance),
             unit / min(body.resistance),
@@ -130,7 +129,7 @@ class Pinch(Experiment):
                 Range(pinch_exponent(first), -0.5, "theory: between amplification and the paper's"),
             )
         ]
-        for kappa in WIDTH_KAPPAS[1:]:
+        for kappa in _WIDTH_KAPPAS[1:]:
             expected = Range.near(
                 pinch_exponent(kappa), 0.05, "theory: amplification of what the oscillation leaves"
             )
@@ -138,7 +137,7 @@ class Pinch(Experiment):
             numbers.append(Number(name, last[kappa], expected))
         numbers += [
             Number(
-                f"`hybrid` against the full run, smallest |L|, St = {short(COMPARED_STOKES)}, "
+                f"`hybrid` against the full run, smallest |L|, St = {short(_COMPARED_STOKES)}, "
                 "worst κ, relative",
                 worst(compared.hybrid / compared.full - 1),
                 Range.at_most(2e-2, "far below what a change of St by a half decade makes"),
@@ -170,9 +169,9 @@ class Pinch(Experiment):
         crossing = data["crossing"]
         largest = short(crossing.stokes.max())
         curves = by(crossing, "kappa")
-        first = WIDTH_KAPPAS[0]
-        slender = WIDTH_KAPPAS[1:]
-        shown = max(SHOWN_STOKES)
+        first = _WIDTH_KAPPAS[0]
+        slender = _WIDTH_KAPPAS[1:]
+        shown = max(_SHOWN_STOKES)
         turned = by(data["tilted"], "path")
         agreement = worst(turned[shown].Lz - turned[np.inf].Lz)
         decades = "; ".join(
@@ -199,8 +198,8 @@ class Pinch(Experiment):
     def _caption(self, data: Data) -> str:
         azimuths = len(np.unique(data["crossing"].phi))
         return (
-            f"κ = {KAPPA:g} from L_z = {MOMENTUM:g} I_e, θ₀ = {THETA:g}. Above: L along the "
-            f"vorticity; below left: L turned by {TILT:.2g} rad; below right: smallest |L| of runs "
+            f"κ = {_KAPPA:g} from L_z = {_MOMENTUM:g} I_e, θ₀ = {_THETA:g}. Above: L along the "
+            f"vorticity; below left: L turned by {_TILT:.2g} rad; below right: smallest |L| of runs "
             f"with L along the vorticity (dots: {azimuths} azimuths φ₀, lines: their root mean "
             "square, dotted: predicted exponents)."
         )
@@ -212,7 +211,7 @@ class Pinch(Experiment):
         axes[0].set(title="$L_x = L_y = 0$ at the start", ylim=(0.0, 0.16))
         axes[0].legend(loc="upper center", fontsize=7)
         _draw_runs(axes[1], data["aligned"])
-        width, height = CLOSE
+        width, height = _CLOSE
         title = "the same at the pinch point"
         axes[1].set(title=title, xlim=(-width, width), ylim=(0.0, 2 * height))
         _draw_runs(axes[2], data["tilted"])
@@ -241,24 +240,24 @@ def _decade_exponents(rows: Table) -> str:
 
 def _draw_runs(axes: Axes, table: Table) -> None:
     """Trajectories in the plane of L_z and E."""
-    draw_frame(axes, spheroid(KAPPA), -0.55, 0.4)
+    draw_frame(axes, spheroid(_KAPPA), -0.55, 0.4)
     for color, (stokes, rows) in zip(RUNS, groups(table, "path"), strict=False):
         order = 5 if np.isinf(stokes) else 3
-        style: dict[str, Any] = {"color": color, "linewidth": WIDTHS[stokes], "zorder": order}
+        style: dict[str, Any] = {"color": color, "linewidth": _WIDTHS[stokes], "zorder": order}
         axes.plot(rows.Lz, rows.E, label=run_name(stokes), **style)
 
 
-def _scene(kappa: float, stokes: float, phi: float = 0.0, slow_time: float = SLOW_TIME) -> Scene:
+def _scene(kappa: float, stokes: float, phi: float = 0.0, slow_time: float = _SLOW_TIME) -> Scene:
     """L along the vorticity."""
-    return aligned_scene(spheroid(kappa), stokes, MOMENTUM, THETA, slow_time, phi)
+    return aligned_scene(spheroid(kappa), stokes, _MOMENTUM, _THETA, slow_time, phi)
 
 
 def _tilted_scene(stokes: float) -> Scene:
     """The same start turned about the flow axis, so that L gets a component along the gradient."""
-    aligned = _scene(KAPPA, stokes)
+    aligned = _scene(_KAPPA, stokes)
     q0, q1, q2, q3 = aligned.start.quaternion  # pyright: ignore[reportAttributeAccessIssue]
-    c = np.cos(TILT / 2)
-    s = np.sin(TILT / 2)
+    c = np.cos(_TILT / 2)
+    s = np.sin(_TILT / 2)
     turned = (c * q0 - s * q1, c * q1 + s * q0, c * q2 - s * q3, c * q3 + s * q2)
     return Scene(
         aligned.ellipsoid, stokes, BodyStart(turned, aligned.angular_velocity), aligned.time
@@ -276,8 +275,8 @@ def _least_momentum(
     kappa: float, stokes: float, phi: float, slow_time: float, form: str = "hybrid"
 ) -> float:
     """Smallest |L|/I_max of a run that starts with L along the vorticity."""
-    speed = MOMENTUM / slow_time
-    half = min(slow_time, max(WINDOW, 10 / sqrt(stokes)) / speed)
+    speed = _MOMENTUM / slow_time
+    half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
     times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
     run = run_form(find_form(form), _scene(kappa, stokes, phi, times[-1] / stokes), times, 1e-10)
     squares = np.sum(run.slow[:, :3] ** 2, axis=1)
@@ -301,7 +300,7 @@ def growth_exponent(kappa: float) -> float:
 
 def pinch_exponent(kappa: float) -> float:
     """Exponent in St of the smallest |L| of a prolate spheroid on its way past the pinch point."""
-    # What is left of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
+    # The remainder of the O(1/St) oscillation in L_y reaches L_z when L_z^(1 - e) is of order 1/St.
     return -1 / (1 - growth_exponent(kappa))
 
 

@@ -29,9 +29,9 @@ from polhode.models.theory.fixed_points import fixed_points
 
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the
 # plane.
-INSIDE = 1 - 1e-13
+_INSIDE = 1 - 1e-13
 # L_z/I_max and θ₀ of the starts of the planes.
-STARTS = tuple((momentum, theta) for momentum in (-0.7, 0.7) for theta in (0.4, 0.9, 1.4))
+_STARTS = tuple(product((-0.7, 0.7), (0.4, 0.9, 1.4)))
 REACHES_NODE = Range(1.0, 1.0, "the claim: all of them")
 
 
@@ -50,7 +50,7 @@ def plane_tables(
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):
         times = slow_times[slow_times <= on_edge] if share == 1.0 else slow_times
-        energy = planes.energy_at(body, momentum, min(share, INSIDE))
+        energy = planes.energy_at(body, momentum, min(share, _INSIDE))
         run, end = planes.plane_path_and_end(body, momentum, energy, times)
         index = chosen(run.slow)
         yield "", path(number, run.times[index], run.slow[index], ("Lz", "E"))
@@ -82,7 +82,7 @@ class PlanesOfBodies(Experiment):
         """Trajectories, and the largest differences, while L_z of a start with L_z > 0 is above the pinch point."""
         points = grid.of(self.points, 101)
         for (name, body), (number, (momentum, theta)) in product(
-            self.bodies.items(), enumerate(STARTS)
+            self.bodies.items(), enumerate(_STARTS)
         ):
             # Eight relaxation times of the slowest rotation.
             slow_times = graded(8.0 / min(body.damping), 4 * (points - 1) + 1)
@@ -112,7 +112,7 @@ class PlanesOfBodies(Experiment):
             for name, body in self.bodies.items()
         )
         ratios = [worst[low][name] / worst[high][name] for name in self.bodies]
-        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in STARTS)
+        starts = ", ".join(f"({momentum:g}, {theta:g})" for momentum, theta in _STARTS)
         return Verdict(
             Word.SHARPENED,
             f"At St = {low:g} the largest difference is up to {max(worst[low].values()):.2g} "
@@ -135,25 +135,27 @@ class PlanesOfBodies(Experiment):
         table = data[""][data[""].body == name]
         slow = table[np.isinf(table.stokes)]
         figure, axes = panels(2, 2, 4.4, 2.9)
-        for own, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
-            planes.draw_frame(own, body, -0.8, 0.8)
+        for panel, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
+            planes.draw_frame(panel, body, -0.8, 0.8)
             full = table[table.stokes == stokes]
             style: dict[str, Any] = {"linewidth": 0.9}
-            draw_broken(own, full.Lz, full.E, full.path, color=BLUE, label="full", **style)
-            draw_broken(own, slow.Lz, slow.E, slow.path, color=AVERAGED, label="averaged", **style)
+            draw_broken(panel, full.Lz, full.E, full.path, color=BLUE, label="full", **style)
+            draw_broken(
+                panel, slow.Lz, slow.E, slow.path, color=AVERAGED, label="averaged", **style
+            )
             title = f"{name_of(body)}, St = {stokes:g}"
-            own.set(title=title, ylim=(0.0, 1.05 * max(table.E)))
+            panel.set(title=title, ylim=(0.0, 1.05 * max(table.E)))
         points = {point.stability: planes.POINTS[point.stability] for point in fixed_points(body)}
         planes.name_points(axes[0], points)
         planes.name_lines(axes[0], body, "bounds of $L_z^2/2E$")
         differences = by(data["differences"], "stokes")
-        for own, stokes in zip(axes[2:], PLANE_STOKES, strict=True):
+        for panel, stokes in zip(axes[2:], PLANE_STOKES, strict=True):
             for place, (_, rows) in enumerate(groups(differences[stokes], "body")):
                 offsets = np.linspace(-0.3, 0.3, len(rows))
-                own.bar(place + offsets, rows.difference, 0.1, color=BLUE)
-            names = [name_of(each) for each in self.bodies.values()]
-            own.set_xticks(range(len(names)), names, fontsize=6.5, rotation=15)
-            own.set(
+                panel.bar(place + offsets, rows.difference, 0.1, color=BLUE)
+            names = [name_of(body) for body in self.bodies.values()]
+            panel.set_xticks(range(len(names)), names, fontsize=6.5, rotation=15)
+            panel.set(
                 xlabel="body, one bar per start",
                 ylabel="largest difference$/I_{max}$",
                 title=f"St = {stokes:g}",

@@ -1,4 +1,4 @@
-"""What the paper remarks in passing: drift of nearly circular bodies, frequencies, St* of spheroids."""
+"""Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids."""
 
 from dataclasses import dataclass
 from math import pi
@@ -29,12 +29,12 @@ from polhode.harness.paper.tables import by, groups, joined
 from polhode.models.shape import Ellipsoid
 
 # Ratio of the two equatorial semi-axes of the body whose cross-section is nearly circular.
-NEARLY_CIRCULAR = 1.02
-# θ and ψ, in rad, at φ = 0 of the orbits.
-DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)
-DRIFT_PSI = 0.3
+_NEARLY_CIRCULAR = 1.02
+# Starts of the orbits, at φ = 0.
+_DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)  # θ in rad.
+_DRIFT_PSI = 0.3  # ψ in rad.
 # Half turns that the orbits are followed.
-DRIFT_TURNS = 400
+_DRIFT_TURNS = 400
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,14 @@ class Drift(Experiment):
     """Slow drift of a body without inertia whose cross-section is nearly circular."""
 
     def compute(self, grid: Grid) -> Computed:
-        """θ at each passage of φ = nπ, beside that of the spheroid."""
-        turns = grid.of(DRIFT_TURNS, DRIFT_TURNS // 4)
-        bodies = {1.0: spheroid(2.0), NEARLY_CIRCULAR: Ellipsoid((0.5, 0.5 * NEARLY_CIRCULAR, 1.0))}
+        """θ at each passage of φ = nπ, beside the spheroid's θ."""
+        turns = grid.of(_DRIFT_TURNS, _DRIFT_TURNS // 4)
+        bodies = {
+            1.0: spheroid(2.0),
+            _NEARLY_CIRCULAR: Ellipsoid((0.5, 0.5 * _NEARLY_CIRCULAR, 1.0)),
+        }
         for ratio, body in bodies.items():
-            starts = [(theta, 0.0, DRIFT_PSI) for theta in DRIFT_STARTS]
+            starts = [(theta, 0.0, _DRIFT_PSI) for theta in _DRIFT_STARTS]
             paths = section_points(body, starts, turns * half_turn(body))
             for number, (theta, _) in enumerate(paths):
                 rows = {"turn": np.arange(1, len(theta) + 1), "theta": theta}
@@ -58,7 +61,7 @@ class Drift(Experiment):
         bodies = by(table, "ratio")
         periods = []
         crossing = []
-        for _, rows in groups(bodies[NEARLY_CIRCULAR], "orbit"):
+        for _, rows in groups(bodies[_NEARLY_CIRCULAR], "orbit"):
             peaks, _ = find_peaks(rows.theta, prominence=0.2 * np.ptp(rows.theta))
             if len(peaks) > 1:
                 periods.append(float(np.mean(np.diff(rows.turn[peaks]))))
@@ -66,20 +69,20 @@ class Drift(Experiment):
         steady = max(np.ptp(rows.theta) for _, rows in groups(bodies[1.0], "orbit"))
         limits = [
             (rows.theta.min(), rows.theta.max())
-            for _, rows in groups(bodies[NEARLY_CIRCULAR], "orbit")
+            for _, rows in groups(bodies[_NEARLY_CIRCULAR], "orbit")
         ]
         words = "; ".join(f"{low:.2f} … {high:.2f}" for low, high in limits)
         share = float(np.mean(crossing))
         return Verdict(
             Word.SHARPENED,
-            f"With equatorial axes in the ratio {NEARLY_CIRCULAR:g} the angle θ at successive "
+            f"With equatorial axes in the ratio {_NEARLY_CIRCULAR:g} the angle θ at successive "
             f"passages of φ = nπ drifts between two limits ({words} rad), once in "
             f"{min(periods):.2g} to {max(periods):.2g} half turns, the faster the nearer to the "
             f"vorticity, where it is small. {sum(crossing)} of {len(crossing)} orbits cross the flow–gradient plane "
             "θ = π/2 on their way. Of the spheroid with the same long axis θ is the same at all "
             f"passages to {steady:.1g} rad, and none crosses.",
             f"θ at the passages of φ = nπ of a body without inertia, semi-axes (0.5, "
-            f"{0.5 * NEARLY_CIRCULAR:g}, 1), from ψ = 0.3; dotted: the spheroid (0.5, 0.5, 1); "
+            f"{0.5 * _NEARLY_CIRCULAR:g}, 1), from ψ = 0.3; dotted: the spheroid (0.5, 0.5, 1); "
             "dashed: the flow–gradient plane.",
             [
                 Number(
@@ -91,7 +94,7 @@ class Drift(Experiment):
                     "share of the orbits that cross the flow–gradient plane",
                     share,
                     Range(0.1, 0.9, "the claim: certain subsets, neither none nor all"),
-                    measure=f"{len(DRIFT_STARTS)} chosen starts",
+                    measure=f"{len(_DRIFT_STARTS)} chosen starts",
                 ),
                 Number(
                     "change of θ between passages, spheroid, largest",
@@ -109,7 +112,7 @@ class Drift(Experiment):
         """θ against the number of half turns."""
         bodies = by(data[""], "ratio")
         figure, (axes,) = panels(1, 1, 6.4, 3.8)
-        draw_each(axes, bodies[NEARLY_CIRCULAR], "orbit", "turn", "theta", linewidth=0.9)
+        draw_each(axes, bodies[_NEARLY_CIRCULAR], "orbit", "turn", "theta", linewidth=0.9)
         style = {"linestyle": ":", "linewidth": 0.9}
         draw_each(axes, bodies[1.0], "orbit", "turn", "theta", **style)
         axes.axhline(pi / 2, color="0.4", linestyle="--", linewidth=0.8)
@@ -118,7 +121,7 @@ class Drift(Experiment):
 
 
 # κ of the prolate spheroids; the complementary oblate ones have 1/κ.
-STAR_KAPPAS = (1.1, 2.0, 5.0, 10.0, 30.0, 100.0, 300.0)
+_STAR_KAPPAS = (1.1, 2.0, 5.0, 10.0, 30.0, 100.0, 300.0)
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class StokesStar(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """St*/St of prolate and oblate spheroids of the same eccentricity."""
-        for kappa in STAR_KAPPAS:
+        for kappa in _STAR_KAPPAS:
             values = {}
             for name, ratio in (("prolate", kappa), ("oblate", 1 / kappa)):
                 body = spheroid(ratio)
@@ -186,11 +189,11 @@ class StokesStar(Experiment):
         return figure
 
 
-# St of the trajectories, their L_z/I_max and θ₀, and the slow time over which swings are counted.
-WAVE_STOKES = 1e3
-WAVE_START = (-0.7, 0.9)
-WAVE_SLOW_TIME = 0.05
-SPHEROID_KAPPAS = (2.0, 3.33)
+# Trajectories whose swings are counted.
+_WAVE_STOKES = 1e3
+_WAVE_START = (-0.7, 0.9)  # L_z/I_max, and θ in rad.
+_WAVE_SLOW_TIME = 0.05  # Slow time over which swings are counted.
+_SPHEROID_KAPPAS = (2.0, 3.33)
 
 
 @dataclass(frozen=True)
@@ -199,14 +202,14 @@ class Waves(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Turning points of E of full runs of spheroids and of the six ellipsoids."""
-        bodies = [*map(spheroid, SPHEROID_KAPPAS), *SIX_BODIES]
-        slow_times = np.linspace(0.0, WAVE_SLOW_TIME, grid.of(40001, 10001))
+        bodies = [*map(spheroid, _SPHEROID_KAPPAS), *SIX_BODIES]
+        slow_times = np.linspace(0.0, _WAVE_SLOW_TIME, grid.of(40001, 10001))
         for number, body in enumerate(bodies):
-            scene = planes.aligned_scene(body, WAVE_STOKES, *WAVE_START, WAVE_SLOW_TIME)
-            energy = full_run(scene, WAVE_STOKES * slow_times).slow[:, 3]
+            scene = planes.aligned_scene(body, _WAVE_STOKES, *_WAVE_START, _WAVE_SLOW_TIME)
+            energy = full_run(scene, _WAVE_STOKES * slow_times).slow[:, 3]
             turning = np.flatnonzero(np.diff(np.sign(np.diff(energy)))) + 1
             swings = np.abs(np.diff(energy[turning]))
-            spacing = np.diff(slow_times[turning]) * WAVE_STOKES
+            spacing = np.diff(slow_times[turning]) * _WAVE_STOKES
             # Swings of the same direction: every other one.
             scatter = np.median(np.abs(np.log(swings[2:] / swings[:-2])))
             row = {"body": number, "name": name_of(body)}
@@ -216,7 +219,7 @@ class Waves(Experiment):
     def judge(self, data: Data) -> Verdict:
         """Compare frequencies and irregularities."""
         table = data[""]
-        count = len(SPHEROID_KAPPAS)
+        count = len(_SPHEROID_KAPPAS)
         spheroids = table[:count]
         bodies = table[count:]
         # In the order (b, c) = (0.55, 0.5), (0.55, 0.3), (0.75, 0.5), … of `SIX_BODIES`.
@@ -224,20 +227,21 @@ class Waves(Experiment):
         growth = columns[2] / columns[0]
         monotone = bool(np.all(np.diff(columns, axis=0) > 0))
         triaxial = bodies.scatter[2:4]
-        near = bodies.scatter[[0, 1, 4, 5]]
+        near_spheroids = bodies.scatter[[0, 1, 4, 5]]
         named = ", ".join(f"{row.frequency:.3g} ({row['name']})" for row in table)
         steady = "at each step" if monotone else "though not at each step"
         return Verdict(
             Word.SHARPENED,
-            f"At St = {WAVE_STOKES:g} the angular frequencies of the fast oscillation of E are "
+            f"At St = {_WAVE_STOKES:g} the angular frequencies of the fast oscillation of E are "
             f"{named}. κ = 3.33 has {spheroids.frequency[1] / spheroids.frequency[0]:.2f} times the "
             f"frequency of κ = 2. From the top to the foot of a column of ellipsoids it grows by "
             f"factors of {joined(growth, '.2f')}, {steady}. Two swings that follow each other in "
-            f"the same direction differ by factors of {joined(np.exp(near), '.2f')} for the four near-spheroids and of "
+            "the same direction differ by factors of "
+            f"{joined(np.exp(near_spheroids), '.2f')} for the four near-spheroids and of "
             f"{joined(np.exp(triaxial), '.2f')} for the two bodies between.",
             "Angular frequency of the oscillation of E, and median factor between neighbouring "
-            f"swings, from (L_z0/I_max, θ₀) = ({WAVE_START[0]:g}, {WAVE_START[1]:g}), St = "
-            f"{WAVE_STOKES:g}.",
+            f"swings, from (L_z0/I_max, θ₀) = ({_WAVE_START[0]:g}, {_WAVE_START[1]:g}), St = "
+            f"{_WAVE_STOKES:g}.",
             [
                 Number(
                     "frequency of κ = 3.33 over that of 2",
@@ -251,7 +255,7 @@ class Waves(Experiment):
                 ),
                 Number(
                     "irregularity of the bodies between over the near-spheroids', medians",
-                    float(np.median(triaxial) / np.median(near)),
+                    float(np.median(triaxial) / np.median(near_spheroids)),
                     Range(1.0, 100.0, "the claim: more irregular for the triaxial ellipsoid"),
                 ),
             ],
@@ -272,7 +276,7 @@ class Waves(Experiment):
         return figure
 
 
-SECTION = Section(
+REMARKS_SECTION = Section(
     "remarks",
     "Remarks in passing",
     (

@@ -39,7 +39,7 @@ from polhode.harness.paper.item import (
     Word,
 )
 from polhode.harness.paper.runs import Run, axes_of, full_run, run_form, spheroid
-from polhode.harness.paper.sections.slow_motion import NAMES
+from polhode.harness.paper.sections.slow_motion import SLOW_LABELS
 from polhode.harness.paper.tables import by, exponent, maxima, spread, worst
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import jeffery_spin
@@ -48,17 +48,17 @@ from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
 # Distance, in rad, at which a path counts as off the Jeffery orbit.
-APART = 0.1
+_OFF_ORBIT = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
-ONSET = 1.0
+_ONSET = 1.0
 # Share of the largest torque by which a weakest one stands out.
-WIGGLE = 0.02
+_WIGGLE = 0.02
 # Smallest St of the fits of the transient.
-LARGE_STOKES = 5e5
+_LARGE_STOKES = 5e5
 # Rows that are computed for each that is kept of a path on the sphere.
-DENSE = 16
+_DENSE = 16
 # Scaled time up to which the magnified views go.
-EARLY = 2.0
+_EARLY = 2.0
 
 
 def _path(run: Run) -> dict[str, np.ndarray]:
@@ -118,7 +118,7 @@ def terms_of(run: Run) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Change:
-    """Where turns like a Jeffery orbit's give way to those of a free top, by their durations."""
+    """The change from turns like a Jeffery orbit's to turns of a free top, by their durations."""
 
     time: float  # Start of the first short turn, in inverse shear rates.
     before: float  # Duration of the last long turn.
@@ -151,7 +151,7 @@ class Sphere(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Path of z', and the time so far in which the viscous term is the larger one."""
         kept = grid.of(12001, 6001)
-        times = np.linspace(0.0, self.time, DENSE * (kept - 1) + 1)
+        times = np.linspace(0.0, self.time, _DENSE * (kept - 1) + 1)
         scene = Scene(self.ellipsoid, self.stokes, self.start, self.time)
         # This form gives the whole rotation, of spheroids too.
         run = run_form(find_form("quaternion"), scene, times)
@@ -160,7 +160,7 @@ class Sphere(Experiment):
         is_larger = (viscous > gyroscopic).astype(float)
         larger = cumulative_trapezoid(is_larger, times, initial=0.0)
         rows = {"t": times, **_path(run), "viscous_larger": larger}
-        yield "", {name: column[::DENSE] for name, column in rows.items()}
+        yield "", {name: column[::_DENSE] for name, column in rows.items()}
         yield from _jeffery_orbit(self.ellipsoid, self.start, 401)
 
     def judge(self, data: Data) -> Verdict:
@@ -275,16 +275,16 @@ class Transient(Experiment):
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
-                columns = dict(zip(NAMES, run.slow[::8].T, strict=True))
+                columns = dict(zip(SLOW_LABELS, run.slow[::8].T, strict=True))
                 yield "", {"stokes": stokes, "scaled": scaled[::8], **columns}
             # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque;
             # the speed at t = √St.
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
             angle = cumulative_trapezoid(speed, run.times, initial=0.0)
             torque = np.gradient(run.observables.angular_momentum[:, 2], run.times)
-            weakest = maxima(scaled, torque, WIGGLE * float(np.max(np.abs(torque))))
+            weakest = maxima(scaled, torque, _WIGGLE * float(np.max(np.abs(torque))))
             onset = {
-                "turned": np.interp(ONSET, angle, scaled),
+                "turned": np.interp(_ONSET, angle, scaled),
                 "wiggle": weakest[0],
                 "speed": np.interp(1.0, scaled, speed),
             }
@@ -293,7 +293,7 @@ class Transient(Experiment):
     def judge(self, data: Data) -> Verdict:
         """How onset times and speeds scale with St."""
         onset = data["onset"]
-        large = onset[onset.stokes >= LARGE_STOKES]
+        large = onset[onset.stokes >= _LARGE_STOKES]
         root = large.stokes**0.5
         last = onset[-1]
         shown = onset[onset.stokes <= self.stokes[-1]]
@@ -318,7 +318,7 @@ class Transient(Experiment):
             "torque along the vorticity is weakest for the first time; right, both against St.",
             [
                 Number(
-                    f"exponent in St of the time of the first radian, St ≥ {LARGE_STOKES:g}",
+                    f"exponent in St of the time of the first radian, St ≥ {_LARGE_STOKES:g}",
                     float(turned),
                     Range.near(0.5, 0.02, "the claim: √St; corrections are of order 1/√St"),
                     interval=turned.interval,
@@ -367,20 +367,20 @@ class Transient(Experiment):
         figure, axes = panels(3, 3, 3.2, 2.3)
         scaled = r"$t\dot\gamma/\mathrm{St}^{1/2}$"
         for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 3), ("E", 4)):
-            own = axes[place]
+            panel = axes[place]
             label = _stokes_label
-            draw_each(own, table, "stokes", "scaled", name, label=label, linewidth=0.8)
-            _draw_marks(own, onset)
-            own.set(xlabel=scaled, ylabel=NAMES[name])
+            draw_each(panel, table, "stokes", "scaled", name, label=label, linewidth=0.8)
+            _draw_marks(panel, onset)
+            panel.set(xlabel=scaled, ylabel=SLOW_LABELS[name])
         self._draw_onsets(axes[2], onset)
         axes[5].axis("off")
         axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
-        early = table[(table.stokes >= 5e3) & (table.scaled <= EARLY)]
+        early = table[(table.stokes >= 5e3) & (table.scaled <= _EARLY)]
         for name, place in (("Ly", 6), ("Lz", 7), ("E", 8)):
-            own = axes[place]
+            panel = axes[place]
             root = 1.0 if name == "E" else 0.5
             draw_each(
-                own,
+                panel,
                 early,
                 "stokes",
                 "scaled",
@@ -388,9 +388,9 @@ class Transient(Experiment):
                 colors=CYCLE[2:],
                 linewidth=0.8,
             )
-            _draw_marks(own, onset)
+            _draw_marks(panel, onset)
             factor = r"$\mathrm{St}\," if name == "E" else r"$\mathrm{St}^{1/2}\,"
-            own.set(xlabel=scaled, ylabel=factor + NAMES[name][1:])
+            panel.set(xlabel=scaled, ylabel=factor + SLOW_LABELS[name][1:])
         return figure
 
     def _draw_onsets(self, axes: Axes, onset: Table) -> None:
@@ -450,15 +450,17 @@ class Short(Experiment):
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
         distance = distance_from(points(jeffery), axis)
-        off = int(np.argmax(distance > APART))
-        left = np.interp(APART, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1])
+        off = int(np.argmax(distance > _OFF_ORBIT))
+        left = np.interp(
+            _OFF_ORBIT, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1]
+        )
         turn = arc_length(points(jeffery))[-1]
         limit = Range.near(0.0, 5e-3, "corrections are of order 1/√St ≤ 3e-4, times some")
         return Verdict(
             Word.SHARPENED,
             f"The length tends to {last:.2f} rad, {last / turn:.2f} times that of the Jeffery "
             f"orbit; at St = 1e6 it is within {100 * abs(at_million / last - 1):.2g} % of that at "
-            f"1e8, so that the paper's St of 1e8 is not needed. The axis is {APART:g} rad off the "
+            f"1e8, so that the paper's St of 1e8 is not needed. The axis is {_OFF_ORBIT:g} rad off the "
             f"orbit after {left:.2g} rad, {100 * left / turn:.0f} % of a turn, and "
             f"{distance.max():.2g} rad at most.",
             f"Axis z' of {axes_of(self.ellipsoid)} from rest until t = √St, for St from 1e2 to "
@@ -479,11 +481,11 @@ class Short(Experiment):
                 Number(
                     "largest distance from the Jeffery orbit at St = 1e8",
                     distance.max(),
-                    Range(APART, pi, "the claim: the path leaves the orbit"),
+                    Range(_OFF_ORBIT, pi, "the claim: the path leaves the orbit"),
                     "rad",
                 ),
                 Number(
-                    f"path until it is {APART:g} rad off, over the length of the orbit",
+                    f"path until it is {_OFF_ORBIT:g} rad off, over the length of the orbit",
                     left / turn,
                     Range(0.0, 0.5, "the claim: before a single turn"),
                 ),
@@ -515,19 +517,19 @@ class Short(Experiment):
         return figure
 
 
-SPIRAL = (
+_SPIRAL = (
     "From rest at St = 1000 the axis first spirals along turns like Jeffery orbits towards the "
     "plane of the flow, then changes abruptly to an Euler spiral, where inertia sets in."
 )
-ROOT = (
+_ROOT = (
     "Inertial effects set in after a time of O(St^½), the same for all St when scaled so, when the "
     "angular velocity is O(St^-½)."
 )
-SHORT = (
+_SHORT = (
     "Until t = St^½ the axis runs through a path whose length tends to a number of order one, which "
     "needs St of 1e8, and leaves the Jeffery orbit before a single turn."
 )
-SECTION = Section(
+REST_SECTION = Section(
     "rest",
     "Starts from rest",
     (
@@ -535,42 +537,42 @@ SECTION = Section(
             "rest-needle",
             "From rest on the unit sphere, spheroid",
             "discussion, starts from rest",
-            SPIRAL,
+            _SPIRAL,
             Sphere(spheroid(10.0), EulerStart((0.10472, 5.4978, 0.0)), 600.0),
         ),
         Item(
             "rest-blade",
             "From rest on the unit sphere, ellipsoid",
             "discussion, starts from rest",
-            SPIRAL,
+            _SPIRAL,
             Sphere(Ellipsoid((0.1, 0.15, 1.0)), EulerStart((0.10472, 2.35619, 0.0)), 600.0),
         ),
         Item(
             "rest-transient-spheroid",
             "The St^½ transient of a spheroid",
             "discussion, starts from rest",
-            ROOT,
+            _ROOT,
             Transient(spheroid(2.0), EulerStart((0.314, 0.52, 0.0))),
         ),
         Item(
             "rest-transient-ellipsoid",
             "The St^½ transient of an ellipsoid",
             "discussion, starts from rest",
-            ROOT,
+            _ROOT,
             Transient(Ellipsoid((3.0, 2.0, 1.0)), EulerStart((0.314, 0.52, 1.05))),
         ),
         Item(
             "rest-short-spheroid",
             "From rest until St^½, spheroid",
             "discussion, starts from rest",
-            SHORT,
+            _SHORT,
             Short(spheroid(2.0), EulerStart((0.78539, 2.35619, 0.0))),
         ),
         Item(
             "rest-short-ellipsoid",
             "From rest until St^½, ellipsoid",
             "discussion, starts from rest",
-            SHORT,
+            _SHORT,
             Short(Ellipsoid((0.5, 0.55, 1.0)), EulerStart((0.78539, 2.35619, 0.0))),
         ),
     ),

@@ -26,18 +26,23 @@ from polhode.harness.paper.tables import by, exponent, groups, joined, path
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-NAMES = {"Lx": "$L_x/I_{max}$", "Ly": "$L_y/I_{max}$", "Lz": "$L_z/I_{max}$", "E": "$E/I_{max}$"}
-# Stokes numbers at which the error is measured beside those of the figure.
-MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
+SLOW_LABELS = {
+    "Lx": "$L_x/I_{max}$",
+    "Ly": "$L_y/I_{max}$",
+    "Lz": "$L_z/I_{max}$",
+    "E": "$E/I_{max}$",
+}
+# Stokes numbers at which the error is measured, besides the figure's.
+_MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
 # Largest error of L and E that counts as accurate, over the largest change of a slow variable in
 # the averaged run: beyond half of it a full run is nearer to a state of another time.
 ACCURATE = 0.5
 # The same where "accurate" is read more strictly.
-ACCURATE_STRICT = 0.1
+_ACCURATE_STRICT = 0.1
 # Smallest St of full runs whose end is compared with the node.
-SETTLED_STOKES = 500.0
+_SETTLED_STOKES = 500.0
 # Share of the run's time up to which a run that leaves a plateau counts as having left it.
-PLATEAU_LEFT = 0.95
+_PLATEAU_LEFT = 0.95
 
 FALLS_LIKE_INVERSE = Range(
     -1.3,
@@ -50,8 +55,8 @@ FALLS_LIKE_INVERSE = Range(
 class SlowMotion(Experiment):
     """One start at several Stokes numbers, full and averaged.
 
-    `constant` is the expected range of the largest error times St, `relative` that of the error at
-    St = 100 over the largest change of a slow variable.
+    `constant` is the expected range of the largest error times St. `relative` is the expected range
+    of the error at St = 100 over the largest change of a slow variable.
     """
 
     ellipsoid: Ellipsoid
@@ -73,7 +78,7 @@ class SlowMotion(Experiment):
         averaged = averaged_run(scene, slow_times).slow
         crossing = self._crossing(slow_times, averaged)
         yield "", path(np.inf, slow_times[::dense], averaged[::dense])
-        for stokes in sorted({*self.shown, *MEASURED_STOKES[grid.of(0, -2) :]}):
+        for stokes in sorted({*self.shown, *_MEASURED_STOKES[grid.of(0, -2) :]}):
             scene = Scene(self.ellipsoid, stokes, self.start, stokes * self.slow_time)
             full = full_run(scene, stokes * slow_times).slow
             error = np.max(np.abs(full - averaged), axis=1)
@@ -107,7 +112,7 @@ class SlowMotion(Experiment):
         late = errors[errors.stokes >= self.fitted_from]
         slope = exponent(late.stokes, late.error)
         largest = errors.stokes[-1]
-        settled = errors[errors.stokes >= SETTLED_STOKES]
+        settled = errors[errors.stokes >= _SETTLED_STOKES]
         lowest = min(self.shown)
         return [
             Number(
@@ -138,7 +143,7 @@ class SlowMotion(Experiment):
                 Range.at_most(2e-3, "what is left of the approach at the end of the run"),
             ),
             Number(
-                f"the same of the mean full end, St ≥ {SETTLED_STOKES:g}",
+                f"the same of the mean full end, St ≥ {_SETTLED_STOKES:g}",
                 settled.end.max(),
                 Range.at_most(
                     1e-2, "the oscillation's mean is off by order 1/St ≤ 2e-3, times some"
@@ -179,7 +184,7 @@ class SlowMotion(Experiment):
             "Accurate is taken as an error of at most half of the largest change of a slow "
             f"variable in the averaged run, here {self._change(data):.2g} I_max: so it is from "
             f"St = {short(_first_below(relative, ACCURATE))} on, of those measured; were a tenth "
-            f"of it asked for, from St = {short(_first_below(relative, ACCURATE_STRICT))} on. At "
+            f"of it asked for, from St = {short(_first_below(relative, _ACCURATE_STRICT))} on. At "
             f"St = 100 the error is {relative[100.0]:.2g} times that change."
         )
 
@@ -191,7 +196,7 @@ class SlowMotion(Experiment):
         end = fixed_point(self.ellipsoid, "stable node")[1]
         middle = (min(paths[np.inf].E) + end) / 2
         left = {stokes: rows.t2[middle > rows.E][-1] for stokes, rows in paths.items()}
-        limit = PLATEAU_LEFT * self.slow_time
+        limit = _PLATEAU_LEFT * self.slow_time
         leaving = ", ".join(
             f"at t₂ = {left[stokes]:.2f} (St = {stokes:g})"
             for stokes in self.shown
@@ -206,11 +211,11 @@ class SlowMotion(Experiment):
 
     def _mean_difference(self, data: Data, stokes: float) -> float:
         paths = by(data[""], "path")
-        return max(abs(np.mean(paths[stokes][name] - paths[np.inf][name])) for name in NAMES)
+        return max(abs(np.mean(paths[stokes][name] - paths[np.inf][name])) for name in SLOW_LABELS)
 
     def _change(self, data: Data) -> float:
         averaged = by(data[""], "path")[np.inf]
-        return max(np.ptp(averaged[name]) for name in NAMES)
+        return max(np.ptp(averaged[name]) for name in SLOW_LABELS)
 
     def _relative(self, data: Data) -> dict[float, float]:
         """The largest error at each St over the largest change of a slow variable."""
@@ -259,14 +264,11 @@ class SlowMotion(Experiment):
         crossing = data["averaged"].crossing[0]
         if np.isfinite(crossing):
             axes.axvline(crossing, color="0.4", linestyle=":", label="$L^2 = 2EI_2$ (averaged)")
-        axes.set(xlabel=r"slow time $t_2 = t\dot\gamma/\mathrm{St}$", ylabel=NAMES[name])
+        axes.set(xlabel=r"slow time $t_2 = t\dot\gamma/\mathrm{St}$", ylabel=SLOW_LABELS[name])
 
 
 def _first_below(relative: dict[float, float], bound: float) -> float:
     """The smallest St from which on no error exceeds a bound."""
-    enough = [
-        stokes
-        for stokes in relative
-        if all(value <= bound for other, value in relative.items() if other >= stokes)
-    ]
-    return min(enough, default=np.nan)
+    too_large = [stokes for stokes, error in relative.items() if not error <= bound]
+    last = max(too_large, default=-np.inf)
+    return min((stokes for stokes in relative if stokes > last), default=np.nan)

@@ -42,10 +42,10 @@ from polhode.harness.paper.tables import by, groups, joined, worst
 from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
 from polhode.models.theory.fixed_points import fixed_points
 
-BODY = spheroid(2.0)
+_BODY = spheroid(2.0)
 # Slow time for which trajectories on the upper parabola are followed, before rounding carries them
 # off it.
-ON_EDGE = 0.16
+_ON_EDGE = 0.16
 
 
 @dataclass(frozen=True)
@@ -55,18 +55,18 @@ class Plane(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
-        starts = [(momentum, share) for momentum in (-1.1, -0.06, 1.1) for share in shares]
+        starts = [*product((-1.1, -0.06, 1.1), shares)]
         starts += [(-1.1, 1.0), (-0.06, 1.0)]
         chosen = partial(planes.plane_steps, count=150)
-        return plane_tables(BODY, starts, grid.of(2001, 601), ON_EDGE, chosen)
+        return plane_tables(_BODY, starts, grid.of(2001, 601), _ON_EDGE, chosen)
 
     def judge(self, data: Data) -> Verdict:
-        """Where the trajectories end."""
+        """Ends of the trajectories."""
         ends = data["ends"]
         on_edge = ends.share == 1.0
         left = (ends.Lz0 < 0) & ~on_edge
         pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
-        saddle = planes.fixed_point(BODY, "saddle")[0]
+        saddle = planes.fixed_point(_BODY, "saddle")[0]
         last = {int(number): rows.Lz[-1] for number, rows in groups(data[""], "path")}
         off_saddle = worst([momentum - saddle for n, momentum in last.items() if on_edge[n]])
         return Verdict(
@@ -101,11 +101,11 @@ class Plane(Experiment):
     def draw(self, data: Data) -> Figure:
         """The plane with its bounds, fixed points and trajectories."""
         figure, (axes,) = panels(1, 1, 6.0, 4.2)
-        planes.draw_frame(axes, BODY, -1.0, 1.0)
+        planes.draw_frame(axes, _BODY, -1.0, 1.0)
         planes.draw_paths(axes, data[""], (0.6, 0.2))
         names = {"stable node": "stable node (tumbling)", "saddle": "saddle (spinning)"}
         planes.name_points(axes, names)
-        planes.name_lines(axes, BODY, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
+        planes.name_lines(axes, _BODY, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
         axes.set(ylim=(0.0, 0.8))
         axes.legend(loc="upper center")
         return figure
@@ -145,13 +145,13 @@ class SpheroidPlanes(PlanesOfBodies):
         ]
 
 
-# Energies over I_e, and |L|/I_e, of the starts of the projections.
-ENERGIES = (2 / 9, 0.305, 0.472)
-PROJECTED_MOMENTUM = 2 / 3
-# Azimuths of L, in degrees, that the figure shows, and those whose path is held against the two
-# limiting ones.
-AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
-BETWEEN = (15.0, 45.0, 75.0)
+# Starts of the projections.
+_ENERGIES = (2 / 9, 0.305, 0.472)  # E over I_e.
+_PROJECTED_MOMENTUM = 2 / 3  # |L| over I_e.
+# Azimuths of L in degrees: the figure shows the first; paths of _BETWEEN are compared with the two
+# limiting paths.
+_AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
+_BETWEEN = (15.0, 45.0, 75.0)
 
 
 @dataclass(frozen=True)
@@ -162,35 +162,35 @@ class Projections(Experiment):
         """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
         slow_times = graded(1.0, 1201)
         cosines = grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))
-        for energy, cosine in product(ENERGIES, cosines):
+        for energy, cosine in product(_ENERGIES, cosines):
             paths = {}
-            for azimuth in sorted({*AZIMUTHS, *BETWEEN}):
+            for azimuth in sorted({*_AZIMUTHS, *_BETWEEN}):
                 sine = sqrt(1 - cosine**2)
                 angle = np.radians(azimuth)
                 direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine])
-                start = (*(direction * PROJECTED_MOMENTUM), energy)
-                slow = slow_run(BODY, start, slow_times).slow
+                start = (*(direction * _PROJECTED_MOMENTUM), energy)
+                slow = slow_run(_BODY, start, slow_times).slow
                 across = np.linalg.norm(slow[:, :2], axis=1)
                 paths[azimuth] = {"Lz": slow[:, 2], "Lxy": across, "E": slow[:, 3]}
                 labels = {"E0": energy, "cosine": cosine, "azimuth": azimuth}
-                if azimuth in AZIMUTHS:
+                if azimuth in _AZIMUTHS:
                     yield "", {**labels, **_thinned(paths[azimuth])}
-                distance = planes.distance_from_node(BODY, slow[-1])
+                distance = planes.distance_from_node(_BODY, slow[-1])
                 yield "ends", {**labels, "distance": distance}
-            for azimuth, across in product(BETWEEN, ("E", "Lxy")):
+            for azimuth, across in product(_BETWEEN, ("E", "Lxy")):
                 curves = [
-                    np.stack([paths[other]["Lz"], paths[other][across]], axis=1)
-                    for other in (azimuth, 0.0, 90.0)
+                    np.stack([paths[angle]["Lz"], paths[angle][across]], axis=1)
+                    for angle in (azimuth, 0.0, 90.0)
                 ]
                 row = {"azimuth": azimuth, "across": across, "outside": outside(*curves)}
                 yield "between", row
 
     def judge(self, data: Data) -> Verdict:
-        """Where all starts end, and how far paths leave the limiting ones."""
+        """Ends of all starts, and how far paths leave the limiting ones."""
         ends = data["ends"]
         between = data["between"]
         aside = {across: between.outside[between.across == across].max() for across in ("E", "Lxy")}
-        tangents = joined(np.tan(np.radians(BETWEEN)), ".2g")
+        tangents = joined(np.tan(np.radians(_BETWEEN)), ".2g")
         cosines = joined(np.unique(ends.cosine))
         return Verdict(
             Word.SHARPENED,
@@ -228,10 +228,10 @@ class Projections(Experiment):
         """Both planes at each of the energies."""
         table = data[""]
         figure, axes = panels(3, 2, 3.9, 2.4)
-        node = planes.fixed_point(BODY, "stable node")
+        node = planes.fixed_point(_BODY, "stable node")
         places = product(np.unique(table.E0), ("E", "Lxy"))
-        for own, (energy, across) in zip(axes, places, strict=True):
-            self._draw_plane(own, table[energy == table.E0], energy, across, node)
+        for panel, (energy, across) in zip(axes, places, strict=True):
+            self._draw_plane(panel, table[energy == table.E0], energy, across, node)
         planes.name_points(axes[0], {"stable node": "stable node"})
         legend_below(figure, axes[0], ncols=4)
         return figure
@@ -251,7 +251,7 @@ class Projections(Experiment):
         for color, (azimuth, rows) in zip(
             (BLUE, BLACK, ORANGE), groups(table, "azimuth"), strict=True
         ):
-            style: dict[str, Any] = {"color": color, "linewidth": 0.8, "label": AZIMUTHS[azimuth]}
+            style: dict[str, Any] = {"color": color, "linewidth": 0.8, "label": _AZIMUTHS[azimuth]}
             draw_broken(axes, rows.Lz, rows[across], rows.cosine, **style)
         place = (node[0], node[1] if across == "E" else 0.0)
         planes.draw_point(axes, "stable node", place)
@@ -265,7 +265,7 @@ def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
 
 
 # Ratios of L_xy to |L_z| of the L–E planes.
-RATIOS = (0.1, 1.0, 10.0)
+_RATIOS = (0.1, 1.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -276,22 +276,22 @@ class LPlanes(Experiment):
         """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
-        starts = product((0, 1), RATIOS, (-1.0, 1.0), shares)
+        starts = product((0, 1), _RATIOS, (-1.0, 1.0), shares)
         for index, (zero, ratio, sign, share) in enumerate(starts):
             start = np.zeros(4)
             start[1 - zero] = ratio / sqrt(1 + ratio**2)
             start[2] = sign / sqrt(1 + ratio**2)
-            start[3] = planes.energy_at(BODY, 1.0, share)
-            slow = slow_run(BODY, start.tolist(), slow_times).slow
+            start[3] = planes.energy_at(_BODY, 1.0, share)
+            slow = slow_run(_BODY, start.tolist(), slow_times).slow
             momentum = np.linalg.norm(slow[:, :3], axis=1)
             labels = {"zero": zero, "ratio": sign * ratio}
             yield "", {**labels, "path": index, **_thinned({"L": momentum, "E": slow[:, 3]})}
-            distance = planes.distance_from_node(BODY, slow[-1])
+            distance = planes.distance_from_node(_BODY, slow[-1])
             row = {"share": share, "distance": distance, "smallest": momentum.min()}
             yield "ends", {**labels, **row}
 
     def judge(self, data: Data) -> Verdict:
-        """Where all starts end."""
+        """Ends of all starts."""
         ends = data["ends"]
         return Verdict(
             Word.SHARPENED,
@@ -322,21 +322,21 @@ class LPlanes(Experiment):
         """A plane for each sign of L_z and each component that is zero."""
         table = data[""]
         figure, axes = panels(2, 2, 3.9, 2.6)
-        for own, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
+        for panel, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
             rows = table[(table.zero == zero) & (np.sign(table.ratio) == sign)]
             starts = rows[np.unique(rows.path, return_index=True)[1]]
             parts = by(starts, "ratio")
             for color, (ratio, part) in zip(CYCLE, groups(rows, "ratio"), strict=False):
                 label = f"$L_{{xy}}/|L_z|$ = {abs(ratio):g}"
                 style: dict[str, Any] = {"color": color, "linewidth": 1.1, "label": label}
-                draw_broken(own, part.L, share_of(part.E, part.L), part.path, **style)
+                draw_broken(panel, part.L, share_of(part.E, part.L), part.path, **style)
                 first = parts[ratio]
-                own.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
-            for point in fixed_points(BODY):
-                along, height = planes.place_of(BODY, point)
+                panel.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
+            for point in fixed_points(_BODY):
+                along, height = planes.place_of(_BODY, point)
                 share = float(share_of(np.array(height), np.array(along)))
-                planes.draw_point(own, point.stability, (abs(along), share))
-            own.set(
+                planes.draw_point(panel, point.stability, (abs(along), share))
+            panel.set(
                 xlabel="$|L|/I_{max}$",
                 ylabel="E, share between bounds",
                 title=f"$L_{'xy'[zero]} = 0$, from $L_z {'>' if sign > 0 else '<'} 0$",
@@ -350,7 +350,7 @@ class LPlanes(Experiment):
 
 def share_of(energy: np.ndarray, momentum: np.ndarray) -> np.ndarray:
     """E as its share between the bounds, the inverse of `energy_at`."""
-    return (2 * energy / momentum**2 - 1) / (max(BODY.inertia) / min(BODY.inertia) - 1)
+    return (2 * energy / momentum**2 - 1) / (max(_BODY.inertia) / min(_BODY.inertia) - 1)
 
 
 def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -359,13 +359,13 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: column[index] for name, column in values.items()}
 
 
-ACCURATE_AT_100 = Range(0.0, ACCURATE, "the claim: accurate for St ≳ 100")
-INACCURATE_AT_100 = Range(
+_ACCURATE_AT_100 = Range(0.0, ACCURATE, "the claim: accurate for St ≳ 100")
+_INACCURATE_AT_100 = Range(
     ACCURATE, 1.5, "the correction: not accurate at 100, by a factor below three"
 )
-CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
+_CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 
-SECTION = Section(
+SPHEROIDS_SECTION = Section(
     "spheroids",
     "Spheroids at large St",
     (
@@ -380,8 +380,8 @@ SECTION = Section(
                 spheroid(2.0),
                 SPHEROID_START,
                 0.5,
-                constant=Range(20.0, 60.0, CONSTANT_REASON),
-                relative=ACCURATE_AT_100,
+                constant=Range(20.0, 60.0, _CONSTANT_REASON),
+                relative=_ACCURATE_AT_100,
             ),
         ),
         Item(
@@ -396,8 +396,8 @@ SECTION = Section(
                 1.0,
                 word=Word.CORRECTED,
                 fitted_from=5e3,
-                constant=Range(20.0, 90.0, CONSTANT_REASON),
-                relative=INACCURATE_AT_100,
+                constant=Range(20.0, 90.0, _CONSTANT_REASON),
+                relative=_INACCURATE_AT_100,
                 plateau=True,
             ),
         ),

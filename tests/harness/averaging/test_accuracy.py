@@ -195,8 +195,8 @@ def test_the_model_error_is_that_of_two_plain_runs(
 ):
     """Second order goes as far as a small |L| or the separatrix, and errs less on its way."""
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    monkeypatch.setattr(module, "SAMPLES", 101)
-    monkeypatch.setattr(module, "SOLVER", "dop853")
+    monkeypatch.setattr(module, "FORM_SAMPLES", 101)
+    monkeypatch.setattr(module, "FORM_SOLVER", "dop853")
     monkeypatch.setattr(module, "reference", plain_or_certified)
     subject = paper_cases()[index]
     scene = subject.scene(stokes)
@@ -209,7 +209,7 @@ def test_the_model_error_is_that_of_two_plain_runs(
     for form_name, solver in (("euler-angles", "cyrk-vern8"), (found.form, "cyrk-dop853")):
         form = find_form(form_name)
         problem = form.problem(scene)
-        solution = solve(problem, solver, 1e-11, np.linspace(0, problem.end, module.SAMPLES))
+        solution = solve(problem, solver, 1e-11, np.linspace(0, problem.end, module.FORM_SAMPLES))
         slow.append(form.observe(scene, solution.states).slow)
     plain = np.max(np.abs(slow[0] - slow[1]), axis=0) / max(scene.ellipsoid.inertia)
     assert found.model == pytest.approx(plain, rel=1e-6)

@@ -12,7 +12,7 @@ import pytest
 from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.data import read_study, write_study
 from polhode.harness.averaging.hybrid import (
-    ERRORS,
+    REQUESTED_ERRORS,
     SLOW_TIMES,
     STOKES,
     HybridError,
@@ -118,7 +118,7 @@ def test_a_run_is_measured_against_the_truth(
 ):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
     rows = measure_errors([replace(short_scene, time=100.0)], quiet=True)
-    assert [row.error for row in rows] == list(ERRORS)
+    assert [row.error for row in rows] == list(REQUESTED_ERRORS)
     for row in rows:
         assert row.uncertainty < 1e-12
         assert row.slow <= row.error
@@ -150,10 +150,10 @@ def test_runs_compared_in_speed_take_turns(
         True,
         True,
     )
-    assert row.solver != hybrid.SOLVER or row.full_steps > 0
+    assert row.solver != hybrid.WINDOW_SOLVER or row.full_steps > 0
     assert min(row.seconds, row.few_seconds, row.full_seconds, row.knowing_seconds) > 0
-    ways = [("hybrid", hybrid.SOLVER)] * 2 + [
+    ways = [("hybrid", hybrid.WINDOW_SOLVER)] * 2 + [
         ("spheroid-axis", solver) for solver in (*hybrid.FULL_SOLVERS, hybrid.KNOWING)
     ]
-    turn = [way for way in ways for _ in range(hybrid.REPEATS)]
-    assert called[-len(turn) * hybrid.REPEATS :] == turn * hybrid.REPEATS
+    turn = [way for way in ways for _ in range(hybrid.SPEED_REPEATS)]
+    assert called[-len(turn) * hybrid.SPEED_REPEATS :] == turn * hybrid.SPEED_REPEATS

@@ -17,7 +17,12 @@ from polhode.harness.averaging.data import (
     write_study,
 )
 from polhode.harness.averaging.orders import slopes
-from polhode.harness.averaging.second_order import REPEATS, costs, measure_passage, measure_study
+from polhode.harness.averaging.second_order import (
+    COST_REPEATS,
+    costs,
+    measure_passage,
+    measure_study,
+)
 from polhode.harness.cli import polhode
 from polhode.harness.commands.bench import PARTS
 from polhode.harness.common.files import SUMS
@@ -134,16 +139,16 @@ def test_one_part_is_measured_and_the_others_stay(monkeypatch):
     for part, rows in {"cost": COST[:2], "orders": []}.items():
         found = measure_study(STUDY, part, quiet=True)
         assert getattr(found, part) == rows
-        assert found.timed[part].get("repeats") == {"cost": REPEATS}.get(part)
+        assert found.timed[part].get("repeats") == {"cost": COST_REPEATS}.get(part)
         assert replace(found, **{part: getattr(STUDY, part)}, timed=TIMED) == STUDY
 
 
 def test_the_commands_parts_are_the_studys():
-    assert PARTS == {"1": (), "2": second_order.PARTS, "hybrid": hybrid.PARTS}
+    assert PARTS == {"1": (), "2": second_order.SECOND_ORDER_PARTS, "hybrid": hybrid.HYBRID_PARTS}
 
 
 def test_costs_have_one_row_for_each_form_solver_and_st(monkeypatch):
-    monkeypatch.setattr(second_order, "REPEATS", 2)
+    monkeypatch.setattr(second_order, "COST_REPEATS", 2)
     found = list(costs(exponents=(3, 4), compared=1e4))
     assert [(each.form, each.stokes) for each in found[:3]] == [
         ("averaged-second-order", 1e3),

@@ -7,7 +7,7 @@ import click
 import pytest
 
 from polhode.harness.cli import RunFailed
-from polhode.harness.commands._study_options import FEW, command_line, steady, stored
+from polhode.harness.commands._study_options import FEW_TIMED_RUNS, command_line, steady, stored
 from polhode.harness.commands.bench import bench, equal_error, paper
 from polhode.harness.common.machine import header, machine
 from polhode.harness.common.store import Store
@@ -22,15 +22,19 @@ PLACE = {
 def test_disturbed_times_replace_no_earlier_page_of_this_machine_unless_told_to(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    page, records = tmp_path / "README.md", [DISTURBED] * FEW + [STEADY] * FEW
+    page, records = tmp_path / "README.md", [DISTURBED] * FEW_TIMED_RUNS + [STEADY] * FEW_TIMED_RUNS
     for earlier in (None, "Measured on another machine."):
         if earlier:
             page.write_text(earlier)
         steady(records, page, anyway=False)
-        assert f"disturbed {FEW} of {2 * FEW} timed runs" in capsys.readouterr().err
+        assert (
+            f"disturbed {FEW_TIMED_RUNS} of {2 * FEW_TIMED_RUNS} timed runs"
+            in capsys.readouterr().err
+        )
     page.write_text(f"Measured on {machine()['processor']}.")
     with pytest.raises(
-        RunFailed, match=f"README.md: stays as it is, .* disturbed {FEW} of {2 * FEW} timed runs"
+        RunFailed,
+        match=f"README.md: stays as it is, .* disturbed {FEW_TIMED_RUNS} of {2 * FEW_TIMED_RUNS} timed runs",
     ):
         steady(records, page, anyway=False)
     steady(records, page, anyway=True)

@@ -13,7 +13,7 @@ from polhode.harness.analysis.pareto import pareto_front
 from polhode.harness.pages.figures.style import GREY, power
 from polhode.harness.pages.figures.work_precision import (
     BEHIND,
-    UNKNOWN,
+    UNKNOWN_LABEL,
     save,
     work_precision,
     work_precision_panels,
@@ -119,10 +119,10 @@ def test_points_that_the_reference_cannot_tell_are_grey_and_the_legend_says_so()
         [[2e-8, 0.2]],
         [[1e-8, 0.02]],
     ]
-    assert UNKNOWN in lines
+    assert UNKNOWN_LABEL in lines
     assert all(line.get_zorder() > lines["taylor"].get_zorder() for line in grey)
     assert [text.get_text() for text in figure.legends[0].get_texts()].count(
-        UNKNOWN.replace("\n", " ")
+        UNKNOWN_LABEL.replace("\n", " ")
     ) == 1
     assert lines["Pareto front"].get_data()[0].tolist() == [2.1e-8], "an unknown error wins nothing"
     plt.close(figure)

@@ -5,7 +5,7 @@ import pytest
 
 from polhode.harness.analysis.frames import by_stokes
 from polhode.harness.analysis.pareto import costs
-from polhode.harness.pages.footing import ERRORS, _interpreter, _worth
+from polhode.harness.pages.footing import FOOTING_ERRORS, _interpreter, _worth
 from polhode.harness.pages.tables import table as shown
 
 
@@ -34,7 +34,7 @@ def test_each_library_by_its_fastest_method_alone():
         ("cvode-bdf", None, None, 4e-3, 1e-7, done),
         ("cyrk-radau", None, None, 1e-6, 1e-9, "time_limit"),
     ]
-    claims, text = _worth(costs(by_stokes(runs(*table)), ERRORS))
+    claims, text = _worth(costs(by_stokes(runs(*table)), FOOTING_ERRORS))
     assert cells(text, "| 1e-6") == [
         "1e-6",
         "10",

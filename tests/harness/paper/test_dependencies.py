@@ -32,7 +32,7 @@ def test_what_judges_and_draws_is_no_part_of_the_key():
     other = replace(item, experiment=replace(item.experiment, relative=looser))
     assert store.content_key(other, Grid.FULL) == store.content_key(item, Grid.FULL)
     names = {name for _, name in reached(item).definitions}
-    assert {"SlowMotion", "averaged_run", "TOLERANCE"} <= names
+    assert {"SlowMotion", "averaged_run", "RUN_TOLERANCE"} <= names
     assert not {"draw_each", "FALLS_LIKE_INVERSE", "panels"} & names
 
 

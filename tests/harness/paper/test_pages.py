@@ -17,7 +17,7 @@ from polhode.harness.common.fits import mean_interval, median_interval, power_la
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.paper import claims, pages, store
 from polhode.harness.paper.claims import find_items, section_of
-from polhode.harness.paper.drawing import FORMATS
+from polhode.harness.paper.drawing import FIGURE_FORMATS
 from polhode.harness.paper.item import Experiment, Grid, Item, Number, Range, Section, Verdict, Word
 from polhode.harness.paper.pages import allowed, measured, run
 from polhode.harness.paper.tables import groups
@@ -134,7 +134,7 @@ def test_redraw_takes_data_of_older_code(tmp_path, catalogue, monkeypatch):
     item = made_up(calls)
     catalogue(item)
     run([item], tmp_path, lambda _: None, grid=Grid.REDUCED)
-    monkeypatch.setattr(store, "SCHEMA", store.SCHEMA + 1)
+    monkeypatch.setattr(store, "ITEM_SCHEMA", store.ITEM_SCHEMA + 1)
     run([item], tmp_path, lambda _: None, grid=Grid.REDUCED, redraw=True)
     assert len(calls) == 1
     assert (
@@ -177,10 +177,10 @@ def test_a_verdict_that_fails_does_not_stop_the_pages(tmp_path, catalogue, monke
     item = made_up([])
     catalogue(item, changed(old, refusal="rows that today's code does not know"))
     for schema, said in (
-        (store.SCHEMA, "ValueError: rows that"),
-        (store.SCHEMA + 1, "Not computed yet: `polhode paper old`"),
+        (store.ITEM_SCHEMA, "ValueError: rows that"),
+        (store.ITEM_SCHEMA + 1, "Not computed yet: `polhode paper old`"),
     ):
-        monkeypatch.setattr(store, "SCHEMA", schema)
+        monkeypatch.setattr(store, "ITEM_SCHEMA", schema)
         assert run([item], tmp_path, lambda _: None, grid=Grid.REDUCED) == []
         page = (tmp_path / "made.md").read_text()
         assert "**Verdict: confirmed.**" in page
@@ -283,7 +283,7 @@ def test_command_makes_a_page_with_small_figures(tmp_path):
     result = CliRunner().invoke(paper, ["symmetric-top", "--quick", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.output
     folder = tmp_path / section_of(find_items(("symmetric-top",))[0]).name
-    for ending in FORMATS:
+    for ending in FIGURE_FORMATS:
         assert 0 < (folder / f"symmetric-top.{ending}").stat().st_size < LARGEST_FIGURE
     page = (tmp_path / "limits.md").read_text()
     for part in (
@@ -321,7 +321,7 @@ def test_figures_of_the_report_are_small():
     report = Path(__file__).parents[3] / "reports" / "paper"
     large = [
         path
-        for ending in FORMATS
+        for ending in FIGURE_FORMATS
         for path in report.glob(f"*/*.{ending}")
         if path.stat().st_size > LARGEST_FIGURE
     ]

@@ -18,7 +18,7 @@ from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site import markup
-from polhode.harness.site.answers import COLUMNS, NEEDED, read_studies
+from polhode.harness.site.answers import NEEDED, RUN_NUMBERS, read_studies
 from polhode.harness.site.build import REPORTS
 from polhode.harness.site.markup import Page, document, plain, prose, section
 from polhode.harness.site.motion import examples, motion
@@ -226,13 +226,13 @@ def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, si
     record["text"] = "x" * 100_000
     (tmp_path / "bench").mkdir()
     export([record] * 40, tmp_path / "bench" / "records.jsonl")
-    read_studies(tmp_path, COLUMNS)
+    read_studies(tmp_path, RUN_NUMBERS)
     tracemalloc.start()
-    studies, _ = read_studies(tmp_path, COLUMNS)
+    studies, _ = read_studies(tmp_path, RUN_NUMBERS)
     assert tracemalloc.get_traced_memory()[1] < 1e6
     tracemalloc.stop()
     assert studies["bench"]["seconds"].tolist() == [record["seconds"]] * 40
-    assert set(studies["bench"]) <= {*COLUMNS, *NEEDED}
+    assert set(studies["bench"]) <= {*RUN_NUMBERS, *NEEDED}
 
 
 def test_a_full_disk_is_named_and_leaves_no_half_page(

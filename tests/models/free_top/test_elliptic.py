@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from polhode.models.free_top.elliptic import (
-    EPS,
+    LONG_EPSILON,
     PI,
     Long,
     carlson_rf,
@@ -18,8 +18,8 @@ from polhode.models.free_top.elliptic import (
 )
 
 COMPLEMENTARY = [Long(1), Long(0.9), Long(0.5), Long(0.1), Long(1e-3), Long("1e-14"), Long("1e-40")]
-CLOSE = float(40 * EPS)
-EPS_MP = mp.mpf(float(EPS))
+CLOSE = float(40 * LONG_EPSILON)
+EPS_MP = mp.mpf(float(LONG_EPSILON))
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +47,7 @@ def test_rational_numbers_go_both_ways_without_loss(text):
 
 
 def test_constants_and_complete_integrals():
-    assert relative(PI, mp.pi) < EPS
+    assert relative(PI, mp.pi) < LONG_EPSILON
     for m1 in COMPLEMENTARY:
         m = 1 - precise(m1)
         assert relative(complete_k(m1), mp.ellipk(m)) < CLOSE

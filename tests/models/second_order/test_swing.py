@@ -87,7 +87,7 @@ def test_series_go_on_smoothly_where_a_run_steps_beyond_their_end():
         series_for(Ellipsoid((1.0, 0.8, 0.5)), True),
         np.array([[-2e-3], [-1e-3], [1e-3], [2e-3]]),
     )
-    a2, alpha = (swing_module.MOST + beyond).ravel(), np.full(4, 0.7)
+    a2, alpha = (swing_module.MAX_A2 + beyond).ravel(), np.full(4, 0.7)
     first, second, third, last = Place(series, a2, alpha, np.eye(3)[[2] * 4]).shape
     assert np.abs(last - first).max() > 1e-4
     assert np.abs((last - first) - 2 * (third - second)).max() < 1e-6

@@ -25,7 +25,7 @@ from polhode.models.second_order import (
     tables as second_order_triaxial,
 )
 from polhode.models.second_order.averages import averages
-from polhode.models.second_order.field import NAMES
+from polhode.models.second_order.field import COEFFICIENTS
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.polhodes import Polhodes
@@ -209,12 +209,14 @@ def test_tables_are_the_averages_between_their_points(axes, longest):
     for name in ("g0", "g2", "b1", "b2"):
         found[name] *= second_order_triaxial.per_square(a2)
     table = second_order_triaxial.table(body, longest)
-    values = second_order_triaxial.evaluated(table.series, 2 * a2 / second_order_triaxial.MOST - 1)
+    values = second_order_triaxial.evaluated(
+        table.series, 2 * a2 / second_order_triaxial.MAX_A2 - 1
+    )
     for pole in table.poles:
         values[8:18] += np.outer(pole[2:12], (a2 - pole[0]) ** -2) + np.outer(
             pole[12:], 1 / (a2 - pole[0])
         )
-    exact = np.array([found[name] for name in NAMES])
+    exact = np.array([found[name] for name in COEFFICIENTS])
     first = [*range(8), 18, 19]
     assert np.abs(values[first] - exact[first]).max() < 1e-10 * np.abs(exact[first]).max()
     size = np.abs(exact[8:18]).max(axis=0)
