@@ -209,7 +209,9 @@ def test_tables_are_the_averages_between_their_points(axes, longest):
     for name in ("g0", "g2", "b1", "b2"):
         found[name] *= second_order_triaxial.per_square(a2)
     table = second_order_triaxial.table(body, longest)
-    values = second_order_triaxial.evaluated(table.series, 2 * a2 / second_order_triaxial.MAX_A2 - 1)
+    values = second_order_triaxial.evaluated(
+        table.series, 2 * a2 / second_order_triaxial.MAX_A2 - 1
+    )
     for pole in table.poles:
         values[8:18] += np.outer(pole[2:12], (a2 - pole[0]) ** -2) + np.outer(
             pole[12:], 1 / (a2 - pole[0])
