@@ -77,7 +77,13 @@ def write_results(
     top = header(sweep.title, command, surroundings(sweep, store))
     write_file(
         folder / "README.md",
-        _page(top, ensembles, [name for name in _FILES if name in written], pictures),
+        _page(
+            top,
+            ensembles,
+            [name for name in _FILES if name in written],
+            pictures,
+            in_flow=sweep.ensembles[0].any_scene.flow is not None,
+        ),
     )
     for name in _FILES.keys() - written.keys():
         # A run by an earlier version left it.
@@ -90,6 +96,8 @@ def _page(
     ensembles: list[dict[str, Any]],
     names: list[str],
     pictures: list[tuple[str, str]],
+    *,
+    in_flow: bool,
 ) -> str:
     rows = []
     for ensemble in ensembles:
@@ -117,6 +125,7 @@ def _page(
         pictures=pictures,
         files=names,
         no_times=NO_TIMES,
+        in_flow=in_flow,
     )
 
 

@@ -26,8 +26,8 @@ import sys
 import polhode.solvers.cyrk as library
 from polhode.models.problem import Problem
 from polhode.solvers.solve import solve
-KNOWN = {known!r}
-library.KNOWN = KNOWN or library.KNOWN
+known = {known!r}
+library._KNOWN = known or library._KNOWN
 problem = Problem("decay", lambda ops: lambda y, p: (-1.0 * y[0],), (1.0,), 1.0)
 print(solve(problem, "cyrk-vern8", 1e-9).states[-1, 0], "numba" in sys.modules)
 import CyRK
