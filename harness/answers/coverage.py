@@ -33,7 +33,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
 _FACTORS = Path(__file__).with_name("factors.json")
-SCHEMA = 2
+_SCHEMA = 2
 # Times at which a solution is compared with its reference.
 SAMPLES = 2001
 # Seconds that a reference may take.
@@ -361,7 +361,7 @@ def study(store: Store, seed: int, scenes: int, quiet: bool = False) -> list[Rec
     tasks = [(sort, index) for index in range(scenes) for sort in _SCENES]
     for sort, index in tqdm(tasks, "errors stated", leave=False, disable=quiet or None):
         content = {"sort": sort, "seed": seed, "index": index}
-        content |= {"schema": SCHEMA, "factors": digest(factors())}
+        content |= {"schema": _SCHEMA, "factors": digest(factors())}
         key = digest({"coverage": content})
         known = store.result(key)
         if known is None:

@@ -64,7 +64,7 @@ _FINALISTS = 4
 _TIMED = 5
 # Seconds of a run from which on it is timed once.
 _LONG = 0.5
-SCHEMA = 2
+_SCHEMA = 2
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evalua
     left_out = dict[str, str]()
     asked = tqdm(questions(seed, count), disable=quiet or None, desc="held-out", leave=False)
     for question in asked:
-        content = {"held-out": question.name, "schema": SCHEMA}
+        content = {"held-out": question.name, "schema": _SCHEMA}
         key = digest(content)
         if key not in store:
             store.put(key, content, measured(question))

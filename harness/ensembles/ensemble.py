@@ -39,7 +39,7 @@ from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
-SCHEMA = 5
+_SCHEMA = 5
 # Error of averaging in L and E over I_max times St: the largest of the paper's starts
 # (`reports/accuracy`).
 AVERAGING = 133.0
@@ -192,7 +192,7 @@ class Ensemble:
         flows = self.tracks or (self.any_scene.flow,)
         tables = [plain(flow_table(flow)) for flow in flows if flow is not None]
         return {
-            "schema": SCHEMA,
+            "schema": _SCHEMA,
             **({"flow": tables} if tables else {}),
             "semi_axes": [float(length) for length in self.ellipsoid.semi_axes],
             "starts": dict(self.starts),

@@ -77,7 +77,7 @@ APART = 1e-4
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
 # chaotic, trajectories mean something until it has grown too large.
 _DOUBLE_ERROR = 1e-13
-SCHEMA = 10
+_SCHEMA = 10
 # Changes with what certifies a reference: those that failed before are tried again.
 _CERTIFICATES = 2
 
@@ -375,7 +375,7 @@ def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, 
         _TWO_MOVED_UP_TO,
     )
     content = {
-        "schema": SCHEMA,
+        "schema": _SCHEMA,
         "form": problem.name,
         "start": [float(value).hex() for value in problem.start],
         "parameters": [float(value).hex() for value in (*(problem.parameters or ()), *axes)],
