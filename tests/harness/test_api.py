@@ -26,7 +26,7 @@ from polhode import (
 from polhode.harness.api import as_scene, plan
 from polhode.harness.pages.figures.motion import slow_variables
 from polhode.harness.pages.figures.style import GREY
-from polhode.harness.pages.figures.work_precision import UNKNOWN
+from polhode.harness.pages.figures.work_precision import UNKNOWN_LABEL
 from polhode.models.catalogue import form
 from polhode.models.form import Form
 from polhode.models.forms.quaternion import Quaternion
@@ -266,7 +266,7 @@ def test_points_that_the_reference_cannot_tell_are_grey():
         "Pareto front",
         "taylor",
         "cyrk-vern8",
-        UNKNOWN,
+        UNKNOWN_LABEL,
     }
     plt.close(figure)
 
