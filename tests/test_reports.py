@@ -231,6 +231,16 @@ def test_readme_says_what_was_found_on_the_paper_and_on_the_map():
     assert said.groups() == line.groups()
 
 
+def test_each_winner_on_the_map_has_a_run_that_meets_the_error():
+    cells = pd.read_csv(REPORTS / "regimes" / "cells.csv").dropna(subset=["form"])
+    runs = pd.read_csv(REPORTS / "regimes" / "runs.csv")
+    runs = runs[runs.status == "reached_end"]
+    key = ["scene_name", "stokes", "form", "solver"]
+    for cell in cells.itertuples():
+        theirs = runs[(runs[key] == [cell.scene, cell.St, cell.form, cell.solver]).all(axis=1)]
+        assert theirs[cell.error].min() <= cell.target, cell
+
+
 def test_readme_says_how_long_the_runs_of_the_map_last():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     said = re.search(
