@@ -78,6 +78,7 @@ def build(
     }
     lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
     body = html("index", asked=asked, sections=sections, lacking=lacking)
+    body = _made_by(texts.get("regimes", "")) + body
     write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
     write("cost", cost_page(reports))
     write("motion", motion_page(scenes, say))
@@ -97,7 +98,7 @@ def build(
             for neighbour in beside
         )
         body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
-        write(name, Page(content.title or name, "", body))
+        write(name, Page(content.title or name, "", _made_by(texts[name]) + body))
         for picture, path in content.pictures.items():
             # In few colours and a format that keeps the site small.
             copied = BytesIO()
@@ -106,6 +107,16 @@ def build(
             drawn.save(copied, "webp", lossless=True, quality=50, method=2)
             write_file(out / FIGURES / picture, copied.getvalue())
     return out / "index.html"
+
+
+def _made_by(text: str) -> str:
+    """A warning above a page that another version than today's measured, by the page's own words."""
+    found = re.search(r"^Measured .*?\bpolhode (\d[\w.]*)", text, re.MULTILINE)
+    today = versions().get("polhode")
+    if found is None or found[1] == today:
+        return ""
+    words = f"Measured by polhode {found[1]}, not by today's {today}: numbers may differ."
+    return f'<p class="outdated">{words}</p>'
 
 
 def _runs_of(cell: re.Match[str]) -> str:

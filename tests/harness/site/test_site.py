@@ -13,6 +13,7 @@ from PIL import Image, ImageColor, ImageDraw
 from sites import TAG, data_of, site
 
 from polhode.harness.common.files import dumps
+from polhode.harness.common.machine import versions
 from polhode.harness.common.store import export, read_export
 from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
@@ -35,6 +36,17 @@ def test_what_is_missing_is_named_with_its_command(tmp_path: Path):
     for _, command in REPORTS.values():
         assert f"to make: <code>{command}</code>" in pages["index"]
     assert "to make: <code>polhode bench</code>" in pages["cost"]
+
+
+def test_a_page_that_another_version_measured_says_so(tmp_path: Path):
+    reports = tmp_path / "reports"
+    for name, version in (("old", "0.0.1"), ("new", versions()["polhode"])):
+        (reports / name).mkdir(parents=True)
+        text = f"# Page\n\nMeasured on 2026-01-01 on a machine (numpy 2.4.6, polhode {version}).\n"
+        (reports / name / "README.md").write_text(text, encoding="utf-8")
+    pages = site(tmp_path / "site", reports)
+    assert 'class="outdated">Measured by polhode 0.0.1, not by today' in pages["old"]
+    assert "outdated" not in pages["new"]
 
 
 @pytest.mark.parametrize("name", PAGES)
