@@ -25,6 +25,8 @@ Matrix = tuple[Triple, Triple, Triple]
 _TRACE_ROUNDING = 1e-12
 # A track covers a run that exceeds it by this share of its length: times are rounded.
 _TIME_ROUNDING = 1e-12
+# Neighbouring gaps between knots may differ by this ratio: a cubic through closer ones is rounding.
+_LEAST_GAP_RATIO = 1e-9
 # The largest entry of a gradient, in units of the reference rate: nothing computed of it overflows.
 _LARGEST_ENTRY = 1e30
 
@@ -194,6 +196,13 @@ def _checked_knots(times: Any) -> tuple[float, ...]:
         if not (isfinite(before) and isfinite(after) and after > before):
             raise ValueError(
                 f"flow.track: got t = {after!r} after {before!r}, expected finite times that increase"
+            )
+    gaps = [after - before for before, after in pairwise(knots)]
+    for index, (gap, next_gap) in enumerate(pairwise(gaps)):
+        if min(gap, next_gap) < _LEAST_GAP_RATIO * max(gap, next_gap):
+            raise ValueError(
+                f"flow.track: got the gaps {gap:.3g} and {next_gap:.3g} on both sides of "
+                f"t = {knots[index + 1]!r}, expected none below {_LEAST_GAP_RATIO:g} of the other"
             )
     return knots
 

@@ -166,10 +166,13 @@ class Record:
     # The last parameters here, where they change on the way (`polhode.models.problem.Segments`).
     changed: np.ndarray | None = None
     goes_on: bool = False  # whether the start is the end of a segment before
+    inner: "Record | None" = None  # that of the segment on its way
 
     @property
     def reached(self) -> float:
         """Time of the run that it has reached, as far as is known."""
+        if self.inner is not None:
+            return self.inner.reached
         return self.unit * max(self.now, float(self.times[self.filled - 1]))
 
     @property

@@ -54,8 +54,11 @@ def _cut(segments: Segments, record: Record) -> _Cut:
     wanted = sign * times
     after = np.clip(np.searchsorted(wanted, ends - close), 0, len(wanted) - 1)
     ends = np.where(np.abs(wanted[after] - ends) <= close, wanted[after], ends)
+    # Two changes at one row's time leave nothing between them.
+    longer = np.diff(ends, prepend=begin) > 0
+    ends = ends[longer]
     rows = np.searchsorted(wanted, ends, side="right").tolist()
-    return _Cut(sign * ends, rows, values[first:last], offset)
+    return _Cut(sign * ends, rows, values[first:last][longer], offset)
 
 
 def _through(integrate: Integrator, segments: Segments, record: Record) -> Outcome:
@@ -89,20 +92,34 @@ def _through(integrate: Integrator, segments: Segments, record: Record) -> Outco
         piece.taken = record.taken
         piece.changed = values
         piece.goes_on = bool(done)
-        status, message = integrate(piece)
-        done.append(piece.work)
+        record.inner = piece
+        try:
+            status, message = integrate(piece)
+        finally:
+            # Ctrl-C keeps what is finished.
+            done.append(piece.work)
+            record.work = _summed(done)
+            if wanted:
+                record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
         steps += piece.work.steps or 0
-        if wanted:
-            record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
         record.now = piece.now
         record.shrunk = record.shrunk or piece.shrunk
         ended = record.events is not None and record.events.ended is not None
         if not status.success or ended:
             break
+        if piece.filled < len(times):
+            reached = float(times[piece.filled - 1])
+            status = Status.FALSE_SUCCESS
+            message = f"the library stopped at t = {reached!r}, expected {end!r}"
+            break
         state = rows[-1].copy()
+        if not np.isfinite(state.astype(float)).all():
+            status = Status.NON_FINITE
+            message = f"a state is not finite at t = {end!r}"
+            break
         now = end
         record.now = now
-    record.work = _summed(done)
+    record.inner = None
     return status, message
 
 

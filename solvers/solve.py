@@ -202,6 +202,10 @@ def solve(
     rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
     limits = {"max_step": max_step, "first_step": first_step}
     settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
+    if problem.segments is not None and first_step is not None:
+        raise SolverNotValidError(
+            f"first_step: got {first_step!r}, expected none, as {problem.name!r} changes on the way"
+        )
     times = _wanted(problem, times)
     run = Run(problem, method, settings, times)
     search = EventSearch(events) if events else None

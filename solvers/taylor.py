@@ -274,6 +274,8 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
     pieces: list[float] = []
     length = _PACED_STEPS
     while record.filled < len(record.times):
+        if stopped := record.stopped:
+            return stopped
         size, bound.pace = _own_units(problem, state, units, end - time)
         bound.units = units * min(1.0, size)
         bound.begin(0.0, state)
@@ -299,6 +301,8 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
         finite = np.isfinite(rows).all(axis=1)
         record.put(rows if finite.all() else rows[: int(np.argmin(finite))])
         if reason == outcome.time_limit:
+            if not finite.all():
+                return Status.NON_FINITE, "a state is not finite"
             continue
         if reason != outcome.step_limit:
             return (
@@ -359,13 +363,20 @@ class Taylor(Solver):
             outcome = None
             # Parameters that change, along a track, do so in moderate times.
             as_it_is = bool(record.events) or record.changed is not None
-            if as_it_is or order * np.log10(duration) < _MAX_EXPONENT:
+            in_range = order * np.log10(abs(duration)) < _MAX_EXPONENT
+            if as_it_is and not in_range:
+                words = (
+                    f"a time of {duration:.1e} with events, or along a track, needs another solver"
+                )
+                return Status.TOLERANCE_UNATTAINABLE, words
+            if in_range:
                 outcome = bound.propagate(record)
                 if as_it_is or outcome[0] is not Status.NON_FINITE:
                     return outcome
             paced = self._bound(problem, settings, paced=True)
             again = propagate_paced(problem, paced, record)
-            return outcome if outcome and not again[0].success else again
+            limited = again[0] in (Status.TIME_LIMIT, Status.STEP_LIMIT)
+            return outcome if outcome and not again[0].success and not limited else again
 
         return integrate
 

@@ -47,6 +47,10 @@ class Progress:
         self._stop = Event()
         self._thread = Thread(target=self._watch, daemon=True)
         self._noting_since: float | None = None
+        self._on_terminal = False
+        # A stream may be closed already, or none of a file.
+        with suppress(AttributeError, ValueError):
+            self._on_terminal = self._stream.isatty()
         self.begin("")
 
     def begin(
@@ -77,7 +81,7 @@ class Progress:
             title, fraction, note, began = piece = self._piece
             if note and not noted and time() - (self._noting_since or began) > NOTE_AFTER:
                 noted = self._say(note(time() - began), bar)
-            if not self._stream.isatty():
+            if not self._on_terminal:
                 continue
             if bar is None or piece is not shown:
                 from tqdm import tqdm

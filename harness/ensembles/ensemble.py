@@ -120,6 +120,9 @@ class Ensemble:
                 "start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'"
             )
         _ = self.problem
+        for track in self.tracks or ():
+            # Refuses one that ends before the run.
+            replace(self.any_scene, flow=track)
 
     @property
     def problem(self) -> Problem:

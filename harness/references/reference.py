@@ -242,7 +242,10 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
             )
         return equations.observe(scene, found.states)
 
-    splits = scene.ellipsoid.kind != "triaxial" and find_solver(_SPHEROIDS[0]).available
+    varies = scene.flow is not None and scene.flow.varies
+    splits = (
+        scene.ellipsoid.kind != "triaxial" and not varies and find_solver(_SPHEROIDS[0]).available
+    )
     exact = run(full_form(scene), *(_SPHEROIDS if splits else _OTHERS))
     against = AGAINST if find_solver(AGAINST[0]).available else _AGAINST_WITHOUT
     other = run("quaternion", *against)

@@ -5,7 +5,8 @@ from math import cos, exp, sqrt
 import numpy as np
 import pytest
 
-from polhode import solve_ivp
+from polhode import Problem, solve_ivp
+from polhode.solvers.solve import solve
 
 
 def decay(rate):
@@ -82,3 +83,23 @@ def test_a_run_that_becomes_infinite_is_no_success(atol):
     )
     assert not solution.success
     assert np.isfinite(solution.y).all()
+
+
+def test_times_too_long_for_taylor_with_events_are_no_success():
+    rate = 1e-40
+    found = solve_ivp(
+        lambda _, y: [rate * y[1], -rate * y[0]],
+        (0.0, 7 / rate),
+        [1.0, 0.0],
+        method="taylor",
+        rtol=1e-10,
+        atol=1e-10,
+        events=lambda _, y: y[0] - 0.3,
+    )
+    assert not found.success
+    assert "needs another solver" in found.message
+
+
+def test_a_limit_of_steps_in_such_a_run_is_that():
+    problem = Problem.from_function(lambda _, y: [1e30 * y[1], -1e30 * y[0]], [1.0, 0.0], 1e-24)
+    assert solve(problem, "taylor", 1e-10, max_steps=1000).status == "step_limit"

@@ -156,6 +156,7 @@ def test_the_spline_goes_through_the_gradients():
 @pytest.mark.parametrize(
     ("times", "count", "words"),
     [
+        ((0.0, 1.0, 1.0 + 1e-13, 2.0), 4, "got the gaps 1 and 9.99e-14 on both sides of t = 1.0"),
         ([0.0, 1.0, 1.0], 3, "got t = 1.0 after 1.0, expected finite times that increase"),
         ([0.0, float("nan")], 2, "expected finite times that increase"),
         ([0.0], 1, "got 1 times, expected two at least"),
@@ -189,3 +190,47 @@ def test_without_torque_a_track_is_as_good_as_none():
     scene = along(10, stokes=float("inf"))
     closed, run = (end(*each) for each in (("euler-top", scene, "exact"), ("quaternion", scene)))
     np.testing.assert_allclose(closed.slow, run.slow, atol=1e-11)
+
+
+@pytest.mark.parametrize("solver", ["cyrk-dop853", "cyrk-radau", "taylor", "cvode-bdf", "dop853"])
+def test_two_knots_at_one_row_leave_the_run_as_it_is(solver):
+    knots = np.array([0.0, 0.5, 1.0, 2.0, 3.0])
+    scene = along(4, 3.0)
+    one = replace(scene, flow=Flow.track(knots, source(knots)))
+    problem = form("quaternion").problem(one)
+    times = np.array([0.0, 1.0, 2.0, 3.0])
+    right = solve(problem, solver, 1e-9, times)
+    segments = problem.segments
+    # A second change just behind the row at t = 1, with nothing new.
+    doubled = replace(
+        segments,
+        times=np.insert(segments.times, 3, 1.0 + 1e-13),
+        values=np.insert(segments.values, 2, segments.values[2], axis=0),
+    )
+    found = solve(replace(problem, segments=doubled), solver, 1e-9, times)
+    assert found.success, found.message
+    np.testing.assert_allclose(found.states, right.states, rtol=0, atol=1e-9)
+
+
+def test_a_run_along_a_track_tells_how_far_it_is_and_keeps_rows_when_interrupted():
+    scene = along(3, 3e5)
+    scene = replace(scene, flow=Flow.track((0.0, 2e5, 4e5), [STEADY] * 3))
+    records = []
+    found = solve(
+        form("quaternion").problem(scene),
+        "cyrk-dop853",
+        1e-12,
+        np.linspace(0.0, 3e5, 3001),
+        watch=records.append,
+        max_seconds=0.2,
+    )
+    assert not found.success
+    (record,) = records
+    assert 0 < record.reached < 3e5
+    assert 1 < len(found.times) < 3001
+    assert found.work.steps > 0
+
+
+def test_a_first_step_is_refused_along_a_track():
+    with pytest.raises(SolverNotValidError, match=r"first_step: got 0\.5, expected none"):
+        solve(form("quaternion").problem(along(20)), "dop853", 1e-8, first_step=0.5)
