@@ -44,7 +44,9 @@ _GROUPS = (group.split("\n## ") for group in _TEXT.split("\n# ")[1:])
 GROUPS = {
     title.strip(): {words.name: words for words in map(_words, group)} for title, *group in _GROUPS
 }
-COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
+COMMANDS: dict[str, Words] = {}
+for _group in GROUPS.values():
+    COMMANDS.update(_group)
 # Names of version 0.1, understood in 0.2 too.
 FORMER = {"heldout": "validate", "footing": "equal-error"}
 

@@ -74,12 +74,12 @@ def run(
     momentum = momentum[:, None, :] @ rotation
     state = np.concatenate([rotation, momentum], axis=1)
     length = np.asarray(end, dtype=np.longdouble) / steps
-    found = [state]
+    snapshots = [state]
     for i in range(steps):
         state = _step(bodies, state, gradient, i, length)
         if (i + 1) % (steps // (rows - 1)) == 0:
-            found.append(state)
-    states = np.array(found)
+            snapshots.append(state)
+    states = np.array(snapshots)
     return states[:, :, :3], states[:, :, 3]
 
 

@@ -85,13 +85,13 @@ def reference_of(
         )
     best = None
     for pair in _PAIRS:
-        found = _by_pair(problem, times, measure, max_seconds, *pair)
-        if isinstance(found, str):
-            reasons.append(found)
+        candidate = _by_pair(problem, times, measure, max_seconds, *pair)
+        if isinstance(candidate, str):
+            reasons.append(candidate)
             continue
         # Explicit methods get through a stiff problem, but far from its solution.
-        if best is None or found.uncertainty < best.uncertainty:
-            best = found
+        if best is None or candidate.uncertainty < best.uncertainty:
+            best = candidate
         if best.uncertainty <= _CONFIRMED:
             break
     if best:
@@ -194,21 +194,21 @@ def _by_pair(
     max_seconds: float,
     names: tuple[str, ...],
     tolerances: tuple[float, float],
-    others: tuple[str, ...],
-    other_tolerance: float,
+    unlike_names: tuple[str, ...],
+    unlike_tolerance: float,
 ) -> OwnReference | str:
     """A tight run by one method, with a looser one and one by an unlike method beside it; else why not."""
     name = _first(names, problem)
-    other = _first(others, problem)
-    if name is None or other is None:
-        return f"{names[0]}, {others[0]}: none takes the problem"
+    unlike_name = _first(unlike_names, problem)
+    if name is None or unlike_name is None:
+        return f"{names[0]}, {unlike_names[0]}: none takes the problem"
     step = float(times[-1]) / _LEAST_STEPS
     runs = []
     steps = 0
     for solver, tolerance in (
         (name, tolerances[0]),
         (name, tolerances[1]),
-        (other, other_tolerance),
+        (unlike_name, unlike_tolerance),
     ):
         # Small components are followed by the relative tolerance.
         atol = _SMALL * tolerance * _size(problem)
@@ -229,7 +229,7 @@ def _by_pair(
     )
     if not apart <= _CONFIRMED:
         uncertainty = max(uncertainty, SAFETY * apart)
-    source = f"{name} at {tolerances[0]:g}, compared with {other} at {other_tolerance:g}"
+    source = f"{name} at {tolerances[0]:g}, compared with {unlike_name} at {unlike_tolerance:g}"
     return OwnReference(tight, uncertainty, source)
 
 

@@ -73,17 +73,19 @@ def certify(
     Raises ReferenceFailedError if a piece disagrees by more than the other method's own error, or
     too few can be tried.
     """
-    other, solver = opposite(scene, form)
-    seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
+    opposite_form, solver = opposite(scene, form)
+    observables = {time: observe(form, scene, state[None]) for time, state in states.items()}
     agreed = 0
     back = 0
     worst = 0.0
     for start, stop, turn in pieces(scene, form, problem.end):
         if form.averaged:
-            ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
+            ratio = _same_form(scene, form, solver, states[start], observables[stop], stop - start)
         else:
             later = scene.later(start, scene.start, stop - start)
-            ratio = _other_form(later, (other, solver), seen[start], seen[stop], stop - start)
+            ratio = _other_form(
+                later, (opposite_form, solver), observables[start], observables[stop], stop - start
+            )
         if ratio is not None:
             agreed += 1
             worst = np.maximum(worst, ratio)
@@ -92,14 +94,14 @@ def certify(
             back += 1
         if not worst <= 1:  # No number where a run ended beyond all numbers.
             raise ReferenceFailedError(
-                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {other!r} by "
+                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {opposite_form!r} by "
                 f"{solver} on the piece from {start:g} to {stop:g}: {worst:.1f} times the method's error"
             )
     if agreed < _REQUIRED:
         raise ReferenceFailedError(
             f"only {agreed} of {_PIECES} pieces could be tried, expected at least {_REQUIRED}"
         )
-    return Certificate(other, solver, agreed, back, worst)
+    return Certificate(opposite_form, solver, agreed, back, worst)
 
 
 def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
@@ -190,7 +192,7 @@ def _tried(
     accumulated = tight + np.finfo(float).eps * (solutions[1].work.steps or 0)
     return _compare(
         scene.ellipsoid,
-        [form.observe(scene, each.states[-1:]) for each in solutions],
+        [form.observe(scene, solution.states[-1:]) for solution in solutions],
         after,
         accumulated,
     )
@@ -203,17 +205,17 @@ def _compare(
     # Of the runs the second is compared; the first is looser, and the others start elsewhere by an
     # ulp.
     loose, tight, *moved = runs
-    found = errors(ellipsoid, tight, true)
-    own = errors(ellipsoid, loose, tight)
-    spread = [errors(ellipsoid, other, tight) for other in moved]
+    deviation = errors(ellipsoid, tight, true)
+    numerical_error = errors(ellipsoid, loose, tight)
+    spread = [errors(ellipsoid, moved_run, tight) for moved_run in moved]
     rounding = (_ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
-    slow = own.slow + _ULPS * max(each.slow for each in spread) + rounding
+    slow = numerical_error.slow + _ULPS * max(shift.slow for shift in spread) + rounding
     angle = (
-        (own.orientation or 0.0)
-        + _ULPS * max(each.orientation or 0.0 for each in spread)
+        (numerical_error.orientation or 0.0)
+        + _ULPS * max(shift.orientation or 0.0 for shift in spread)
         + rounding
     )
-    return max(found.slow / slow, (found.orientation or 0.0) / angle)
+    return max(deviation.slow / slow, (deviation.orientation or 0.0) / angle)
 
 
 def _backward(
@@ -232,10 +234,12 @@ def _backward(
         ]
         for state in (states[end], states[end] + ulp)
     )
-    true, found, other = (
+    true, returned_observables, moved_observables = (
         observe(form, scene, state[None]) for state in (states[start], returned, moved)
     )
-    return _compare(scene.ellipsoid, [found, found, other], true, 0.0)
+    return _compare(
+        scene.ellipsoid, [returned_observables, returned_observables, moved_observables], true, 0.0
+    )
 
 
 def _turned(observables: Observables, axis: int) -> Observables:

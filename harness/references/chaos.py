@@ -13,7 +13,7 @@ from polhode.solvers.catalogue import first_available
 from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
-TOLERANCE = 1e-12
+_TIGHT_TOLERANCE = 1e-12
 # The tangent is brought back to unit length after each of so many intervals, and its growth written
 # down.
 _INTERVALS = 400
@@ -97,7 +97,7 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
             piece = replace(
                 problem, start=tuple(start.tolist()), end=float(times[i + 1] - times[i])
             )
-            run = solve(piece, method, TOLERANCE / 100)
+            run = solve(piece, method, _TIGHT_TOLERANCE / 100)
             if not run.success:
                 raise ValueError(
                     f"form {problem.name!r}: a neighbour's run ended with {run.status} after t = {times[i]:g}"
@@ -116,5 +116,5 @@ def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any
     """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(
-        system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True
+        system, [0.0] * len(system), tol=_TIGHT_TOLERANCE, compact_mode=True
     )

@@ -54,9 +54,9 @@ def errors(
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
-    each = np.max(difference, axis=0)
+    component_errors = np.max(difference, axis=0)
     worst = int(np.argmax(np.max(difference, axis=1)))
-    slow = Errors(float(np.max(each)), worst, tuple(each.tolist()))
+    slow = Errors(float(np.max(component_errors)), worst, tuple(component_errors.tolist()))
     angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
     if angle is None:
         return slow
@@ -144,7 +144,8 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
             [entries, observables.angular_momentum[:, 2], observables.energy]
         ).astype(float)
 
-    a, b = columns(found), columns(true)
+    a = columns(found)
+    b = columns(true)
     scale = np.ones(b.shape[1])
     scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
     levels = (np.arange(len(a)) + 0.5) / len(a)
@@ -166,8 +167,8 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
         return None
     ellipsoid = scene.ellipsoid
     unit = max(scene.ellipsoid.inertia)
-    known = (completed(ellipsoid, each.rotation) for each in (found, true))
-    rotations = [rotation for rotation in known if rotation is not None]
+    completions = (completed(ellipsoid, run.rotation) for run in (found, true))
+    rotations = [rotation for rotation in completions if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
     omega = [

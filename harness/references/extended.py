@@ -93,13 +93,13 @@ def unlike_runs(
         left = deadline - perf_counter()
         if left <= 0:
             break
-        found = solve(
+        solution = solve(
             problem, name, tolerance, times, max_seconds=left, max_steps=_MAX_UNLIKE_STEPS
         )
-        if not found.success:
-            failures.append(f"{name} ended with {found.status}")
+        if not solution.success:
+            failures.append(f"{name} ended with {solution.status}")
             continue
-        runs[name] = found.states
+        runs[name] = solution.states
         if len(runs) == 2:
             return runs
     reasons = "; ".join(failures) or "no others are installed"

@@ -21,7 +21,7 @@ from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
 # The explicit runs are cheap enough to follow a chaotic scene for a while.
-TOLERANCE = 1e-9
+_LOOSE_TOLERANCE = 1e-9
 _STIFF_TOLERANCE = 1e-6
 _AVERAGED_TOLERANCE = 1e-6
 # Beyond so many rotations averages are cheaper than a loose run, and no less accurate.
@@ -179,7 +179,9 @@ def _angle(scene: Scene) -> float:
     longest = min(
         scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene))
     )
-    solver, tolerance = ("cyrk-radau", _STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
+    solver, tolerance = (
+        ("cyrk-radau", _STIFF_TOLERANCE) if stiff else ("cyrk-vern8", _LOOSE_TOLERANCE)
+    )
     risen = longest if _is_separated(scene) else _RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
@@ -196,7 +198,7 @@ def _angle(scene: Scene) -> float:
             # No averages are known in other flows than shear.
             continue
         reached = start_from(scene.ellipsoid, form.observe(scene, run.states[-1:, :-1]))
-        rest = replace(scene, start=reached, time=scene.time - end)
-        if _averages_well(rest) and (further := _averaged_angle(rest)) is not None:
+        remaining = replace(scene, start=reached, time=scene.time - end)
+        if _averages_well(remaining) and (further := _averaged_angle(remaining)) is not None:
             return whole + further
     return angle
