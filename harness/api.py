@@ -1,4 +1,4 @@
-"""What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
+"""The functions for Python users and the command `solve`: a scene, a plan, a solution."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -117,7 +117,7 @@ def plan(
     estimate: bool = True,
     times: Sequence[float] | np.ndarray | None = None,
 ) -> Plan:
-    """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
+    """The runs that `solve` will make; arguments and refusals as there."""
     checked_scene = as_scene(scene)
     check_samples(samples)
     if times is not None and samples != DEFAULT_SAMPLES:
@@ -254,7 +254,7 @@ def pick(
     solver: SolverLike = None,
     everything: bool = False,
 ) -> Recommendation:
-    """What to run for a scene, and what it will cost.
+    """Recommend a run for a scene, and predict its cost.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def pick(
 
 
 def as_scene(scene: SceneLike) -> Scene:
-    """The scene itself, that of a file, or the built-in one of that name; ValueError if there is none."""
+    """A scene as it is, from a file, or the built-in one of that name; ValueError if none."""
     if isinstance(scene, Scene):
         return _in_doubles(scene)
     if isinstance(scene, str | PathLike):

@@ -12,14 +12,14 @@ from polhode.models.own_function import place_of
 from polhode.models.registry import hint
 from polhode.models.theory.fixed_points import attractors
 
-# The function is looked at so often per step of the run, and between two rows at least; and so
-# often at most.
+# Evaluations of the function: per step of the run, least number between two rows, and most in all.
 _LOOKS_PER_STEP = 16
 _LOOKS_PER_ROW = 4
 _MOST_LOOKS = 1_000_000
 # SciPy's least.
 _RTOL = np.float64(4 * np.finfo(float).eps)
-# Of the largest value: further apart one row's values are not the same but for the order of sums.
+# Share of the largest value: values of one row that differ by more differ by more than the order of
+# sums.
 _SAME = 1e-9
 # Distance in L and E, over I_max, within which a particle has arrived.
 ARRIVED = 0.05
@@ -62,7 +62,7 @@ class Event:
         return values
 
     def ends(self, happened: Any) -> Any:
-        """Where it ends a solution in which it happened like this, as times of one or none."""
+        """The time at which it ends a solution in which it happened like this: one time, or none."""
         return happened.t[self.terminal - 1 : self.terminal] if self.terminal else happened.t[:0]
 
 

@@ -80,9 +80,9 @@ _PLANNED_SHARE = 0.3
 _MAX_STRIDE = 1e4
 # A tighter run has this share of the difference before; else tolerance no longer sets the errors.
 _FALLING = 0.7
-# A search ends when the difference has not fallen this many times: once may be chance, near L² = 2EI₂.
+# A search ends when the difference has not fallen this often: once may be chance, near L² = 2EI₂.
 _MAX_STALLS = 2
-# Steps that a second run may take: a multiple of the steps of the run, and an amount that costs little.
+# Most steps of a second run: a multiple of the steps of the run, and an amount that costs little.
 STEP_RATIO = 30
 STEP_FLOOR = 20_000
 # The tightest tolerance of a run that a tighter one confirms.

@@ -2,8 +2,8 @@
 
 Each group draws scenes that its solvers are for, and runs one of them at a random tolerance or
 until a random error is met. The whole solution is compared with a reference in long double at
-`COMPARED_TIMES` times. One set of runs fits the factors (`fitted`), another counts how many statements hold
-(`counted`), and how many answers meet the error (`answered`).
+`COMPARED_TIMES` times. One set of runs fits the factors (`fitted`), another counts how many
+statements hold (`counted`), and how many answers meet the error (`answered`).
 """
 
 import json

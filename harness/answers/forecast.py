@@ -1,4 +1,4 @@
-"""Forecasts of long runs: from a shorter course like it, and from the growth of steps and errors with rotations."""
+"""Forecasts of long runs: from a shorter course, and from the growth of steps and errors."""
 
 from dataclasses import dataclass, replace
 from math import inf

@@ -98,7 +98,7 @@ def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evalua
 
 
 def measured(question: Question) -> Record:
-    """The answer of `pick` to a question beside measured runs; a reason alone if there is no reference."""
+    """The answer of `pick` beside measured runs; a reason alone if there is no reference."""
     try:
         true = _reference(question)
     except (ReferenceFailedError, ValueError) as reason:
@@ -152,7 +152,7 @@ def measured(question: Question) -> Record:
 
 
 def ask(question: Question) -> tuple[Recommendation | None, str, float]:
-    """The answer of `pick`, or its refusal, and the seconds of asking with everything compiled and paced."""
+    """The answer of `pick`, or its refusal, and the seconds of asking, all compiled and paced."""
     _asked(question)
     forget()
     began = perf_counter()

@@ -105,6 +105,6 @@ def unseen(scene: Scene, number: int) -> Scene:
 
 
 def steps_in(solution: Solution) -> int:
-    """Steps of a run, with rejected steps and steps of a method's own check runs; 0 where unknown."""
+    """Steps of a run, with rejected steps and steps of its own check runs; 0 where unknown."""
     work = solution.work
     return (work.steps or 0) + (work.rejected or 0) + (work.inner or 0)

@@ -333,7 +333,7 @@ class _Race:
                 self.follow(method, self.segment_of(method))
 
     def segment_of(self, method: Method) -> _Segment:
-        """The segment to race a method on: splitting takes few steps because St is large, and its beginning stands for it."""
+        """The segment to race a method on: the beginning for splitting, whose steps are few."""
         if not _splits(method) or self.course.whole:
             return self.segment
         if self._splitting is None:

@@ -1,4 +1,4 @@
-"""The answer of `pick`: runs of a scene, from the cheapest to the dearest, and methods that will not do."""
+"""The answer of `pick`: runs of a scene, the cheapest first, and methods that will not do."""
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property

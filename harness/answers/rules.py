@@ -245,7 +245,7 @@ def _within(tolerance: float) -> float:
 
 
 def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
-    """Approximate steps of a run, in steps of an explicit method; 0 where steps do not follow the rotations."""
+    """Approximate steps of a run, in explicit ones; 0 where they do not follow the rotations."""
     if method.form.averaged or method.form.name == "hybrid" or method.solver.closed_form:
         return 0.0
     turns = rotations(scene)

@@ -1,4 +1,4 @@
-"""The error that a run states: its difference from a second run, times a factor of the kind of confirmation.
+"""The error that a run states: its difference from a second run, times a factor of its kind.
 
 Both runs are compared at `INNER` times of their own, so that the statement holds for the solution
 and does not depend on the rows that the user asks for.
@@ -121,7 +121,7 @@ class RunError:
         return Along(*ends)
 
     def words(self) -> str:
-        """The errors in a line; the error of L and E also as a share of the run's largest |L_z|, if smaller."""
+        """The errors in a line; L and E also as a share of the run's largest |L_z|, if smaller."""
         parts = []
         if self.slow:
             smaller = 0 < self.slow.high <= self.largest_lz

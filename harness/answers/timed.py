@@ -23,7 +23,7 @@ from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
-# The timed function: it gives observables at `TIMED_ROWS` times, and the upper end of their stated error.
+# The timed function: observables at `TIMED_ROWS` times, and the upper end of the error.
 Ask = Callable[[Scene, float, str], tuple[Observables | None, float | None, str]]
 
 # Strata by the seconds of plain practice, and what an answer may take over it: in the median, and in
@@ -37,7 +37,7 @@ _STOKES = (-2.0, 7.0)
 _ERRORS = (-9.0, -3.0)
 # St from which on the orientation is not asked for: it would have to be followed through all turns.
 _SLOW_FROM = 3e4
-# An error beyond this multiple of the requested one counts as missed: plain practice is the reference.
+# The requested error is missed beyond this multiple of it: plain practice is the reference.
 MISSED = 1.5
 # Scenes that are asked about first, so that all is compiled.
 _WARM_UP = 12

@@ -1,4 +1,8 @@
-"""What measures: `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput`, `flows`."""
+"""Commands that measure.
+
+They are `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput` and
+`flows`.
+"""
 
 import os
 from dataclasses import asdict, replace
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-# What pages are made with, asked for before anything is measured.
+# Libraries that pages need: their absence is reported before anything is measured.
 _PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
 # Modules of `pages` by what a study names.
 _PAGES = {
@@ -27,8 +31,8 @@ _PAGES = {
     "known-stokes": "known_stokes",
     "stiff": "stiff",
 }
-# Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
-# numerics.
+# Parts of `accuracy` by order: repeated from `averaging.second_order` and `averaging.hybrid`, so that
+# `--help` needs no numerics.
 ACCURACY_PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 _FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
@@ -130,7 +134,7 @@ def _object_in(location: str) -> Any:
     spec = spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
         raise ValueError(f"{path}: got no module of Python, expected FILE.py:NAME")
-    # What lies beside the file may be imported by it.
+    # The file may import modules beside it.
     sys.path.insert(0, str(file.resolve().parent))
     module = sys.modules[file.stem] = module_from_spec(spec)
     try:
@@ -397,7 +401,8 @@ def sweep(
         tally = run_sweep(sweep_plan, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
             raise RunFailed(
-                f"{tally.failed} of {sweep_plan.size} tasks failed, --resume tries again: {tally.message}"
+                f"{tally.failed} of {sweep_plan.size} tasks failed, --resume tries again: "
+                f"{tally.message}"
             )
         # Slow to import, and not needed until all is done.
         from polhode.harness.pages.ensembles import write_results

@@ -79,9 +79,9 @@ class Ensemble:
     equations: Equations = (
         "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
     )
-    # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the
-    # largest moment of inertia, meant for 97.5 % of the particles, for averaged ones the tolerance
-    # of `run_adaptive`.
+    # For full equations: the error of `equal_steps.plan`. For hybrid ones: the error of L and E over
+    # the largest moment of inertia, meant for 97.5 % of the particles. For averaged ones: the
+    # tolerance of `run_adaptive`.
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
@@ -124,7 +124,7 @@ class Ensemble:
 
     @property
     def form(self) -> str:
-        """Catalogue name of the form whose states are those of the particles; `hybrid` has those of full equations."""
+        """Catalogue name of the form of the states; `hybrid` has the states of full equations."""
         return (
             averaged_form(self.any_scene)
             if self.equations == "averaged"
@@ -133,7 +133,7 @@ class Ensemble:
 
     @property
     def method(self) -> str:
-        """What the particles are run by, in words."""
+        """The method that runs the particles, in words."""
         if self.equations == "averaged":
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         if self.equations == "hybrid":
@@ -163,7 +163,7 @@ class Ensemble:
 
     @cached_property
     def layout(self) -> Layout:
-        """What is counted."""
+        """The counted quantities and their bins."""
         shape = self.ellipsoid
         start_momentum = self.starts.angular_momentum
         axes = (

@@ -1,10 +1,10 @@
 """Hybrid equations of many particles: averaged to first order where that is good enough, form `hybrid` elsewhere.
 
 An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So
-whatever keeps no more than that error may as well draw them, evenly, as averaging says they are.
-What averaging leaves out is largest where
-|L| is least; how small |L| may become is found on a sample that runs both ways. A particle of smaller |L| follows the
-full equations until |L| has grown again, or form `hybrid` where that would take longer.
+a method that keeps no more than that error may draw them evenly, as averaging says they are. The
+error of averaging is largest where |L| is least; how small |L| may become is found on a sample that
+runs both ways. A particle of smaller |L| follows the full equations until |L| has grown again, or
+form `hybrid` where that would take longer.
 """
 
 from dataclasses import replace
@@ -24,21 +24,21 @@ from polhode.solvers.ensembles.equal_steps import TAYLOR, run, unplanned
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
-# What particles are run by one at a time.
+# Solver of particles that run one at a time.
 SOLVER = "cyrk-vern8"
 # Error asked for times St from which on phases are drawn: the median error of averaging is some
 # 14/St.
 _OPEN = 10.0
-# Particles that run both ways, out of so many, and the share of all that may miss the error.
+# Particles that run both ways, their pool, and the share of all that may miss the error.
 BOTH_WAYS = 64
 POOL = 4096
 _MISSED = 0.025
-# Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`,
-# so long, by trial.
+# Full equations last until |L| is this multiple of the least; in the time of one run of form
+# `hybrid`, they reach this time, by trial.
 _CLEAR = 1.25
 FULL = 3e5
-# Their error of the whole state over that of L and E: by trial thousands, as the phases gather what
-# L errs by.
+# Ratio of their errors of the whole state and of L and E: by trial thousands, as the phases add up
+# the errors of L.
 _WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
@@ -50,7 +50,7 @@ Array = np.ndarray
 
 def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     """|L| over I_max down to which averaging to first order keeps an error of L and E over I_max; inf if nowhere."""
-    # Of the starts, states of the full equations, the more run both ways the smaller |L| becomes.
+    # Starts are states of the full equations: the smaller |L| becomes, the more of them run both ways.
     unit = max(scene.ellipsoid.inertia)
     form = find_form(full_form(scene))
     if (
@@ -130,7 +130,7 @@ def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 
 
 def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
-    """States of the form averaged to first order, shape (m, n, 4), from those of the full equations, and statuses."""
+    """States of the form averaged to first order, (m, n, 4), from full states, and statuses."""
     unit = max(scene.ellipsoid.inertia)
     problem = find_form(averaged_form(scene)).problem(
         replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2))

@@ -1,4 +1,4 @@
-"""Where the particles of an ensemble start: distributions of orientation and motion, drawn from a seed."""
+"""Starts of an ensemble: distributions of orientation and motion, drawn from a seed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ in any direction."""
 
 
 def _either(value: Any, valid: Callable[[Any], Any]) -> Any:
-    """What is valid; else ValueError with both choices, instead of what each lacks."""
+    """The valid value; else ValueError with both choices, instead of what each lacks."""
     try:
         return valid(value)
     except ValidationError:

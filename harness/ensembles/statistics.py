@@ -24,7 +24,7 @@ SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
 
 @dataclass(frozen=True)
 class Layout:
-    """What is counted, and in which bins: of each histogram `bins` lie between its limits, two hold what is beyond."""
+    """Counted quantities; `bins` of each histogram lie between its limits, two beyond."""
 
     axes: tuple[int, ...]  # body axes whose orientation moments are kept
     snapshots: int  # times at which moments and distributions are kept

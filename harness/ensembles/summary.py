@@ -1,4 +1,4 @@
-"""What the statistics of an ensemble say: means with standard errors, fractions and quantiles with intervals."""
+"""Summary of an ensemble: means with standard errors, fractions, quantiles with intervals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from polhode.harness.ensembles.statistics import (
 )
 
 _QUANTILES = (0.1, 0.5, 0.9)
-# Where the squares of `SECOND` stand in `FOURTH`.
+# Places of the squares of `SECOND` in `FOURTH`.
 _SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
 
 

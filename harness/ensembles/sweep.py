@@ -42,7 +42,7 @@ NO_TIMES = "no times: tasks may run side by side"
 
 
 class SweepFlowTable(FlowTable):
-    """``[flow]`` of a sweep: that of a scene, or `tracks`, a folder with a CSV file for each particle."""
+    """``[flow]`` of a sweep: as in a scene, or `tracks`, a folder of one CSV file per particle."""
 
     tracks: str | None = None
 
@@ -61,7 +61,7 @@ class SweepFlowTable(FlowTable):
 
 
 class SweepTable(Table):
-    """A sweep file; its name is that of the folder of its results."""
+    """A sweep file; the folder of its results has its name."""
 
     name: Name
     title: str
@@ -115,7 +115,7 @@ class Sweep:
 
 
 class Tally(NamedTuple):
-    """What a run of a sweep did."""
+    """Counts of a run of a sweep."""
 
     finished: int  # tasks done by it
     found: int  # tasks that the store held already
@@ -222,8 +222,8 @@ def _ensemble(
     ensemble = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **limits)
     tolerance = table.tolerance
     tolerance = tolerance or Ensemble.tolerance
-    # Where averaging is good enough, and takes the starts, it is the cheaper by far: its cost does
-    # not grow with St.
+    # If averaging is good enough, and takes the starts, it is the cheaper by far: its cost does not
+    # grow with St.
     if (
         not table.equations
         and AVERAGING / tolerance <= stokes < inf

@@ -1,4 +1,4 @@
-"""What ensembles cost, measured on a quiet machine (`polhode throughput`).
+"""Cost of ensembles, measured on a quiet machine (`polhode throughput`).
 
 Throughput per core is measured in one process at a time; two processes are compared with one as
 wall time, at the end.
@@ -224,7 +224,7 @@ def _run_all(ensemble: Ensemble) -> int:
 
 
 def overhead() -> Iterator[dict[str, Any]]:
-    """What engines add to tasks of a second that use the processor, the start of processes left out."""
+    """Time that engines add to tasks of a second, without the start of processes."""
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks

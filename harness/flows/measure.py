@@ -1,4 +1,4 @@
-"""What is measured of scenes in linear flows: one function for each table of the page, rows as plain data."""
+"""Measurements in linear flows: a function for each table of the page, rows as plain data."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -75,7 +75,7 @@ def random_gradient(random: np.random.Generator) -> Any:
 
 
 def fields(quick: bool = False) -> Iterator[Record]:
-    """How far rates by the equations of any flow are from those of shear, over the latter's norm."""
+    """Largest relative difference of rates by the equations of any flow and of shear."""
     random = np.random.default_rng(1)
     for name in _FORMS:
         worst = 0.0
@@ -119,7 +119,7 @@ def _least_seconds(runs: Sequence[Solution]) -> float:
 
 
 def costs(quick: bool = False) -> Iterator[Record]:
-    """Time of runs by the equations of any flow over that by those of shear, in turns; the least of some rounds."""
+    """Times by the equations of any flow and of shear, in turns; the least of some rounds."""
     for scene_name, name, stokes, solvers in _COSTS:
         time = COST_TIME / 10 if quick else COST_TIME
         scene = replace(named_scene(scene_name), stokes=stokes, time=time)
@@ -245,7 +245,7 @@ def orders(quick: bool = False) -> Iterator[Record]:
 
 
 def knots(quick: bool = False) -> Iterator[Record]:
-    """What a knot costs beyond the same run in a constant flow, by solver."""
+    """Cost of a knot beyond the same run in a constant flow, by solver."""
     equations = find_form("quaternion")
     for solver in _TRACK_SOLVERS:
         for count in _LONG_TRACK_KNOTS[:1] if quick else _LONG_TRACK_KNOTS:

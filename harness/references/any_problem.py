@@ -2,8 +2,8 @@
 
 Two runs of one method share its blindness: both step over a pulse, or over a kink. So an unlike
 method begins anew at every sample, from the reference's own states, with a limit on its largest
-step. Where it lands elsewhere, the reference gives way to runs of such methods, and what they differ
-by is its uncertainty.
+step. If it lands elsewhere, the reference gives way to runs of such methods, and their difference is
+its uncertainty.
 """
 
 from collections.abc import Callable
@@ -41,12 +41,12 @@ _PAIRS = (
 )
 # Absolute over relative tolerance of these runs, over the size of the start.
 _SMALL = 1e-6
-# What double precision leaves of a run of some thousand steps.
+# Error that double precision leaves in a run of some thousand steps.
 _ROUNDING = 1e-14
 # Deviation of two unlike runs, over a component's size, up to which they confirm each other.
 _CONFIRMED = 1e-5
 
-# Two unlike runs may err alike: the uncertainty is at least so many times their deviation.
+# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation.
 _ALIKE = 3.0
 
 Measure = Callable[[np.ndarray, np.ndarray], float]
@@ -234,7 +234,7 @@ def _by_pair(
 
 
 def _clock_off(problem: Problem, times: np.ndarray, states: np.ndarray, steps: int) -> np.ndarray:
-    """States, shape (n, d), at times that are off by what rounding makes of a sum of so many steps.
+    """States, shape (n, d), at times that are off by the rounding of a sum of `steps` steps.
 
     All runs whose steps have one limit share that error, whatever their method and tolerance.
     """

@@ -16,21 +16,21 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
-# Pieces of a run, evenly spread over it; so many of them must be decided, none against the
-# reference.
+# Pieces of a run, evenly spread over it. At least `_REQUIRED` of them must be decided, none against
+# the reference.
 _PIECES = 24
 _REQUIRED = 20
 # Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
-# time for averaged ones: those of low order are slow.
+# time for averaged ones: methods of low order are slow.
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
 # Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
 _LARGEST_EXPONENT = 5.0
-# The other method's own error at the tight tolerance: the tolerance, what the loose one makes of
-# it, ten times what an ulp in the start makes, an ulp for each of its steps, and rounding of the
-# numbers compared. Of L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a disc at St
-# = 3e5, where √n ulps are 2e-14.
+# The other method's own error at the tight tolerance is a sum: the tolerance, the difference of the
+# loose run, ten times the effect of an ulp in the start, an ulp for each step, and rounding of the
+# numbers compared. It holds for L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a
+# disc at St = 3e5, where √n ulps are 2e-14.
 _TOLERANCES = {
     "cyrk-vern8": (1e-14, 1e-13),
     "dop853": (1e-13, 1e-12),
@@ -45,7 +45,7 @@ _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1
 
 @dataclass(frozen=True)
 class Certificate:
-    """What confirmed a reference: the form and solver that solved its pieces again."""
+    """Confirmation of a reference: the form and solver that solved its pieces again."""
 
     form: str
     solver: str
@@ -94,8 +94,9 @@ def certify(
             back += 1
         if not worst <= 1:  # No number where a run ended beyond all numbers.
             raise ReferenceFailedError(
-                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {opposite_form!r} by "
-                f"{solver} on the piece from {start:g} to {stop:g}: {worst:.1f} times the method's error"
+                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form "
+                f"{opposite_form!r} by {solver} on the piece from {start:g} to {stop:g}: "
+                f"{worst:.1f} times the method's error"
             )
     if agreed < _REQUIRED:
         raise ReferenceFailedError(
@@ -125,7 +126,7 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
-    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
+    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L, in ulps."""
     rotation = observables.rotation[0].astype(float)
     ulp = np.finfo(float).eps * ulps
     momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
@@ -202,8 +203,7 @@ def _compare(
     ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float
 ) -> float:
     """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
-    # Of the runs the second is compared; the first is looser, and the others start elsewhere by an
-    # ulp.
+    # The second run is compared; the first is looser, and the others start elsewhere by an ulp.
     loose, tight, *moved = runs
     deviation = errors(ellipsoid, tight, true)
     numerical_error = errors(ellipsoid, loose, tight)

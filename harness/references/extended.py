@@ -36,7 +36,7 @@ _MAX_UNLIKE_STEPS = 10_000_000
 
 
 class ReferenceFailedError(RuntimeError):
-    """There is no reference; `status` is that of the run that failed, empty if none did."""
+    """There is no reference; `status` is the status of the failed run, empty if none failed."""
 
     def __init__(self, message: str, status: str = "") -> None:
         super().__init__(message)
@@ -113,7 +113,7 @@ def reference_runs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """States of a tight and of a loose run, shape (n, d) each, from whose difference the uncertainty follows.
 
-    Taylor runs in extended precision, or without heyoka those of `unlike_runs`.
+    Taylor runs in extended precision, or without heyoka the runs of `unlike_runs`.
     """
     if extends_precision():
         tight, loose = (extended_run(problem, times, *run) for run in runs)

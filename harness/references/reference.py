@@ -66,10 +66,11 @@ MOST_ROTATIONS = 2e5
 _SPHEROIDS = ("splitting-extended", 1e-13)
 _OTHERS = ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
-# Where CyRK is missing; SciPy takes no tolerance below 2.2e-14.
+# Without CyRK; SciPy takes no tolerance below 2.2e-14.
 _AGAINST_WITHOUT = ("dop853", 1e-13)
-# Over so many shear times that one loses the phase. It confirms the reference, and how well that is
-# known follows from this run, which errs as much as the reference: so many times their distance.
+# In the longest runs the method `AGAINST` loses the phase. It still confirms the reference. The
+# uncertainty follows from this further run, which errs as much as the reference: it is `_ALIKE` times
+# their distance.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
@@ -179,7 +180,7 @@ def _far(scene: Scene) -> bool:
 
 
 def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
-    """Whether what is kept is a failure that says nothing of a trial of so many seconds."""
+    """Whether the cached record is a failure that a trial of `seconds` may overcome."""
     if "failure" not in arrays:
         return False
     judged = "status" in arrays and int(arrays["certificates"]) == _CERTIFICATES
