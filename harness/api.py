@@ -98,12 +98,14 @@ class Plan:
         for event in events:
             event.values(start_solution)
 
-    def observed(self, found: Solution, form: Form | None = None) -> SceneSolution:
+    def observed(self, solution: Solution, form: Form | None = None) -> SceneSolution:
         """The motion of the scene that a solution of the problem of a form stands for."""
         names = {method.form.name: method.form for method in self.methods}
-        form = form or names.get(found.problem.name, self.form)
-        observables = form.observe(self.scene, found.states)
-        return SceneSolution(self.scene, form, found, self._times[: len(found.times)], observables)
+        form = form or names.get(solution.problem.name, self.form)
+        observables = form.observe(self.scene, solution.states)
+        return SceneSolution(
+            self.scene, form, solution, self._times[: len(solution.times)], observables
+        )
 
 
 def plan(

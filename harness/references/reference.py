@@ -161,7 +161,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
                 return failed | {"seconds": seconds, "certificates": _CERTIFICATES}
 
         arrays, disturbed = within(
-            seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT
+            seconds, computed, lambda record: str(record.get("status")) == Status.TIME_LIMIT
         )
         if not disturbed:
             arrays = cache.keep(key, arrays)
