@@ -1,7 +1,8 @@
-"""What Python users call, and the command `solve` with them: a scene, a plan, a solution."""
+"""The functions for Python users and the command `solve`: a scene, a plan, a solution."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from operator import is_
 from os import PathLike, fspath
 from typing import Any
@@ -93,16 +94,18 @@ class Plan:
         head = problem, solver, solver.settings(self.tolerance), np.zeros(1)
         states = np.array([problem.start])
         start = Solution(*head, states, Status.REACHED_END, "", Work(), 0.0)
-        seen = self.observed(start, form)
+        start_solution = self.observed(start, form)
         for event in events:
-            event.values(seen)
+            event.values(start_solution)
 
-    def observed(self, found: Solution, form: Form | None = None) -> SceneSolution:
+    def observed(self, solution: Solution, form: Form | None = None) -> SceneSolution:
         """The motion of the scene that a solution of the problem of a form stands for."""
         names = {method.form.name: method.form for method in self.methods}
-        form = form or names.get(found.problem.name, self.form)
-        observables = form.observe(self.scene, found.states)
-        return SceneSolution(self.scene, form, found, self._times[: len(found.times)], observables)
+        form = form or names.get(solution.problem.name, self.form)
+        observables = form.observe(self.scene, solution.states)
+        return SceneSolution(
+            self.scene, form, solution, self._times[: len(solution.times)], observables
+        )
 
 
 def plan(
@@ -116,26 +119,28 @@ def plan(
     estimate: bool = True,
     times: Sequence[float] | np.ndarray | None = None,
 ) -> Plan:
-    """What `solve` will run; arguments and refusals as there, in one place for Python and the command line."""
-    what = as_scene(scene)
+    """The runs that `solve` will make; arguments and refusals as there."""
+    checked_scene = as_scene(scene)
     check_samples(samples)
     if times is not None and samples != DEFAULT_SAMPLES:
         raise ValueError(f"samples: got {samples} beside times, expected one of them")
-    end = what.time
+    end = checked_scene.time
     rows = np.linspace(0.0, end, samples) if times is None else increasing("times", times, 0.0, end)
     if not rows[-1]:
         raise ValueError(f"times: got {times!r:.60}, expected one after the start")
-    if rows[-1] != what.time:
-        what = replace(what, time=float(rows[-1]))
+    if rows[-1] != checked_scene.time:
+        checked_scene = replace(checked_scene, time=float(rows[-1]))
     check_request(error, want)
     error = float(error)
     if tolerance is not None:
         check_tolerance(tolerance)
-    methods = _methods(what, form, solver, error, want, tolerance)
-    problem = _checked(what, methods[0])
+    methods = _methods(checked_scene, form, solver, error, want, tolerance)
+    problem = _checked(checked_scene, methods[0])
     requested = None if tolerance else (error, want)
-    first = tolerance or first_tolerance(what, methods[0], error, want)
-    return Plan(what, methods, float(first), rows, requested, estimate, {methods[0].form: problem})
+    first = tolerance or first_tolerance(checked_scene, methods[0], error, want)
+    return Plan(
+        checked_scene, methods, float(first), rows, requested, estimate, {methods[0].form: problem}
+    )
 
 
 def _methods(
@@ -235,9 +240,9 @@ def solve(
     >>> solve("paper", form="quaternion", solver="taylor", tolerance=1e-10).status
     <Status.REACHED_END: 'reached_end'>
     """
-    wanted = as_events(events)
+    checked_events = as_events(events)
     return plan(scene, form, solver, tolerance, error, want, samples, estimate, times).run(
-        events=wanted
+        events=checked_events
     )
 
 
@@ -251,7 +256,7 @@ def pick(
     solver: SolverLike = None,
     everything: bool = False,
 ) -> Recommendation:
-    """What to run for a scene, and what it will cost.
+    """Recommend a run for a scene, and predict its cost.
 
     Parameters
     ----------
@@ -288,12 +293,12 @@ def pick(
     check_samples(samples)
     forms = [FORMS.name_of(find_form(form)) or ""] if form else list(FORMS)
     solvers = [SOLVERS.name_of(find_solver(solver)) or ""] if solver else list(SOLVERS)
-    names = [(one, other) for one in forms for other in solvers] if form or solver else []
+    names = list(product(forms, solvers)) if form or solver else []
     return recommend(as_scene(scene), error, want, samples, everything, names)
 
 
 def as_scene(scene: SceneLike) -> Scene:
-    """The scene itself, that of a file, or the built-in one of that name; ValueError if there is none."""
+    """A scene as it is, from a file, or the built-in one of that name; ValueError if none."""
     if isinstance(scene, Scene):
         return _in_doubles(scene)
     if isinstance(scene, str | PathLike):
@@ -301,18 +306,18 @@ def as_scene(scene: SceneLike) -> Scene:
     raise ValueError(f"scene: got {scene!r}, expected a Scene, a file or a built-in scene's name")
 
 
-def _in_doubles(given: Any) -> Any:
+def _in_doubles(value: Any) -> Any:
     """A scene, or a part of it, in Python numbers: NumPy's may be of single precision, its arrays have no hash."""
-    if given is None or isinstance(given, Flow):
+    if value is None or isinstance(value, Flow):
         # A flow holds Python numbers, and may hold many.
-        return given
-    if hasattr(given, "__dataclass_fields__"):
-        parts = {name: getattr(given, name) for name in given.__dataclass_fields__}
-        others = {
-            name: own for name, part in parts.items() if (own := _in_doubles(part)) is not part
+        return value
+    if hasattr(value, "__dataclass_fields__"):
+        parts = {name: getattr(value, name) for name in value.__dataclass_fields__}
+        changed = {
+            name: plain for name, part in parts.items() if (plain := _in_doubles(part)) is not part
         }
-        return replace(given, **others) if others else given
-    if np.ndim(given):
-        own = tuple(map(_in_doubles, given))
-        return given if given.__class__ is tuple and all(map(is_, own, given)) else own
-    return given if isinstance(given, float | int) else float(given)
+        return replace(value, **changed) if changed else value
+    if np.ndim(value):
+        plain = tuple(map(_in_doubles, value))
+        return value if value.__class__ is tuple and all(map(is_, plain, value)) else plain
+    return value if isinstance(value, float | int) else float(value)

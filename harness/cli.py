@@ -22,7 +22,7 @@ from polhode.models.registry import Question, hint
 
 
 class Words(NamedTuple):
-    """Where a command stands, and what is said of it."""
+    """The module of a command, and its texts."""
 
     name: str
     module: str
@@ -44,7 +44,9 @@ _GROUPS = (group.split("\n## ") for group in _TEXT.split("\n# ")[1:])
 GROUPS = {
     title.strip(): {words.name: words for words in map(_words, group)} for title, *group in _GROUPS
 }
-COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
+COMMANDS: dict[str, Words] = {}
+for _group in GROUPS.values():
+    COMMANDS.update(_group)
 # Names of version 0.1, understood in 0.2 too.
 FORMER = {"heldout": "validate", "footing": "equal-error"}
 
@@ -167,7 +169,7 @@ def polhode() -> None:
 def complaint(error: click.ClickException) -> str:
     """One line about what the command line cannot take: the command, click's words, and what was expected."""
     message = " ".join(error.format_message().split())
-    # What a terminal would obey, such as the escapes of a file's content, is written out.
+    # Signs that a terminal would obey, such as the escapes of a file's content, are written out.
     message = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in message)
     if not isinstance(error, click.UsageError) or error.ctx is None:
         return f"polhode: {message}"

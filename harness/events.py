@@ -12,14 +12,14 @@ from polhode.models.own_function import place_of
 from polhode.models.registry import hint
 from polhode.models.theory.fixed_points import attractors
 
-# The function is looked at so often per step of the run, and between two rows at least; and so
-# often at most.
+# Evaluations of the function: per step of the run, least number between two rows, and most in all.
 _LOOKS_PER_STEP = 16
 _LOOKS_PER_ROW = 4
 _MOST_LOOKS = 1_000_000
 # SciPy's least.
 _RTOL = np.float64(4 * np.finfo(float).eps)
-# Of the largest value: further apart one row's values are not the same but for the order of sums.
+# Share of the largest value: values of one row that differ by more differ by more than the order of
+# sums.
 _SAME = 1e-9
 # Distance in L and E, over I_max, within which a particle has arrived.
 ARRIVED = 0.05
@@ -51,8 +51,8 @@ class Event:
         except Exception as error:
             if self in EVENTS.values():
                 raise
-            what = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
-            raise ValueError(f"event {self.name!r}: got {what}") from error
+            cause = f"{type(error).__name__}: {error}{place_of(error, __file__)}"
+            raise ValueError(f"event {self.name!r}: got {cause}") from error
         if values.shape != solution.times.shape:
             got = values.shape
             expected = solution.times.shape
@@ -62,7 +62,7 @@ class Event:
         return values
 
     def ends(self, happened: Any) -> Any:
-        """Where it ends a solution in which it happened like this, as times of one or none."""
+        """The time at which it ends a solution in which it happened like this: one time, or none."""
         return happened.t[self.terminal - 1 : self.terminal] if self.terminal else happened.t[:0]
 
 
@@ -93,7 +93,8 @@ def distance_to_settled(solution: SceneSolution) -> np.ndarray:
         )
     slow = solution.observables.slow / max(scene.ellipsoid.inertia)
     return np.min(
-        [np.linalg.norm(slow - each.state, axis=1) - each.reach for each in states], axis=0
+        [np.linalg.norm(slow - attractor.state, axis=1) - attractor.reach for attractor in states],
+        axis=0,
     )
 
 
@@ -102,25 +103,29 @@ _KNOWN = Event("separatrix", separatrix), _LZ, Event("settled", distance_to_sett
 EVENTS = {event.name: event for event in _KNOWN}
 
 
-def as_events(given: Iterable[EventLike] | EventLike) -> list[Event]:
+def as_events(events: Iterable[EventLike] | EventLike) -> list[Event]:
     """Events by name, as functions or as `Event`; raises ValueError if a name is unknown or stands there twice."""
-    found = []
-    for what in given if isinstance(given, Iterable) and not isinstance(given, str) else [given]:
-        what = EVENTS.get(what, what) if isinstance(what, str) else what
-        if isinstance(what, Event):
-            found.append(what)
-        elif not callable(what):
-            expected = f"one of {', '.join(EVENTS)}, or a function{hint(str(what), EVENTS)}"
-            raise ValueError(f"events: got {what!r}, expected {expected}")
+    accepted = []
+    for event in (
+        events if isinstance(events, Iterable) and not isinstance(events, str) else [events]
+    ):
+        event = EVENTS.get(event, event) if isinstance(event, str) else event
+        if isinstance(event, Event):
+            accepted.append(event)
+        elif not callable(event):
+            expected = f"one of {', '.join(EVENTS)}, or a function{hint(str(event), EVENTS)}"
+            raise ValueError(f"events: got {event!r}, expected {expected}")
         else:
-            direction = getattr(what, "direction", 0.0)
-            terminal = getattr(what, "terminal", None) or False
-            found.append(Event(getattr(what, "__name__", repr(what)), what, direction, terminal))
-    names = [event.name for event in found]
+            direction = getattr(event, "direction", 0.0)
+            terminal = getattr(event, "terminal", None) or False
+            accepted.append(
+                Event(getattr(event, "__name__", repr(event)), event, direction, terminal)
+            )
+    names = [event.name for event in accepted]
     if len(set(names)) < len(names):
         advice = "give a function by def, or Event(name, function)"
         raise ValueError(f"events: got the names {names}, expected each once: {advice}")
-    return found
+    return accepted
 
 
 def happened(solution: Any, event: Event) -> Any:
@@ -161,19 +166,25 @@ def happened(solution: Any, event: Event) -> Any:
 
 def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSolution:
     """The solution with what happened, and no further than to the first event that ends it."""
-    found = {event.name: happened(solution, event) for event in events}
-    ends = [(time, found[event.name]) for event in events for time in event.ends(found[event.name])]
+    occurrences = {event.name: happened(solution, event) for event in events}
+    ends = []
+    for event in events:
+        occurrence = occurrences[event.name]
+        ends += [(time, occurrence) for time in event.ends(occurrence)]
     if ends:
         time, first = min(ends, key=itemgetter(0))
         end = first(time)
         solution = solution.until(end)
-        found = {name: each.rows(each.times <= end.times[0]) for name, each in found.items()}
-    return replace(solution, events=found)
+        occurrences = {
+            name: occurrence.rows(occurrence.times <= end.times[0])
+            for name, occurrence in occurrences.items()
+        }
+    return replace(solution, events=occurrences)
 
 
 def _looks(solution: Any) -> np.ndarray:
     """The solution's times and equispaced ones between each two of them."""
     rows = len(solution.times) - 1
-    wanted = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))
-    between = max(1, -(-min(wanted, _MOST_LOOKS) // max(rows, 1)))
+    looks = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))
+    between = max(1, -(-min(looks, _MOST_LOOKS) // max(rows, 1)))
     return np.interp(np.arange(rows * between + 1) / between, np.arange(rows + 1), solution.times)

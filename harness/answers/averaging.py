@@ -31,7 +31,7 @@ _MAX_STEPS = 300_000
 _EXACT_TOLERANCE = 1e-12
 # Rotations in a damping time from which on there is something to average over.
 _LEAST_TURNS = 0.3
-# The tolerance of a second run in pieces over that of the run: it has fewer and narrower windows.
+# Ratio of the tolerances of a second run in pieces and the run: it has fewer and narrower windows.
 _LOOSER_PIECES = 10.0
 
 
@@ -43,35 +43,35 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
     """Kind of confirmation, family, difference and note of a run that averages."""
     form = run.method.form
     if run.solution.stages:
-        other = _other_in_pieces(runner, run)
-        note = f"estimate of its pieces, and {other.words}"
-        return "estimate", "hybrid", with_estimate(runner, run, other), note
+        second = _second_in_pieces(runner, run)
+        note = f"estimate of its pieces, and {second.words}"
+        return "estimate", "hybrid", with_estimate(runner, run, second), note
     turns = rotations(runner.scene)
     if turns <= _DIRECT_TURNS and not isinstance(runner.scene.start, SlowStart):
         method = full_method(runner.scene)
-        other = runner.run(method, _FULL_TOLERANCE, _MAX_STEPS)
-        if other.success:
-            apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
-            return "unlike", "averaged", apart, f"unlike: {other.words}"
+        second = runner.run(method, _FULL_TOLERANCE, _MAX_STEPS)
+        if second.success:
+            apart = difference(runner.scene.ellipsoid, run.observables, second.observables)
+            return "unlike", "averaged", apart, f"unlike: {second.words}"
     usual = run.method
     if not run.method.solver.implicit:
         usual = Method(form, first_available(EXPLICIT))
     exact = runner.run(usual, min(run.tolerance, _EXACT_TOLERANCE), _MAX_STEPS)
     if not exact.success:
         raise NotKnownError(f"a second run ended with {exact.solution.status}")
-    own = difference(runner.scene.ellipsoid, run.observables, exact.observables)
+    numerical_error = difference(runner.scene.ellipsoid, run.observables, exact.observables)
     if hasattr(form, "estimate"):
         said: Any = form.estimate(runner.scene)  # pyright: ignore[reportAttributeAccessIssue]
-        apart = _raised(own, said.slow, said.orientation)
+        apart = _raised(numerical_error, said.slow, said.orientation)
         return "estimate", "second order", apart, "estimate of second order"
     model, stokes = _surrogate_difference(runner, exact, turns)
-    apart = Difference(own.slow + model, None)
+    apart = Difference(numerical_error.slow + model, None)
     return "estimate", "first order", apart, f"estimate from St = {stokes:.2g}"
 
 
-def with_estimate(runner: Runner, run: Run, other: Run) -> Difference:
+def with_estimate(runner: Runner, run: Run, second: Run) -> Difference:
     """Difference of two runs in pieces, raised by what the first one's pieces state."""
-    apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
+    apart = difference(runner.scene.ellipsoid, run.observables, second.observables)
     slow = np.zeros_like(apart.slow)
     angle = np.zeros_like(apart.slow)
     times = runner.inner
@@ -89,7 +89,7 @@ def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
     return Difference(apart.slow + slow, orientation)
 
 
-def _other_in_pieces(runner: Runner, run: Run) -> Run:
+def _second_in_pieces(runner: Runner, run: Run) -> Run:
     """A second run in pieces: by an unlike solver where the run's own is not the usual one, else looser."""
     usual = first_available(EXPLICIT)
     if run.method.solver.name == usual.name:
@@ -98,10 +98,10 @@ def _other_in_pieces(runner: Runner, run: Run) -> Run:
     else:
         method = Method(run.method.form, usual)
         tolerance = run.tolerance
-    other = runner.run(method, tolerance, _MAX_STEPS + 4 * run.steps)
-    if not other.success:
-        raise NotKnownError(f"a second run ended with {other.solution.status}")
-    return other
+    second = runner.run(method, tolerance, _MAX_STEPS + 4 * run.steps)
+    if not second.success:
+        raise NotKnownError(f"a second run ended with {second.solution.status}")
+    return second
 
 
 def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.ndarray, float]:

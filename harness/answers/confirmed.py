@@ -50,16 +50,16 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import UNLIMITED, Solver, SolverNotValidError, Status
 from polhode.solvers.solve import Interrupted, Solution
 
-# The tolerance of a tighter run over that of the run before: a third more steps at order 8.
+# Ratio of the tolerances of a tighter run and the run before: a third more steps at order 8.
 _TIGHTER = 0.1
 # The same of splitting, whose steps come in few sizes: 1.5 to 1.8 times the steps.
 _TIGHTER_SPLITTING = 1 / 30
-# The tolerance of a looser second run over that of the run: 0.65 of its steps at order 8.
+# Ratio of the tolerances of a looser second run and the run: 0.65 of its steps at order 8.
 _LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing.
 _LOOSE = 1e-5
-# The better one of two runs of a method takes at least so many times the steps of the other: at
-# order 6 it errs by as much as they differ, and by more where they are closer.
+# Least ratio of the steps of the better run to the steps of the worse run of one method. At this
+# ratio a method of order 6 errs by as much as its two runs differ, and by more below it.
 _LEAST_STEP_RATIO = 1.15
 # The same of splitting, where smaller factors hide errors up to 60 times the difference.
 LEAST_STEP_RATIO_SPLITTING = 1.35
@@ -74,15 +74,15 @@ _SATURATED = 0.03
 _LEAST_ERROR_PER_TOLERANCE = 1e-3
 # Runs of a method that look for an error, at most.
 _MAX_RUNS = 6
-# Where two runs have not met an error, the next one is planned to have this share of it.
+# If two runs have not met an error, the next one is planned to have this share of it.
 _PLANNED_SHARE = 0.3
 # A tolerance is divided by this much at most for that.
 _MAX_STRIDE = 1e4
 # A tighter run has this share of the difference before; else tolerance no longer sets the errors.
 _FALLING = 0.7
-# A search ends when the difference has not fallen so often: once may be chance, near L² = 2EI₂.
+# A search ends when the difference has not fallen this often: once may be chance, near L² = 2EI₂.
 _MAX_STALLS = 2
-# Steps that a second run may take: so many times those of the run, and an amount that costs little.
+# Most steps of a second run: a multiple of the steps of the run, and an amount that costs little.
 STEP_RATIO = 30
 STEP_FLOOR = 20_000
 # The tightest tolerance of a run that a tighter one confirms.
@@ -199,7 +199,7 @@ class _Search:
         self.stalls = 0
 
     def look(self, run: Run) -> float:
-        """Look at a run: the tolerance of the next one over that of this one, 1 if there is to be none."""
+        """Look at a run: the ratio of the next tolerance to its own, 1 if the search is over."""
         before = self.previous if self.previous and self.previous.success else None
         self.last = run
         if not run.success:
@@ -271,26 +271,26 @@ def _next_run(
 
 def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     """The error of an answer, with advice if it is not confirmed to be below the requested one."""
-    found = answer.error
+    stated_error = answer.error
     interval = answer.error.wanted(want)
     if not answer.solution.success or (interval and interval.high <= error):
-        return found
+        return stated_error
     head = f"the error asked for, {short(error)},"
     if interval is None:
-        return replace(found, advice=f"{head} is not confirmed: {found.note}")
+        return replace(stated_error, advice=f"{head} is not confirmed: {stated_error.note}")
     sure = "was probably missed" if interval.predicted > error else "may have been missed"
     size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
     form = answer.method.form
     full = full_form(scene)
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
     remedy = "no second run could confirm a tighter one"
-    if found.kind == "estimate" or form.averaged:
+    if stated_error.kind == "estimate" or form.averaged:
         remedy = "no full form takes such a start"
         if find_form(full).takes(scene) and form.name != full:
             remedy = f"do: --form {full}, whose error its tolerance alone sets"
     elif tighter > _LEAST_CONFIRMED:
         remedy = f"do: --tolerance {short(tighter)}"
-    return replace(found, advice=f"{head} {sure}: it is {size}; {remedy}")
+    return replace(stated_error, advice=f"{head} {sure}: it is {size}; {remedy}")
 
 
 def confirmation(runner: Runner, run: Run) -> RunError:
@@ -301,19 +301,21 @@ def confirmation(runner: Runner, run: Run) -> RunError:
     before = SPENT.seconds["compilation"]
     try:
         with np.errstate(all="ignore"):
-            found = _confirmation(runner, run)
+            stated_error = _confirmation(runner, run)
     except (FormNotValidError, SolverNotValidError, averaging.NotKnownError) as failure:
-        found = RunError(None, None, f"not confirmed: {failure}")
+        stated_error = RunError(None, None, f"not confirmed: {failure}")
     compilation = SPENT.seconds["compilation"] - before
-    return replace(found, seconds=perf_counter() - began - compilation)
+    return replace(stated_error, seconds=perf_counter() - began - compilation)
 
 
 def _confirmation(runner: Runner, run: Run) -> RunError:
     if run.method.solver.closed_form:
         scene = runner.scene
-        seen = run.observables
+        observables = run.observables
         # Without inertia the flow alone turns the body, and L and E follow its orientation.
-        apart = of_rounding(scene.ellipsoid, seen, turns(scene, seen), scene.stokes == 0)
+        apart = of_rounding(
+            scene.ellipsoid, observables, turns(scene, observables), scene.stokes == 0
+        )
         return _stated(runner, "closed form", "exact", run, apart, "closed form: rounding")
     if run.averaged:
         kind, family, apart, note = averaging.compared(runner, run)
@@ -322,16 +324,16 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
         run = _in_one(runner, run)
     why = "no second run came to its end"
     for second in _seconds(runner, run):
-        other = runner.run(second.method, second.tolerance, _limit(run))
-        if not other.success:
+        second_run = runner.run(second.method, second.tolerance, _limit(run))
+        if not second_run.success:
             continue
-        better, worse = (run, other) if second.kind == "looser" else (other, run)
+        better, worse = (run, second_run) if second.kind == "looser" else (second_run, run)
         if second.method == run.method and not _sharpens(better, worse):
             why = "second runs took too similar steps"
             continue
-        if second.kind == "looser" and _saturated(runner, run, other):
+        if second.kind == "looser" and _saturated(runner, run, second_run):
             continue
-        return _compared(runner, second.kind, run, other)
+        return _compared(runner, second.kind, run, second_run)
     return RunError(None, None, f"not confirmed: {why}")
 
 
@@ -358,7 +360,7 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
 
 
 def _tighter(method: Method) -> float:
-    """The tolerance of a tighter run over that of a run by a method."""
+    """Ratio of the tolerances of a tighter run and of a run by a method."""
     return _TIGHTER_SPLITTING if method.solver.many_periods else _TIGHTER
 
 
@@ -371,21 +373,21 @@ def _partner(runner: Runner, method: Method) -> Method | None:
         return None
     if form.angles or not _is_ours(form):
         form = find_form(full_form(scene))
-    other = full_solver(scene, form)
+    partner = full_solver(scene, form)
     if solver.many_periods:
-        # What it takes for granted of the motion does not follow its tolerance.
-        other = find_solver(SPLITTING[0])
+        # Its assumptions about the motion do not follow its tolerance.
+        partner = find_solver(SPLITTING[0])
     elif scene.flow is not None and scene.flow.varies and not stiff(scene):
         # Between dense knots tighter runs of a method take the same steps.
-        other = first_available(tuple(name for name in _ALONG_TRACKS if name != solver.name))
+        partner = first_available(tuple(name for name in _ALONG_TRACKS if name != solver.name))
     elif form is method.form and not stiff(scene) and _is_efficient(solver):
-        other = solver
-    elif other is solver and solver.order_by_tolerance:
+        partner = solver
+    elif partner is solver and solver.order_by_tolerance:
         # Tighter runs of it do not take more steps.
-        others = [name for name in EXPLICIT if name != solver.name]
-        other = first_available(tuple(others))
-    same = other is solver and form is method.form
-    return Method(form, other) if other.available and not same else None
+        names = [name for name in EXPLICIT if name != solver.name]
+        partner = first_available(tuple(names))
+    same = partner is solver and form is method.form
+    return Method(form, partner) if partner.available and not same else None
 
 
 def _is_efficient(solver: Solver) -> bool:
@@ -404,8 +406,8 @@ def _equal_error_tolerance(run: Run, partner: Method) -> float:
     if partner.solver.closed_form:
         return run.tolerance
     constant = getattr(run.method.solver, "error_constant", _USUAL_ERROR_CONSTANT)
-    other = getattr(partner.solver, "error_constant", _USUAL_ERROR_CONSTANT)
-    ratio = min(1.0, _UNLIKE_SHARE * constant / other)
+    partner_constant = getattr(partner.solver, "error_constant", _USUAL_ERROR_CONSTANT)
+    ratio = min(1.0, _UNLIKE_SHARE * constant / partner_constant)
     return max(TIGHTEST, ratio * run.tolerance)
 
 
@@ -428,11 +430,11 @@ def _sharpens(better: Run, worse: Run) -> bool:
     return better.steps >= least * worse.steps
 
 
-def _saturated(runner: Runner, run: Run, other: Run) -> bool:
+def _saturated(runner: Runner, run: Run, second: Run) -> bool:
     """Whether two runs are so far apart that nothing follows for the better one."""
     ellipsoid = runner.scene.ellipsoid
     size = {"slow": magnitude(ellipsoid, run.observables), "orientation": pi}
-    apart = difference(ellipsoid, run.observables, other.observables).largest
+    apart = difference(ellipsoid, run.observables, second.observables).largest
     return any(value > _SATURATED * size[want] for want, value in apart.items())
 
 
@@ -441,10 +443,10 @@ def _limit(run: Run) -> int:
     return STEP_FLOOR + STEP_RATIO * run.steps if run.steps else UNLIMITED
 
 
-def _compared(runner: Runner, kind: str, run: Run, other: Run) -> RunError:
+def _compared(runner: Runner, kind: str, run: Run, second: Run) -> RunError:
     """State the error of a run from its difference to a second one."""
-    apart = difference(runner.scene.ellipsoid, run.observables, other.observables)
-    return _stated(runner, kind, family(run), run, apart, f"{kind}: {other.words}")
+    apart = difference(runner.scene.ellipsoid, run.observables, second.observables)
+    return _stated(runner, kind, family(run), run, apart, f"{kind}: {second.words}")
 
 
 def _stated(

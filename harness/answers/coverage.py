@@ -1,14 +1,15 @@
-"""What stated errors are worth: random scenes of every kind of confirmation, held against references.
+"""Test of stated errors: random scenes of every kind of confirmation, held against references.
 
-Each group draws scenes that its solvers are for, runs one of them at a random tolerance or until a
-random error is met, and compares the whole solution with a reference in long double at `SAMPLES`
-times. One set of runs fits the factors (`fitted`), another counts how many statements hold
-(`counted`), and how many answers meet the error (`answered`).
+Each group draws scenes that its solvers are for, and runs one of them at a random tolerance or
+until a random error is met. The whole solution is compared with a reference in long double at
+`COMPARED_TIMES` times. One set of runs fits the factors (`fitted`), another counts how many
+statements hold (`counted`), and how many answers meet the error (`answered`).
 """
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from math import acos, inf, pi
 from pathlib import Path
 from time import perf_counter
@@ -35,7 +36,7 @@ from polhode.solvers.catalogue import solver as find_solver
 _FACTORS = Path(__file__).with_name("factors.json")
 _SCHEMA = 2
 # Times at which a solution is compared with its reference.
-SAMPLES = 2001
+COMPARED_TIMES = 2001
 # Seconds that a reference may take.
 _REFERENCE_SECONDS = 60.0
 # Tolerances of two references in long double.
@@ -57,11 +58,11 @@ _FITTED_BELOW = 0.025
 _LEAST_FITTED = 40
 # The upper end over what the runs of a fit show: another set of runs shows a little more.
 _FIT_MARGIN = 1.1
-# What a page calls too many: this share of the runs above the upper end, and such a factor of the
-# upper end over the true error in the median.
+# A page marks rows beyond these limits: the share of runs above the upper end, and the median ratio
+# of the upper end to the true error.
 MOST_MISSED = 0.025
 LARGEST_FACTOR = 15.0
-# Errors below so many uncertainties of a reference say nothing of a ratio.
+# Errors below this many uncertainties of a reference say nothing of a ratio.
 _CLEAR = 10.0
 
 
@@ -70,7 +71,7 @@ class Group(NamedTuple):
 
     scenes: str  # their sort
     to_error: bool
-    # "form solver"; the form "full" is the usual one of the scene, and none are those of `solve`.
+    # "form solver"; the form "full" is the usual one of the scene; no methods: `solve` chooses.
     methods: tuple[str, ...]
     tolerances: tuple[float, float] = (-13.0, -3.0)  # decades drawn
     errors: tuple[float, float] = (-10.0, -3.0)  # decades drawn
@@ -203,7 +204,7 @@ def measured(sort: str, seed: int, index: int) -> list[Record]:
 
 
 def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Record:
-    """What a run states, and its true errors."""
+    """The errors that a run states, and its true errors."""
     scene = case.scene
     to_error = _GROUPS[case.group].to_error
     try:
@@ -226,7 +227,7 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
         "seconds": answer.solution.seconds,
         "confirmation_seconds": stated.seconds,
     }
-    ends = stated.at(np.linspace(0.0, 1.0, SAMPLES)).along
+    ends = stated.at(np.linspace(0.0, 1.0, COMPARED_TIMES)).along
     for want, largest in off.largest.items():
         interval = stated.wanted(want)
         along = getattr(ends, want)
@@ -241,7 +242,7 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
 
 
 def _answer(case: Case, to_error: bool) -> Answer:
-    runner = Runner(case.scene, np.linspace(0.0, case.scene.time, SAMPLES))
+    runner = Runner(case.scene, np.linspace(0.0, case.scene.time, COMPARED_TIMES))
     if to_error:
         return meet(runner, case.methods, case.error, case.want)
     return confirm(runner, case.methods[0], case.tolerance)
@@ -251,18 +252,20 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
     """Observables and their uncertainties, from two runs by Taylor's method in long double."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
-    times = np.linspace(0.0, problem.end, SAMPLES)
+    times = np.linspace(0.0, problem.end, COMPARED_TIMES)
     deadline = perf_counter() + _REFERENCE_SECONDS
-    found = []
+    solutions = []
     for tolerance in _REFERENCE_TOLERANCES:
         states = extended_run(problem, times, "long double", tolerance, deadline)
-        parts = (each.astype(float) for each in vars(form.observe(scene, states)).values())
-        found.append(Observables(*parts))
-    apart = difference(scene.ellipsoid, *found).largest
+        parts = (
+            component.astype(float) for component in vars(form.observe(scene, states)).values()
+        )
+        solutions.append(Observables(*parts))
+    apart = difference(scene.ellipsoid, *solutions).largest
     uncertainty = {want: _UNCERTAINTY * value for want, value in apart.items()}
     if max(uncertainty.values()) > _MOST_UNCERTAINTY:
         raise ReferenceFailedError("the motion is chaotic")
-    return found[0], {"orientation": 0.0} | uncertainty
+    return solutions[0], {"orientation": 0.0} | uncertainty
 
 
 def _axes(random: np.random.Generator, spheroid: bool) -> tuple[float, float, float]:
@@ -356,18 +359,18 @@ _SCENES: dict[str, Callable[[np.random.Generator], Scene]] = {
 
 
 def study(store: Store, seed: int, scenes: int, quiet: bool = False) -> list[Record]:
-    """Runs of so many scenes of each sort, from the store or measured."""
+    """Runs of `scenes` scenes of each sort, from the store or measured."""
     rows = []
-    tasks = [(sort, index) for index in range(scenes) for sort in _SCENES]
-    for sort, index in tqdm(tasks, "errors stated", leave=False, disable=quiet or None):
+    tasks = list(product(range(scenes), _SCENES))
+    for index, sort in tqdm(tasks, "errors stated", leave=False, disable=quiet or None):
         content = {"sort": sort, "seed": seed, "index": index}
         content |= {"schema": _SCHEMA, "factors": digest(factors())}
         key = digest({"coverage": content})
-        known = store.result(key)
-        if known is None:
-            known = {"rows": measured(sort, seed, index)}
-            store.put(key, content, known)
-        rows += known["rows"]
+        record = store.result(key)
+        if record is None:
+            record = {"rows": measured(sort, seed, index)}
+            store.put(key, content, record)
+        rows += record["rows"]
     return rows
 
 
@@ -391,15 +394,15 @@ def counted(rows: Sequence[Record]) -> list[Count]:
             if row.get("kind") and row.get(f"{want}_stated"):
                 groups.setdefault((row["kind"], row["family"], want), []).append(row)
     counts = []
-    for (kind, family, want), found in sorted(groups.items()):
-        true = np.array([row[want] for row in found])
-        doubt = np.array([row[f"{want}_uncertainty"] for row in found])
-        high = np.array([row[f"{want}_stated"][2] for row in found])
+    for (kind, family, want), statements in sorted(groups.items()):
+        true = np.array([row[want] for row in statements])
+        doubt = np.array([row[f"{want}_uncertainty"] for row in statements])
+        high = np.array([row[f"{want}_stated"][2] for row in statements])
         missed = int(np.sum(true > high + doubt))
         clear = true > _CLEAR * doubt
         factor = float(np.median(high[clear] / true[clear])) if clear.any() else np.nan
-        bound = wilson(missed, len(found))[1]
-        counts.append(Count(kind, family, want, len(found), missed, bound, factor))
+        bound = wilson(missed, len(statements))[1]
+        counts.append(Count(kind, family, want, len(statements), missed, bound, factor))
     return counts
 
 
@@ -451,28 +454,28 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]
             apart = row[f"{want}_apart"]
             if want == "orientation" and high >= pi:
                 continue
-            # What was added to the difference, for rounding and luck, is not the factor's.
+            # The factor multiplies the difference alone, not the additions for rounding and luck.
             added = high - factors()[row["kind"]][row["family"]][want].high * apart
             if apart > 0:
                 ratio = max(0.0, row[want] - added) / apart
                 ratios.setdefault((row["kind"], row["family"], want), []).append(ratio)
-    found: dict[str, dict[str, dict[str, list[float]]]] = {}
+    factors_by_kind: dict[str, dict[str, dict[str, list[float]]]] = {}
     for (kind, family, want), values in sorted(ratios.items()):
         if len(values) < _LEAST_FITTED:
             continue
         low, middle, high = np.quantile(values, [_FITTED_BELOW, 0.5, 1 - _FITTED_ABOVE])
         three = [low, middle, _FIT_MARGIN * max(high, middle)]
-        rounded = [float(f"{each:.2g}") for each in three]
-        found.setdefault(kind, {}).setdefault(family, {})[want] = rounded
-    return found
+        rounded = [float(f"{factor:.2g}") for factor in three]
+        factors_by_kind.setdefault(kind, {}).setdefault(family, {})[want] = rounded
+    return factors_by_kind
 
 
-def save(found: Mapping[str, Any], command: str) -> None:
+def save(fitted_factors: Mapping[str, Any], command: str) -> None:
     """Write fitted factors beside this module; kinds and families without a run keep theirs."""
-    known = json.loads(_FACTORS.read_text(encoding="utf-8"))["factors"]
-    for kind, families in found.items():
+    stored_factors = json.loads(_FACTORS.read_text(encoding="utf-8"))["factors"]
+    for kind, families in fitted_factors.items():
         for family, wants in families.items():
-            known.setdefault(kind, {}).setdefault(family, {}).update(wants)
-    text = json.dumps({"command": command, "factors": known}, indent=1)
+            stored_factors.setdefault(kind, {}).setdefault(family, {}).update(wants)
+    text = json.dumps({"command": command, "factors": stored_factors}, indent=1)
     write_file(_FACTORS, text + "\n")
     factors.cache_clear()

@@ -18,7 +18,7 @@ _SHARP = (1e-10, 1e-12)
 # The sharp runs agree if their distance is this share of the run's from them: runs of a chaotic
 # motion do not agree, and say nothing.
 _AGREE = 0.1
-# Steps of a sharp run: at most so many, or so many times those of the run.
+# Most steps of a sharp run: this many, and this multiple of the steps of the run.
 _MAX_STEPS = 1_000_000
 _STEP_RATIO = 4
 
@@ -40,12 +40,12 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
     off = 0.0
     for tolerance in _SHARP:
         try:
-            other = runner.run(method, tolerance, _MAX_STEPS + _STEP_RATIO * run.steps)
+            sharp_run = runner.run(method, tolerance, _MAX_STEPS + _STEP_RATIO * run.steps)
         except SolverNotValidError:
             return ""
-        if not other.success:
+        if not sharp_run.success:
             return ""
-        sharp = other.observables.slow
+        sharp = sharp_run.observables.slow
         off = float(np.max(np.abs(run.observables.slow - sharp))) / unit
         if off <= limit:
             return ""

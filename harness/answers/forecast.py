@@ -1,4 +1,4 @@
-"""What a long run is forecast from: a shorter course like it, and how steps and errors grow with rotations."""
+"""Forecasts of long runs: from a shorter course, and from the growth of steps and errors."""
 
 from dataclasses import dataclass, replace
 from math import inf
@@ -10,7 +10,7 @@ from polhode.models.scene import Scene
 
 # Rotations of a course: what a race of a run of as many costs is a few milliseconds.
 _LEAST_TURNS = 60.0
-# Rotations of a course over those of the run: fifteen runs of it cost less than the run.
+# Ratio of the rotations of a course and of the run: fifteen runs of it cost less than the run.
 _SHARE = 0.04
 # Share of a run from which on the beginning serves, not the surrogate.
 _MOST_SHARE = 0.25
@@ -45,7 +45,7 @@ _FORECAST_GROWTH = 0.1
 
 @dataclass(frozen=True)
 class Course:
-    """What is raced on: the scene itself, its surrogate at a smaller St, or its beginning."""
+    """The scene of a race: the scene itself, its surrogate at a smaller St, or its beginning."""
 
     scene: Scene
     kind: str  # "scene", "surrogate" or "beginning"
@@ -60,7 +60,7 @@ class Course:
         return self.kind == "scene"
 
     def growth(self, want: str) -> float:
-        """The error of the run over that of the course, for a method at one tolerance."""
+        """Ratio of the errors of the run and of the course, for a method at one tolerance."""
         if self.whole:
             return 1.0
         kind = self.kind
@@ -81,7 +81,7 @@ class Course:
 
 
 def course_of(scene: Scene) -> Course:
-    """What to race on instead of a scene."""
+    """The course to race on instead of a scene."""
     scene = oriented(scene)
     turns = rotations(scene)
     damped = damping_times(scene)

@@ -38,12 +38,12 @@ from polhode.solvers.solve import solve
 
 # Strata by the seconds of the best run.
 STRATA = {"below 10 ms": 0.01, "10 ms to 1 s": 1.0, "above 1 s": inf}
-# What a first choice may cost over the best run, the share of a stratum that is to do so, and what
-# none is to cost.
+# Most time of a first choice over the best run; the share of a stratum that must keep it; and the
+# ratio that no first choice may reach.
 NEAR = 1.5
 SHARE_NEAR = 0.92
 FAR = 5.0
-# Asking may take so many runs of the choice, or so many seconds; of runs longer than a second, this
+# Longest time of asking: in runs of the choice, or in seconds; for runs longer than a second, as a
 # share of them.
 _ASKING_RUNS = 3.0
 _ASKING_SECONDS = 0.005
@@ -54,7 +54,7 @@ _REFERENCE_SECONDS = 120.0
 _KNOWN = 0.3
 # Decades from the error requested at which methods are measured.
 _DECADES = (1, 0, -1, -2, -3, -4, -5)
-# A run is stopped that takes so many times as long as the best so far, or so many seconds.
+# A run is stopped after this multiple of the best time until then, or after these seconds.
 _STOP = 3.0
 _STOP_SECONDS = 0.05
 # The longest that the first method may take.
@@ -69,7 +69,7 @@ _SCHEMA = 2
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came of the held-out test."""
+    """Result of the held-out test."""
 
     scenes: pd.DataFrame  # a row for each scene
     runs: pd.DataFrame  # a row for each run of the listed methods
@@ -98,7 +98,7 @@ def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evalua
 
 
 def measured(question: Question) -> Record:
-    """What `pick` says of a question, and what is true; a reason alone where nothing tells."""
+    """The answer of `pick` beside measured runs; a reason alone if there is no reference."""
     try:
         true = _reference(question)
     except (ReferenceFailedError, ValueError) as reason:
@@ -152,7 +152,7 @@ def measured(question: Question) -> Record:
 
 
 def ask(question: Question) -> tuple[Recommendation | None, str, float]:
-    """What `pick` says, or why it refuses, and what asking takes with everything compiled and paced."""
+    """The answer of `pick`, or its refusal, and the seconds of asking, all compiled and paced."""
     _asked(question)
     forget()
     began = perf_counter()
@@ -179,15 +179,15 @@ class _Track:
         """One run: its seconds, its error, whether it met the one requested, its observables."""
         question = self.question
         equations = find_form(form)
-        seconds, seen = self.once(equations, solver, tolerance, question.scene, limit)
-        if seen is None:
+        seconds, observables = self.once(equations, solver, tolerance, question.scene, limit)
+        if observables is None:
             return {"seconds": inf, "error": inf, "met": False, "seen": None}
-        error = self.off(seen, self.true)
+        error = self.off(observables, self.true)
         return {
             "seconds": seconds,
             "error": error,
             "met": error <= question.error,
-            "seen": seen,
+            "seen": observables,
         }
 
     def once(
@@ -204,8 +204,8 @@ class _Track:
             return inf, None
         if not run.success:
             return inf, None
-        seen = form.observe(scene, run.states)
-        return perf_counter() - began - (SPENT.seconds["compilation"] - compiling), seen
+        observables = form.observe(scene, run.states)
+        return perf_counter() - began - (SPENT.seconds["compilation"] - compiling), observables
 
     def off(self, a: Observables, b: Observables) -> float:
         """The largest difference of two runs, of what is wanted."""
@@ -214,11 +214,11 @@ class _Track:
 
     def in_turns(self, names: list[tuple[str, str, float]]) -> dict[tuple[str, str, float], Record]:
         """The runs of these names, the quickest of several in turns."""
-        found = {name: self.run(*name) for name in names}
-        long = [name for name in names if found[name]["seconds"] >= _LONG]
+        runs = {name: self.run(*name) for name in names}
+        long = [name for name in names if runs[name]["seconds"] >= _LONG]
         seconds: dict[tuple[str, str, float], list[float]] = {name: [] for name in names}
         for number in range(_TIMED):
-            # Of the scene itself a form has seen everything.
+            # A form may have cached results of the scene itself.
             scene = unseen(self.question.scene, number + 1)
             for form, solver, tolerance in names:
                 if (form, solver, tolerance) not in long:
@@ -226,8 +226,8 @@ class _Track:
                     seconds[form, solver, tolerance].append(again)
         for name in names:
             if name not in long:
-                found[name]["seconds"] = min(seconds[name])
-        return found
+                runs[name]["seconds"] = min(seconds[name])
+        return runs
 
 
 def _measure(track: _Track) -> Iterator[Record]:
@@ -260,7 +260,7 @@ def _measure(track: _Track) -> Iterator[Record]:
 
 
 def _by_rules(question: Question) -> tuple[str, str, float]:
-    """What rules alone would run, without a race."""
+    """The run that rules alone would choose, without a race."""
     method = methods_for(question.scene, question.error, question.want)[0]
     tolerance = first_tolerance(question.scene, method, question.error, question.want)
     return method.form.name, method.solver.name, tolerance
@@ -269,13 +269,13 @@ def _by_rules(question: Question) -> tuple[str, str, float]:
 def _reference(question: Question) -> Observables:
     """The true solution; raises where it is not known well enough."""
     scene = question.scene
-    known = reference(scene, reference_form(scene), question.samples, _REFERENCE_SECONDS)
-    unknown = known.slow_uncertainty
+    solution = reference(scene, reference_form(scene), question.samples, _REFERENCE_SECONDS)
+    uncertainty = solution.slow_uncertainty
     if question.want == "orientation":
-        unknown = known.orientation_uncertainty or 0.0
-    if known.meaningful < question.samples or unknown > _KNOWN * question.error:
+        uncertainty = solution.orientation_uncertainty or 0.0
+    if solution.meaningful < question.samples or uncertainty > _KNOWN * question.error:
         raise ReferenceFailedError("its reference is not known well enough")
-    return known.observables
+    return solution.observables
 
 
 def stratum(seconds: float) -> str:
@@ -292,8 +292,8 @@ def judged(scenes: Any) -> list[Record]:
     for name, mine in groups:
         good = mine["met"] & (mine["factor"] <= NEAR)
         ruled = mine["rules_met"].astype(bool) & (mine["rules_factor"] <= NEAR)
-        known = mine.dropna(subset=["plain"])
-        total = (known["asking"] + known["seconds"]).sum() / known["plain"].sum()
+        with_plain = mine.dropna(subset=["plain"])
+        total = (with_plain["asking"] + with_plain["seconds"]).sum() / with_plain["plain"].sum()
         rows.append(
             {
                 "stratum": name,
@@ -319,9 +319,11 @@ def judged(scenes: Any) -> list[Record]:
 
 def break_even(scenes: Any) -> float:
     """Seconds of the best run from which on asking and running cost less than plain practice; inf if never."""
-    known = scenes.dropna(subset=["plain", "best_seconds", "seconds"]).sort_values("best_seconds")
-    saves = (known["asking"] + known["seconds"] < known["plain"]).to_numpy()
+    with_plain = scenes.dropna(subset=["plain", "best_seconds", "seconds"]).sort_values(
+        "best_seconds"
+    )
+    saves = (with_plain["asking"] + with_plain["seconds"] < with_plain["plain"]).to_numpy()
     for i in range(len(saves)):
         if saves[i:].mean() > 0.5 and saves[i]:
-            return float(known["best_seconds"].iloc[i])
+            return float(with_plain["best_seconds"].iloc[i])
     return inf

@@ -1,4 +1,4 @@
-"""What a step of a method costs on this machine, measured once in a process."""
+"""Cost of a step of a method on this machine, measured once in a process."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -23,7 +23,7 @@ _TIMED_IMPLICIT = ("stiff", *_TIMED)
 _TOLERANCE = 1e-7
 # Times that a run is repeated: the quickest one is the least disturbed.
 _REPEATS = 5
-# Share of the scene's time that the short run covers: its steps cost what those of the long one do.
+# Share of the scene's time that the short run covers: its steps cost as much as in the long run.
 _SHORT = 0.1
 # Share of a run by which a scene is another one.
 _TRIFLE = 2.0**-40
@@ -40,7 +40,7 @@ class Pace(NamedTuple):
     compilation: float
 
     def seconds(self, steps: float, rows: int) -> float:
-        """Seconds of a run of so many steps and rows."""
+        """Seconds of a run with these numbers of steps and rows."""
         return self.start + self.step * steps + self.row * rows
 
 
@@ -105,6 +105,6 @@ def unseen(scene: Scene, number: int) -> Scene:
 
 
 def steps_in(solution: Solution) -> int:
-    """Steps of a run, rejected ones and those of a method's own check runs included; 0 where unknown."""
+    """Steps of a run, with rejected steps and steps of its own check runs; 0 where unknown."""
     work = solution.work
     return (work.steps or 0) + (work.rejected or 0) + (work.inner or 0)

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import product
 from math import inf, pi
 from time import perf_counter
 
@@ -32,7 +33,7 @@ def pick(
     everything: bool = False,
     names: Sequence[tuple[str, str]] = (),
 ) -> Recommendation:
-    """What `polhode.harness.api.pick` answers; NotAttainableError if no method meets the error."""
+    """The answer of `polhode.harness.api.pick`; NotAttainableError if no method meets the error."""
     check_request(error, want)
     check_answerable(scene, float(error), want)
     return _remembered(scene, float(error), want, samples, everything, tuple(names))
@@ -61,11 +62,12 @@ def _remembered(
         size = magnitude(scene.ellipsoid, scene.initial) if want == "slow" else pi
         raise NotAttainableError(error, f"not attainable: {_why_nothing(refusals, size)}")
     ranking = _ranked(result.entries)
-    refused = [
-        Excluded(FORMS.name_of(form) or "", SOLVERS.name_of(solver) or "", refusal.reason)
-        for refusal in refusals
-        for form, solver in [refusal.method]
-    ]
+    refused = []
+    for refusal in refusals:
+        form, solver = refusal.method
+        form_name = FORMS.name_of(form) or ""
+        solver_name = SOLVERS.name_of(solver) or ""
+        refused.append(Excluded(form_name, solver_name, refusal.reason))
     return Recommendation(
         want,
         error,
@@ -80,7 +82,7 @@ def _remembered(
 
 def _uncut(everything: bool, names: tuple[tuple[str, str], ...]) -> Sequence[tuple[str, str]]:
     """Methods that the user asks about, whatever they cost."""
-    return [(form, solver) for form in FORMS for solver in SOLVERS] if everything else names
+    return list(product(FORMS, SOLVERS)) if everything else names
 
 
 def forget() -> None:
@@ -90,10 +92,10 @@ def forget() -> None:
 
 def _ranked(entries: Sequence[Entry]) -> tuple[RankedRun, ...]:
     least = entries[0].seconds.predicted
-    near = [entry.seconds.predicted <= TIED * least for entry in entries]
-    tied = sum(near) > 1
+    within_tie = [entry.seconds.predicted <= TIED * least for entry in entries]
+    tied = sum(within_tie) > 1
     rows = []
-    for entry, close in zip(entries, near, strict=True):
+    for entry, close in zip(entries, within_tie, strict=True):
         form = FORMS.name_of(entry.method.form)
         solver = SOLVERS.name_of(entry.method.solver)
         rows.append(
@@ -118,8 +120,8 @@ def _why_nothing(refusals: Sequence[Refusal], size: float) -> str:
         refusal.reason for refusal in refusals if refusal.reason == refusal.method.solver.why_not
     ]
     if best.least == inf:
-        others = [refusal.reason for refusal in refusals if refusal.reason not in absent]
-        why = Counter(others or absent).most_common(1)[0][0]
+        reasons = [refusal.reason for refusal in refusals if refusal.reason not in absent]
+        why = Counter(reasons or absent).most_common(1)[0][0]
     elif best.least >= size:
         why = f"errors grow as large as the motion itself: {best.reason}"
     else:

@@ -40,7 +40,7 @@ _ERRORS = (-11.0, -2.0)
 
 @dataclass(frozen=True)
 class Question:
-    """A scene, and what is requested: output at so many equispaced times, within an error."""
+    """A scene, and what is requested: output at `samples` equispaced times, within an error."""
 
     name: str
     scene: Scene
@@ -89,7 +89,7 @@ def _turning(random: np.random.Generator) -> Scene:
 
 
 def _ordinary(random: np.random.Generator) -> Scene:
-    """Whatever a user may ask for, within hundreds of rotations."""
+    """Any scene that a user may ask for, within hundreds of rotations."""
     ellipsoid = Ellipsoid(_semi_axes(random))
     limit = random.random()
     stokes = float(10 ** random.uniform(-4, 6))

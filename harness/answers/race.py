@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.resources import files
+from itertools import product
 from math import floor, inf, log10
 from typing import NamedTuple
 
@@ -77,7 +78,7 @@ _LEAST_MODEL_ERROR = {"averaged": 3e-3, "averaged-spheroid": 3e-3, "averaged-sec
 _AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
 # The least error that `hybrid` is tried for.
 _HYBRID_LEAST_ERROR = 1e-10
-# Its first tolerance over that of `solve`.
+# Ratio of its first tolerance to the one of `solve`.
 _HYBRID_LOOSER = 10.0
 # Steps from which on runs of spheroids that average are tried.
 _AVERAGED_SPHEROIDS_FROM = 2_000
@@ -131,7 +132,7 @@ def contenders(
     scene: Scene, want: str, everything: bool = False, names: Sequence[tuple[str, str]] = ()
 ) -> tuple[list[Method], list[Refusal]]:
     """Methods that may take a scene and can run here: of the list, and of `names`, or of the catalogues."""
-    pairs = [(form, solver) for form in FORMS for solver in SOLVERS] if everything else listed()
+    pairs = list(product(FORMS, SOLVERS)) if everything else listed()
     methods = []
     refusals = []
     for form, solver in dict.fromkeys((*pairs, *names)):
@@ -194,7 +195,7 @@ def race(
     methods: Sequence[Method],
     uncut: Collection[tuple[str, str]] = (),
 ) -> Result:
-    """Race methods that take a scene, for an error of what is wanted, at so many rows.
+    """Race methods that take a scene, for an error of what is wanted, at `samples` rows.
 
     Methods named in `uncut`, by form and solver, are followed whatever they cost.
     """
@@ -224,7 +225,7 @@ class _Remembering(Runner):
 
 
 class _Segment:
-    """What methods are raced on, and a confirmed run of it, the reference."""
+    """A course that methods are raced on, and a confirmed run of it, the reference."""
 
     def __init__(self, course: Course, usual: Method, error: float, want: str) -> None:
         self.course = course
@@ -332,7 +333,7 @@ class _Race:
                 self.follow(method, self.segment_of(method))
 
     def segment_of(self, method: Method) -> _Segment:
-        """What a method is raced on: splitting takes few steps because St is large, and is shown by its beginning."""
+        """The segment to race a method on: the beginning for splitting, whose steps are few."""
         if not _splits(method) or self.course.whole:
             return self.segment
         if self._splitting is None:

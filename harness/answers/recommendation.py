@@ -1,8 +1,9 @@
-"""What `pick` answers: runs of a scene, from the cheapest to the dearest, and methods that will not do."""
+"""The answer of `pick`: runs of a scene, the cheapest first, and methods that will not do."""
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from html import escape
+from itertools import product
 from typing import TYPE_CHECKING
 
 from polhode.harness.answers.interval import Interval
@@ -46,7 +47,7 @@ class Excluded:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """What `pick` answers."""
+    """The answer of `pick`."""
 
     want: str
     error: float
@@ -61,9 +62,9 @@ class Recommendation:
     def excluded(self) -> tuple[Excluded, ...]:
         """All methods of the catalogues that are not ranked, and why."""
         named = {(row.form, row.solver) for row in (*self.ranking, *self.refused)}
-        pairs = [(form, solver) for form in FORMS for solver in SOLVERS] if self.scene else []
-        others = [pair for pair in pairs if pair not in named]
-        return (*self.refused, *(Excluded(*pair, self._reason(*pair)) for pair in others))
+        pairs = list(product(FORMS, SOLVERS)) if self.scene else []
+        unranked = [pair for pair in pairs if pair not in named]
+        return (*self.refused, *(Excluded(*pair, self._reason(*pair)) for pair in unranked))
 
     def _reason(self, form: str, solver: str) -> str:
         assert self.scene
@@ -82,22 +83,22 @@ class Recommendation:
 
     @property
     def summary(self) -> str:
-        """What to run, in a line, and how far to trust it."""
+        """The run to choose, in a line, and how far to trust it."""
         first = self.ranking[0]
-        others = sum(row.tied for row in self.ranking) - 1
+        tied_count = sum(row.tied for row in self.ranking) - 1
         low = duration(first.seconds.low)
         high = duration(first.seconds.high)
         of = "L and E within {} of I_max" if self.want == "slow" else "orientation within {} rad"
         ties = ""
-        if others > 0:
-            ties = f"; {others} other{'s' * (others > 1)} tie{'s' * (others == 1)}"
+        if tied_count > 0:
+            ties = f"; {tied_count} other{'s' * (tied_count > 1)} tie{'s' * (tied_count == 1)}"
         run = f"{first.form} by {first.solver} at tolerance {short(first.tolerance)}"
         time = f"about {duration(first.seconds.predicted)} ({low} to {high})"
         error = of.format(scientific(first.error.high))
         return f"Run {run}: {time}, {error}{ties}. {self.advice}".strip()
 
     def __repr__(self) -> str:
-        """What to run, and the first rows, one a line."""
+        """The run to choose, and the first rows, one a line."""
         rows = [
             (
                 row.form,
@@ -118,5 +119,5 @@ class Recommendation:
         return pd.json_normalize([asdict(row) for row in self.ranking], sep="_")
 
     def _repr_html_(self) -> str:
-        """What notebooks show."""
+        """The summary and a table, for notebooks."""
         return f"<p>{escape(self.summary)}</p>{self.frame().to_html(max_rows=10)}"

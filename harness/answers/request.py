@@ -1,4 +1,4 @@
-"""What may be requested of a run: the error, what it is of, the tolerance."""
+"""Requests that a run can meet: the error, what it is of, the tolerance."""
 
 from math import ceil, floor, inf, log10
 

@@ -69,11 +69,11 @@ class Growth(NamedTuple):
     power: float
 
     def after(self, turns: float) -> float:
-        """Error over tolerance after so many rotations."""
+        """Error over tolerance after `turns` rotations."""
         return self.amount * (1 + turns) ** self.power
 
 
-# Of explicit, splitting and implicit methods: measured on random scenes at the tolerance 1e-8.
+# Explicit, splitting and implicit methods: measured on random scenes at the tolerance 1e-8.
 _GROWTH = {
     ("explicit", "slow"): Growth(6.0, 0.25),
     ("explicit", "orientation"): Growth(1.5, 1.5),
@@ -171,12 +171,12 @@ def methods_for(scene: Scene, error: float, want: str) -> list[Method]:
 
 def _rounding_less(scene: Scene, method: Method, error: float, want: str) -> Method:
     """The method, or where rounding of its steps would count one that rounds less."""
-    other = find_solver(_ROUNDS_LESS)
-    if method.solver.name != EXPLICIT[0] or not other.available:
+    alternative = find_solver(_ROUNDS_LESS)
+    if method.solver.name != EXPLICIT[0] or not alternative.available:
         return method
     steps = steps_of(scene, method, first_tolerance(scene, method, error, want))
     rounding = EPS * steps * (1 + rotations(scene) if want == "orientation" else 1)
-    return method._replace(solver=other) if rounding > _ROUNDED_SHARE * error else method
+    return method._replace(solver=alternative) if rounding > _ROUNDED_SHARE * error else method
 
 
 def _form_for(scene: Scene, solver: Solver) -> Form:
@@ -192,7 +192,8 @@ def _form_for(scene: Scene, solver: Solver) -> Form:
 def first_available(names: tuple[str, ...]) -> Solver:
     """The first solver that is installed; the first of all where none is."""
     return next(
-        (found for found in map(find_solver, names) if found.available), find_solver(names[0])
+        (candidate for candidate in map(find_solver, names) if candidate.available),
+        find_solver(names[0]),
     )
 
 
@@ -244,7 +245,7 @@ def _within(tolerance: float) -> float:
 
 
 def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
-    """Steps of a run, about, in those of an explicit method; 0 where steps do not follow the rotations."""
+    """Approximate steps of a run, in explicit ones; 0 where they do not follow the rotations."""
     if method.form.averaged or method.form.name == "hybrid" or method.solver.closed_form:
         return 0.0
     turns = rotations(scene)

@@ -44,7 +44,7 @@ class Run(NamedTuple):
     @property
     def averaged(self) -> bool:
         """Whether it averages, in part at least."""
-        return self.method.form.averaged or any(each.averaged for each in self.solution.stages)
+        return self.method.form.averaged or any(stage.averaged for stage in self.solution.stages)
 
     @property
     def words(self) -> str:
@@ -72,8 +72,10 @@ class Runner:
         end = float(times[-1])
         inner = INNER * end
         # A row that lies next to a compared time takes its place.
-        near = np.minimum(times.searchsorted(inner - _CLOSE * end), len(times) - 1)
-        inner = np.where(np.abs(times[near] - inner) <= _CLOSE * end, times[near], inner)
+        nearest_rows = np.minimum(times.searchsorted(inner - _CLOSE * end), len(times) - 1)
+        inner = np.where(
+            np.abs(times[nearest_rows] - inner) <= _CLOSE * end, times[nearest_rows], inner
+        )
         self.inner = inner
         self.every = np.union1d(times, inner)
         self._at_rows = self.every.searchsorted(times)

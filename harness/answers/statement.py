@@ -1,4 +1,4 @@
-"""What a run states of its own error: its difference from a second run, times a factor of the kind of confirmation.
+"""The error that a run states: its difference from a second run, times a factor of its kind.
 
 Both runs are compared at `INNER` times of their own, so that the statement holds for the solution
 and does not depend on the rows that the user asks for.
@@ -33,9 +33,8 @@ _FIRST = 1e-5
 INNER = np.unique(
     np.concatenate([np.linspace(0, 1, _EQUISPACED + 1), np.geomspace(_FIRST, 1, _GROWING + 1)])
 )
-# Rounding of a run in eps of its largest L and E or of π. In splitting and averaging errors of L and
-# E add up at random, as this power of the rotations, and those of the phase follow them for ever
-# longer.
+# Rounding of a run in eps of its largest L and E or of π. In splitting and averaging, errors of L and
+# E add up at random, as this power of the rotations. Errors of the phase follow them for ever longer.
 _ROUNDING = 2.0
 _ROUNDING_GROWTH = 0.7
 # Compared times on either side of one whose largest difference stands for that time: differences
@@ -54,10 +53,10 @@ class Difference(NamedTuple):
     @property
     def largest(self) -> dict[str, float]:
         """The largest ones, by what they are of."""
-        found = {"slow": float(self.slow.max())}
+        maxima = {"slow": float(self.slow.max())}
         if self.orientation is not None:
-            found["orientation"] = float(self.orientation.max())
-        return found
+            maxima["orientation"] = float(self.orientation.max())
+        return maxima
 
 
 def difference(ellipsoid: Ellipsoid, a: Observables, b: Observables) -> Difference:
@@ -79,10 +78,10 @@ class Along(NamedTuple):
 class RunError:
     """Estimated error of one run; None where it is not known or there is none.
 
-    `kind` says what confirms the run: `"tighter"` if it is the tighter one of two that met an
-    error, `"looser"`, `"sharper"` or `"unlike"` for a second run beside one at a given tolerance,
-    `"estimate"` for an estimate of the theory of averaging, `"closed form"` for an exact solution,
-    None where nothing confirms it.
+    `kind` says what confirms the run. It is `"tighter"` if the run is the tighter one of two that
+    met an error. It is `"looser"`, `"sharper"` or `"unlike"` for a second run beside one at a given
+    tolerance. It is `"estimate"` for an estimate of the theory of averaging, `"closed form"` for an
+    exact solution, and None where nothing confirms the run.
     """
 
     slow: Interval | None  # of L and E over I_max
@@ -122,7 +121,7 @@ class RunError:
         return Along(*ends)
 
     def words(self) -> str:
-        """The errors in a line, that of L and E also as a share of the run's largest |L_z|, if it is smaller."""
+        """The errors in a line; L and E also as a share of the run's largest |L_z|, if smaller."""
         parts = []
         if self.slow:
             smaller = 0 < self.slow.high <= self.largest_lz
@@ -137,13 +136,13 @@ class RunError:
         return f"{'; '.join(parts)} (estimated; {100 * self.share:g} % of like runs)"
 
     def summary(self) -> dict[str, Any]:
-        """What a file says of it, as plain data."""
+        """Its contents in a file, as plain data."""
         left_out = ("difference", "rows")
-        found = {name: each for name, each in vars(self).items() if name not in left_out}
+        contents = {name: value for name, value in vars(self).items() if name not in left_out}
         for want in ("slow", "orientation"):
-            interval = found[want]
-            found[want] = interval and vars(interval)
-        return found
+            interval = contents[want]
+            contents[want] = interval and vars(interval)
+        return contents
 
 
 UNKNOWN = RunError(None, None, "not estimated")
@@ -213,9 +212,9 @@ def stated(
 def of_rounding(
     ellipsoid: Ellipsoid, observables: Observables, turns: float, slow_grows: bool
 ) -> Difference:
-    """What rounding makes of a closed form, in units that factors multiply.
+    """Rounding errors of a closed form, in units that factors multiply.
 
-    The phase's grows with the rotations, and that of L and E with it where they follow the phase.
+    The phase's grow with the rotations, and so do errors of L and E where these follow the phase.
     """
     momentum = np.abs(observables.angular_momentum).max()
     size = float(max(momentum, np.abs(observables.energy).max())) / max(ellipsoid.inertia)

@@ -23,7 +23,7 @@ from polhode.models.spent import SPENT
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
-# What is timed: it gives observables at `SAMPLES` times, and the upper end of their stated error.
+# The timed function: observables at `TIMED_ROWS` times, and the upper end of the error.
 Ask = Callable[[Scene, float, str], tuple[Observables | None, float | None, str]]
 
 # Strata by the seconds of plain practice, and what an answer may take over it: in the median, and in
@@ -31,13 +31,13 @@ Ask = Callable[[Scene, float, str], tuple[Observables | None, float | None, str]
 _STRATA = {"below 10 ms": 0.01, "10 to 100 ms": 0.1, "above 0.1 s": inf}
 _TARGETS = {"below 10 ms": (1.4, 3.0), "10 to 100 ms": (0.8, 1.2), "above 0.1 s": (0.3, 1.0)}
 # Rows of a solution.
-SAMPLES = 201
+TIMED_ROWS = 201
 # Decades of St and of the error.
 _STOKES = (-2.0, 7.0)
 _ERRORS = (-9.0, -3.0)
 # St from which on the orientation is not asked for: it would have to be followed through all turns.
 _SLOW_FROM = 3e4
-# Errors beyond so many times the one requested are missed: plain practice is the reference.
+# The requested error is missed beyond this multiple of it: plain practice is the reference.
 MISSED = 1.5
 # Scenes that are asked about first, so that all is compiled.
 _WARM_UP = 12
@@ -105,13 +105,13 @@ def plain_practice(
         problem = form.problem(scene)
         times = np.linspace(0.0, problem.end, samples)
         run = solve(problem, solver, tolerance, times, max_seconds=_SECONDS)
-        seen = form.observe(scene, run.states) if run.success else None
-        if seen and before:
-            apart = getattr(errors(scene.ellipsoid, before, seen), want)
+        observables = form.observe(scene, run.states) if run.success else None
+        if observables and before:
+            apart = getattr(errors(scene.ellipsoid, before, observables), want)
             if apart is not None and apart <= error / 2:
                 seconds = perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
-                return seconds, seen
-        before = seen
+                return seconds, observables
+        before = observables
     return inf, None
 
 
@@ -120,16 +120,16 @@ def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Tim
     for index in range(_WARM_UP):
         scene, error, want, _ = drawn(seed, scenes + index)
         ask(scene, error, want)
-        plain_practice(scene, error, want, SAMPLES)
+        plain_practice(scene, error, want, TIMED_ROWS)
     for index in tqdm(range(scenes), "answers timed", leave=False, disable=quiet or None):
         scene, error, want, family = drawn(seed, index)
         began = perf_counter()
-        seen, stated, method = ask(scene, error, want)
+        observables, stated, method = ask(scene, error, want)
         seconds = perf_counter() - began
-        plain, true = plain_practice(scene, error, want, SAMPLES)
+        plain, true = plain_practice(scene, error, want, TIMED_ROWS)
         if true is None:
             continue
-        apart = difference(scene.ellipsoid, seen, true).largest[want] if seen else inf
+        apart = difference(scene.ellipsoid, observables, true).largest[want] if observables else inf
         yield Timing(
             f"{seed}-{index}",
             family,

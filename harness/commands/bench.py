@@ -1,4 +1,8 @@
-"""What measures: `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput`, `flows`."""
+"""Commands that measure.
+
+They are `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`, `throughput` and
+`flows`.
+"""
 
 import os
 from dataclasses import asdict, replace
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
-# What pages are made with, asked for before anything is measured.
+# Libraries that pages need: their absence is reported before anything is measured.
 _PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
 # Modules of `pages` by what a study names.
 _PAGES = {
@@ -27,9 +31,9 @@ _PAGES = {
     "known-stokes": "known_stokes",
     "stiff": "stiff",
 }
-# Of `accuracy`, again in `averaging.second_order` and `averaging.hybrid`, so that `--help` needs no
-# numerics.
-PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
+# Parts of `accuracy` by order: repeated from `averaging.second_order` and `averaging.hybrid`, so that
+# `--help` needs no numerics.
+ACCURACY_PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 _FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
@@ -96,37 +100,41 @@ def _own_problem(wanted: Wanted, page_only: bool) -> None:
     from polhode.harness.work_precision import QUICK, WorkPrecision
     from polhode.models.problem import Problem
 
-    given = str(wanted.study_file)
+    location = str(wanted.study_file)
     filters = wanted.filters
     if page_only or wanted.resume or any(filters[kind] for kind in ("scenes", "tags", "forms")):
-        raise BadInput(f"{given}: got --page-only, --resume or filters, expected --solver at most")
+        raise BadInput(
+            f"{location}: got --page-only, --resume or filters, expected --solver at most"
+        )
     with bad_input():
-        study = _object_in(given)
+        study = _object_in(location)
         if isinstance(study, Problem):
             settings = {"tolerances": QUICK, "max_seconds": 1.0} if wanted.quick else {}
             solvers = list(filters["solvers"]) or None
             study = WorkPrecision(study, solvers, quiet=wanted.quiet, **settings)
         elif not isinstance(study, WorkPrecision):
-            raise ValueError(f"{given}: got {study!r:.60}, expected a Problem or a WorkPrecision")
+            raise ValueError(
+                f"{location}: got {study!r:.60}, expected a Problem or a WorkPrecision"
+            )
         folder = wanted.out or options.usual(f"reports/{study.name}", wanted.quick)
         make_folder(folder)
         page = study.write(folder, command_line())
     click.echo(f"{page}")
 
 
-def _object_in(given: str) -> Any:
+def _object_in(location: str) -> Any:
     """The object that ``FILE.py:NAME`` names; ValueError, in one line, if there is none."""
     import sys
     from importlib.util import module_from_spec, spec_from_file_location
 
-    path, _, name = given.rpartition(":")
+    path, _, name = location.rpartition(":")
     file = Path(path)
     if not file.is_file():
         raise ValueError(f"{path}: no such file, expected FILE.py:NAME")
     spec = spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
         raise ValueError(f"{path}: got no module of Python, expected FILE.py:NAME")
-    # What lies beside the file may be imported by it.
+    # The file may import modules beside it.
     sys.path.insert(0, str(file.resolve().parent))
     module = sys.modules[file.stem] = module_from_spec(spec)
     try:
@@ -174,9 +182,14 @@ def regimes(wanted: Wanted, page_only: bool) -> None:
 
 def ahead(study: "Study", store: "Store") -> str:
     """How much of a study is left to be measured."""
-    known = store.keys()
-    cases = [case.key in known for batch in study.batches() for case in batch]
-    return f"{store.path} holds {sum(cases)} of {len(cases)} cases, {len(cases) - sum(cases)} are measured now"
+    measured_keys = store.keys()
+    total = 0
+    stored_cases = 0
+    for batch in study.batches():
+        total += len(batch)
+        stored_cases += sum(case.key in measured_keys for case in batch)
+    left = total - stored_cases
+    return f"{store.path} holds {stored_cases} of {total} cases, {left} are measured now"
 
 
 @command(needs=(*_PAGE_LIBRARIES, "llvmlite"))
@@ -199,16 +212,20 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.solvers.contract import Backend
 
     problem = paper_problem()
-    found = {}
+    records = {}
     with stored(out, resume) as store:
         overheads = measure(problem, seconds=0.2 if quick else 2.0)
         firsts = first_runs(problem, [one.solver for one in overheads])
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
-            found[name] = Runner(store, quiet).run(study.quick() if quick else study)
+            records[name] = Runner(store, quiet).run(study.quick() if quick else study)
     costs = {name: rhs_seconds(problem, name) for name in get_args(Backend)}
     measured = Measured(
-        **found, overheads=overheads, first_runs=firsts, rhs_costs=costs, startup=startup_seconds()
+        **records,
+        overheads=overheads,
+        first_runs=firsts,
+        rhs_costs=costs,
+        startup=startup_seconds(),
     )
     click.echo(f"{write_page(measured, out, command_line())}")
 
@@ -285,7 +302,9 @@ def paper(
     help="St up to 1000 or a few cases alone: a look, by default in FOLDER-quick.",
 )
 @click.option(
-    "--part", type=click.Choice([*PARTS["2"], *PARTS["hybrid"]]), help="Measure that alone anew."
+    "--part",
+    type=click.Choice([*ACCURACY_PARTS["2"], *ACCURACY_PARTS["hybrid"]]),
+    help="Measure that alone anew.",
 )
 @click.option(
     "--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out."
@@ -320,24 +339,28 @@ def accuracy(
     with bad_input():
         if quick + bool(part) + page_only > 1:
             raise ValueError("--quick, --part, --page-only: got several of them, expected one")
-        if part and part not in PARTS[order]:
-            fitting = next(each for each, parts in PARTS.items() if part in parts)
+        if part and part not in ACCURACY_PARTS[order]:
+            fitting = next(
+                fitting_order for fitting_order, parts in ACCURACY_PARTS.items() if part in parts
+            )
             raise ValueError(
                 f"--part: got --order {order}, expected --order {fitting} for {part!r}"
             )
-        found: Any = read_study(kinds[order], out) if part or page_only else None
+        results: Any = read_study(kinds[order], out) if part or page_only else None
         make_folder(out)
     try:
-        found = found if page_only else measures[order](found, part or "", quick=quick, quiet=quiet)
+        results = (
+            results if page_only else measures[order](results, part or "", quick=quick, quiet=quiet)
+        )
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
     page.write_page(
-        found, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick
+        results, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick
     )
     if as_json:
-        click.echo(to_json(page.as_json(found) if order == "1" else asdict(found)))
+        click.echo(to_json(page.as_json(results) if order == "1" else asdict(results)))
     else:
-        click.echo(page.as_text(found) if order == "1" else "\n".join(page.findings(found)))
+        click.echo(page.as_text(results) if order == "1" else "\n".join(page.findings(results)))
     click.echo(str(out / "README.md"), err=True)
 
 
@@ -368,22 +391,23 @@ def sweep(
     from polhode.harness.ensembles.sweep import read_sweep, run_sweep
 
     with bad_input():
-        what = read_sweep(file)
-        folder = out or Path("reports") / what.name
+        sweep_plan = read_sweep(file)
+        folder = out or Path("reports") / sweep_plan.name
         path = folder / "store.sqlite"
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
         engine = _engine(workers, dask)
     with stored(folder, resume=True, what="tasks") as store:
-        tally = run_sweep(what, store, engine, quiet=quiet, spread=resume)
+        tally = run_sweep(sweep_plan, store, engine, quiet=quiet, spread=resume)
         if tally.failed:
             raise RunFailed(
-                f"{tally.failed} of {what.size} tasks failed, --resume tries again: {tally.message}"
+                f"{tally.failed} of {sweep_plan.size} tasks failed, --resume tries again: "
+                f"{tally.message}"
             )
         # Slow to import, and not needed until all is done.
         from polhode.harness.pages.ensembles import write_results
 
-        page, ensembles = write_results(what, store, folder, command_line())
+        page, ensembles = write_results(sweep_plan, store, folder, command_line())
     click.echo(to_json(ensembles) if as_json else f"{page}")
 
 

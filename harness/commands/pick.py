@@ -213,14 +213,14 @@ def validate(
 def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:
     """Time `solve` against plain practice, and write the page."""
     from polhode.harness import api
-    from polhode.harness.answers.timed import SAMPLES, study
+    from polhode.harness.answers.timed import TIMED_ROWS, study
     from polhode.harness.pages.answer_time import write_page
     from polhode.models.observables import Observables
     from polhode.models.scene import Scene
 
     def ask(scene: Scene, error: float, want: str) -> tuple[Observables | None, float | None, str]:
         try:
-            solution = api.solve(scene, error=error, want=want, samples=SAMPLES)
+            solution = api.solve(scene, error=error, want=want, samples=TIMED_ROWS)
         except ValueError as refusal:
             return None, None, str(refusal)
         stated = solution.error.wanted(want)

@@ -22,7 +22,7 @@ _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]
 
 
 class Finished(NamedTuple):
-    """What became of a task: its value, or else a message."""
+    """Outcome of a task: its value, or else a message."""
 
     task: Any
     value: Any

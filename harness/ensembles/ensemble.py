@@ -12,13 +12,7 @@ import numpy as np
 from polhode.harness.common.files import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
-from polhode.harness.ensembles.hybrid import (
-    POOL,
-    SAMPLE as BOTH_WAYS,
-    SOLVER,
-    least_momentum,
-    run_hybrid,
-)
+from polhode.harness.ensembles.hybrid import BOTH_WAYS, POOL, SOLVER, least_momentum, run_hybrid
 from polhode.harness.ensembles.starts import Drawn, Starts
 from polhode.harness.ensembles.statistics import RATES, Layout, Statistics, squared_rates
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
@@ -44,7 +38,7 @@ _SCHEMA = 5
 # (`reports/accuracy`).
 AVERAGING = 133.0
 # Particles on which method and step are chosen.
-SAMPLE = 128
+PLANNED_PARTICLES = 128
 # Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few
 # times as much.
 _HELD = 2_000_000
@@ -85,9 +79,9 @@ class Ensemble:
     equations: Equations = (
         "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
     )
-    # For full equations the error of `equal_steps.plan`, for hybrid ones that of L and E over the
-    # largest moment of inertia, meant for 97.5 % of the particles, for averaged ones the tolerance
-    # of `run_adaptive`.
+    # For full equations: the error of `equal_steps.plan`. For hybrid ones: the error of L and E over
+    # the largest moment of inertia, meant for 97.5 % of the particles. For averaged ones: the
+    # tolerance of `run_adaptive`.
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
@@ -133,7 +127,7 @@ class Ensemble:
 
     @property
     def form(self) -> str:
-        """Catalogue name of the form whose states are those of the particles; `hybrid` has those of full equations."""
+        """Catalogue name of the form of the states; `hybrid` has the states of full equations."""
         return (
             averaged_form(self.any_scene)
             if self.equations == "averaged"
@@ -142,7 +136,7 @@ class Ensemble:
 
     @property
     def method(self) -> str:
-        """What the particles are run by, in words."""
+        """The method that runs the particles, in words."""
         if self.equations == "averaged":
             return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
         if self.equations == "hybrid":
@@ -172,19 +166,21 @@ class Ensemble:
 
     @cached_property
     def layout(self) -> Layout:
-        """What is counted."""
+        """The counted quantities and their bins."""
         shape = self.ellipsoid
-        given = self.starts.angular_momentum
+        start_momentum = self.starts.angular_momentum
         axes = (
             shape.order
             if shape.kind == "triaxial"
             else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
         )
         axes = axes if self.equations != "averaged" else ()
-        momentum = max(_LEAST_LIMIT, 0.0 if given is None else float(np.linalg.norm(given)))
+        momentum = max(
+            _LEAST_LIMIT, 0.0 if start_momentum is None else float(np.linalg.norm(start_momentum))
+        )
         energy = max(
             _LEAST_LIMIT / 2,
-            momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if given else 0.0,
+            momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if start_momentum else 0.0,
         )
         limits = MARGIN * momentum, MARGIN * energy
         return Layout(axes, self.snapshots, self.samples, len(self.attractors), self.bins, *limits)
@@ -227,7 +223,7 @@ class Ensemble:
         flow = self.any_flow.numbers if self.any_flow else None
         if self.tracks:
             flows = [self.flow_of(index * self.block + i) for i in range(particles)]
-            flow = list(np.array([each.numbers for each in flows]).T)
+            flow = list(np.array([particle_flow.numbers for particle_flow in flows]).T)
         return self.starts.draw(self.ellipsoid, seed, particles, flow)
 
     @property
@@ -250,10 +246,8 @@ class Ensemble:
     def any_scene(self) -> Scene:
         """Scene of the very first particle, whose start the others replace."""
         drawn = self.draw(0, 1)
-        (q0, q1, q2, q3), (w1, w2, w3) = (
-            drawn.quaternion[0].tolist(),
-            drawn.angular_velocity[0].tolist(),
-        )
+        q0, q1, q2, q3 = drawn.quaternion[0].tolist()
+        w1, w2, w3 = drawn.angular_velocity[0].tolist()
         start = BodyStart((q0, q1, q2, q3), (w1, w2, w3))
         return Scene(self.ellipsoid, self.stokes, start, self.time, self.any_flow)
 
@@ -306,7 +300,7 @@ class Ensemble:
         for start, number in zip(starts, numbers.tolist(), strict=True):
             problem = equations.problem(replace(self.any_scene, flow=self.flow_of(number)))
             runs.append(run_one_by_one(problem, start[None], times, self.tolerance * TAYLOR))
-        states = np.concatenate([found for found, _ in runs], axis=1)
+        states = np.concatenate([path for path, _ in runs], axis=1)
         return states, np.concatenate([statuses for _, statuses in runs])
 
     def _observe(self, states: np.ndarray, statistics: Statistics, numbers: np.ndarray) -> None:
@@ -328,19 +322,18 @@ class Ensemble:
             columns = np.moveaxis(states[some], 2, 0).reshape(d, -1)
             if self.along_tracks:
                 scene = replace(scene, flow=self.flow_of(int(numbers[first])))
-            seen = form.observe(scene, columns.T)
-            slow = [
-                each.reshape(-1, samples) / unit for each in (*seen.angular_momentum.T, seen.energy)
-            ]
+            observables = form.observe(scene, columns.T)
+            components = (*observables.angular_momentum.T, observables.energy)
+            slow = [component.reshape(-1, samples) / unit for component in components]
             for k, attractor in enumerate(self.attractors):
                 away = sum(
-                    np.square(each - there)
-                    for each, there in zip(slow, attractor.state, strict=True)
+                    np.square(component - there)
+                    for component, there in zip(slow, attractor.state, strict=True)
                 )
                 close[k, some] = away < attractor.reach**2
-            slow_then[:, some] = np.stack([each[:, ::every].T for each in slow], axis=-1)
+            slow_then[:, some] = np.stack([component[:, ::every].T for component in slow], axis=-1)
             then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
-            at = seen[then.ravel()]
+            at = observables[then.ravel()]
             directions = at.rotation[:, axes]
             directions_then[:, some] = directions.reshape(*then.shape, len(axes), 3)
             rates = squared_rates(angular_velocity(self.ellipsoid, at), directions)
@@ -362,7 +355,7 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
     if not installed("llvmlite"):
         return None
     problem = ensemble.problem
-    sample = ensemble.draw(0, SAMPLE).states(ensemble.form, ensemble.ellipsoid)
+    sample = ensemble.draw(0, PLANNED_PARTICLES).states(ensemble.form, ensemble.ellipsoid)
     return plan(
         problem, sample, np.linspace(0.0, problem.end, ensemble.samples), ensemble.tolerance
     )

@@ -1,10 +1,10 @@
 """Hybrid equations of many particles: averaged to first order where that is good enough, form `hybrid` elsewhere.
 
 An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So
-whatever keeps no more than that error may as well draw them, evenly, as averaging says they are.
-What averaging leaves out is largest where
-|L| is least; how small |L| may become is found on a sample that runs both ways. A particle of smaller |L| follows the
-full equations until |L| has grown again, or form `hybrid` where that would take longer.
+a method that keeps no more than that error may draw them evenly, as averaging says they are. The
+error of averaging is largest where |L| is least; how small |L| may become is found on a sample that
+runs both ways. A particle of smaller |L| follows the full equations until |L| has grown again, or
+form `hybrid` where that would take longer.
 """
 
 from dataclasses import replace
@@ -24,21 +24,21 @@ from polhode.solvers.ensembles.equal_steps import TAYLOR, run, unplanned
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
-# What particles are run by one at a time.
+# Solver of particles that run one at a time.
 SOLVER = "cyrk-vern8"
 # Error asked for times St from which on phases are drawn: the median error of averaging is some
 # 14/St.
 _OPEN = 10.0
-# Particles that run both ways, out of so many, and the share of all that may miss the error.
-SAMPLE = 64
+# Particles that run both ways, their pool, and the share of all that may miss the error.
+BOTH_WAYS = 64
 POOL = 4096
 _MISSED = 0.025
-# Full equations last until |L| is so many times the least; in the time of one run of form `hybrid`,
-# so long, by trial.
+# Full equations last until |L| is this multiple of the least; in the time of one run of form
+# `hybrid`, they reach this time, by trial.
 _CLEAR = 1.25
 FULL = 3e5
-# Their error of the whole state over that of L and E: by trial thousands, as the phases gather what
-# L errs by.
+# Ratio of their errors of the whole state and of L and E: by trial thousands, as the phases add up
+# the errors of L.
 _WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
@@ -50,7 +50,7 @@ Array = np.ndarray
 
 def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     """|L| over I_max down to which averaging to first order keeps an error of L and E over I_max; inf if nowhere."""
-    # Of the starts, states of the full equations, the more run both ways the smaller |L| becomes.
+    # Starts are states of the full equations: the smaller |L| becomes, the more of them run both ways.
     unit = max(scene.ellipsoid.inertia)
     form = find_form(full_form(scene))
     if (
@@ -62,13 +62,13 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     path, _ = averaged(scene, starts, times, tolerance)
     least = least_between(scene, path).min(axis=0)
     count = len(starts)
-    ranks = np.unique(np.ceil(count * np.linspace(0, 1, SAMPLE + 1)[1:] ** 3).astype(int))
+    ranks = np.unique(np.ceil(count * np.linspace(0, 1, BOTH_WAYS + 1)[1:] ** 3).astype(int))
     chosen = np.argsort(np.nan_to_num(least))[ranks - 1]
     states, statuses = run_alone(scene, starts[chosen], times, tolerance / 10)
-    known = statuses == str(Status.REACHED_END)
-    chosen = chosen[known]
-    shares = (np.diff(ranks, prepend=0) / count)[known]
-    exact = form.observe(scene, states[:, known].reshape(-1, states.shape[2])).slow.reshape(
+    finished = statuses == str(Status.REACHED_END)
+    chosen = chosen[finished]
+    shares = (np.diff(ranks, prepend=0) / count)[finished]
+    exact = form.observe(scene, states[:, finished].reshape(-1, states.shape[2])).slow.reshape(
         PATH, -1, 4
     )
     slow = (
@@ -130,7 +130,7 @@ def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tup
 
 
 def averaged(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
-    """States of the form averaged to first order, shape (m, n, 4), from those of the full equations, and statuses."""
+    """States of the form averaged to first order, (m, n, 4), from full states, and statuses."""
     unit = max(scene.ellipsoid.inertia)
     problem = find_form(averaged_form(scene)).problem(
         replace(scene, start=SlowStart((0.0, 0.0, unit), unit / 2))
@@ -153,7 +153,8 @@ def least_between(scene: Scene, path: Array) -> Array:
         1 if body.kind == "triaxial" else max(body.inertia) / Spheroid.of(body).equatorial_inertia
     )
     square, along = (
-        np.einsum("mni,mni->mn", momentum[: len(each)], each) for each in (momentum, momentum[1:])
+        np.einsum("mni,mni->mn", momentum[: len(later)], later)
+        for later in (momentum, momentum[1:])
     )
     back = square[:-1] - along
     way = np.maximum(back + square[1:] - along, 1e-300)
@@ -177,17 +178,18 @@ def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator)
 
 def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.Generator) -> Array:
     """Quaternions and angular velocities on polhodes (`eq:omg1`–`eq:omg3`)."""
-    inertia, (first, middle, last) = np.array(ellipsoid.inertia), ellipsoid.order
+    inertia = np.array(ellipsoid.inertia)
+    first, middle, last = ellipsoid.order
     momentum = slow[..., :3]
     shape = slow.shape[:-1]
     square = np.sum(momentum**2, axis=-1)
     h = 2 * slow[..., 3] / square
     longest = h > 1 / inertia[middle]
-    ends = (first, last), (last, first)
-    near, far = (np.where(longest, 1 / inertia[one], 1 / inertia[other]) for one, other in ends)
-    rise = 1 / inertia[middle] - near
-    share = np.clip((h - near) / rise, 0, 1)
-    small = rise / (far - near) * share
+    near_limit = np.where(longest, 1 / inertia[first], 1 / inertia[last])
+    far_limit = np.where(longest, 1 / inertia[last], 1 / inertia[first])
+    rise = 1 / inertia[middle] - near_limit
+    share = np.clip((h - near_limit) / rise, 0, 1)
+    small = rise / (far_limit - near_limit) * share
     complement = np.clip((1 - share) / (1 - small), 1e-300, 1)
     phase, turn, *signs = random.uniform(-1, 1, (4, *shape))
     from scipy.special import ellipj, ellipkm1
@@ -198,13 +200,13 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
     # The sense is drawn once on the side where a particle did not start.
     body = starts[:, 4:] * inertia
     began = np.sum(starts[:, 4:] * body, axis=1) * inertia[middle] > np.sum(body**2, axis=1)
-    own = np.sign(np.where(began, body[:, first], body[:, last]))
-    sense = np.where(longest == began, own, np.sign(signs[1][0]))
+    start_sense = np.sign(np.where(began, body[:, first], body[:, last]))
+    sense = np.where(longest == began, start_sense, np.sign(signs[1][0]))
     z = np.empty((*shape, 3))
-    one = sense * np.sqrt(1 - small) * dn
-    other = flip * np.sqrt(small) * cn
-    z[..., first] = np.where(longest, one, other)
-    z[..., last] = np.where(longest, other, one)
+    along_pole = sense * np.sqrt(1 - small) * dn
+    across_pole = flip * np.sqrt(small) * cn
+    z[..., first] = np.where(longest, along_pole, across_pole)
+    z[..., last] = np.where(longest, across_pole, along_pole)
     z[..., middle] = flip * np.sqrt(share) * sn
     # The rotations that carry z to n: a circle of quaternions.
     n = momentum / np.sqrt(square)[..., None]
@@ -223,13 +225,13 @@ def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tu
     states = np.full((len(times), *starts.shape), np.nan)
     statuses = np.empty(len(starts), dtype=object)
     for i, start in enumerate(starts.tolist()):
-        found = solve(
+        solution = solve(
             replace(problem, start=tuple(start)),
             available_like(SOLVER),
             tolerance / ERROR_PER_TOLERANCE,
             times,
         )
-        statuses[i] = str(found.status)
-        if found.success:
-            states[:, i] = found.states
+        statuses[i] = str(solution.status)
+        if solution.success:
+            states[:, i] = solution.states
     return states, statuses

@@ -1,4 +1,4 @@
-"""Where the particles of an ensemble start: distributions of orientation and motion, drawn from a seed."""
+"""Starts of an ensemble: distributions of orientation and motion, drawn from a seed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ Motion = Literal["rest", "fluid", "jeffery", "momentum", "momentum-isotropic"]
 in any direction."""
 
 
-def _either(given: Any, valid: Callable[[Any], Any]) -> Any:
-    """What is valid; else ValueError with both choices, instead of what each lacks."""
+def _either(value: Any, valid: Callable[[Any], Any]) -> Any:
+    """The valid value; else ValueError with both choices, instead of what each lacks."""
     try:
-        return valid(given)
+        return valid(value)
     except ValidationError:
         raise ValueError(
-            f"got {given!r:.60}, expected 'isotropic' or a quaternion, four finite numbers"
+            f"got {value!r:.60}, expected 'isotropic' or a quaternion, four finite numbers"
         ) from None
 
 
@@ -46,13 +46,13 @@ class Starts(Table):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         q = self.orientation
-        given = self.angular_momentum
-        wanted = self.motion.startswith("momentum")
-        fits = any(given or ()) if wanted else given is None
+        momentum = self.angular_momentum
+        needs_momentum = self.motion.startswith("momentum")
+        fits = any(momentum or ()) if needs_momentum else momentum is None
         if not fits:
-            words = "three numbers, not all zero," if wanted else "none"
+            words = "three numbers, not all zero," if needs_momentum else "none"
             raise ValueError(
-                f"got angular_momentum = {given}, expected {words} with motion {self.motion!r}"
+                f"got angular_momentum = {momentum}, expected {words} with motion {self.motion!r}"
             )
         if q != "isotropic" and not (isfinite(hypot(*q)) and any(q)):
             raise ValueError(f"got orientation = {q}, expected four numbers, not all zero")

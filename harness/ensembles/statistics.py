@@ -2,7 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, fields
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, product
 from typing import Any, Self
 
 import numpy as np
@@ -12,9 +12,9 @@ FOURTH = tuple(combinations_with_replacement(range(3), 4))
 # Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6,
 # 6).
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-FOURTH_OF_VOIGT = np.array(
-    [[FOURTH.index(tuple(sorted((*one, *other)))) for other in VOIGT] for one in VOIGT]
-)
+_VOIGT_PAIRS = product(VOIGT, VOIGT)
+_FOURTH_PLACES = [FOURTH.index(tuple(sorted((*row, *column)))) for row, column in _VOIGT_PAIRS]
+FOURTH_OF_VOIGT = np.array(_FOURTH_PLACES).reshape(len(VOIGT), len(VOIGT))
 # Mean squares of rates, of rotation about a body axis p and of p itself (Voth and Soldati, Annu.
 # Rev. Fluid Mech. 49 (2017) 249).
 RATES = ("spinning", "tumbling")
@@ -24,7 +24,7 @@ SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
 
 @dataclass(frozen=True)
 class Layout:
-    """What is counted, and in which bins: of each histogram `bins` lie between its limits, two hold what is beyond."""
+    """Counted quantities; `bins` of each histogram lie between its limits, two beyond."""
 
     axes: tuple[int, ...]  # body axes whose orientation moments are kept
     snapshots: int  # times at which moments and distributions are kept
@@ -71,7 +71,8 @@ class Statistics:
         axes = len(layout.axes)
         names = len(SLOW_NAMES)
         of_axes = (
-            np.zeros((times, axes, len(each))) for each in (SECOND, FOURTH, FOURTH, RATES, RATES)
+            np.zeros((times, axes, len(components)))
+            for components in (SECOND, FOURTH, FOURTH, RATES, RATES)
         )
         of_slow = (np.zeros((times, names)) for _ in range(2))
         counts = (times, names, layout.bins + 2), (layout.attractors, layout.samples)

@@ -1,4 +1,4 @@
-"""What the statistics of an ensemble say: means with standard errors, fractions and quantiles with intervals."""
+"""Summary of an ensemble: means with standard errors, fractions, quantiles with intervals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from polhode.harness.ensembles.statistics import (
 )
 
 _QUANTILES = (0.1, 0.5, 0.9)
-# Where the squares of `SECOND` stand in `FOURTH`.
+# Places of the squares of `SECOND` in `FOURTH`.
 _SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
 
 
@@ -91,20 +91,24 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
 def moment_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Orientation moments, one row per snapshot, body axis and component."""
     for name, order in (("second", SECOND), ("fourth", FOURTH)):
-        yield from mean_rows(
-            ensemble, statistics, name, moment=["".join("xyz"[i] for i in each) for each in order]
-        )
+        components = [_in_letters(indices) for indices in order]
+        yield from mean_rows(ensemble, statistics, name, moment=components)
 
 
 def voigt_rows(ensemble: Ensemble, statistics: Statistics) -> Iterator[dict[str, object]]:
     """Fourth moments as matrices in Voigt's order, one row per snapshot, body axis and entry from the diagonal on."""
     # As tensors of stiffness are written: no factors stand before the components (Voigt 1910; of
     # orientation: Advani and Tucker, J. Rheol. 31 (1987) 751).
-    names = ["".join("xyz"[i] for i in pair) for pair in VOIGT]
+    names = [_in_letters(pair) for pair in VOIGT]
     rows = mean_rows(
         ensemble, statistics, "fourth", (..., FOURTH_OF_VOIGT), row=names, column=names
     )
     return (row for row in rows if names.index(row["row"]) <= names.index(row["column"]))
+
+
+def _in_letters(indices: Sequence[int]) -> str:
+    """Indices 0, 1 and 2 of a component as x, y and z."""
+    return "".join("xyz"[i] for i in indices)
 
 
 def mean_rows(
@@ -115,8 +119,8 @@ def mean_rows(
         {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
     )
     axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble), **bodies, **more}
-    found = (each[chosen].ravel().tolist() for each in means(statistics, of))
-    for place, mean, error in zip(product(*axes.values()), *found, strict=True):
+    values = (array[chosen].ravel().tolist() for array in means(statistics, of))
+    for place, mean, error in zip(product(*axes.values()), *values, strict=True):
         columns = {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True))}
         yield {**columns, "mean": mean, "standard_error": error}
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import accumulate
+from itertools import accumulate, chain, product
 from math import gcd, inf
 from pathlib import Path
 from random import randrange
@@ -42,7 +42,7 @@ NO_TIMES = "no times: tasks may run side by side"
 
 
 class SweepFlowTable(FlowTable):
-    """``[flow]`` of a sweep: that of a scene, or `tracks`, a folder with a CSV file for each particle."""
+    """``[flow]`` of a sweep: as in a scene, or `tracks`, a folder of one CSV file per particle."""
 
     tracks: str | None = None
 
@@ -61,7 +61,7 @@ class SweepFlowTable(FlowTable):
 
 
 class SweepTable(Table):
-    """A sweep file; its name is that of the folder of its results."""
+    """A sweep file; the folder of its results has its name."""
 
     name: Name
     title: str
@@ -95,7 +95,7 @@ class Sweep:
 
     def tasks(self) -> Iterator[Task]:
         """All tasks, ensemble by ensemble."""
-        return (task for ensemble in self.ensembles for task in ensemble.tasks())
+        return chain.from_iterable(ensemble.tasks() for ensemble in self.ensembles)
 
     @property
     def size(self) -> int:
@@ -115,7 +115,7 @@ class Sweep:
 
 
 class Tally(NamedTuple):
-    """What a run of a sweep did."""
+    """Counts of a run of a sweep."""
 
     finished: int  # tasks done by it
     found: int  # tasks that the store held already
@@ -183,13 +183,13 @@ def surroundings(sweep: Sweep, store: Store) -> list[Record]:
     """Days, machines and versions of a sweep's tasks, each once."""
     ensembles = {digest(ensemble.content) for ensemble in sweep.ensembles}
     names = sweep.ensembles[0].content.keys()
-    found = dict[str, Record]()
+    entries = dict[str, Record]()
     for record in store:
         if digest({name: record.get(name) for name in names}) in ensembles:
-            own = {name: record[name] for name in ("machine", "versions")}
-            own["date"] = record["date"][:10]
-            found[dumps(own)] = own
-    return [*found.values()]
+            entry = {name: record[name] for name in ("machine", "versions")}
+            entry["date"] = record["date"][:10]
+            entries[dumps(entry)] = entry
+    return [*entries.values()]
 
 
 def read_sweep(path: Path | None) -> Sweep:
@@ -202,9 +202,8 @@ def parse_sweep(contents: dict[str, Any], folder: Path = Path()) -> Sweep:
     """Make a sweep of the contents of a sweep file, in a folder; raises ValueError as `checked` does."""
     table = checked(SweepTable, contents)
     flows = table.flow.flows(folder) if table.flow else {}
-    ensembles = tuple(
-        _ensemble(table, shape, stokes, flows) for shape in table.shapes for stokes in table.stokes
-    )
+    grid = product(table.shapes, table.stokes)
+    ensembles = tuple(_ensemble(table, shape, stokes, flows) for shape, stokes in grid)
     if len({Task(ensemble, 0).key for ensemble in ensembles}) < len(ensembles):
         raise ValueError("shapes, stokes: got the same twice, expected each once")
     return Sweep(table.name, table.title, ensembles)
@@ -219,12 +218,12 @@ def _ensemble(
             f"slow_time: got {table.slow_time!r} at stokes = {stokes:g}, expected time"
         )
     a, b, c = shape
-    own = table.model_dump(include={*BOUNDS, "radius"})
-    ensemble = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **own)
+    limits = table.model_dump(include={*BOUNDS, "radius"})
+    ensemble = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **limits)
     tolerance = table.tolerance
     tolerance = tolerance or Ensemble.tolerance
-    # Where averaging is good enough, and takes the starts, it is the cheaper by far: its cost does
-    # not grow with St.
+    # If averaging is good enough, and takes the starts, it is the cheaper by far: its cost does not
+    # grow with St.
     if (
         not table.equations
         and AVERAGING / tolerance <= stokes < inf

@@ -1,4 +1,4 @@
-"""What ensembles cost, measured on a quiet machine (`polhode throughput`).
+"""Cost of ensembles, measured on a quiet machine (`polhode throughput`).
 
 Throughput per core is measured in one process at a time; two processes are compared with one as
 wall time, at the end.
@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from time import perf_counter, process_time
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ from polhode.harness.common.machine import here
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import processes, serial
-from polhode.harness.ensembles.ensemble import SAMPLE, Ensemble, Task, run_task
+from polhode.harness.ensembles.ensemble import PLANNED_PARTICLES, Ensemble, Task, run_task
 from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE, run_full
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
@@ -42,20 +43,18 @@ _LIMIT = 3600.0
 def measure() -> dict[str, Any]:
     """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
+    full = []
+    for name, shape in SHAPES.items():
+        full += [full_throughput(name, shape, target) for target in SETTINGS.targets]
+    shape_equations = product(SHAPES, ("full", "averaged"))
     return {
         "settings": {
             **vars(SETTINGS),
             "judge": f"{SETTINGS.judge} at tolerance {SETTINGS.judge_tolerance:g}",
         },
-        "full": [
-            full_throughput(*item, target) for item in SHAPES.items() for target in SETTINGS.targets
-        ],
+        "full": full,
         "long": list(long_runs()),
-        "tasks": [
-            ensemble_throughput(name, equations)
-            for name in SHAPES
-            for equations in ("full", "averaged")
-        ],
+        "tasks": [ensemble_throughput(name, equations) for name, equations in shape_equations],
         "memory": memory(),
         "overhead": list(overhead()),
         "two_processes": two_processes(),
@@ -87,7 +86,7 @@ def full_throughput(
     def choose(tolerance: float) -> tuple[Plan, float] | None:
         """A plan whose largest error is small enough, and the seconds that it took."""
         began = process_time()
-        chosen = plan(problem, starts[:SAMPLE], times, tolerance)
+        chosen = plan(problem, starts[:PLANNED_PARTICLES], times, tolerance)
         spent = process_time() - began
         return (
             (chosen, spent)
@@ -95,9 +94,13 @@ def full_throughput(
             else None
         )
 
-    loose = next(each for each in _below(10 * target) if errors(taylor(each)).max() <= target)
+    loose = next(
+        candidate for candidate in _below(10 * target) if errors(taylor(candidate)).max() <= target
+    )
     tolerance, (chosen, planned) = next(
-        (each, found) for each in _below(target) if (found := choose(each))
+        (candidate, planned_run)
+        for candidate in _below(target)
+        if (planned_run := choose(candidate))
     )
     (before, old), (now, new) = _alternate(
         lambda: taylor(loose), lambda: equal_steps(tolerance, chosen)
@@ -184,7 +187,10 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
         rounds=5,
     )
     alone = (replace(problem, start=tuple(start)) for start in starts[: SETTINGS.known].tolist())
-    ends = [solve(each, SETTINGS.judge, SETTINGS.judge_tolerance, two).states[-1] for each in alone]
+    ends = [
+        solve(start_problem, SETTINGS.judge, SETTINGS.judge_tolerance, two).states[-1]
+        for start_problem in alone
+    ]
     error = np.max(np.abs(states[-1, : SETTINGS.known] - np.array(ends)), axis=1)
     return {
         "shape": name,
@@ -220,7 +226,7 @@ def _run_all(ensemble: Ensemble) -> int:
 
 
 def overhead() -> Iterator[dict[str, Any]]:
-    """What engines add to tasks of a second that use the processor, the start of processes left out."""
+    """Time that engines add to tasks of a second, without the start of processes."""
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks

@@ -1,6 +1,6 @@
-"""What is measured of scenes in linear flows: one function for each table of the page, rows as plain data."""
+"""Measurements in linear flows: a function for each table of the page, rows as plain data."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from math import inf, pi, sqrt
 from typing import Any
@@ -16,11 +16,12 @@ from polhode.harness.references.errors import orientation_difference
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import Flow
 from polhode.models.observables import Observables
+from polhode.models.problem import Problem
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.compile import compiled_callback
-from polhode.solvers.solve import solve
+from polhode.solvers.solve import Solution, solve
 
 # Shear's gradient but for a number far below rounding: it has the equations of any flow.
 AS_SHEAR = Flow.planar(1e-300)
@@ -74,7 +75,7 @@ def random_gradient(random: np.random.Generator) -> Any:
 
 
 def fields(quick: bool = False) -> Iterator[Record]:
-    """How far rates by the equations of any flow are from those of shear, over the latter's norm."""
+    """Largest relative difference of rates by the equations of any flow and of shear."""
     random = np.random.default_rng(1)
     for name in _FORMS:
         worst = 0.0
@@ -85,7 +86,7 @@ def fields(quick: bool = False) -> Iterator[Record]:
                 axes[1] = axes[0]
             stokes = 0.0 if name == "jeffery" else float(10 ** random.uniform(-1, 3))
             scene = Scene(Ellipsoid(tuple(axes.tolist())), stokes, START, 1.0)
-            pair = [find_form(name).problem(each) for each in (scene, _as_shear(scene))]
+            pair = [find_form(name).problem(variant) for variant in (scene, _as_shear(scene))]
             for state in random.normal(size=(_STATES // _SHAPES, pair[0].dimension)):
                 first, second = (_rates(problem, state) for problem in pair)
                 apart = np.linalg.norm(second - first) / np.linalg.norm(first)
@@ -104,29 +105,38 @@ def _rates(problem: Any, state: np.ndarray) -> np.ndarray:
     return rates
 
 
+def _one_round(problems: Sequence[Problem], solver: str) -> list[Solution]:
+    return [solve(problem, solver, COST_TOLERANCE) for problem in problems]
+
+
+def _in_turns(problems: Sequence[Problem], solver: str, rounds: int) -> list[list[Solution]]:
+    """Runs of the problems, one after the other in every round: a list for each round."""
+    return [_one_round(problems, solver) for _ in range(rounds)]
+
+
+def _least_seconds(runs: Sequence[Solution]) -> float:
+    return min(run.seconds for run in runs)
+
+
 def costs(quick: bool = False) -> Iterator[Record]:
-    """Time of runs by the equations of any flow over that by those of shear, in turns; the least of some rounds."""
+    """Times by the equations of any flow and of shear, in turns; the least of some rounds."""
     for scene_name, name, stokes, solvers in _COSTS:
         time = COST_TIME / 10 if quick else COST_TIME
         scene = replace(named_scene(scene_name), stokes=stokes, time=time)
-        pair = [find_form(name).problem(each) for each in (scene, _as_shear(scene))]
+        pair = [find_form(name).problem(variant) for variant in (scene, _as_shear(scene))]
         for solver in solvers:
-            runs = [[solve(problem, solver, COST_TOLERANCE) for problem in pair]]
-            runs += [
-                [solve(problem, solver, COST_TOLERANCE) for problem in pair]
-                for _ in range(3 if quick else COST_ROUNDS)
-            ]
-            shear, other = (min(each[i].seconds for each in runs[1:]) for i in range(2))
-            ends = [run.states[-1] for run in runs[0]]
+            first, *rounds = _in_turns(pair, solver, 1 + (3 if quick else COST_ROUNDS))
+            shear, flow = map(_least_seconds, zip(*rounds, strict=True))
+            ends = [run.states[-1] for run in first]
             yield {
                 "scene": scene_name,
                 "form": name,
                 "stokes": stokes,
                 "solver": solver,
-                "steps": runs[0][0].work.steps,
+                "steps": first[0].work.steps,
                 "shear_ms": 1e3 * shear,
-                "flow_ms": 1e3 * other,
-                "ratio": other / shear,
+                "flow_ms": 1e3 * flow,
+                "ratio": flow / shear,
                 "apart": float(np.max(np.abs(ends[1] - ends[0]))),
             }
 
@@ -187,8 +197,8 @@ def _from_eigenvector(scene: Scene, ratio: float) -> float:
     assert scene.flow is not None
     gradient = np.array(scene.flow.gradient)
     operator = 0.5 * (gradient - gradient.T) + anisotropy(ratio) * 0.5 * (gradient + gradient.T)
-    found: Any = np.linalg.eig(operator)
-    expected = found.eigenvectors[:, np.argmax(found.eigenvalues.real)].real
+    eigen: Any = np.linalg.eig(operator)
+    expected = eigen.eigenvectors[:, np.argmax(eigen.eigenvalues.real)].real
     end = _run(scene).rotation[-1, 2]
     return float(np.linalg.norm(np.cross(end, expected)))
 
@@ -199,8 +209,8 @@ def extension(quick: bool = False) -> Iterator[Record]:
         for stokes in (0.0, 0.5) if quick else (0.0, 0.5, 5.0):
             scene = Scene(Ellipsoid((1.0, 1.0, ratio)), stokes, START, ALIGNING, Flow.extension())
             form = "jeffery" if stokes == 0 else "spheroid-axis"
-            found = solve_scene(scene, form=form, tolerance=1e-13, estimate=False)
-            along = min(1.0, abs(float(found.rotation[-1, 2, 0])))
+            solution = solve_scene(scene, form=form, tolerance=1e-13, estimate=False)
+            along = min(1.0, abs(float(solution.rotation[-1, 2, 0])))
             angle = np.arccos(along) if where == "along" else np.arcsin(along)
             yield {"ratio": ratio, "stokes": stokes, "aligns": where, "angle": float(angle)}
 
@@ -224,32 +234,32 @@ def orders(quick: bool = False) -> Iterator[Record]:
     scene = _along(_KNOTS[0], TRACK_TIME)
     momentum = _by_long_double([scene], lambda time, _: source(time), 200, 2)[0].angular_momentum
     for count in _KNOTS[:3] if quick else _KNOTS:
-        found = solve(find_form("quaternion").problem(_along(count, TRACK_TIME)), "taylor", 1e-15)
-        seen = find_form("quaternion").observe(scene, found.states[-1:])
-        error = np.max(np.abs(seen.angular_momentum[-1] - momentum[-1]))
+        solution = solve(
+            find_form("quaternion").problem(_along(count, TRACK_TIME)), "taylor", 1e-15
+        )
+        observables = find_form("quaternion").observe(scene, solution.states[-1:])
+        error = np.max(np.abs(observables.angular_momentum[-1] - momentum[-1]))
         unit = max(scene.ellipsoid.inertia)
         spacing = TRACK_TIME / count
         yield {"knots": count, "spacing": spacing, "error": float(error) / unit}
 
 
 def knots(quick: bool = False) -> Iterator[Record]:
-    """What a knot costs beyond the same run in a constant flow, by solver."""
+    """Cost of a knot beyond the same run in a constant flow, by solver."""
     equations = find_form("quaternion")
     for solver in _TRACK_SOLVERS:
         for count in _LONG_TRACK_KNOTS[:1] if quick else _LONG_TRACK_KNOTS:
             scene = _along(count, LONG_TRACK_TIME)
             steady = replace(scene, flow=Flow(source(0.0)))
-            pair = [equations.problem(each) for each in (steady, scene)]
-            runs = [
-                [solve(problem, solver, COST_TOLERANCE) for problem in pair]
-                for _ in range(2 if quick else TRACK_ROUNDS)
-            ]
-            constant, track = (min(each[i].seconds for each in runs) for i in range(2))
+            pair = [equations.problem(variant) for variant in (steady, scene)]
+            rounds = _in_turns(pair, solver, 2 if quick else TRACK_ROUNDS)
+            constant, track = map(_least_seconds, zip(*rounds, strict=True))
+            constant_run, track_run = rounds[0]
             yield {
                 "solver": solver,
                 "knots": count,
-                "steps": runs[0][1].work.steps,
-                "steps_constant": runs[0][0].work.steps,
+                "steps": track_run.work.steps,
+                "steps_constant": constant_run.work.steps,
                 "track_ms": 1e3 * track,
                 "constant_ms": 1e3 * constant,
                 "knot_us": 1e6 * (track - constant) / count,
@@ -286,7 +296,7 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
     """Random scenes with the form that solves each: every other one along a track of random gradients."""
     random = np.random.default_rng(11)
     names = [name for name in _FORMS if name != "jeffery"]
-    found = []
+    scenes = []
     for number in range(count):
         name = names[number % len(names)]
         axes = 10 ** random.uniform(-1, 0, 3)
@@ -302,10 +312,10 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
         gradients = [random_gradient(random)] * (_RUN_KNOTS + 1)
         flow = Flow(gradients[0])
         if number % 8 >= len(names):
-            gradients = [each + 0.5 * random_gradient(random) for each in gradients]
+            gradients = [gradient + 0.5 * random_gradient(random) for gradient in gradients]
             flow = Flow.track(np.linspace(0.0, time, _RUN_KNOTS + 1), gradients)
-        found.append((name, Scene(shape, float(stokes), start, time, flow)))
-    return found
+        scenes.append((name, Scene(shape, float(stokes), start, time, flow)))
+    return scenes
 
 
 def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
@@ -340,18 +350,18 @@ def stated(quick: bool = False) -> Iterator[Record]:
     random = np.random.default_rng(12)
     for number, (name, scene) in enumerate(scenes):
         requested = float(10 ** random.uniform(-9, -3))
-        found = solve_scene(scene, form=name, error=requested, samples=_RUN_ROWS)
+        solution = solve_scene(scene, form=name, error=requested, samples=_RUN_ROWS)
         row: Record = {"form": name, "track": bool(scene.flow and scene.flow.varies)}
-        row |= {"requested": requested, "status": str(found.status)}
-        if not found.success:
+        row |= {"requested": requested, "status": str(solution.status)}
+        if not solution.success:
             yield row | {"slow": inf, "slow_high": inf, "angle": inf, "angle_high": inf}
             continue
-        known = truth[number]
-        slow = np.max(np.abs(found.observables.slow - known.slow)) / max(scene.ellipsoid.inertia)
-        angle = orientation_difference(scene.ellipsoid, found.rotation, known.rotation)
+        exact = truth[number]
+        slow = np.max(np.abs(solution.observables.slow - exact.slow)) / max(scene.ellipsoid.inertia)
+        angle = orientation_difference(scene.ellipsoid, solution.rotation, exact.rotation)
         row |= {"slow": float(slow), "angle": inf if angle is None else float(np.max(angle))}
-        slow_error = found.error.slow
-        orientation = found.error.orientation
+        slow_error = solution.error.slow
+        orientation = solution.error.orientation
         row["slow_high"] = slow_error.high if slow_error else 0.0
         yield row | {"angle_high": orientation.high if orientation else 0.0}
 

@@ -1,8 +1,8 @@
 """Rotation of ellipsoids in any linear flow, in long double: body axes and L in space axes, by extrapolation.
 
-Nothing else of the package is used. The equations are those of the definitions: each body axis turns
-with ω, L changes by the torque -8π X_i (ω_i - ω_iJ), and ω_iJ follows from the gradient in body axes,
-G = R A Rᵀ, as ω₁J = (b² G₃₂ - c² G₂₃)/(b² + c²) and cyclic. Many bodies run side by side.
+Nothing else of the package is used. The equations follow the definitions. Each body axis turns with
+ω, and L changes by the torque -8π X_i (ω_i - ω_iJ). The gradient in body axes, G = R A Rᵀ, gives
+ω₁J = (b² G₃₂ - c² G₂₃)/(b² + c²) and cyclic. Many bodies run side by side.
 """
 
 from collections.abc import Callable
@@ -65,8 +65,8 @@ def run(
 ) -> tuple[Array, Array]:
     """Matrices t_ij, shape (rows, n, 3, 3), and L, shape (rows, n, 3), at equispaced times from 0 to the ends.
 
-    Of starts t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3). All bodies take the
-    same number of equal steps, a multiple of rows - 1; ``gradient(t, i)`` gives A, shape (n, 3, 3),
+    The starts are t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3). All bodies take
+    the same number of equal steps, a multiple of rows - 1; ``gradient(t, i)`` gives A, shape (n, 3, 3),
     at times of shape (n,) within step i.
     """
     rotation = np.asarray(rotation, dtype=np.longdouble)
@@ -74,12 +74,12 @@ def run(
     momentum = momentum[:, None, :] @ rotation
     state = np.concatenate([rotation, momentum], axis=1)
     length = np.asarray(end, dtype=np.longdouble) / steps
-    found = [state]
+    snapshots = [state]
     for i in range(steps):
         state = _step(bodies, state, gradient, i, length)
         if (i + 1) % (steps // (rows - 1)) == 0:
-            found.append(state)
-    states = np.array(found)
+            snapshots.append(state)
+    states = np.array(snapshots)
     return states[:, :, :3], states[:, :, 3]
 
 

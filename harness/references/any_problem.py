@@ -2,8 +2,8 @@
 
 Two runs of one method share its blindness: both step over a pulse, or over a kink. So an unlike
 method begins anew at every sample, from the reference's own states, with a limit on its largest
-step. Where it lands elsewhere, the reference gives way to runs of such methods, and what they differ
-by is its uncertainty.
+step. If it lands elsewhere, the reference gives way to runs of such methods, and their difference is
+its uncertainty.
 """
 
 from collections.abc import Callable
@@ -41,12 +41,12 @@ _PAIRS = (
 )
 # Absolute over relative tolerance of these runs, over the size of the start.
 _SMALL = 1e-6
-# What double precision leaves of a run of some thousand steps.
+# Error that double precision leaves in a run of some thousand steps.
 _ROUNDING = 1e-14
 # Deviation of two unlike runs, over a component's size, up to which they confirm each other.
 _CONFIRMED = 1e-5
 
-# Two unlike runs may err alike: the uncertainty is at least so many times their deviation.
+# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation.
 _ALIKE = 3.0
 
 Measure = Callable[[np.ndarray, np.ndarray], float]
@@ -85,13 +85,13 @@ def reference_of(
         )
     best = None
     for pair in _PAIRS:
-        found = _by_pair(problem, times, measure, max_seconds, *pair)
-        if isinstance(found, str):
-            reasons.append(found)
+        candidate = _by_pair(problem, times, measure, max_seconds, *pair)
+        if isinstance(candidate, str):
+            reasons.append(candidate)
             continue
         # Explicit methods get through a stiff problem, but far from its solution.
-        if best is None or found.uncertainty < best.uncertainty:
-            best = found
+        if best is None or candidate.uncertainty < best.uncertainty:
+            best = candidate
         if best.uncertainty <= _CONFIRMED:
             break
     if best:
@@ -194,21 +194,21 @@ def _by_pair(
     max_seconds: float,
     names: tuple[str, ...],
     tolerances: tuple[float, float],
-    others: tuple[str, ...],
-    other_tolerance: float,
+    unlike_names: tuple[str, ...],
+    unlike_tolerance: float,
 ) -> OwnReference | str:
     """A tight run by one method, with a looser one and one by an unlike method beside it; else why not."""
     name = _first(names, problem)
-    other = _first(others, problem)
-    if name is None or other is None:
-        return f"{names[0]}, {others[0]}: none takes the problem"
+    unlike_name = _first(unlike_names, problem)
+    if name is None or unlike_name is None:
+        return f"{names[0]}, {unlike_names[0]}: none takes the problem"
     step = float(times[-1]) / _LEAST_STEPS
     runs = []
     steps = 0
     for solver, tolerance in (
         (name, tolerances[0]),
         (name, tolerances[1]),
-        (other, other_tolerance),
+        (unlike_name, unlike_tolerance),
     ):
         # Small components are followed by the relative tolerance.
         atol = _SMALL * tolerance * _size(problem)
@@ -229,12 +229,12 @@ def _by_pair(
     )
     if not apart <= _CONFIRMED:
         uncertainty = max(uncertainty, SAFETY * apart)
-    source = f"{name} at {tolerances[0]:g}, compared with {other} at {other_tolerance:g}"
+    source = f"{name} at {tolerances[0]:g}, compared with {unlike_name} at {unlike_tolerance:g}"
     return OwnReference(tight, uncertainty, source)
 
 
 def _clock_off(problem: Problem, times: np.ndarray, states: np.ndarray, steps: int) -> np.ndarray:
-    """States, shape (n, d), at times that are off by what rounding makes of a sum of so many steps.
+    """States, shape (n, d), at times that are off by the rounding of a sum of `steps` steps.
 
     All runs whose steps have one limit share that error, whatever their method and tolerance.
     """

@@ -16,21 +16,21 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
-# Pieces of a run, evenly spread over it; so many of them must be decided, none against the
-# reference.
+# Pieces of a run, evenly spread over it. At least `_REQUIRED` of them must be decided, none against
+# the reference.
 _PIECES = 24
 _REQUIRED = 20
 # Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
-# time for averaged ones: those of low order are slow.
+# time for averaged ones: methods of low order are slow.
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
 # Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
 _LARGEST_EXPONENT = 5.0
-# The other method's own error at the tight tolerance: the tolerance, what the loose one makes of
-# it, ten times what an ulp in the start makes, an ulp for each of its steps, and rounding of the
-# numbers compared. Of L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a disc at St
-# = 3e5, where √n ulps are 2e-14.
+# The other method's own error at the tight tolerance is a sum: the tolerance, the difference of the
+# loose run, ten times the effect of an ulp in the start, an ulp for each step, and rounding of the
+# numbers compared. It holds for L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a
+# disc at St = 3e5, where √n ulps are 2e-14.
 _TOLERANCES = {
     "cyrk-vern8": (1e-14, 1e-13),
     "dop853": (1e-13, 1e-12),
@@ -45,7 +45,7 @@ _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1
 
 @dataclass(frozen=True)
 class Certificate:
-    """What confirmed a reference: the form and solver that solved its pieces again."""
+    """Confirmation of a reference: the form and solver that solved its pieces again."""
 
     form: str
     solver: str
@@ -73,17 +73,19 @@ def certify(
     Raises ReferenceFailedError if a piece disagrees by more than the other method's own error, or
     too few can be tried.
     """
-    other, solver = opposite(scene, form)
-    seen = {time: observe(form, scene, state[None]) for time, state in states.items()}
+    opposite_form, solver = opposite(scene, form)
+    observables = {time: observe(form, scene, state[None]) for time, state in states.items()}
     agreed = 0
     back = 0
     worst = 0.0
     for start, stop, turn in pieces(scene, form, problem.end):
         if form.averaged:
-            ratio = _same_form(scene, form, solver, states[start], seen[stop], stop - start)
+            ratio = _same_form(scene, form, solver, states[start], observables[stop], stop - start)
         else:
             later = scene.later(start, scene.start, stop - start)
-            ratio = _other_form(later, (other, solver), seen[start], seen[stop], stop - start)
+            ratio = _other_form(
+                later, (opposite_form, solver), observables[start], observables[stop], stop - start
+            )
         if ratio is not None:
             agreed += 1
             worst = np.maximum(worst, ratio)
@@ -92,14 +94,15 @@ def certify(
             back += 1
         if not worst <= 1:  # No number where a run ended beyond all numbers.
             raise ReferenceFailedError(
-                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form {other!r} by "
-                f"{solver} on the piece from {start:g} to {stop:g}: {worst:.1f} times the method's error"
+                f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form "
+                f"{opposite_form!r} by {solver} on the piece from {start:g} to {stop:g}: "
+                f"{worst:.1f} times the method's error"
             )
     if agreed < _REQUIRED:
         raise ReferenceFailedError(
             f"only {agreed} of {_PIECES} pieces could be tried, expected at least {_REQUIRED}"
         )
-    return Certificate(other, solver, agreed, back, worst)
+    return Certificate(opposite_form, solver, agreed, back, worst)
 
 
 def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
@@ -123,7 +126,7 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
-    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L by so many ulps."""
+    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L, in ulps."""
     rotation = observables.rotation[0].astype(float)
     ulp = np.finfo(float).eps * ulps
     momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
@@ -190,7 +193,7 @@ def _tried(
     accumulated = tight + np.finfo(float).eps * (solutions[1].work.steps or 0)
     return _compare(
         scene.ellipsoid,
-        [form.observe(scene, each.states[-1:]) for each in solutions],
+        [form.observe(scene, solution.states[-1:]) for solution in solutions],
         after,
         accumulated,
     )
@@ -200,20 +203,19 @@ def _compare(
     ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float
 ) -> float:
     """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
-    # Of the runs the second is compared; the first is looser, and the others start elsewhere by an
-    # ulp.
+    # The second run is compared; the first is looser, and the others start elsewhere by an ulp.
     loose, tight, *moved = runs
-    found = errors(ellipsoid, tight, true)
-    own = errors(ellipsoid, loose, tight)
-    spread = [errors(ellipsoid, other, tight) for other in moved]
+    deviation = errors(ellipsoid, tight, true)
+    numerical_error = errors(ellipsoid, loose, tight)
+    spread = [errors(ellipsoid, moved_run, tight) for moved_run in moved]
     rounding = (_ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
-    slow = own.slow + _ULPS * max(each.slow for each in spread) + rounding
+    slow = numerical_error.slow + _ULPS * max(shift.slow for shift in spread) + rounding
     angle = (
-        (own.orientation or 0.0)
-        + _ULPS * max(each.orientation or 0.0 for each in spread)
+        (numerical_error.orientation or 0.0)
+        + _ULPS * max(shift.orientation or 0.0 for shift in spread)
         + rounding
     )
-    return max(found.slow / slow, (found.orientation or 0.0) / angle)
+    return max(deviation.slow / slow, (deviation.orientation or 0.0) / angle)
 
 
 def _backward(
@@ -232,10 +234,12 @@ def _backward(
         ]
         for state in (states[end], states[end] + ulp)
     )
-    true, found, other = (
+    true, returned_observables, moved_observables = (
         observe(form, scene, state[None]) for state in (states[start], returned, moved)
     )
-    return _compare(scene.ellipsoid, [found, found, other], true, 0.0)
+    return _compare(
+        scene.ellipsoid, [returned_observables, returned_observables, moved_observables], true, 0.0
+    )
 
 
 def _turned(observables: Observables, axis: int) -> Observables:

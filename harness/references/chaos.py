@@ -13,12 +13,12 @@ from polhode.solvers.catalogue import first_available
 from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
-TOLERANCE = 1e-12
-# The tangent is brought back to unit length after each of so many intervals, and its growth written
+_TIGHT_TOLERANCE = 1e-12
+# After each of these intervals the tangent is brought back to unit length, and its growth written
 # down.
 _INTERVALS = 400
-# Algebraic growth, like that of a phase error, makes at most a few factors of two of the second
-# half of a run; exponential growth is what exceeds this logarithm.
+# Algebraic growth, as a phase error has it, makes at most a few factors of two of the second
+# half of a run; growth beyond this logarithm is exponential.
 _EXPONENTIAL = 5.0
 # Trajectories are meaningless once half an ulp, below which no run in double precision errs, has
 # grown to this, in rad.
@@ -97,7 +97,7 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
             piece = replace(
                 problem, start=tuple(start.tolist()), end=float(times[i + 1] - times[i])
             )
-            run = solve(piece, method, TOLERANCE / 100)
+            run = solve(piece, method, _TIGHT_TOLERANCE / 100)
             if not run.success:
                 raise ValueError(
                     f"form {problem.name!r}: a neighbour's run ended with {run.status} after t = {times[i]:g}"
@@ -113,8 +113,8 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
 
 @OncePerThread
 def tangent_integrator(factory: Factory, dimension: int, parameters: int) -> Any:
-    """An integrator of a field of so many variables and parameters, and of a tangent vector behind them."""
+    """Integrator of a field, with these numbers of variables and parameters, and of a tangent."""
     system = tangent_system(factory, dimension, parameters)
     return load_heyoka().taylor_adaptive(
-        system, [0.0] * len(system), tol=TOLERANCE, compact_mode=True
+        system, [0.0] * len(system), tol=_TIGHT_TOLERANCE, compact_mode=True
     )

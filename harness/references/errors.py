@@ -10,11 +10,11 @@ from polhode.models.observables import Observables, angular_velocity, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Beyond this angle, in rad, a difference of orientation no longer splits into phase and shape to
-# first order.
+# Largest angle, in rad, at which a difference of orientation splits into phase and shape to first
+# order.
 _SPLIT_LIMIT = 0.3
-# Samples resolve the power if a body turns by less than this, in rad, between two of them, and if
-# half of them give the same residual to this fraction, or to rounding.
+# Samples resolve the power under two conditions. A body turns by less than this angle, in rad,
+# between two of them, and half of them give the same residual to this fraction, or to rounding.
 _LARGEST_TURN = 0.5
 _RESOLVED = 0.2
 _ROUNDING = 1e-13
@@ -27,9 +27,9 @@ class Errors:
     """Errors along a run: each is the largest over the samples, and None where it cannot be known.
 
     Slow errors are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3)
-    for a triaxial ellipsoid, the angle between symmetry axes for a spheroid, None for a sphere or
-    where a form gives none. It splits, to first order, into a phase along the motion and a shape
-    across it; not beyond `_SPLIT_LIMIT`.
+    for a triaxial ellipsoid, and the angle between symmetry axes for a spheroid. It is None for a
+    sphere or where a form gives no orientation. It splits, to first order, into a phase along the
+    motion and a shape across it; not beyond `_SPLIT_LIMIT`.
     """
 
     slow: float
@@ -54,9 +54,9 @@ def errors(
     with np.errstate(over="ignore", invalid="ignore"):
         difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
-    each = np.max(difference, axis=0)
+    component_errors = np.max(difference, axis=0)
     worst = int(np.argmax(np.max(difference, axis=1)))
-    slow = Errors(float(np.max(each)), worst, tuple(each.tolist()))
+    slow = Errors(float(np.max(component_errors)), worst, tuple(component_errors.tolist()))
     angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
     if angle is None:
         return slow
@@ -133,8 +133,8 @@ def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
 def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> float:
     """Largest distance (Wasserstein's W₁) between the distributions over the two runs of an observable.
 
-    What can be compared where trajectories cannot: the squares of the entries of t_ij that are
-    known, L_z and E, the last two in units of their largest value.
+    They can be compared where trajectories cannot. The observables are the squares of the known
+    entries of t_ij, L_z and E, the last two in units of their largest value.
     """
     axes = range(3) if ellipsoid.kind == "triaxial" else [ellipsoid.symmetry_axis or 0]
 
@@ -144,7 +144,8 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
             [entries, observables.angular_momentum[:, 2], observables.energy]
         ).astype(float)
 
-    a, b = columns(found), columns(true)
+    a = columns(found)
+    b = columns(true)
     scale = np.ones(b.shape[1])
     scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
     levels = (np.arange(len(a)) + 0.5) / len(a)
@@ -166,8 +167,8 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
         return None
     ellipsoid = scene.ellipsoid
     unit = max(scene.ellipsoid.inertia)
-    known = (completed(ellipsoid, each.rotation) for each in (found, true))
-    rotations = [rotation for rotation in known if rotation is not None]
+    completions = (completed(ellipsoid, run.rotation) for run in (found, true))
+    rotations = [rotation for rotation in completions if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
     omega = [

@@ -36,7 +36,7 @@ _MAX_UNLIKE_STEPS = 10_000_000
 
 
 class ReferenceFailedError(RuntimeError):
-    """There is no reference; `status` is that of the run that failed, empty if none did."""
+    """There is no reference; `status` is the status of the failed run, empty if none failed."""
 
     def __init__(self, message: str, status: str = "") -> None:
         super().__init__(message)
@@ -93,13 +93,13 @@ def unlike_runs(
         left = deadline - perf_counter()
         if left <= 0:
             break
-        found = solve(
+        solution = solve(
             problem, name, tolerance, times, max_seconds=left, max_steps=_MAX_UNLIKE_STEPS
         )
-        if not found.success:
-            failures.append(f"{name} ended with {found.status}")
+        if not solution.success:
+            failures.append(f"{name} ended with {solution.status}")
             continue
-        runs[name] = found.states
+        runs[name] = solution.states
         if len(runs) == 2:
             return runs
     reasons = "; ".join(failures) or "no others are installed"
@@ -113,7 +113,7 @@ def reference_runs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """States of a tight and of a loose run, shape (n, d) each, from whose difference the uncertainty follows.
 
-    Taylor runs in extended precision, or without heyoka those of `unlike_runs`.
+    Taylor runs in extended precision, or without heyoka the runs of `unlike_runs`.
     """
     if extends_precision():
         tight, loose = (extended_run(problem, times, *run) for run in runs)

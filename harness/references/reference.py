@@ -66,10 +66,11 @@ MOST_ROTATIONS = 2e5
 _SPHEROIDS = ("splitting-extended", 1e-13)
 _OTHERS = ("taylor", 1e-15)
 AGAINST = ("cyrk-vern8", 1e-14)
-# Where CyRK is missing; SciPy takes no tolerance below 2.2e-14.
+# Without CyRK; SciPy takes no tolerance below 2.2e-14.
 _AGAINST_WITHOUT = ("dop853", 1e-13)
-# Over so many shear times that one loses the phase. It confirms the reference, and how well that is
-# known follows from this run, which errs as much as the reference: so many times their distance.
+# In the longest runs the method `AGAINST` loses the phase. It still confirms the reference. The
+# uncertainty follows from this further run, which errs as much as the reference: it is `_ALIKE` times
+# their distance.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
 # Slow error, over I_max, from which on the two do not confirm each other.
@@ -160,7 +161,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
                 return failed | {"seconds": seconds, "certificates": _CERTIFICATES}
 
         arrays, disturbed = within(
-            seconds, computed, lambda found: str(found.get("status")) == Status.TIME_LIMIT
+            seconds, computed, lambda record: str(record.get("status")) == Status.TIME_LIMIT
         )
         if not disturbed:
             arrays = cache.keep(key, arrays)
@@ -179,7 +180,7 @@ def _far(scene: Scene) -> bool:
 
 
 def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
-    """Whether what is kept is a failure that says nothing of a trial of so many seconds."""
+    """Whether the cached record is a failure that a trial of `seconds` may overcome."""
     if "failure" not in arrays:
         return False
     judged = "status" in arrays and int(arrays["certificates"]) == _CERTIFICATES
@@ -192,32 +193,34 @@ def _compute(
     times = np.linspace(0.0, problem.end, samples)
     extra = [*chain(*pieces(scene, form, problem.end)), problem.end]
     every = np.union1d(times, extra)
-    wanted = np.searchsorted(every, times)
+    row_indices = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
     states = extended_run(problem, every, precision, tight_tolerance, deadline)
-    tight = observe(form, scene, states[wanted])
-    loose = observe(form, scene, extended_run(problem, every, *loose_run, deadline)[wanted])
-    others = (
+    tight = observe(form, scene, states[row_indices])
+    loose = observe(form, scene, extended_run(problem, every, *loose_run, deadline)[row_indices])
+    moved_states = (
         extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline)
         for seed in seeds
     )
-    moved = [observe(form, scene, each) for each in others]
+    moved = [observe(form, scene, moved_run) for moved_run in moved_states]
     certificate = certify(
         scene, form, problem, dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
     )
-    spread = [errors(scene.ellipsoid, other, tight) for other in moved]
+    spread = [errors(scene.ellipsoid, moved_run, tight) for moved_run in moved]
     size = max(1.0, magnitude(scene.ellipsoid, tight))
-    largest = max(max(each.slow / size, each.orientation or 0.0) for each in spread)
+    largest = max(max(shift.slow / size, shift.orientation or 0.0) for shift in spread)
     kept = samples
     if largest > _SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
         kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
-    own = errors(scene.ellipsoid, loose[:kept], tight[:kept])
-    early = [errors(scene.ellipsoid, other[:kept], tight[:kept]) for other in moved]
-    slow = max(SAFETY * own.slow, *(each.slow for each in early))
+    numerical_error = errors(scene.ellipsoid, loose[:kept], tight[:kept])
+    early = [errors(scene.ellipsoid, moved_run[:kept], tight[:kept]) for moved_run in moved]
+    slow = max(SAFETY * numerical_error.slow, *(shift.slow for shift in early))
     orientation = None
-    if own.orientation is not None:
-        orientation = max(SAFETY * own.orientation, *(each.orientation or 0.0 for each in early))
-    distance = max(statistics_distance(scene.ellipsoid, other, tight) for other in moved)
+    if numerical_error.orientation is not None:
+        orientation = max(
+            SAFETY * numerical_error.orientation, *(shift.orientation or 0.0 for shift in early)
+        )
+    distance = max(statistics_distance(scene.ellipsoid, moved_run, tight) for moved_run in moved)
     return Reference(
         form.name, times, tight, slow, orientation, certificate, precision, kept, distance
     )
@@ -229,18 +232,18 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
 
     def run(form: str, solver: str, tolerance: float) -> Observables:
         equations = find_form(form)
-        found = solve(
+        solution = solve(
             equations.problem(scene),
             solver,
             tolerance,
             times,
             max_seconds=deadline - perf_counter(),
         )
-        if not found.success:
+        if not solution.success:
             raise ReferenceFailedError(
-                f"the reference by {solver} ended with {found.status}", found.status
+                f"the reference by {solver} ended with {solution.status}", solution.status
             )
-        return equations.observe(scene, found.states)
+        return equations.observe(scene, solution.states)
 
     varies = scene.flow is not None and scene.flow.varies
     splits = (
@@ -248,17 +251,17 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
     )
     exact = run(full_form(scene), *(_SPHEROIDS if splits else _OTHERS))
     against = AGAINST if find_solver(AGAINST[0]).available else _AGAINST_WITHOUT
-    other = run("quaternion", *against)
-    apart = errors(scene.ellipsoid, other, exact)
+    second = run("quaternion", *against)
+    apart = errors(scene.ellipsoid, second, exact)
     if not apart.slow < APART:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
     doubt = 1.0
     if _far(scene):
-        other = run("quaternion", *_FURTHER)
+        second = run("quaternion", *_FURTHER)
         doubt = _ALIKE
-        apart = errors(scene.ellipsoid, other, exact)
+        apart = errors(scene.ellipsoid, second, exact)
     certificate = Certificate("quaternion", against[0], 1, 0, 1.0)
-    distance = statistics_distance(scene.ellipsoid, other, exact)
+    distance = statistics_distance(scene.ellipsoid, second, exact)
     slow = doubt * apart.slow
     orientation = None if apart.orientation is None else doubt * apart.orientation
     return Reference(
@@ -277,17 +280,17 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
 def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: float) -> Reference:
     """Reference of a form without heyoka: two unlike methods in double precision."""
     times = np.linspace(0.0, problem.end, samples)
-    (_, states), (other_solver, other_states) = unlike_runs(problem, times, deadline).items()
+    (_, states), (second_solver, second_states) = unlike_runs(problem, times, deadline).items()
     exact = form.observe(scene, states)
-    other = form.observe(scene, other_states)
+    second = form.observe(scene, second_states)
     size = max(1.0, magnitude(scene.ellipsoid, exact))
-    apart = errors(scene.ellipsoid, other, exact)
+    apart = errors(scene.ellipsoid, second, exact)
     meaningful = samples
     largest = max(apart.slow / size, apart.orientation or 0.0)
     if largest > _SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
         until = grown.meaningful_until(_DOUBLE_ERROR)
         meaningful = max(2, int(np.searchsorted(times, until, side="right")))
-        apart = errors(scene.ellipsoid, other[:meaningful], exact[:meaningful])
+        apart = errors(scene.ellipsoid, second[:meaningful], exact[:meaningful])
     if not apart.slow < APART * size:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
     rounding = float(np.finfo(float).eps) * size
@@ -298,24 +301,24 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
         exact,
         SAFETY * max(apart.slow, rounding),
         None if orientation is None else SAFETY * max(orientation, rounding),
-        Certificate(form.name, other_solver, 1, 0, 1.0),
+        Certificate(form.name, second_solver, 1, 0, 1.0),
         "double",
         meaningful,
-        statistics_distance(scene.ellipsoid, other, exact),
+        statistics_distance(scene.ellipsoid, second, exact),
     )
 
 
-def _packed(known: Reference) -> dict[str, Any]:
+def _packed(solution: Reference) -> dict[str, Any]:
     """A reference as it is kept, of which `cache.keep` makes arrays."""
-    by = known.certificate
-    orientation = known.orientation_uncertainty
+    by = solution.certificate
+    orientation = solution.orientation_uncertainty
     return {
         **{
-            name: each
-            for name, each in vars(known).items()
+            name: value
+            for name, value in vars(solution).items()
             if name not in ("form", "observables", "certificate")
         },
-        **{name: each.astype(float) for name, each in vars(known.observables).items()},
+        **{name: value.astype(float) for name, value in vars(solution.observables).items()},
         "orientation_uncertainty": np.nan if orientation is None else orientation,
         "certificate_by": [by.form, by.solver],
         "certificate": [by.pieces, by.back, by.ratio],
@@ -330,15 +333,15 @@ def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
         "meaningful",
         "statistics_uncertainty",
     )
-    known: dict[str, Any] = {name: arrays[name].item() for name in names}
-    if isnan(known["orientation_uncertainty"]):
-        known["orientation_uncertainty"] = None
+    fields: dict[str, Any] = {name: arrays[name].item() for name in names}
+    if isnan(fields["orientation_uncertainty"]):
+        fields["orientation_uncertainty"] = None
     # Further numbers, and growth, are of earlier versions.
     count, back, ratio, *_ = arrays["certificate"].tolist()
     by_form, by_solver = arrays["certificate_by"].tolist()
     certificate = Certificate(by_form, by_solver, int(count), int(back), ratio)
-    seen = Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"])
-    return Reference(form.name, arrays["times"], seen, certificate=certificate, **known)
+    observables = Observables(arrays["angular_momentum"], arrays["energy"], arrays["rotation"])
+    return Reference(form.name, arrays["times"], observables, certificate=certificate, **fields)
 
 
 def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:

@@ -21,10 +21,10 @@ from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
 # The explicit runs are cheap enough to follow a chaotic scene for a while.
-TOLERANCE = 1e-9
+_LOOSE_TOLERANCE = 1e-9
 _STIFF_TOLERANCE = 1e-6
 _AVERAGED_TOLERANCE = 1e-6
-# Beyond so many rotations averages are cheaper than a loose run, and no less accurate.
+# Rotations from which on averages are cheaper than a loose run, and no less accurate.
 MANY = 1000.0
 # Longest piece of a run, in rotations, or on the stiff side in time: some tenths of a second. The
 # rest is extrapolated.
@@ -36,12 +36,12 @@ _STIFF_FROM = 30.0
 # Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself
 # (section `DAC`).
 _SEPARATED = 1.5
-# From rest a body turns by some 100 rad in so many times √(St I/8πX), so fast that averages serve
-# from there on.
+# From rest a body turns by some 100 rad within this multiple of √(St I/8πX). It is then so fast that
+# averages serve from there on.
 _RISEN = 20.0
 _NODES = 64
 # Damping times from which on stability may hold an explicit method back, and the share of its
-# steps: where stability asks for more of them, errors do not follow the tolerance; those of
+# steps: where stability asks for more of them, errors do not follow the tolerance. Errors of
 # Taylor's method, whose order is higher, still do.
 STIFF = 2e4
 _HELD = 0.4
@@ -59,7 +59,7 @@ class Gauge:
     any_run: float
 
     def usual(self, turns: float, following: float) -> float:
-        """Steps that accuracy usually asks for over so many rotations, and such a time spent following the flow."""
+        """Steps that accuracy usually asks for over `turns` rotations and a time `following` the flow."""
         return self.per_rotation * turns + self.per_time * following + self.any_run
 
 
@@ -94,7 +94,7 @@ def rotations(scene: Scene) -> float:
     """Number of rotations N = ∫|ω| dt/2π of a scene, within two per cent, in milliseconds.
 
     From the averaged slow variables where they are valid and N is large, else from a loose run that
-    integrates |ω| along. Of a chaotic scene N is known no better than the scene itself. Raises
+    integrates |ω| along. In a chaotic scene N is known no better than the scene itself. Raises
     ValueError if that run fails, or if the start has no orientation and the averaged equations do
     not apply.
     """
@@ -179,7 +179,9 @@ def _angle(scene: Scene) -> float:
     longest = min(
         scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene))
     )
-    solver, tolerance = ("cyrk-radau", _STIFF_TOLERANCE) if stiff else ("cyrk-vern8", TOLERANCE)
+    solver, tolerance = (
+        ("cyrk-radau", _STIFF_TOLERANCE) if stiff else ("cyrk-vern8", _LOOSE_TOLERANCE)
+    )
     risen = longest if _is_separated(scene) else _RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
@@ -196,7 +198,7 @@ def _angle(scene: Scene) -> float:
             # No averages are known in other flows than shear.
             continue
         reached = start_from(scene.ellipsoid, form.observe(scene, run.states[-1:, :-1]))
-        rest = replace(scene, start=reached, time=scene.time - end)
-        if _averages_well(rest) and (further := _averaged_angle(rest)) is not None:
+        remaining = replace(scene, start=reached, time=scene.time - end)
+        if _averages_well(remaining) and (further := _averaged_angle(remaining)) is not None:
             return whole + further
     return angle

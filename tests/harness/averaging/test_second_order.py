@@ -24,7 +24,7 @@ from polhode.harness.averaging.second_order import (
     measure_study,
 )
 from polhode.harness.cli import polhode
-from polhode.harness.commands.bench import PARTS
+from polhode.harness.commands.bench import ACCURACY_PARTS
 from polhode.harness.common.files import SUMS
 from polhode.harness.common.text import short
 from polhode.harness.pages.averaging.second_order import findings, page, write_page
@@ -144,7 +144,11 @@ def test_one_part_is_measured_and_the_others_stay(monkeypatch):
 
 
 def test_the_commands_parts_are_the_studys():
-    assert PARTS == {"1": (), "2": second_order.SECOND_ORDER_PARTS, "hybrid": hybrid.HYBRID_PARTS}
+    assert ACCURACY_PARTS == {
+        "1": (),
+        "2": second_order.SECOND_ORDER_PARTS,
+        "hybrid": hybrid.HYBRID_PARTS,
+    }
 
 
 def test_costs_have_one_row_for_each_form_solver_and_st(monkeypatch):
