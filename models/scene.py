@@ -23,7 +23,7 @@ from polhode.models.shape import Ellipsoid, require_numbers
 # floating-point numbers.
 _LARGEST = 1e30
 _LEAST = 1e-60
-MOST = 1e60
+MAX_NUMBER = 1e60
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,9 @@ class SlowStart:
     def __post_init__(self) -> None:
         _require_finite("start.angular_momentum", self.angular_momentum, 3)
         require_numbers("start.energy", self.energy)
-        if not 0 <= self.energy <= MOST:
+        if not 0 <= self.energy <= MAX_NUMBER:
             raise ValueError(
-                f"start.energy: got {self.energy}, expected a number from 0 to {MOST:g}"
+                f"start.energy: got {self.energy}, expected a number from 0 to {MAX_NUMBER:g}"
             )
 
 

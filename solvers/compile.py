@@ -158,7 +158,7 @@ def load_heyoka() -> Any:
     if kept_code.check(folder):
         atexit.register(kept_code.note, folder)
         heyoka.llvm_state.set_diskcache_path(str(folder))
-        heyoka.llvm_state.set_diskcache_limit(kept_code.MOST)
+        heyoka.llvm_state.set_diskcache_limit(kept_code.MAX_CODE_BYTES)
     else:
         heyoka.llvm_state.set_diskcache_enabled(False)
     return heyoka

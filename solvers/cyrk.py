@@ -51,8 +51,8 @@ from polhode.solvers.machine_code.llvm import MachineCode
 from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
-CHUNK = 20_000
-# Steps before the first look for events; from look to look there are more of them, up to `CHUNK`.
+_CHUNK = 20_000
+# Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`.
 _FIRST_LOOK = 256
 # Shares of the steps of a chunk that failed, up to which it is run again.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
@@ -352,7 +352,7 @@ def _run(call: Call, record: Record) -> Outcome:
     state = record.start
     steps = 0
     last_step = call.first_step
-    look = CHUNK
+    look = _CHUNK
     if record.events:
         look = _FIRST_LOOK
     while True:
@@ -367,7 +367,7 @@ def _run(call: Call, record: Record) -> Outcome:
             work.steps = steps
             if record.events:
                 last_step = _look_through(call, record, result, time, state, last_step)
-                look = min(CHUNK, look * LOOK_GROWTH)
+                look = min(_CHUNK, look * LOOK_GROWTH)
                 if record.events.ended is not None:
                     return Status.REACHED_END, ""
             else:

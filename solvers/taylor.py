@@ -19,7 +19,7 @@ from polhode.solvers.event_search import LOOK_GROWTH, looks
 Precision = Literal["double", "long double", "quadruple"]
 
 # Deadline and Ctrl-C are looked at once per this many steps.
-CHUNK = 10_000
+_CHUNK = 10_000
 # Components up to which every operation is compiled in place.
 _MAX_UNROLLED = 50
 # Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
@@ -32,7 +32,7 @@ _PACED_STEPS = 16
 # than so many pieces ahead.
 _PACED_PIECES = 40
 _MAX_PIECES_AHEAD = 1e8
-# Steps before the first look for events; from look to look there are more of them, up to `CHUNK`.
+# Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`.
 _FIRST_LOOK = 64
 
 
@@ -96,7 +96,7 @@ def propagate(
     while True:
         result = integrator.propagate_grid(
             grid,
-            max_steps=min(record.chunk(CHUNK), record.max_steps - steps),
+            max_steps=min(record.chunk(_CHUNK), record.max_steps - steps),
             max_delta_t=number.type(max_step),
         )
         reason = result[0]
@@ -143,7 +143,7 @@ def propagate_with_events(
         steps = steps + result[3]
         record.now = float(integrator.time)
         record.work.steps = steps
-        look = min(CHUNK, look * LOOK_GROWTH)
+        look = min(_CHUNK, look * LOOK_GROWTH)
         if series is not None:
 
             def between(times: np.ndarray, series: Any = series) -> np.ndarray:

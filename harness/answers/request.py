@@ -6,7 +6,7 @@ import numpy as np
 
 from polhode.harness.common.text import in_full
 from polhode.harness.references.errors import attainable
-from polhode.models.scene import MOST, Scene, SlowStart
+from polhode.models.scene import MAX_NUMBER, Scene, SlowStart
 from polhode.models.shape import require_numbers
 
 WANTS = ("slow", "orientation")
@@ -33,9 +33,9 @@ class NotAttainableError(ValueError):
 def check_request(error: float, want: str) -> None:
     """Raise ValueError for an error that is no positive number or too large, or one of a thing unknown."""
     require_numbers("error", error)
-    if not 0 < float(error) <= MOST:
+    if not 0 < float(error) <= MAX_NUMBER:
         raise ValueError(
-            f"error: got {float(error)!r}, expected a finite positive number of at most {MOST:g}"
+            f"error: got {float(error)!r}, expected a finite positive number of at most {MAX_NUMBER:g}"
         )
     if want not in WANTS:
         raise ValueError(f"want: got {want!r}, expected 'slow' or 'orientation'")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from polhode.models.flow import Flow
 
-COLUMNS = ["t", *(f"A{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))]
+TRACK_COLUMNS = ["t", *(f"A{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))]
 
 
 def read_track(path: Path) -> Flow:
@@ -24,9 +24,9 @@ def read_track(path: Path) -> Flow:
         raise ValueError(f"flow.track: got {str(path)!r}, expected a CSV file: {error}") from None
     rows = [row for row in csv.reader(text.splitlines()) if row]
     header = [name.strip() for name in rows[0]] if rows else []
-    if header != COLUMNS:
+    if header != TRACK_COLUMNS:
         got = ",".join(header)
-        expected = ",".join(COLUMNS)
+        expected = ",".join(TRACK_COLUMNS)
         raise ValueError(f"flow.track: {path}: got the columns {got:.60}, expected {expected}")
     numbers = [_numbers(path, line, row) for line, row in enumerate(rows[1:], 2)]
     times = [row[0] for row in numbers]
@@ -37,9 +37,9 @@ def read_track(path: Path) -> Flow:
 
 
 def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
-    if len(row) != len(COLUMNS):
+    if len(row) != len(TRACK_COLUMNS):
         raise ValueError(
-            f"flow.track: {path}:{line}: got {len(row)} columns, expected {len(COLUMNS)}"
+            f"flow.track: {path}:{line}: got {len(row)} columns, expected {len(TRACK_COLUMNS)}"
         )
     try:
         return [float(cell) for cell in row]
@@ -50,7 +50,7 @@ def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
 
 def track_text(flow: Flow) -> str:
     """Contents of the file of a track."""
-    lines = [",".join(COLUMNS)]
+    lines = [",".join(TRACK_COLUMNS)]
     for time, (x, y, z) in zip(flow.knots, flow.gradients, strict=True):
         lines.append(",".join(repr(number) for number in (time, *x, *y, *z)))
     return "\n".join(lines) + "\n"

@@ -14,7 +14,7 @@ from zlib import crc32
 from polhode.models.files.kept import make_private, say
 
 # Bytes that heyoka may cache, some fifty integrators: to read and sum them takes 20 ms of a start.
-MOST = 20_000_000
+MAX_CODE_BYTES = 20_000_000
 
 
 def check(folder: Path) -> bool:

@@ -26,7 +26,7 @@ from polhode.solvers.machine_code.underflow import FlushedToZero
 from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, posed
 
 # Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
-CHUNK = 20_000
+_CHUNK = 20_000
 # IDA's "IDA_YA_YDP_INIT" and how far beyond the start it looks, as scikit-sundae has it.
 _ALGEBRAIC = 1
 _BEYOND = 0.01
@@ -158,7 +158,7 @@ def integrator(memory: Memory, count: bool) -> Integrator:
         steps = 0
         while True:
             with memory.flushed_to_zero:
-                code = memory.advance(record, min(steps + record.chunk(CHUNK), record.max_steps))
+                code = memory.advance(record, min(steps + record.chunk(_CHUNK), record.max_steps))
             record.now, step = report.view(float)[[2, 9]].tolist()
             (
                 _,

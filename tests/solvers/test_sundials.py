@@ -42,7 +42,7 @@ def test_the_same_steps_as_through_python(name: str, jacobian):
 @pytest.mark.parametrize("name", NAMES)
 def test_looks_at_the_clock_change_nothing(name: str, monkeypatch: pytest.MonkeyPatch):
     at_once = solve(PROBLEM, name, 1e-8, TIMES, count=True)
-    monkeypatch.setattr(compiled, "CHUNK", 3)
+    monkeypatch.setattr(compiled, "_CHUNK", 3)
     in_chunks = solve(PROBLEM, name, 1e-8, TIMES, count=True)
     assert np.array_equal(at_once.states, in_chunks.states)
     assert at_once.work == in_chunks.work

@@ -172,7 +172,7 @@ def test_a_second_call_reads_the_cache_and_a_damaged_file_is_computed_anew(monke
 
 def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_seconds(monkeypatch):
     # A chunk of steps in quadruple precision takes seconds, more than this test needs.
-    monkeypatch.setattr("polhode.solvers.taylor.CHUNK", 10)
+    monkeypatch.setattr("polhode.solvers.taylor._CHUNK", 10)
     scene, tried = replace(PAPER, time=47.0), []
     honest = module._compute
 
