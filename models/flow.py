@@ -98,6 +98,13 @@ class Flow:
         )
         return cls(matrices[0], knots, matrices)
 
+    def __repr__(self) -> str:
+        """The gradient, or how many there are along a track and from when to when."""
+        if not self.varies:
+            return f"Flow(gradient={self.gradient})"
+        begin, end = self.knots[0], self.knots[-1]
+        return f"<Flow: {len(self.knots)} gradients along a track from t = {begin:g} to {end:g}>"
+
     @property
     def words(self) -> str:
         """It in words, for messages."""
@@ -230,7 +237,8 @@ def checked_gradient(name: str, given: Any) -> Matrix:
     norm = sqrt(sum(entry * entry for entry in entries))
     if abs(trace) > _TRACE_ROUNDING * norm:
         raise ValueError(
-            f"{name}: got the trace {trace:.3g}, expected 0 to {_TRACE_ROUNDING:g} of the norm, {norm:.3g}"
+            f"{name}: got the trace {trace:.3g}, expected 0 to {_TRACE_ROUNDING:g} of the norm, {norm:.3g}: "
+            "subtract a third of it from the diagonal"
         )
     return matrix
 

@@ -110,6 +110,7 @@ def solve(
                 from polhode.harness.api import plan
 
             planned = plan(scene, **options)
+            _check_track(planned, restart)
             if target:
                 target.open()
         if verbose:
@@ -143,6 +144,15 @@ def solve(
                 say(f"note: {solution.error.advice}")
     if solution.error.advice and _given("error"):
         raise RunFailed(f"error: {short(options['error'])} is not confirmed; the rows are complete")
+
+
+def _check_track(planned: "Plan", restart: Path | None) -> None:
+    """ValueError unless a track goes on for another run, where `--restart` writes that."""
+    flow = planned.scene.flow
+    end = 2 * planned.scene.time
+    if restart and flow is not None and not flow.covers(end):
+        last = flow.knots[-1]
+        raise ValueError(f"--restart: got a track to t = {last:g}, expected one to t = {end:g}")
 
 
 def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Path | None) -> None:
@@ -203,6 +213,7 @@ def _run(
     omega: bool,
 ) -> "SceneSolution":
     """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
+    from polhode.harness.answers.request import NotAttainableError
     from polhode.harness.solution import write_csv
     from polhode.solvers.solve import Interrupted
 
@@ -243,6 +254,8 @@ def _run(
                 raise RunFailed(f"{solution.status}: {rows}. {why}".strip())
         if beside:
             write_file(beside, dumps(solution.provenance()) + "\n")
+    except NotAttainableError as error:
+        raise RunFailed(str(error)) from None
     except BrokenPipeError:
         # Who reads has seen enough.
         raise

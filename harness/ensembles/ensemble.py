@@ -114,9 +114,12 @@ class Ensemble:
                 "start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'"
             )
         _ = self.problem
-        for track in self.tracks or ():
-            # Refuses one that ends before the run.
-            replace(self.any_scene, flow=track)
+        for number, track in enumerate(self.tracks, 1):
+            try:
+                # Refuses one that ends before the run.
+                replace(self.any_scene, flow=track)
+            except ValueError as error:
+                raise ValueError(f"track {number} of {len(self.tracks)}: {error}") from None
 
     @property
     def problem(self) -> Problem:

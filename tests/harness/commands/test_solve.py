@@ -17,6 +17,7 @@ from click.testing import CliRunner
 from commandline import SCENE, SCRIPT, Run
 from scipy.spatial.transform import Rotation
 
+from polhode.harness.cli import BadInput
 from polhode.harness.commands.solve import solve
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import reference
@@ -549,3 +550,25 @@ def test_a_full_disk_is_said_of_the_file_that_met_it(
         solve, ["paper", *map(str, GIVEN), "--samples", "11", "--out", str(out)]
     )
     assert f"{out}.json: No space left on device, expected room" in found.stderr
+
+
+@pytest.mark.parametrize("way", [["--form", "quaternion"], ["--solver", "taylor"], []])
+def test_an_error_below_double_precision_is_refused_in_one_line(scene_file: Path, way: list[str]):
+    found = CliRunner().invoke(solve, [str(scene_file), "--error", "1e-20", *way])
+    assert isinstance(found.exception, BadInput)
+    assert "not attainable in double precision" in str(found.exception)
+
+
+def test_a_track_that_ends_with_the_run_cannot_be_gone_on_along(tmp_path: Path):
+    rows = "".join(f"{time},0,1,0,0,0,0,0.1,0,0\n" for time in (0, 3, 6))
+    head = "t," + ",".join(f"A{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+    (tmp_path / "track.csv").write_text(f"{head}\n{rows}")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'stokes = 2.0\ntime = 6.0\n[shape]\nsemi_axes = [3, 2, 1]\n[flow]\ntrack = "track.csv"\n'
+        "[start]\nquaternion = [1, 0, 0, 0]\nangular_velocity = [0.1, 0.2, 0.3]\n"
+    )
+    words = [str(scene), "--samples", "3", "--restart", str(tmp_path / "next.toml")]
+    found = CliRunner().invoke(solve, words)
+    assert isinstance(found.exception, BadInput)
+    assert str(found.exception) == "--restart: got a track to t = 6, expected one to t = 12"
