@@ -43,6 +43,7 @@ HEAD = """\
 `pyproject.toml` admits and that have wheels for it, and with the newest. This is what ran last:
 
 """
+NOTHING = "nothing yet but Python 3.11 with the versions of `constraints.txt` (`make test`).\n"
 ELSEWHERE = """
 ## Platforms
 
@@ -167,7 +168,7 @@ def page(results: dict[str, dict[str, str]]) -> str:
             tests = re.sub(r" in .*", "", found["tests"])
             rows.append([found.get("python", version), end, tests])
             rows[-1] += [found.get(name, "–") for name in SHOWN]
-    text = HEAD + table(["Python", "versions", "tests", *SHOWN], rows)
+    text = HEAD + (table(["Python", "versions", "tests", *SHOWN], rows) if rows else NOTHING)
     rows = []
     for platform in PLATFORMS:
         found = results.get(platform, {})
