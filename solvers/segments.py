@@ -63,11 +63,20 @@ def _cut(segments: Segments, record: Record) -> _Cut:
 
 def _through(integrate: Integrator, segments: Segments, record: Record) -> Outcome:
     """Fill a record's rows, segment by segment."""
+    done: list[Work] = []
+    try:
+        return _fill(integrate, segments, record, done)
+    finally:
+        record.work = _summed(done)
+        record.inner = None
+
+
+def _fill(integrate: Integrator, segments: Segments, record: Record, done: list[Work]) -> Outcome:
+    """As `_through`; the work of each segment is added to `done`, of one that Ctrl-C ends, too."""
     cut = _cut(segments, record)
     now = float(record.times[0])
     room = np.empty((2, record.rows.shape[1]), record.rows.dtype)
     state = record.start.copy()
-    done: list[Work] = []
     steps = 0
     status = Status.REACHED_END
     message = ""
@@ -98,7 +107,6 @@ def _through(integrate: Integrator, segments: Segments, record: Record) -> Outco
         finally:
             # Ctrl-C keeps what is finished.
             done.append(piece.work)
-            record.work = _summed(done)
             if wanted:
                 record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
         steps += piece.work.steps or 0
@@ -119,7 +127,6 @@ def _through(integrate: Integrator, segments: Segments, record: Record) -> Outco
             break
         now = end
         record.now = now
-    record.inner = None
     return status, message
 
 
