@@ -166,7 +166,7 @@ class Record:
     # The last parameters here, where they change on the way (`polhode.models.problem.Segments`).
     changed: np.ndarray | None = None
     goes_on: bool = False  # whether the start is the end of a segment before
-    inner: "Record | None" = None  # that of the segment on its way
+    inner: "Record | None" = None  # that of the last segment begun
 
     @property
     def reached(self) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from polhode.models.problem import Problem, Segments
-from polhode.solvers.contract import Integrator, Outcome, Record, Status, Work
+from polhode.solvers.contract import Integrator, Outcome, Record, Status
 
 # A change closer to a row's time than this share of the run is at that time: no step fits between.
 _CLOSE = 1e-12
@@ -63,28 +63,16 @@ def _cut(segments: Segments, record: Record) -> _Cut:
 
 def _through(integrate: Integrator, segments: Segments, record: Record) -> Outcome:
     """Fill a record's rows, segment by segment."""
-    done: list[Work] = []
-    try:
-        return _fill(integrate, segments, record, done)
-    finally:
-        record.work = _summed(done)
-        record.inner = None
-
-
-def _fill(integrate: Integrator, segments: Segments, record: Record, done: list[Work]) -> Outcome:
-    """As `_through`; the work of each segment is added to `done`, of one that Ctrl-C ends, too."""
     cut = _cut(segments, record)
     now = float(record.times[0])
     room = np.empty((2, record.rows.shape[1]), record.rows.dtype)
     state = record.start.copy()
-    steps = 0
     status = Status.REACHED_END
     message = ""
     for end, upto, values in zip(cut.ends.tolist(), cut.rows, cut.values, strict=True):
-        if done and (record.expired or steps >= record.max_steps):
-            status = Status.TIME_LIMIT if record.expired else Status.STEP_LIMIT
-            message = f"after {steps} steps"
-            break
+        goes_on = record.inner is not None
+        if goes_on and (stopped := record.stopped):
+            return stopped
         times = np.array((now, end))
         rows = room
         wanted = upto - record.filled
@@ -95,47 +83,35 @@ def _fill(integrate: Integrator, segments: Segments, record: Record, done: list[
         # The clock in the state is exact at each change.
         state[-1] = state.dtype.type(cut.offset + now)
         rows[0] = state
-        piece = Record(times, rows, record.deadline, record.max_steps - steps)
+        piece = Record(times, rows, record.deadline, record.max_steps - (record.work.steps or 0))
         piece.unit = record.unit
         piece.events = record.events
         piece.taken = record.taken
         piece.changed = values
-        piece.goes_on = bool(done)
+        piece.goes_on = goes_on
         record.inner = piece
         try:
             status, message = integrate(piece)
         finally:
             # Ctrl-C keeps what is finished.
-            done.append(piece.work)
+            if goes_on:
+                record.work.add(piece.work)
+            else:
+                record.work = piece.work
             if wanted:
                 record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
-        steps += piece.work.steps or 0
-        record.now = piece.now
         record.shrunk = record.shrunk or piece.shrunk
         ended = record.events is not None and record.events.ended is not None
         if not status.success or ended:
-            break
+            return status, message
         if piece.filled < len(times):
             reached = float(times[piece.filled - 1])
-            status = Status.FALSE_SUCCESS
-            message = f"the library stopped at t = {reached!r}, expected {end!r}"
-            break
+            return (
+                Status.FALSE_SUCCESS,
+                f"the library stopped at t = {reached!r}, expected {end!r}",
+            )
         state = rows[-1].copy()
         if not np.isfinite(state.astype(float)).all():
-            status = Status.NON_FINITE
-            message = f"a state is not finite at t = {end!r}"
-            break
+            return Status.NON_FINITE, f"a state is not finite at t = {end!r}"
         now = end
-        record.now = now
     return status, message
-
-
-def _summed(done: list[Work]) -> Work:
-    """The work of all segments; a count that is None in one of them is None."""
-    total = Work()
-    for name in vars(total):
-        counts = [getattr(work, name) for work in done]
-        known = [count for count in counts if count is not None]
-        if known and len(known) == len(counts):
-            setattr(total, name, sum(known))
-    return total

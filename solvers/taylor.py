@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from math import inf
+from math import inf, log10
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -205,7 +205,8 @@ class Bound:
         integrator.time = number.type(time)
         if self.units is None:
             integrator.state[:] = start
-            integrator.pars[:] = self.parameters.astype(number)
+            # NumPy converts them to the integrator's own precision.
+            integrator.pars[:] = self.parameters
             return
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
         given = len(self.parameters)
@@ -292,7 +293,7 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
         after = bound.states(integrator.state.copy()[None], np.array([reached]))[0]
         if reason in (outcome.time_limit, outcome.step_limit) and result[3] > 1:
             slower = _own_units(problem, after, units, inf)[1] / bound.pace
-            if integrator.order * np.log10(max(slower, 1.0)) > _MAX_EXPONENT:
+            if integrator.order * log10(max(slower, 1.0)) > _MAX_EXPONENT:
                 # Coefficients may have vanished on the way: again, step by step.
                 length = 1
                 continue
@@ -320,8 +321,8 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
         if not grown and end - time > _MAX_PIECES_AHEAD * pieces[-1]:
             step = pieces[-1] / max(1, result[3])
             return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {time!r}"
-        if stopped := record.stopped or record.crawls(steps, time):
-            return stopped
+        if crawling := record.crawls(steps, time):
+            return crawling
     return Status.REACHED_END, ""
 
 
@@ -363,7 +364,7 @@ class Taylor(Solver):
             outcome = None
             # Parameters that change, along a track, do so in moderate times.
             as_it_is = bool(record.events) or record.changed is not None
-            in_range = order * np.log10(abs(duration)) < _MAX_EXPONENT
+            in_range = order * log10(duration) < _MAX_EXPONENT
             if as_it_is and not in_range:
                 words = (
                     f"a time of {duration:.1e} with events, or along a track, needs another solver"

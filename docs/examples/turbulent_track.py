@@ -9,10 +9,13 @@ import numpy as np
 from polhode import Ellipsoid, EulerStart, Flow, Scene, solve
 from polhode.models.files.track_file import track_text
 
-# Correlation times of strain and rotation along a fluid particle's path, in Kolmogorov times.
-STRAIN_TIME, ROTATION_TIME = 2.3, 7.2
-# Fourier modes of each entry, and knots in a Kolmogorov time.
-MODES, KNOTS_PER_TIME = 64, 8
+# Correlation times along a fluid particle's path, in Kolmogorov times.
+STRAIN_TIME = 2.3
+ROTATION_TIME = 7.2
+# Fourier modes of each entry of the gradient.
+MODES = 64
+# Knots in a Kolmogorov time.
+KNOTS_PER_TIME = 8
 
 
 @dataclass(frozen=True)
@@ -62,15 +65,16 @@ def along_track(suspension: Suspension, duration: float, seed: int) -> Scene:
     """The scene of so many Kolmogorov times, which starts as it would without inertia."""
     times = np.linspace(0.0, duration, int(KNOTS_PER_TIME * duration) + 1)
     flow = Flow.track(times, turbulent_gradients(times, seed))
-    shape, start = Ellipsoid(suspension.semi_axes), EulerStart((1.0, 0.5, 0.2))
+    shape = Ellipsoid(suspension.semi_axes)
+    start = EulerStart((1.0, 0.5, 0.2))
     return Scene(shape, suspension.stokes, start, duration, flow)
 
 
 def tumbling_rate(scene: Scene) -> float:
     """Mean square of |dp/dt| over γ̇², from the angular velocity across the axis p; the start is left out."""
     motion = solve(scene, error=1e-6, want="orientation", samples=2001)
-    axis, omega = motion.rotation[:, 2], motion.angular_velocity
-    across = np.cross(omega, axis)
+    axis = motion.rotation[:, 2]
+    across = np.cross(motion.angular_velocity, axis)
     return float(np.mean(np.sum(across**2, axis=1)[200:]))
 
 

@@ -15,7 +15,7 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
 Side = Literal["implicit", "explicit", "tailored", "averaged"]
-# Of solvers that know St.
+# The family of the solvers that know St.
 _KNOWS_STOKES = "polhode"
 # Errors of a page's tables.
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)

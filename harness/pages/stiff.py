@@ -93,6 +93,18 @@ class Run:
         return self.reached and self.error is not None and self.error <= error
 
 
+def _gains_table(
+    runs: Sequence[Run], choice: str, pair: tuple[str, str], heads: tuple[str, str, str]
+) -> str:
+    """What one way of a choice gains over another; `heads` name the other choice and who alone gets through."""
+    beside, only_first, only_second = heads
+    return markdown(
+        ["solver", beside, "pairs", "median", "least", "most", only_first, only_second],
+        [_pair_cells(gain) for gain in gains(runs, choice, pair)],
+        right=range(2, 8),
+    )
+
+
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page, its figure and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -114,33 +126,14 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
             right=(1, 2, 4),
         ),
         error=_SHOWN_ERROR,
-        jacobians=markdown(
-            [
-                "solver",
-                "called",
-                "pairs",
-                "median",
-                "least",
-                "most",
-                "only exact",
-                "only differenced",
-            ],
-            [_pair_cells(pair) for pair in gains(runs, "jacobian", ("exact", "difference"))],
-            right=range(2, 8),
+        jacobians=_gains_table(
+            runs, "jacobian", ("exact", "difference"), ("called", "only exact", "only differenced")
         ),
-        backends=markdown(
-            [
-                "solver",
-                "Jacobian",
-                "pairs",
-                "median",
-                "least",
-                "most",
-                "only compiled",
-                "only called back",
-            ],
-            [_pair_cells(pair) for pair in gains(runs, "backend", ("compiled", "numba"))],
-            right=range(2, 8),
+        backends=_gains_table(
+            runs,
+            "backend",
+            ("compiled", "numba"),
+            ("Jacobian", "only compiled", "only called back"),
         ),
         forms=markdown(
             ["body", "St", *_FORMS], [_form_cells(row) for row in forms(runs)], right=range(1, 6)
