@@ -131,3 +131,7 @@ class OncePerThread(Generic[P, R], local):
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
         """The result for the arguments, computed in this thread."""
         return self.cached(*arguments, **named)
+
+    def cache_clear(self) -> None:
+        """Forget all results of this thread."""
+        self.cached.cache_clear()

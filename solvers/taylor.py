@@ -78,6 +78,12 @@ def taylor_integrator(*key: Any) -> Any:
     return deepcopy(_compiled(*key))
 
 
+def forget_integrators() -> None:
+    """Let this thread's next runs compile their integrators anew, which puts the code elsewhere in memory."""
+    _compiled.cache_clear()
+    taylor_integrator.cache_clear()
+
+
 def propagate(
     integrator: Any,
     record: Record,
@@ -205,14 +211,13 @@ class Bound:
         integrator.time = number.type(time)
         if self.units is None:
             integrator.state[:] = start
-            # NumPy converts them to the integrator's own precision.
             integrator.pars[:] = self.parameters
             return
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
         given = len(self.parameters)
-        behind = len(self.parameters) + self.variables
-        integrator.pars[:given] = self.parameters.astype(number)
-        integrator.pars[given:behind] = self.units.astype(number)
+        behind = given + self.variables
+        integrator.pars[:given] = self.parameters
+        integrator.pars[given:behind] = self.units
         if self.timed:
             self.offset = start[-1] - number.type(time)
             integrator.pars[behind] = self.offset

@@ -22,6 +22,7 @@ from polhode.models.scenes import named_scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.compile import compiled_callback
 from polhode.solvers.solve import Solution, solve
+from polhode.solvers.taylor import forget_integrators
 
 # Shear's gradient but for a number far below rounding: it has the equations of any flow.
 AS_SHEAR = Flow.planar(1e-300)
@@ -32,10 +33,14 @@ START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 _STATES = 10_000
 _SHAPES = 100
 
-# Scenes, St and solvers whose cost is compared, at one tolerance; a run, and how often it is timed.
+# Scenes, St and solvers whose cost is compared, at one tolerance, and the duration of a run.
 COST_TOLERANCE = 1e-9
 COST_TIME = 2000.0
-COST_ROUNDS = 15
+# Times that heyoka compiles a field: the same code takes up to 1.5 times as long, by where it lies
+# in memory.
+COMPILATIONS = 5
+# Timed runs of each compilation.
+ROUNDS = 3
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
 _COSTS = (
     ("paper", "quaternion", 10.0, _EXPLICIT),
@@ -58,7 +63,6 @@ _KNOTS = (10, 20, 40, 80, 160, 320)
 LONG_TRACK_TIME = 100.0
 _LONG_TRACK_KNOTS = (100, 300, 1000)
 _TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
-TRACK_ROUNDS = 7
 
 # Runs whose stated errors are held against long double; equal steps of that, knots and rows.
 _RUNS = 400
@@ -109,9 +113,15 @@ def _one_round(problems: Sequence[Problem], solver: str) -> list[Solution]:
     return [solve(problem, solver, COST_TOLERANCE) for problem in problems]
 
 
-def _in_turns(problems: Sequence[Problem], solver: str, rounds: int) -> list[list[Solution]]:
+def _in_turns(problems: Sequence[Problem], solver: str, *, quick: bool) -> list[list[Solution]]:
     """Runs of the problems, one after the other in every round: a list for each round."""
-    return [_one_round(problems, solver) for _ in range(rounds)]
+    rounds = []
+    for _ in range(1 if quick else COMPILATIONS):
+        forget_integrators()
+        # The round that compiles is not timed.
+        _one_round(problems, solver)
+        rounds += [_one_round(problems, solver) for _ in range(ROUNDS)]
+    return rounds
 
 
 def _least_seconds(runs: Sequence[Solution]) -> float:
@@ -119,21 +129,21 @@ def _least_seconds(runs: Sequence[Solution]) -> float:
 
 
 def costs(quick: bool = False) -> Iterator[Record]:
-    """Times by the equations of any flow and of shear, in turns; the least of some rounds."""
+    """Times by the equations of any flow and of shear, in turns; the least of some rounds and compilations."""
     for scene_name, name, stokes, solvers in _COSTS:
         time = COST_TIME / 10 if quick else COST_TIME
         scene = replace(named_scene(scene_name), stokes=stokes, time=time)
         pair = [find_form(name).problem(variant) for variant in (scene, _as_shear(scene))]
         for solver in solvers:
-            first, *rounds = _in_turns(pair, solver, 1 + (3 if quick else COST_ROUNDS))
+            rounds = _in_turns(pair, solver, quick=quick)
             shear, flow = map(_least_seconds, zip(*rounds, strict=True))
-            ends = [run.states[-1] for run in first]
+            ends = [run.states[-1] for run in rounds[0]]
             yield {
                 "scene": scene_name,
                 "form": name,
                 "stokes": stokes,
                 "solver": solver,
-                "steps": first[0].work.steps,
+                "steps": rounds[0][0].work.steps,
                 "shear_ms": 1e3 * shear,
                 "flow_ms": 1e3 * flow,
                 "ratio": flow / shear,
@@ -252,7 +262,7 @@ def knots(quick: bool = False) -> Iterator[Record]:
             scene = _along(count, LONG_TRACK_TIME)
             steady = replace(scene, flow=Flow(source(0.0)))
             pair = [equations.problem(variant) for variant in (steady, scene)]
-            rounds = _in_turns(pair, solver, 2 if quick else TRACK_ROUNDS)
+            rounds = _in_turns(pair, solver, quick=quick)
             constant, track = map(_least_seconds, zip(*rounds, strict=True))
             constant_run, track_run = rounds[0]
             yield {
