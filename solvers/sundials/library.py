@@ -1,4 +1,4 @@
-"""SUNDIALS' C libraries, which scikit-sundae's wheel brings: found at run time, called by name."""
+"""SUNDIALS' C libraries, which the wheels of scikit-sundae and sundials4py bring: found at run time, called by name."""
 
 import ctypes
 from importlib.util import find_spec
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import version_of
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
@@ -55,6 +56,10 @@ class Sundials:
         shared = name.startswith(("SUN", "N_V"))
         return getattr(self._functions, name if shared else self.prefix + name)
 
+    def knows(self, name: str) -> bool:
+        """Whether the library exports a function of this whole name."""
+        return hasattr(self._functions, name)
+
     def __getitem__(self, name: str) -> str:
         """A function's address as LLVM's language has it."""
         return f"inttoptr (i64 {ctypes.cast(self.function(name), ctypes.c_void_p).value} to ptr)"
@@ -67,15 +72,24 @@ def load_sundials(prefix: str) -> Sundials | None:
     for file in _files(f"sundials_{prefix.lower()}[-.]*"):
         try:
             library = Sundials(prefix, file)
-            numbers = (ctypes.c_int * 3)()
-            label = ctypes.create_string_buffer(40)
-            places = [ctypes.addressof(numbers) + 4 * i for i in range(3)]
-            library("SUNDIALSGetVersionNumber", *places, ctypes.addressof(label), len(label))
+            library.function("Create")
+            major = _major_version(library)
         except (OSError, AttributeError):
             continue
-        if numbers[0] == MAJOR:
+        if major == MAJOR:
             return library
     return None
+
+
+def _major_version(library: Sundials) -> int:
+    """The library's own word; sundials4py leaves that function out, and has the version of its SUNDIALS."""
+    if not library.knows("SUNDIALSGetVersionNumber"):
+        return int((version_of("sundials4py") or "0").partition(".")[0])
+    numbers = (ctypes.c_int * 3)()
+    label = ctypes.create_string_buffer(40)
+    places = [ctypes.addressof(numbers) + 4 * i for i in range(3)]
+    library("SUNDIALSGetVersionNumber", *places, ctypes.addressof(label), len(label))
+    return numbers[0]
 
 
 def posed(problem: Problem, implicit: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -86,12 +100,20 @@ def posed(problem: Problem, implicit: bool) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _files(pattern: str) -> list[Path]:
-    """Files beside the installed scikit-sundae, where wheels for Linux, Windows and macOS keep them."""
-    spec = find_spec("sksundae")
-    packages = [Path(place) for place in (spec.submodule_search_locations or ())] if spec else []
+    """Files that may hold a library: those beside scikit-sundae, then the extension module of sundials4py."""
+    sundae = find_spec("sksundae")
+    packages = (
+        [Path(place) for place in (sundae.submodule_search_locations or ())] if sundae else []
+    )
+    # Where its wheels for Linux and Windows, and for macOS, keep them.
     folders = [
         folder
-        for one in packages
-        for folder in (one.parent / "scikit_sundae.libs", one / ".dylibs")
+        for package in packages
+        for folder in (package.parent / "scikit_sundae.libs", package / ".dylibs")
     ]
-    return sorted(file for folder in folders for file in folder.glob(f"*{pattern}"))
+    files = sorted(file for folder in folders for file in folder.glob(f"*{pattern}"))
+    # Its wheels, for Python 3.12 and later, link CVODES and IDAS into the one module that it is.
+    module = find_spec("sundials4py")
+    if module and module.has_location:
+        files.append(Path(str(module.origin)))
+    return files

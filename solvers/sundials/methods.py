@@ -1,5 +1,8 @@
 """SUNDIALS' CVODE and IDA, in machine code alone or through scikit-sundae.
 
+Machine code calls the C libraries of scikit-sundae or, where it is not installed, of sundials4py;
+events and full mass matrices need scikit-sundae.
+
 Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
 the weighted root-mean-square norm; `atol` may have one number per component. Rows come from the
 library's own interpolation, of the order of the step; of the requested times the first alone has a
@@ -22,6 +25,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from polhode.models.libraries import installed, need
 from polhode.models.once import once
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
@@ -89,17 +93,32 @@ class SundialsSolver(Solver):
     number: ClassVar[tuple[int, ...]] = ()
     options: ClassVar[dict[str, str]] = {}
 
+    @property
+    def why_not(self) -> str | None:
+        """What is missing: scikit-sundae, unless sundials4py brings the C libraries and llvmlite is there."""
+        alone = not installed(self.library) and self.lacks("compiled") is None
+        return None if alone else super().why_not
+
     def lacks(self, choice: str) -> str | None:
+        if choice in ("numba", "python") and not installed(self.library):
+            return f"{self.library!r} installed: pip install {self.package}"
         found = choice != "compiled" or load_sundials(self.prefix)
         return super().lacks(choice) or (
-            None if found else "SUNDIALS' C libraries, which its wheels bring"
+            None
+            if found
+            else "SUNDIALS' C libraries, which the wheels of scikit-sundae and sundials4py bring"
         )
 
     @property
     def note(self) -> str | None:
-        """Whether Python is in the loop."""
-        slow = self.available and self.lacks("compiled")
-        return "available, in Python's loop: no C libraries found" if slow else None
+        """Whether Python is in the loop, or the C libraries are those of sundials4py."""
+        if not self.available:
+            return None
+        if self.lacks("compiled"):
+            return "available, in Python's loop: no C libraries found"
+        if not installed(self.library):
+            return "available, by sundials4py: without events and full mass matrices"
+        return None
 
     def check(self, problem: Problem) -> None:
         if self.prefix != "IDA":
@@ -120,6 +139,7 @@ class SundialsSolver(Solver):
         form = problem.mass_form if self.prefix == "IDA" else None
         if form and np.ndim(form.mass) == 2 and settings.backend == "compiled":
             # Machine code knows diagonal masses alone.
+            need(f"a full mass matrix by solver {self.name!r}", self.library)
             settings = replace(settings, backend="numba")
         if settings.backend == "compiled":
             compiled = integrator(self._memory(problem, settings), settings.count)
@@ -128,6 +148,7 @@ class SundialsSolver(Solver):
                 if record.events is None:
                     return compiled(record)
                 # Events are Python's: so is the loop that looks for them.
+                need(f"events by solver {self.name!r}", self.library)
                 return self.prepare(problem, replace(settings, backend="numba"))(record)
 
             return integrate_compiled

@@ -1,25 +1,30 @@
 """CVODE and IDA in machine code alone: the same runs as through Python's callbacks, and nothing left behind."""
 
+import json
 import resource
 import sys
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter, sleep
 
 import numpy as np
 import pytest
+from hidden import python
 
 from oracle.classical import CLASSICAL
 from oracle.runs import Run
 from polhode import solve_ivp
+from polhode.models.catalogue import form
 from polhode.models.operations import Field, Operations
 from polhode.models.problem import Problem
+from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.solve import solve
 from polhode.solvers.sundials import compiled, methods
-from polhode.solvers.sundials.library import Sundials, load_sundials
+from polhode.solvers.sundials.library import Sundials, _files, load_sundials
 
 NAMES = ["cvode-adams", "cvode-bdf", "ida"]
 PROBLEM = Run("triaxial", "quaternion").problem
@@ -204,6 +209,61 @@ def test_a_library_unknown_is_left_alone(monkeypatch: pytest.MonkeyPatch):
         assert load_sundials.__wrapped__(f"{prefix}S") is None
     monkeypatch.setattr("polhode.solvers.sundials.library.MAJOR", 8)
     assert load_sundials.__wrapped__("CVode") is None
+
+
+SECOND_SOURCE = """
+import json
+from pathlib import Path
+from polhode.models.catalogue import form
+from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import solver
+from polhode.solvers.solve import solve
+
+problem = form("quaternion").problem(named_scene("paper"))
+runs = {name: solve(problem, name, 1e-6) for name in ("cvode-bdf", "cvode-adams")}
+refused = ""
+try:
+    solve(problem, "cvode-bdf", 1e-6, backend="python")
+except ValueError as error:
+    refused = str(error)
+print(json.dumps({
+    "states": {name: run.states[-1].tolist() for name, run in runs.items()},
+    "backends": [run.settings.backend for run in runs.values()],
+    "ida": solver("ida").why_not,
+    "note": solver("cvode-bdf").note,
+    "refused": refused,
+}))
+"""
+
+
+def test_libraries_of_sundials4py_serve_where_scikit_sundae_is_missing(tmp_path: Path):
+    """A module of that name, which holds CVODE alone here; both wheels export the same C functions."""
+    library = _files("sundials_cvode[-.]*")[0]
+    (tmp_path / "sundials4py.so").symlink_to(library)
+    # Beside it, the libraries that it is linked with.
+    for file in library.parent.iterdir():
+        (tmp_path / file.name).symlink_to(file)
+    words = f"import sys\nsys.path.append('.')\n{SECOND_SOURCE}"
+    done = python("sksundae", tmp_path, "-c", words)
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    problem = form("quaternion").problem(named_scene("paper"))
+    for name, states in said["states"].items():
+        assert states == solve(problem, name, 1e-6).states[-1].tolist()
+    assert said["backends"] == ["compiled", "compiled"]
+    assert said["ida"] == "scikit-sundae is not installed: pip install scikit-sundae"
+    assert said["note"].startswith("available, by sundials4py")
+    assert said["refused"].startswith("backend: got 'python', expected 'sksundae' installed")
+
+
+def test_a_library_that_does_not_tell_its_version_has_that_of_sundials4py(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(Sundials, "knows", lambda self, name: False)
+    for version, loads in (("7.9.0", True), ("8.0.0", False), (None, False)):
+        versions = {"sundials4py": version}
+        monkeypatch.setattr("polhode.solvers.sundials.library.version_of", versions.get)
+        assert (load_sundials.__wrapped__("CVode") is not None) is loads
 
 
 @pytest.mark.parametrize("name", NAMES)
