@@ -205,7 +205,7 @@ def solve(
     tolerance : float, optional
         The solver's; by default what meets `error`.
     error : float
-        Error wanted where no tolerance is given.
+        Requested error, where no tolerance is given.
     want : {"slow", "orientation"}
         Whether that error is of L and E over I_max, or of the orientation in rad.
     samples : int

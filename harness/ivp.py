@@ -148,7 +148,9 @@ def solve_ivp(
     problem = prepared(problem, solver)
     direction = 1.0 if end > began else -1.0
     every_step = t_eval is None and problem.plain and solver.shows_steps
-    requested = _wanted(t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES)
+    requested = _requested_times(
+        t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES
+    )
     # A run has its start and its end besides.
     before = bool(requested[0] > 0)
     behind = bool(requested[-1] < problem.end)
@@ -208,7 +210,9 @@ def _default_method(problem: Problem) -> str:
     return "dop853" if problem.plain else available_like("cyrk-dop853")
 
 
-def _wanted(t_eval: Any, began: float, end: float, duration: float, *, count: int) -> np.ndarray:
+def _requested_times(
+    t_eval: Any, began: float, end: float, duration: float, *, count: int
+) -> np.ndarray:
     """Requested times of a run, increasing; `count` of them by default."""
     if t_eval is None:
         return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])

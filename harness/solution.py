@@ -21,7 +21,7 @@ from polhode.models.scene import Scene, start_from
 from polhode.models.shape import require_numbers
 from polhode.solvers.contract import Status
 from polhode.solvers.dense_output import LikeSolveIvp, times_within
-from polhode.solvers.pieces import Stage
+from polhode.solvers.segments import SolvedSegment
 from polhode.solvers.solve import Solution, described
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class SceneSolution(LikeSolveIvp):
         lines = [described(self, problem, f"tolerance {short(self.tolerance)}")]
         if self.error is not UNKNOWN:
             lines.append(f"  error: {self.error.words()}")
-        lines += [f"  piece: {words}" for words in self.pieces_in_words()]
+        lines += [f"  segment: {words}" for words in self.segments_in_words()]
         return "\n".join([*lines, *[f"  advice: {self.error.advice}"] * bool(self.error.advice)])
 
     def _repr_html_(self) -> str:
@@ -110,25 +110,25 @@ class SceneSolution(LikeSolveIvp):
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
     @property
-    def pieces(self) -> tuple[Stage, ...]:
-        """Pieces of a run of several: their begin and end in slow time, reason, expected error, steps; else none."""
-        unit = self.run.problem.time_unit / self.scene.stokes if self.run.stages else 1.0
+    def segments(self) -> tuple[SolvedSegment, ...]:
+        """Segments of a run of several: their begin and end in slow time, reason, expected error, steps; else none."""
+        unit = self.run.problem.time_unit / self.scene.stokes if self.run.segments else 1.0
         return tuple(
-            replace(stage, begin=unit * stage.begin, end=unit * stage.end)
-            for stage in self.run.stages
+            replace(segment, begin=unit * segment.begin, end=unit * segment.end)
+            for segment in self.run.segments
         )
 
-    def pieces_in_words(self, most: int = 8) -> list[str]:
-        """The pieces, one a line, the first ones if there are many."""
+    def segments_in_words(self, most: int = 8) -> list[str]:
+        """The segments, one a line, the first ones if there are many."""
         lines = [
-            f"t₂ = {piece.begin:.3g} to {piece.end:.3g}: {piece.reason}"
-            f"{'' if piece.averaged else ', full equations'}, error below {scientific(piece.error)}"
-            for piece in self.pieces
+            f"t₂ = {segment.begin:.3g} to {segment.end:.3g}: {segment.reason}"
+            f"{'' if segment.averaged else ', full equations'}, error below {scientific(segment.error)}"
+            for segment in self.segments
         ]
         return (
             lines
             if len(lines) <= most
-            else [*lines[: most - 1], f"{len(lines) - most + 1} pieces more"]
+            else [*lines[: most - 1], f"{len(lines) - most + 1} segments more"]
         )
 
     form = property(attrgetter("equations.name"), doc="Name of the form.")
@@ -199,7 +199,7 @@ class SceneSolution(LikeSolveIvp):
             **{name: getattr(self, name) for name in names},
             "status": str(self.status),
             "error": self.error.summary(),
-            "pieces": [asdict(piece) for piece in self.pieces],
+            "segments": [asdict(segment) for segment in self.segments],
             "versions": versions(),
         }
 

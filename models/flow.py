@@ -138,7 +138,7 @@ class Flow:
         spline = CubicSpline(np.array(self.knots), flow_numbers(np.array(self.gradients)))
         return np.ascontiguousarray(np.moveaxis(spline.c[::-1], 1, 0))
 
-    def segment(self, time: float) -> int:
+    def interval(self, time: float) -> int:
         """Index of the knot from which a time's cubic begins."""
         return min(max(bisect_right(self.knots, time) - 1, 0), len(self.knots) - 2)
 
@@ -147,9 +147,9 @@ class Flow:
         if not self.varies:
             return self.numbers
         knots = np.array(self.knots)
-        segments = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
-        since = np.asarray(times - knots[segments])[:, None]
-        c = self.cubics[segments]
+        intervals = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
+        since = np.asarray(times - knots[intervals])[:, None]
+        c = self.cubics[intervals]
         values = c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
         return list(values.T)
 

@@ -74,7 +74,7 @@ class Parts:
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class ParameterTable:
     """Parameters of a field of time that change at given times: how a table in time is read.
 
     From each time to the next the last parameters of both forms have one row of values.
@@ -85,8 +85,8 @@ class Segments:
 
 
 @dataclass(frozen=True)
-class Piece:
-    """One piece of a run: a problem of its own, from where the run stands to a time of the run.
+class Segment:
+    """One segment of a run: a problem of its own, from where the run stands to a time of the run.
 
     Its start is the run's state, and its clock the run's, in its own unit of time
     (`Problem.time_unit`).
@@ -103,11 +103,11 @@ class Piece:
     )
     angle: float = 0.0  # the same of the orientation, in rad
     tolerance: float | None = None  # of the solver here, where it is not that of the whole run
-    then: "Course | None" = None  # the course from its end on, where that is another one
+    then: "NextSegment | None" = None  # what gives the segments after it, where that is another one
     averaged: bool = False  # whether its equations are averaged ones
 
 
-Course = Callable[[float, np.ndarray, float], Piece]
+NextSegment = Callable[[float, np.ndarray, float], Segment]
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Problem:
     closed_form : callable, optional
         ``closed_form(times) -> states`` of shapes (n,) and (n, d), where the solution is known.
     periodic : tuple of int
-        Components that are angles of period 2π; solvers keep them wrapped between pieces of a long
+        Components that are angles of period 2π; solvers keep them wrapped between segments of a long
         run.
     invariant : callable, optional
         ``invariant(states) -> (n,)``, a dimensionless quantity that the exact solution keeps at
@@ -143,10 +143,11 @@ class Problem:
         One unit of the problem's time in units of the inverse shear rate (St for averaged forms).
     parts : Parts, optional
         The field as the sum of two parts whose flows are known.
-    course : callable, optional
-        ``course(time, state, tolerance) -> Piece``: how to go on from a state of the run. A run of
-        several pieces, of which `field` is the exact one; without it a run is one piece.
-    segments : Segments, optional
+    next_segment : callable, optional
+        ``next_segment(time, state, tolerance) -> Segment``: how to go on from a state of the run,
+        which then has several segments; `field` is the exact one of these. Without it a run is
+        one segment.
+    parameter_table : ParameterTable, optional
         How the last parameters change on the way; solvers take steps that end there.
     """
 
@@ -162,8 +163,8 @@ class Problem:
     least_steps: int = 1
     time_unit: float = 1.0
     parts: Parts | None = None
-    course: Course | None = None
-    segments: Segments | None = None
+    next_segment: NextSegment | None = None
+    parameter_table: ParameterTable | None = None
 
     @classmethod
     def from_function(

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.files.kept import cache_folder
+from polhode.models.files.cached import cache_folder
 from polhode.models.libraries import need
 from polhode.models.mass import in_rows, without_time
 from polhode.models.once import once
@@ -24,7 +24,7 @@ from polhode.models.problem import Factory, Problem
 from polhode.models.recording import UntraceableError
 from polhode.models.spent import spent_on
 from polhode.solvers.contract import Backend
-from polhode.solvers.machine_code import kept_code
+from polhode.solvers.machine_code import cached_code
 from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.derivatives import trace_jacobian
 from polhode.solvers.machine_code.llvm import MachineCode, compile_file
@@ -155,10 +155,10 @@ def load_heyoka() -> Any:
     heyoka.set_logger_level_critical()
     heyoka.llvm_state.set_memcache_limit(_MAX_HEYOKA_MEMORY)
     folder = cache_folder("heyoka")
-    if kept_code.check(folder):
-        atexit.register(kept_code.note, folder)
+    if cached_code.check(folder):
+        atexit.register(cached_code.note, folder)
         heyoka.llvm_state.set_diskcache_path(str(folder))
-        heyoka.llvm_state.set_diskcache_limit(kept_code.MAX_CODE_BYTES)
+        heyoka.llvm_state.set_diskcache_limit(cached_code.MAX_CODE_BYTES)
     else:
         heyoka.llvm_state.set_diskcache_enabled(False)
     return heyoka

@@ -94,7 +94,7 @@ class Work:
     inner: int | None = None  # steps that those of a method are made of, if they are
 
     def add(self, other: "Work") -> None:
-        """Add the work of a further piece of the run; a count that is None in one of them stays None."""
+        """Add the work of a further segment of the run; a count that is None in one of them stays None."""
         for name in vars(self):
             mine = getattr(self, name)
             more = getattr(other, name)
@@ -143,14 +143,14 @@ class Settings:
 
 @dataclass
 class Record:
-    """Where a solver writes a piece of a run, row by row, so that finished rows are never lost."""
+    """Where a solver writes a segment of a run, row by row, so that finished rows are never lost."""
 
     times: np.ndarray  # requested, shape (n,), increasing; the first one is that of `rows[0]`
     rows: (
         np.ndarray
     )  # states, shape (n, d); the first row is the start, the solver fills the others
     deadline: float = inf  # reading of `time.perf_counter` after which the solver stops
-    max_steps: int = UNLIMITED  # for this piece
+    max_steps: int = UNLIMITED  # for this segment
     filled: int = 1  # rows
     work: Work = field(default_factory=Work)
     now: float = (
@@ -163,10 +163,10 @@ class Record:
     events: EventSearch | None = None  # what to look for at every step
     # Times and states of steps, where a solver is to note them (SciPy's methods).
     taken: list[tuple[float, np.ndarray]] | None = None
-    # The last parameters here, where they change on the way (`polhode.models.problem.Segments`).
+    # The last parameters here, where they change on the way (`polhode.models.problem.ParameterTable`).
     changed: np.ndarray | None = None
-    goes_on: bool = False  # whether the start is the end of a segment before
-    inner: "Record | None" = None  # that of the last segment begun
+    goes_on: bool = False  # whether the start is the end of an interval before
+    inner: "Record | None" = None  # that of the last interval begun
 
     @property
     def reached(self) -> float:
@@ -191,14 +191,14 @@ class Record:
 
     @property
     def stopped(self) -> "Outcome | None":
-        """How the piece ends if its steps or the time have reached their limit."""
+        """How the segment ends if its steps or the time have reached their limit."""
         steps = self.work.steps or 0
         if steps >= self.max_steps:
             return Status.STEP_LIMIT, f"{steps} steps"
         return (Status.TIME_LIMIT, f"after {steps} steps") if self.expired else None
 
     def crawls(self, steps: int, time: float) -> "Outcome | None":
-        """How the piece ends if its steps have shrunk so far that it would hardly ever end; asked once a chunk.
+        """How the segment ends if its steps have shrunk so far that it would hardly ever end; asked once a chunk.
 
         A solver that chatters about a singularity takes steps of the square of its tolerance.
         """
@@ -236,13 +236,13 @@ class Record:
             looks.tolist(), between(looks), lambda time: between(np.array([time]))[0]
         )
         behind = int(np.searchsorted(self.times, reached, side="right"))
-        last = min(self.last_wanted, behind)
+        last = min(self.last_requested, behind)
         if last > self.filled:
             self.put(between(self.times[self.filled : last]))
 
     @property
-    def last_wanted(self) -> int:
-        """Index behind the last row that is wanted: rows behind an event that ended the run are not."""
+    def last_requested(self) -> int:
+        """Index behind the last row that is requested: rows behind an event that ended the run are not."""
         ended = self.events.ended if self.events else None
         if ended is None:
             return len(self.times)
@@ -331,10 +331,10 @@ class Solver(ABC):
     # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps
     # differ in cost.
     order_by_tolerance: ClassVar[bool] = False
-    # Its error of L and E in windows of the full equations, over what pieces of a run count with at
+    # Its error of L and E in segments of the full equations, over what `hybrid` counts with at
     # the same tolerance: what 97.5 % of random triaxial bodies stay below over 2,000 turns, and 1
     # at least, as what comes after may amplify it; 0 where it is not known.
-    wears: ClassVar[float] = 0.0
+    error_amplification: ClassVar[float] = 0.0
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     # Library that each back end and Jacobian needs besides its own, which may bring a compiler.
@@ -345,7 +345,7 @@ class Solver(ABC):
     # Of `max_step` and `first_step`, those that the library has.
     limits: ClassVar[tuple[str, ...]] = ()
     # Whether it takes the parameters of its record, where these change on the way.
-    takes_segments: ClassVar[bool] = False
+    takes_parameter_table: ClassVar[bool] = False
     # Whether it looks for the record's events at every step; of others, rows are looked through.
     seeks_events: ClassVar[bool] = False
     # Whether it notes its own steps where the record asks for them.
@@ -454,7 +454,7 @@ class Solver(ABC):
             reason = getattr(problem.field, "plain_reason", "")
             condition = f"{reason}; or a solver that calls Python: {_CALL_PYTHON}"
             raise SolverNotValidError(condition, self.name)
-        if problem.segments is not None and not self.takes_segments:
+        if problem.parameter_table is not None and not self.takes_parameter_table:
             condition = f"{problem.name!r} has a flow that changes in time; use solver 'cyrk-vern8'"
             raise SolverNotValidError(condition, self.name)
         if problem.parameters is None:

@@ -8,7 +8,7 @@ field. It reports nothing but steps.
 
 The library's C entry is called through ctypes, as its own numba bridge does; compiling that bridge
 anew in every process would take six seconds. It cannot be interrupted, so that a long run goes in
-pieces of a bounded number of steps, each starting from the step at which the last one stopped.
+segments of a bounded number of steps, each starting from the step at which the last one stopped.
 While it runs, numbers below 2e-308 count as zero.
 """
 
@@ -188,7 +188,7 @@ class CyrkSolver(Solver):
     tolerances = ("atol", "atol 0", "rtol vector")
     limits = ("max_step", "first_step")
     seeks_events = True
-    takes_segments = True
+    takes_parameter_table = True
     method: ClassVar[str]
 
     def load(self) -> None:
@@ -240,8 +240,8 @@ class CyrkSolver(Solver):
         call = self._call(problem, replace(settings, count=False), np.empty(0))
         start = np.array(problem.start)
         end = float(times[-1])
-        wanted = times[1:]
-        return lambda: call.library.c_free(call(0.0, end, start, wanted, UNLIMITED))
+        requested = times[1:]
+        return lambda: call.library.c_free(call(0.0, end, start, requested, UNLIMITED))
 
 
 @once()
@@ -254,7 +254,7 @@ def method_number(name: str) -> int:
 
 
 class Call:
-    """The library's C entry with everything bound but the piece to run: field, number of the method, parameters."""
+    """The library's C entry with everything bound but the segment to run: field, number of the method, parameters."""
 
     def __init__(
         self,
@@ -356,10 +356,10 @@ def _run(call: Call, record: Record) -> Outcome:
     if record.events:
         look = _FIRST_LOOK
     while True:
-        wanted = np.empty(0) if record.events else record.times[record.filled :]
+        requested = np.empty(0) if record.events else record.times[record.filled :]
         chunk = min(record.chunk(look), record.max_steps - steps)
         with call.flushed_to_zero:
-            result = call(time, end, state, wanted, chunk, last_step, bool(record.events))
+            result = call(time, end, state, requested, chunk, last_step, bool(record.events))
         try:
             size = library.c_get_size(result)
             code = library.c_get_status(result)
@@ -459,9 +459,9 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
     if not call.begins(start):
         return np.zeros(1), start[None]
 
-    def run(end: float, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def run(end: float, requested: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         with call.flushed_to_zero:
-            result = call(0.0, end, start, wanted, _MOST_STEPS)
+            result = call(0.0, end, start, requested, _MOST_STEPS)
         try:
             size = library.c_get_size(result)
             d = start.size

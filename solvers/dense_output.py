@@ -70,7 +70,7 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
 
     The run's own solver and tolerance lead from the last row before each time. Such states lie on
     the solver's own interpolation within its own steps, and have one step's error more than the
-    row. If a run has pieces with problems of their own, the exact problem serves; solvers that
+    row. If a run has segments with problems of their own, the exact problem serves; solvers that
     choose their step over many periods leave this to an explicit Runge-Kutta method of order 8.
     ValueError if the solver fails between two rows, or if a function of one's own computes
     something else by now.
@@ -102,9 +102,9 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
         within = (rows == row) & (times > row_times[row])
         since, order = np.unique(times[within] - row_times[row], return_inverse=True)
         start = tuple(solution.states[row].tolist())
-        piece = problem.continued(float(row_times[row]), start, float(since[-1]))
-        piece = replace(piece, least_steps=0, invariant=None, course=None)
-        continued = run(piece, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
+        segment = problem.continued(float(row_times[row]), start, float(since[-1]))
+        segment = replace(segment, least_steps=0, invariant=None, next_segment=None)
+        continued = run(segment, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
         if not continued.success:
             raise ValueError(
                 f"t: no solution after t = {row_times[row]:g}: "

@@ -46,18 +46,18 @@ def _followed_by_scipy(
                 return alone
             stepper = DOP853(rates, 0.0, start, problem.end, rtol=tolerance, atol=tolerance)
             times = [0.0]
-            pieces = []
-            while stepper.status == "running" and len(pieces) < _MAX_STEPS:
+            interpolants = []
+            while stepper.status == "running" and len(interpolants) < _MAX_STEPS:
                 stepper.step()
                 if stepper.status == "failed" or not np.isfinite(stepper.y).all():
                     break
                 times.append(float(stepper.t))
-                pieces.append(stepper.dense_output())
+                interpolants.append(stepper.dense_output())
         except ArithmeticError:
             return alone
-        if not pieces:
+        if not interpolants:
             return alone
         steps = np.array(times)
         count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
         sampled = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
-        return sampled, OdeSolution(steps, pieces)(sampled).T
+        return sampled, OdeSolution(steps, interpolants)(sampled).T

@@ -73,7 +73,7 @@ class ScipySolver(Solver):
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
     seeks_events = True
-    takes_segments = True
+    takes_parameter_table = True
     shows_steps = True
     method: ClassVar[str]
     # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
@@ -95,9 +95,9 @@ class ScipySolver(Solver):
                 return fun(t, y)
 
             with UNWARNED, _lock_of(self.method):
-                asked = settings.count or problem.plain
+                counting = settings.count or problem.plain
                 complete = self.attempt is not None or self.method == "LSODA"
-                counts = asked and not (problem.plain and complete)
+                counts = counting and not (problem.plain and complete)
                 own = counted if counts else fun
                 stepper = method(
                     own, record.times[0], record.start.copy(), record.times[-1], **options
@@ -105,7 +105,7 @@ class ScipySolver(Solver):
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
             # Explicit methods and LSODA count theirs all themselves.
-            work.rhs_calls = (calls if counts else stepper.nfev) if asked else None
+            work.rhs_calls = (calls if counts else stepper.nfev) if counting else None
             if self.implicit:
                 work.jacobians = int(stepper.njev)
                 work.factorizations = int(stepper.nlu)
@@ -261,7 +261,7 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
                 ended = record.looked_through((reached,), (stepper.y,), step)
             if next_row <= reached:
                 last = int(np.searchsorted(times, reached, side="right"))
-                record.put(step(times[filled : min(last, record.last_wanted)]))
+                record.put(step(times[filled : min(last, record.last_requested)]))
                 filled = record.filled
                 next_row = float(times[filled]) if filled < count else inf
             interpolated += step.interpolant is not None

@@ -1,119 +1,301 @@
-"""Runs through parameters that change at given times: each step ends there, and keeps its order."""
+"""A run on its way, segment by segment: what is solved next, where its rows go, what remains of a segment cut short."""
 
-from dataclasses import dataclass, field
-from math import isfinite
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import pi
+from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from polhode.models.problem import Problem, Segments
-from polhode.solvers.contract import Integrator, Outcome, Record, Status
+from polhode.models.libraries import how_to_install, missing_library
+from polhode.models.operations import ARRAYS, FLOAT
+from polhode.models.own_function import place_of
+from polhode.models.problem import ROUNDING, NextSegment, Problem, Segment
+from polhode.models.spent import spent_on
+from polhode.solvers.contract import (
+    NO_RATES,
+    Integrator,
+    Outcome,
+    Record,
+    Settings,
+    Solver,
+    Status,
+    Work,
+)
+from polhode.solvers.event_search import EventFailedError, EventSearch
+from polhode.solvers.parameter_table import with_parameter_table
 
-# A change closer to a row's time than this share of the run is at that time: no step fits between.
+# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
+# it would lose.
+_WRAP_AFTER = 100 * pi
+# Times closer than this share of the run count as the same one.
 _CLOSE = 1e-12
 
 
-def by_segments(integrate: Integrator, problem: Problem) -> Integrator:
-    """An integrator of whole runs from one of segments, which takes the parameters of its record."""
-    segments = problem.segments
-    assert segments is not None, "parameters that change"
-    return lambda record: _through(integrate, segments, record)
+@dataclass(frozen=True)
+class SolvedSegment:
+    """A segment of a run that was run: when, why, the errors expected, slow and of angles, its steps and tolerance."""
+
+    begin: float
+    end: float
+    reason: str
+    error: float
+    steps: int | None
+    angle: float = 0.0
+    averaged: bool = False
+    tolerance: float = 0.0
 
 
-@dataclass
-class _Cut:
-    """The segments of a record: their ends on its clock, the rows up to each, and their parameters."""
+class Run:
+    """A run on its way, segment by segment."""
 
-    ends: np.ndarray
-    rows: list[int]
-    values: np.ndarray
-    # Time of the state on the clock of the record.
-    offset: float = field(default=0.0)
+    def __init__(
+        self, problem: Problem, method: Solver, settings: Settings, times: np.ndarray
+    ) -> None:
+        self.problem = problem
+        self.method = method
+        self.settings = settings
+        self.times = times
+        self.rows = np.empty((len(times), problem.dimension))
+        self.rows[0] = self.state = np.array(problem.start)
+        self.now = float(times[0])
+        self.done = 1
+        self.segments = []
+        self.work = Work()
+        self.status = Status.REACHED_END
+        self.message = ""
+        self.prepared: tuple[Problem, float, Integrator] | None = None
+        self.shrunk = False  # whether steps became much shorter on the way
+        self.events: EventSearch | None = None
+        self.every_step = False
+        self.began = perf_counter()
 
+    def through(
+        self,
+        next_segment: NextSegment,
+        seconds: float,
+        max_steps: int,
+        watch: Callable[[Record], None] | None,
+    ) -> None:
+        """Run to the last requested time, or until a segment fails."""
+        while self.status.success and self.now < self.times[-1]:
+            steps = self.work.steps or 0
+            if (steps_left := max_steps - steps) < 1:
+                self.status = Status.STEP_LIMIT
+                self.message = f"{steps} steps"
+                return
+            if perf_counter() > self.began + seconds and self.segments:
+                self.status = Status.TIME_LIMIT
+                self.message = f"stopped at t = {self.now!r}"
+                return
+            segment = None
+            try:
+                segment = next_segment(self.now, self.state, self.settings.tolerance)
+                integrate = self._integrator(segment)
+            except Exception as error:
+                if (
+                    segment and isinstance(error, ValueError) and not self.segments
+                ):  # Problem or setting are refused.
+                    raise
+                self.status, self.message = _crash(error, self.method.name)
+                return
+            next_segment = segment.then or next_segment
+            end = self._aligned(segment.end)
+            record = self._record(segment, end, self.began + seconds, steps_left)
+            record.events = self.events if self.method.seeks_events else None
+            if self.every_step:
+                record.taken = []
+            if watch:
+                watch(record)
+            try:
+                self.status, message = _outcome(integrate, record, self.method.name)
+            finally:
+                self._take_over(segment, end, record)
+                if record.taken:
+                    self._take_over_steps(record.taken)
+            if self.events and self.events.ended is not None:
+                self.status = Status.REACHED_END
+                self.message = ""
+                return
+            if not self.status.success:
+                if record.filled == 1 and not _has_rates(segment.problem, record.start):
+                    self.status, message = NO_RATES
+                # The solver knows the steps of its own segment alone.
+                self.message = message.replace(
+                    f"{record.work.steps} steps", f"{self.work.steps} steps"
+                )
+            if record.filled < len(record.times) or (
+                end < self.times[-1] and not np.isfinite(self.state).all()
+            ):
+                return
 
-def _cut(segments: Segments, record: Record) -> _Cut:
-    """Where a record is to be cut, in the direction of its times, which may go back."""
-    times = record.times
-    begin = float(times[0])
-    end = float(times[-1])
-    offset = float(record.start[-1]) - begin
-    knots = segments.times - offset
-    values = segments.values
-    sign = 1.0 if end > begin else -1.0
-    if sign < 0:
-        # From each segment's end to its beginning.
-        knots = -knots[::-1]
-        values = values[::-1]
-        begin = -begin
-        end = -end
-    close = _CLOSE * (end - begin)
-    # The outer segments go on beyond the table, whose ends may be rounded.
-    first = int(
-        np.clip(np.searchsorted(knots, begin + close, side="right") - 1, 0, len(values) - 1)
-    )
-    last = int(np.clip(np.searchsorted(knots, end - close, side="left"), first + 1, len(values)))
-    ends = np.append(knots[first + 1 : last], end)
-    wanted = sign * times
-    after = np.clip(np.searchsorted(wanted, ends - close), 0, len(wanted) - 1)
-    ends = np.where(np.abs(wanted[after] - ends) <= close, wanted[after], ends)
-    # Two changes at one row's time leave nothing between them.
-    longer = np.diff(ends, prepend=begin) > 0
-    ends = ends[longer]
-    rows = np.searchsorted(wanted, ends, side="right").tolist()
-    return _Cut(sign * ends, rows, values[first:last][longer], offset)
+    def _aligned(self, end: float) -> float:
+        """The end of a segment: a requested time, if it lies so near one that a solver could not step between them."""
+        last = float(self.times[-1])
+        if end >= last:
+            return last
+        close = _CLOSE * last
+        near = float(self.times[self.times.searchsorted(end - close)])
+        return near if near <= end + close else end
 
+    def _integrator(self, segment: Segment) -> Integrator:
+        """The solver, ready for a segment; compilation is not the run's time."""
+        tolerance = self._tolerance(segment)[0]
+        before = perf_counter()
+        if self.prepared and self.prepared[0] is segment.problem and self.prepared[1] == tolerance:
+            return self.prepared[2]
+        same = tolerance == self.settings.tolerance
+        settings = self.settings if same else self.settings.at(tolerance)
+        with spent_on("compilation"):
+            integrate = self.method.prepare(segment.problem, settings)
+        if segment.problem.parameter_table is not None:
+            integrate = with_parameter_table(integrate, segment.problem)
+        self.prepared = segment.problem, tolerance, integrate
+        self.began += perf_counter() - before
+        return integrate
 
-def _through(integrate: Integrator, segments: Segments, record: Record) -> Outcome:
-    """Fill a record's rows, segment by segment."""
-    cut = _cut(segments, record)
-    now = float(record.times[0])
-    room = np.empty((2, record.rows.shape[1]), record.rows.dtype)
-    state = record.start.copy()
-    status = Status.REACHED_END
-    message = ""
-    for end, upto, values in zip(cut.ends.tolist(), cut.rows, cut.values, strict=True):
-        goes_on = record.inner is not None
-        if goes_on and (stopped := record.stopped):
-            return stopped
-        times = np.array((now, end))
-        rows = room
-        wanted = upto - record.filled
-        if wanted:
-            inner = record.times[record.filled : upto]
-            times = np.concatenate([[now], inner, [] if inner[-1] == end else [end]])
-            rows = np.empty((len(times), len(state)), state.dtype)
-        # The clock in the state is exact at each change.
-        state[-1] = state.dtype.type(cut.offset + now)
-        rows[0] = state
-        piece = Record(times, rows, record.deadline, record.max_steps - (record.work.steps or 0))
-        piece.unit = record.unit
-        piece.events = record.events
-        piece.taken = record.taken
-        piece.changed = values
-        piece.goes_on = goes_on
-        record.inner = piece
-        try:
-            status, message = integrate(piece)
-        finally:
-            # Ctrl-C keeps what is finished.
-            if goes_on:
-                record.work.add(piece.work)
-            else:
-                record.work = piece.work
-            if wanted:
-                record.put(rows[1 : 1 + min(wanted, piece.filled - 1)])
-        record.shrunk = record.shrunk or piece.shrunk
-        ended = record.events is not None and record.events.ended is not None
-        if not status.success or ended:
-            return status, message
-        if piece.filled < len(times):
-            reached = float(times[piece.filled - 1])
-            return (
-                Status.FALSE_SUCCESS,
-                f"the library stopped at t = {reached!r}, expected {end!r}",
+    def _tolerance(self, segment: Segment) -> tuple[float, float]:
+        """The solver's tolerance in a segment, and its error over the one that the segment states.
+
+        The tolerance is tighter than the segment's if the solver amplifies errors by more.
+        """
+        requested = segment.tolerance or self.settings.tolerance
+        if segment.averaged or not (segment.error and self.method.error_amplification):
+            return requested, 1.0
+        tolerance = min(requested, max(requested / self.method.error_amplification, ROUNDING))
+        return tolerance, max(self.method.error_amplification * tolerance, ROUNDING) / max(
+            requested, ROUNDING
+        )
+
+    def _record(self, segment: Segment, end: float, deadline: float, steps: int) -> Record:
+        """Where the solver writes: among the run's rows where the segment's are those, else in rows of its own."""
+        first = self.done - 1
+        last = int(self.times.searchsorted(end, side="right")) - 1
+        unit = segment.problem.time_unit / self.problem.time_unit
+        if (
+            segment.problem is self.problem
+            and self.now == self.times[first]
+            and end == self.times[last]
+        ):
+            return Record(
+                self.times[first : last + 1], self.rows[first : last + 1], deadline, steps
             )
-        state = rows[-1].copy()
-        # A third of the time that NumPy's own function takes for so few numbers.
-        if not all(map(isfinite, state.astype(float).tolist())):
-            return Status.NON_FINITE, f"a state is not finite at t = {end!r}"
-        now = end
-    return status, message
+        beyond = [end] if self.times[last] < end < self.times[-1] else []
+        times = np.concatenate([[self.now], self.times[first + 1 : last + 1], beyond]) / unit
+        rows = np.empty((len(times), segment.problem.dimension))
+        rows[0] = segment.problem.start
+        return Record(times, rows, deadline, steps, unit=unit)
+
+    def _take_over(self, segment: Segment, end: float, record: Record) -> None:
+        """Take over what a segment has finished, whether it reached its end or not."""
+        found = (
+            segment.states(record.rows[: record.filled])
+            if segment.states
+            else record.rows[: record.filled]
+        )
+        # Its end need not be among the requested times.
+        count = int(self.times.searchsorted(end, side="right")) - self.done
+        new = found[1 : count + 1]
+        if segment.states or record.rows.base is not self.rows:
+            self.rows[self.done : self.done + len(new)] = new
+        self.done = self.done + len(new)
+        self.state = found[-1]
+        self.shrunk = self.shrunk or record.shrunk
+        if self.segments:
+            self.work.add(record.work)
+        else:
+            self.work = record.work
+        begin = self.now
+        self.now = min(record.reached, end) if record.filled < len(record.times) else end
+        tolerance, over = self._tolerance(segment)
+        error = over * segment.error
+        angle = min(pi, over * segment.angle)
+        own = segment.reason, error, record.work.steps, angle, segment.averaged, tolerance
+        self.segments.append(SolvedSegment(begin, self.now, *own))
+
+    def _take_over_steps(self, taken: list[tuple[float, np.ndarray]]) -> None:
+        """Make rows of the steps taken; a run that fell short still has its end among its times."""
+        end = float(self.times[-1])
+        times = np.array([self.times[0], *[time for time, _ in taken]])
+        # Several times as quick as an array of arrays.
+        states = np.concatenate([self.rows[0], *[state for _, state in taken]])
+        self.rows = states.reshape(len(times), -1)
+        self.done = len(times)
+        self.times = times if times[-1] == end else np.append(times, end)
+
+
+def _crash(error: Exception, solver: str) -> Outcome:
+    if library := missing_library(error):
+        return Status.ADAPTER_MISSING, f"solver {solver!r}: {how_to_install(library)}"
+    words = " ".join(str(error).split())
+    return (
+        Status.CRASHED,
+        f"solver {solver!r} raised {type(error).__name__}: {words}{place_of(error, __file__)}",
+    )
+
+
+def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
+    """What an integrator returns; an exception, rows that are not there, or another result are a crash."""
+    try:
+        outcome: Any = integrate(record)
+    except EventFailedError:
+        raise
+    except Exception as error:
+        outcome = _crash(error, solver)
+    if not 1 <= record.filled <= len(record.times):
+        filled = record.filled
+        record.filled = 1
+        return (
+            Status.CRASHED,
+            f"solver {solver!r} filled {filled} rows, expected 1 to {len(record.times)}",
+        )
+    if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
+        return outcome
+    return (
+        Status.CRASHED,
+        f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)",
+    )
+
+
+def _has_rates(problem: Problem, state: np.ndarray) -> bool:
+    """Whether a state and its rates are numbers; not evaluated for a field that raises errors of its own."""
+    parameters = np.array((problem.mass_form or problem).parameters)
+    # NumPy's operations raise nothing where a quotient or a root has no value.
+    with np.errstate(all="ignore"), suppress(Exception):
+        return bool(np.isfinite([*state, *problem.field(ARRAYS)(state, parameters)]).all())
+    return True
+
+
+def wrapped_start(problem: Problem) -> Problem:
+    """The problem with its angles at the start within a turn of 0: a tolerance is relative to them too."""
+    far = [i for i in problem.periodic if abs(problem.start[i]) > 2 * pi]
+    if not far or problem.next_segment:
+        return problem
+    start = list(problem.start)
+    for i in far:
+        start[i] %= 2 * pi
+    return replace(problem, start=tuple(start))
+
+
+def wrapped(problem: Problem, times: np.ndarray) -> NextSegment:
+    """The segments of a run of one problem, between which its angles are wrapped."""
+    if not problem.periodic or problem.parameters is None:
+        return lambda time, state, tolerance: Segment(problem, float(times[-1]))
+    columns = list(problem.periodic)
+    most = _WRAP_AFTER
+    with suppress(ArithmeticError, ValueError):
+        rates = problem.field(FLOAT)(problem.start, problem.parameters)
+        most = _WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
+
+    def wrap(states: np.ndarray) -> np.ndarray:
+        states[1:, columns] %= 2 * pi
+        return states
+
+    def next_segment(time: float, state: np.ndarray, tolerance: float) -> Segment:
+        after = int(times.searchsorted(time, side="right"))
+        last = max(after, int(times.searchsorted(time + most)))
+        return Segment(problem, float(times[min(last, len(times) - 1)]), wrap)
+
+    return next_segment

@@ -4,7 +4,7 @@ A step can land beyond the place of an infinite rate: a multistep method then go
 1e20, an explicit one chatters about the place. Three signs cost next to nothing to look for: a
 denominator of the field changes its sign between two rows, a state grows a hundredfold between two
 rows, or steps shrink while a run is under way. They are no proof: a quotient may have a limit. So
-that stretch is run again by Radau IIA, which finds no step there, and by an explicit method.
+that segment is run again by Radau IIA, which finds no step there, and by an explicit method.
 """
 
 from collections.abc import Callable
@@ -18,12 +18,12 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import denominators, frozen
 from polhode.solvers.contract import Status
 
-# Stretches that are looked into.
-_MAX_STRETCHES = 3
+# Segments that are looked into.
+_MAX_SEGMENTS = 3
 # Growth of the largest component from one row to the next that is looked into.
 _GROWTH = 100.0
 _RADAU = ("cyrk-radau", "radau")
-# Witnesses that run a stretch again: the first of the names that takes the problem, and the factor
+# Witnesses that run a segment again: the first of the names that takes the problem, and the factor
 # of its tolerance.
 _WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
 # Tolerances of the witnesses: a run that is right need not be looser than the second.
@@ -50,7 +50,7 @@ def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | Non
     rows = _suspects(problem, solution.states)
     if not rows and shrunk:
         rows = [0]
-    for row in rows[:_MAX_STRETCHES]:
+    for row in rows[:_MAX_SEGMENTS]:
         last = len(solution.times) - 1 if shrunk else row + 1
         if ended := _ended(solution, row, last, run):
             return f"{ended} between t = {solution.times[row]:g} and {solution.times[last]:g}"
@@ -87,18 +87,18 @@ def _ended(solution: Any, first: int, last: int, run: Callable[..., Any]) -> str
     settings = solution.settings
     begin = float(solution.times[first])
     end = float(solution.times[last])
-    piece = problem.continued(begin, tuple(solution.states[first].tolist()), end - begin)
+    segment = problem.continued(begin, tuple(solution.states[first].tolist()), end - begin)
     size = float(np.abs(solution.states[: first + 1]).max())
     usual = float(np.clip(settings.tolerance, *_TOLERANCES))
     limits = {"max_seconds": max(_LEAST_SECONDS, solution.seconds), "max_steps": _MAX_STEPS}
     words = ""
     for names, factor in _WITNESSES:
-        witness = next((name for name in names if _takes(name, piece)), None)
+        witness = next((name for name in names if _takes(name, segment)), None)
         if witness is None:
             return ""
         tolerance = factor * usual
         absolute = tolerance * size or tolerance
-        repeated = run(piece, witness, tolerance, atol=absolute, doubt=False, **limits)
+        repeated = run(segment, witness, tolerance, atol=absolute, doubt=False, **limits)
         implicit = repeated.method.implicit
         # One that an explicit method does not finish may be stiff, or have no solution.
         if repeated.success or (implicit and repeated.status not in _ENDED):

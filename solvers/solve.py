@@ -26,7 +26,7 @@ from polhode.solvers.contract import (
 )
 from polhode.solvers.dense_output import LikeSolveIvp, states_at, times_within
 from polhode.solvers.event_search import EventFailedError, EventSearch, SoughtEvent, looks
-from polhode.solvers.pieces import Run, Stage, wrapped, wrapped_start
+from polhode.solvers.segments import Run, SolvedSegment, wrapped, wrapped_start
 from polhode.solvers.singularity import jumped
 
 if TYPE_CHECKING:
@@ -60,8 +60,8 @@ class Solution(LikeSolveIvp):
     work : Work
     seconds : float
         Wall time of the integrator alone, compilation left out.
-    stages : tuple of Stage
-        The pieces of a run of several, in the run's time.
+    segments : tuple of SolvedSegment
+        The segments of a run of several, in the run's time.
     """
 
     problem: Problem
@@ -73,7 +73,7 @@ class Solution(LikeSolveIvp):
     message: str
     work: Work
     seconds: float
-    stages: tuple[Stage, ...] = ()
+    segments: tuple[SolvedSegment, ...] = ()
 
     @property
     def solver(self) -> str:
@@ -157,7 +157,7 @@ def solve(
         meaning for each library stands in the solver's docstring. One number per component where
         the library takes that.
     times : ndarray, shape (n,), optional
-        Times at which the solution is wanted, increasing from 0; by default the start and the end.
+        Requested times, increasing from 0; by default the start and the end.
     atol : float or sequence of float, optional
         The absolute tolerance, one number or one per component; refused by solvers that have one
         tolerance.
@@ -170,7 +170,7 @@ def solve(
     max_seconds, max_steps : float and int
         Limits of wall time and of steps.
     watch : callable, optional
-        Called with the record of each piece of the run before it begins; a thread may read how far
+        Called with the record of each segment of the run before it begins; a thread may read how far
         it has come from `record.reached`.
     doubt : bool
         Look whether a run of one's own function that claims success has stepped over the end of its
@@ -202,11 +202,11 @@ def solve(
     rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
     limits = {"max_step": max_step, "first_step": first_step}
     settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
-    if problem.segments is not None and first_step is not None:
+    if problem.parameter_table is not None and first_step is not None:
         raise SolverNotValidError(
             f"first_step: got {first_step!r}, expected none, as {problem.name!r} changes on the way"
         )
-    times = _wanted(problem, times)
+    times = _requested_times(problem, times)
     run = Run(problem, method, settings, times)
     search = EventSearch(events) if events else None
     run.events = search
@@ -222,18 +222,18 @@ def solve(
 
     def finished() -> Solution:
         seconds = perf_counter() - run.began
-        stages = tuple(run.stages) if problem.course else ()
+        segments = tuple(run.segments) if problem.next_segment else ()
         reached = run.times[: run.done]
         rows = run.rows[: run.done]
         if search and search.ended is not None:
             reached, rows = _until(search.ended, search.end_state, reached, rows)
         head = problem, method, settings, reached, rows
-        return Solution(*head, run.status, run.message, run.work, seconds, stages)
+        return Solution(*head, run.status, run.message, run.work, seconds, segments)
 
     try:
         if search:
             search.begin(0.0, np.array(problem.start))
-        run.through(problem.course or wrapped(problem, times), max_seconds, max_steps, watch)
+        run.through(problem.next_segment or wrapped(problem, times), max_seconds, max_steps, watch)
         if search and not method.seeks_events:
             _look_through(search, finished())
     except KeyboardInterrupt:
@@ -323,7 +323,7 @@ def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:
     # A library divides errors by atol + rtol |y|, and some of SciPy's methods never end. A solver of
     # one's own may measure the error otherwise.
     positive = isinstance(settings.atol, float) and settings.atol > 0
-    if positive or problem.course or method.family == OWN:
+    if positive or problem.next_segment or method.family == OWN:
         return ""
     atols = np.broadcast_to(settings.atols(), problem.dimension)
     without = np.flatnonzero((atols == 0) & (np.array(problem.start) == 0))
@@ -332,7 +332,7 @@ def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:
     return f"atol: got 0, expected a positive number, as y[{without[0]}] is 0 at the start"
 
 
-def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
+def _requested_times(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     """The requested times, checked."""
     times = np.array([0.0, problem.end] if times is None else times, dtype=float)
     if (
@@ -345,9 +345,9 @@ def _wanted(problem: Problem, times: np.ndarray | None) -> np.ndarray:
         raise ValueError(
             f"times: got {times!r}, expected at least two increasing finite numbers from 0 on"
         )
-    if problem.course and times[-1] > problem.end:
+    if problem.next_segment and times[-1] > problem.end:
         raise ValueError(
-            f"times: got {float(times[-1])!r}, expected none beyond the course's end, {problem.end}"
+            f"times: got {float(times[-1])!r}, expected none beyond the run's end, {problem.end}"
         )
     return times
 

@@ -28,10 +28,10 @@ _MAX_EXPONENT = 200.0
 # Steps at one unit of time where coefficients would leave that range: a rate may change by a
 # factor of 1e8 in so many.
 _PACED_STEPS = 16
-# So many of these pieces later the steps must have doubled, or the run is given up if it has more
-# than so many pieces ahead.
-_PACED_PIECES = 40
-_MAX_PIECES_AHEAD = 1e8
+# So many of these chunks later the steps must have doubled, or the run is given up if it has more
+# than so many chunks ahead.
+_PACED_CHUNKS = 40
+_MAX_CHUNKS_AHEAD = 1e8
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`.
 _FIRST_LOOK = 64
 
@@ -277,7 +277,7 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
     time = float(record.times[record.filled - 1])
     end = float(record.times[-1])
     state = record.rows[record.filled - 1].astype(float)
-    pieces: list[float] = []
+    chunk_times: list[float] = []
     length = _PACED_STEPS
     while record.filled < len(record.times):
         if stopped := record.stopped:
@@ -321,10 +321,10 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
         if time == before:
             return Status.STEP_UNDERFLOW, f"stalled at t = {time!r}"
         record.now = time
-        pieces = [*pieces[-_PACED_PIECES:], time - before]
-        grown = len(pieces) <= _PACED_PIECES or pieces[-1] > 2 * pieces[0]
-        if not grown and end - time > _MAX_PIECES_AHEAD * pieces[-1]:
-            step = pieces[-1] / max(1, result[3])
+        chunk_times = [*chunk_times[-_PACED_CHUNKS:], time - before]
+        grown = len(chunk_times) <= _PACED_CHUNKS or chunk_times[-1] > 2 * chunk_times[0]
+        if not grown and end - time > _MAX_CHUNKS_AHEAD * chunk_times[-1]:
+            step = chunk_times[-1] / max(1, result[3])
             return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {time!r}"
         if crawling := record.crawls(steps, time):
             return crawling
@@ -350,13 +350,13 @@ class Taylor(Solver):
     backends = ("compiled",)
     choices_need: ClassVar[Mapping[str, str]] = {}  # heyoka compiles by itself
     order_by_tolerance = True
-    wears = 1.0
+    error_amplification = 1.0
     error_constant = 20.0  # 6 measured
 
     tolerances = ("atol",)
     limits = ("max_step",)
     seeks_events = True
-    takes_segments = True
+    takes_parameter_table = True
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         bound = self._bound(problem, settings)

@@ -31,7 +31,7 @@ def pytest_collection_finish() -> None:
 
 
 # Modules that read the clock for limits of time and for what runs have spent.
-CLOCKS = ("solvers.contract", "solvers.solve", "solvers.pieces", "models.spent")
+CLOCKS = ("solvers.contract", "solvers.solve", "solvers.segments", "models.spent")
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_st
 from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.orders import slopes
 from polhode.harness.common.store import read_export
-from polhode.harness.pages import ensembles, flows, footing, problems, stiff
+from polhode.harness.pages import ensembles, equal_error, flows, problems, stiff
 from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
@@ -188,7 +188,7 @@ def test_the_page_of_the_classical_problems_follows_from_the_data(
     )
 
 
-def test_the_pages_of_solvers_on_equal_footing_follow_from_the_data():
+def test_the_pages_of_solvers_at_equal_error_follow_from_the_data():
     folder = REPORTS / "solvers"
     found = {
         name: list(read_export(folder / f"{name}.jsonl"))
@@ -199,7 +199,7 @@ def test_the_pages_of_solvers_on_equal_footing_follow_from_the_data():
     costs["first_runs"] = {
         name: [FirstRun(**each) for each in pair] for name, pair in costs["first_runs"].items()
     }
-    made = footing.pages(footing.Measured(**found, **costs), "polhode equal-error")
+    made = equal_error.pages(equal_error.Measured(**found, **costs), "polhode equal-error")
     assert made == {name: text(f"solvers/{name}") for name in ("README.md", "times.md")}
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from polhode.models.catalogue import form as find_form
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE, foreseen
+from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE, foreseen
 from polhode.models.scene import Scene
 
 HYBRID = "hybrid"
@@ -25,7 +25,7 @@ def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) ->
     """Whether each run is one of `hybrid` that averages nothing.
 
     It has the errors and the counts of work of a run of a full form; or its plan for the scene of
-    this name and St averages no stretch.
+    this name and St averages no segment.
     """
     hybrid = runs["form"] == HYBRID
     full = runs["form"].map(lambda name: not find_form(name).averaged) & ~hybrid
@@ -52,6 +52,6 @@ def ran_in_full(runs: pd.DataFrame, scenes: Sequence[tuple[str, Scene]] = ()) ->
 
 
 def planned_in_full(scene: Scene, tolerance: float) -> bool:
-    """Whether a run of `hybrid` is planned without an averaged stretch."""
-    stretches = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
-    return not any(stretch.second_order for stretch in stretches)
+    """Whether a run of `hybrid` is planned without an averaged segment."""
+    segments = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
+    return not any(segment.second_order for segment in segments)

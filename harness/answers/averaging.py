@@ -2,7 +2,7 @@
 
 First-order averaging errs like 1/St, and like 1/√St once a run crosses L² = 2EI₂. A surrogate, the
 same slow motion at a smaller St, is followed by the full equations as well; its error is scaled to
-the scene's own St by these powers, never by larger ones. Second order, and the pieces of `hybrid`,
+the scene's own St by these powers, never by larger ones. Second order, and the segments of `hybrid`,
 state errors of their own, from the size of the terms left out.
 """
 
@@ -31,8 +31,8 @@ _MAX_STEPS = 300_000
 _EXACT_TOLERANCE = 1e-12
 # Rotations in a damping time from which on there is something to average over.
 _LEAST_TURNS = 0.3
-# Ratio of the tolerances of a second run in pieces and the run: it has fewer and narrower windows.
-_LOOSER_PIECES = 10.0
+# Ratio of the tolerances of a second run in segments and the run: it has fewer and narrower windows.
+_LOOSER_SEGMENTS = 10.0
 
 
 class NotKnownError(ValueError):
@@ -42,9 +42,9 @@ class NotKnownError(ValueError):
 def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
     """Kind of confirmation, family, difference and note of a run that averages."""
     form = run.method.form
-    if run.solution.stages:
-        second = _second_in_pieces(runner, run)
-        note = f"estimate of its pieces, and {second.words}"
+    if run.solution.segments:
+        second = _second_in_segments(runner, run)
+        note = f"estimate of its segments, and {second.words}"
         return "estimate", "hybrid", with_estimate(runner, run, second), note
     turns = rotations(runner.scene)
     if turns <= _DIRECT_TURNS and not isinstance(runner.scene.start, SlowStart):
@@ -70,15 +70,15 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
 
 
 def with_estimate(runner: Runner, run: Run, second: Run) -> Difference:
-    """Difference of two runs in pieces, raised by what the first one's pieces state."""
+    """Difference of two runs in segments, raised by what the first one's segments state."""
     apart = difference(runner.scene.ellipsoid, run.observables, second.observables)
     slow = np.zeros_like(apart.slow)
     angle = np.zeros_like(apart.slow)
     times = runner.inner
-    for stage in run.solution.stages:
-        later = times > stage.begin
-        slow[later] += stage.error
-        angle[later] += stage.angle
+    for segment in run.solution.segments:
+        later = times > segment.begin
+        slow[later] += segment.error
+        angle[later] += segment.angle
     return _raised(apart, slow, angle)
 
 
@@ -89,12 +89,12 @@ def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
     return Difference(apart.slow + slow, orientation)
 
 
-def _second_in_pieces(runner: Runner, run: Run) -> Run:
-    """A second run in pieces: by an unlike solver where the run's own is not the usual one, else looser."""
+def _second_in_segments(runner: Runner, run: Run) -> Run:
+    """A second run in segments: by an unlike solver where the run's own is not the usual one, else looser."""
     usual = first_available(EXPLICIT)
     if run.method.solver.name == usual.name:
         method = run.method
-        tolerance = min(1.0, _LOOSER_PIECES * run.tolerance)
+        tolerance = min(1.0, _LOOSER_SEGMENTS * run.tolerance)
     else:
         method = Method(run.method.form, usual)
         tolerance = run.tolerance

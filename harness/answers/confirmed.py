@@ -153,7 +153,7 @@ def meet(
     smallest = inf
     for method in methods:
         answer = _meet(runner, method, error, want, estimate, watch)
-        interval = answer.error.wanted(want)
+        interval = answer.error.of(want)
         high = interval.high if interval and answer.solution.success else inf
         if best is None or high < smallest or not best.solution.success:
             best = answer
@@ -215,7 +215,7 @@ class _Search:
             # The steps hardly changed: the tolerance does not set them yet.
             return _FAR_TIGHTER
         self.previous = run
-        interval = stated_error.wanted(self.want)
+        interval = stated_error.of(self.want)
         if interval is None:
             return _tighter(self.method)
         if self.high < inf and interval.high > _FALLING * self.high:
@@ -253,7 +253,7 @@ def _paired(runner: Runner, run: Run, looser: Run) -> RunError:
         return _compared(runner, "tighter", run, looser)
     apart = averaging.with_estimate(runner, run, looser)
     return _stated(
-        runner, "estimate", "hybrid", run, apart, f"estimate of its pieces, and {looser.words}"
+        runner, "estimate", "hybrid", run, apart, f"estimate of its segments, and {looser.words}"
     )
 
 
@@ -272,7 +272,7 @@ def _next_run(
 def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     """The error of an answer, with advice if it is not confirmed to be below the requested one."""
     stated_error = answer.error
-    interval = answer.error.wanted(want)
+    interval = answer.error.of(want)
     if not answer.solution.success or (interval and interval.high <= error):
         return stated_error
     head = f"the error asked for, {short(error)},"
@@ -320,7 +320,7 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
     if run.averaged:
         kind, family, apart, note = averaging.compared(runner, run)
         return _stated(runner, kind, family, run, apart, note)
-    if run.solution.stages:
+    if run.solution.segments:
         run = _in_one(runner, run)
     why = "no second run came to its end"
     for second in _seconds(runner, run):
@@ -412,9 +412,9 @@ def _equal_error_tolerance(run: Run, partner: Method) -> float:
 
 
 def _in_one(runner: Runner, run: Run) -> Run:
-    """A run in pieces of the full equations as one run at the loosest tolerance of these."""
+    """A run in segments of the full equations as one run at the loosest tolerance of these."""
     form = find_form(full_form(runner.scene))
-    tolerance = max(stage.tolerance for stage in run.solution.stages)
+    tolerance = max(segment.tolerance for segment in run.solution.segments)
     return run._replace(method=Method(form, run.method.solver), tolerance=tolerance)
 
 
@@ -425,7 +425,7 @@ def _sharpens(better: Run, worse: Run) -> bool:
     least = _LEAST_STEP_RATIO
     if better.method.solver.many_periods:
         least = LEAST_STEP_RATIO_SPLITTING
-    elif better.solution.problem.segments is not None:
+    elif better.solution.problem.parameter_table is not None:
         least = _LEAST_STEP_RATIO_TRACK
     return better.steps >= least * worse.steps
 

@@ -132,7 +132,7 @@ _GROUPS = {
 
 
 class Case(NamedTuple):
-    """One run to make: a scene, methods to try, and a tolerance or an error of what is wanted."""
+    """One run to make: a scene, methods to try, and a tolerance or an error of L and E or of the orientation."""
 
     group: str
     scene: Scene
@@ -229,7 +229,7 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
     }
     ends = stated.at(np.linspace(0.0, 1.0, COMPARED_TIMES)).along
     for want, largest in off.largest.items():
-        interval = stated.wanted(want)
+        interval = stated.of(want)
         along = getattr(ends, want)
         row[want] = largest
         row[f"{want}_uncertainty"] = uncertainty[want]

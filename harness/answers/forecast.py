@@ -1,4 +1,4 @@
-"""Forecasts of long runs: from a shorter course, and from the growth of steps and errors."""
+"""Forecasts of long runs: from a shorter segment, and from the growth of steps and errors."""
 
 from dataclasses import dataclass, replace
 from math import inf
@@ -8,22 +8,22 @@ from polhode.harness.answers.rules import rotations, stiff
 from polhode.harness.references.rotations import damping_times
 from polhode.models.scene import Scene
 
-# Rotations of a course: what a race of a run of as many costs is a few milliseconds.
+# Rotations of a segment: what a race of a run of as many costs is a few milliseconds.
 _LEAST_TURNS = 60.0
-# Ratio of the rotations of a course and of the run: fifteen runs of it cost less than the run.
+# Ratio of the rotations of a segment and of the run: fifteen runs of it cost less than the run.
 _SHARE = 0.04
 # Share of a run from which on the beginning serves, not the surrogate.
 _MOST_SHARE = 0.25
 # Share of a run from which on all of it is raced on.
 _WHOLE = 0.5
-# Rotations of a course, at most.
+# Rotations of a segment, at most.
 _MOST_TURNS = 1_000.0
 # Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
 # at every St.
 _FAST = 25.0
 # Rotations of the shear in the beginning of a stiff run: it holds the turns where steps are short.
 _STIFF_TURNS = 20.0
-# How errors grow with the rotations that a course leaves out, as a power, by what is raced on and
+# How errors grow with the rotations that a segment leaves out, as a power, by what is raced on and
 # what the errors are of: as many as nine of ten runs have. Those of L and E add up, and the phase
 # follows them; on a beginning damping has not yet forgotten any.
 _GROWTH = {
@@ -44,12 +44,12 @@ _FORECAST_GROWTH = 0.1
 
 
 @dataclass(frozen=True)
-class Course:
-    """The scene of a race: the scene itself, its surrogate at a smaller St, or its beginning."""
+class RacedSegment:
+    """What methods are raced on: the scene itself, its surrogate at a smaller St, or its beginning."""
 
     scene: Scene
     kind: str  # "scene", "surrogate" or "beginning"
-    stretch: float  # rotations of the run over those of the course, 1 for the scene itself
+    ratio: float  # rotations of the run over those of the segment, 1 for the scene itself
     turns: float  # rotations of the run, about
     splits: bool = False  # whether it is for splitting
     run: Scene | None = None  # the scene that it stands for, where that is another one
@@ -60,7 +60,7 @@ class Course:
         return self.kind == "scene"
 
     def growth(self, want: str) -> float:
-        """Ratio of the errors of the run and of the course, for a method at one tolerance."""
+        """Ratio of the errors of the run and of the segment, for a method at one tolerance."""
         if self.whole:
             return 1.0
         kind = self.kind
@@ -68,20 +68,20 @@ class Course:
             kind = "stiff"
         if self.splits:
             kind = "splitting"
-        return self.stretch ** _GROWTH[kind, want]
+        return self.ratio ** _GROWTH[kind, want]
 
-    def of_the_whole(self) -> "Course":
+    def of_the_whole(self) -> "RacedSegment":
         """The scene itself instead."""
-        return Course(self.run or self.scene, "scene", 1.0, self.turns)
+        return RacedSegment(self.run or self.scene, "scene", 1.0, self.turns)
 
     @property
     def spread(self) -> float:
         """Factor on either side of what is forecast, of errors and seconds."""
-        return _RACED if self.whole else _FORECAST * self.stretch**_FORECAST_GROWTH
+        return _RACED if self.whole else _FORECAST * self.ratio**_FORECAST_GROWTH
 
 
-def course_of(scene: Scene) -> Course:
-    """The course to race on instead of a scene."""
+def raced_segment(scene: Scene) -> RacedSegment:
+    """The segment to race on instead of a scene."""
     scene = oriented(scene)
     turns = rotations(scene)
     damped = damping_times(scene)
@@ -93,19 +93,19 @@ def course_of(scene: Scene) -> Course:
         if slow < _MOST_SHARE * turns:
             ratio = slow / turns
             shorter = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
-            return Course(shorter, "surrogate", 1 / ratio, turns, run=scene)
+            return RacedSegment(shorter, "surrogate", 1 / ratio, turns, run=scene)
     return _beginning(scene, turns, least)
 
 
-def beginning_of(scene: Scene) -> Course:
+def beginning_of(scene: Scene) -> RacedSegment:
     """The beginning of a scene, on which splitting is raced."""
     turns = rotations(scene)
     return replace(_beginning(scene, turns, max(_LEAST_TURNS, _SHARE * turns)), splits=True)
 
 
-def _beginning(scene: Scene, turns: float, least: float) -> Course:
+def _beginning(scene: Scene, turns: float, least: float) -> RacedSegment:
     if _WHOLE * turns <= least:
-        return Course(scene, "scene", 1.0, turns)
+        return RacedSegment(scene, "scene", 1.0, turns)
     ratio = least / turns
     shorter = replace(scene, time=scene.time * ratio)
-    return Course(shorter, "beginning", 1 / ratio, turns, run=scene)
+    return RacedSegment(shorter, "beginning", 1 / ratio, turns, run=scene)

@@ -81,8 +81,8 @@ def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evalua
     scenes = []
     runs = []
     left_out = dict[str, str]()
-    asked = tqdm(questions(seed, count), disable=quiet or None, desc="held-out", leave=False)
-    for question in asked:
+    bar = tqdm(questions(seed, count), disable=quiet or None, desc="held-out", leave=False)
+    for question in bar:
         content = {"held-out": question.name, "schema": _SCHEMA}
         key = digest(content)
         if key not in store:
@@ -208,7 +208,7 @@ class _Track:
         return perf_counter() - began - (SPENT.seconds["compilation"] - compiling), observables
 
     def off(self, a: Observables, b: Observables) -> float:
-        """The largest difference of two runs, of what is wanted."""
+        """The largest difference of two runs, of L and E or of the orientation."""
         ellipsoid = self.question.scene.ellipsoid
         return difference(ellipsoid, a, b).largest.get(self.question.want, inf)
 

@@ -71,7 +71,7 @@ def _remembered(
     return Recommendation(
         want,
         error,
-        result.course.turns,
+        result.raced.turns,
         damping_times(scene),
         ranking,
         tuple(refused),

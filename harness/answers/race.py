@@ -20,7 +20,7 @@ import numpy as np
 
 from polhode.harness.answers.averaging import NotKnownError
 from polhode.harness.answers.confirmed import confirmation, meet
-from polhode.harness.answers.forecast import Course, beginning_of, course_of
+from polhode.harness.answers.forecast import RacedSegment, beginning_of, raced_segment
 from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.pace import Pace, around, pace, seconds_of, steps_in
 from polhode.harness.answers.request import NotAttainableError, one_digit
@@ -86,7 +86,7 @@ _AVERAGED_SPHEROIDS_FROM = 2_000
 _IMPLICIT_FROM = 100.0
 # A difference that grows by a larger power of time tells of chaos.
 _MOST_GROWTH = 4.0
-# Index of the middle of a course.
+# Index of the middle of a segment.
 _MIDDLE = int(np.searchsorted(INNER, 0.5))
 
 
@@ -118,7 +118,7 @@ class Result(NamedTuple):
 
     entries: list[Entry]
     refusals: list[Refusal]
-    course: Course
+    raced: RacedSegment
 
 
 @cache
@@ -195,7 +195,7 @@ def race(
     methods: Sequence[Method],
     uncut: Collection[tuple[str, str]] = (),
 ) -> Result:
-    """Race methods that take a scene, for an error of what is wanted, at `samples` rows.
+    """Race methods that take a scene, for an error of L and E or of the orientation, at `samples` rows.
 
     Methods named in `uncut`, by form and solver, are followed whatever they cost.
     """
@@ -204,7 +204,7 @@ def race(
     for method in sorted(methods, key=heat.turn):
         heat.enter(method)
     entries = sorted(heat.entries, key=lambda entry: entry.seconds.predicted)
-    return Result(entries, heat.refusals, heat.course)
+    return Result(entries, heat.refusals, heat.raced)
 
 
 class _Remembering(Runner):
@@ -225,15 +225,15 @@ class _Remembering(Runner):
 
 
 class _Segment:
-    """A course that methods are raced on, and a confirmed run of it, the reference."""
+    """What methods are raced on, and a confirmed run of it, the reference."""
 
-    def __init__(self, course: Course, usual: Method, error: float, want: str) -> None:
-        self.course = course
+    def __init__(self, raced: RacedSegment, usual: Method, error: float, want: str) -> None:
+        self.raced = raced
         self.usual = usual
         self.want = want
-        # The error on the course that a method may have, so that the run's is below the one requested.
-        self.budget = error / course.growth(want) / course.spread
-        self.runner = _Remembering(course.scene)
+        # The error on the segment that a method may have, so that the run's is below the one requested.
+        self.budget = error / raced.growth(want) / raced.spread
+        self.runner = _Remembering(raced.scene)
         self.reference: Observables | None = None
         self.apart = inf  # What the reference is off by, about.
         self.most = inf  # What it is off by, at most.
@@ -245,12 +245,12 @@ class _Segment:
             return
         self.looked = True
         growth = self._confirm()
-        if self.course.whole or (self.reference and growth <= _MOST_GROWTH):
+        if self.raced.whole or (self.reference and growth <= _MOST_GROWTH):
             return
-        whole = self.course.of_the_whole()
+        whole = self.raced.of_the_whole()
         if self.reference or whole.turns <= _MAX_STEPS / 10:
-            self.budget *= self.course.growth(self.want) * self.course.spread / whole.spread
-            self.course = whole
+            self.budget *= self.raced.growth(self.want) * self.raced.spread / whole.spread
+            self.raced = whole
             self.runner = _Remembering(whole.scene)
             self._confirm()
 
@@ -262,22 +262,22 @@ class _Segment:
             answer = meet(self.runner, [self.usual], self.budget, self.want)
         except NotAttainableError:
             return 0.0
-        interval = answer.error.wanted(self.want)
+        interval = answer.error.of(self.want)
         if not (interval and answer.solution.success):
             return 0.0
         self.apart = interval.predicted
         self.most = interval.high
         if self.apart <= _KNOWN * self.budget:
             form = answer.method.form
-            self.reference = form.observe(self.course.scene, answer.solution.states)
+            self.reference = form.observe(self.raced.scene, answer.solution.states)
         values = getattr(answer.error.difference, self.want)
         before = max(float(values[: _MIDDLE + 1].max()), 1e-99)
         return float(np.log2(max(float(values.max()), 1e-99) / before))
 
     def error(self, run: Run) -> float:
-        """The error of a run on the course, of what is wanted."""
+        """The error of a run on the segment, of L and E or of the orientation."""
         assert self.reference
-        ellipsoid = self.course.scene.ellipsoid
+        ellipsoid = self.raced.scene.ellipsoid
         return difference(ellipsoid, run.observables, self.reference).largest.get(self.want, inf)
 
 
@@ -293,14 +293,14 @@ class _Race:
         self.entries: list[Entry] = []
         self.refusals: list[Refusal] = []
         self.uncut: list[Method] = []
-        self.course = course_of(scene)
-        self.usual = full_method(self.course.scene)
+        self.raced = raced_segment(scene)
+        self.usual = full_method(self.raced.scene)
         first = self.usual
         if splits(scene):
             first = Method(find_form("spheroid-axis"), find_solver(SPLITTING[0]))
         # Steps that a full run is expected to take.
         self.steps = steps_of(scene, first, first_tolerance(scene, first, error, want))
-        self.segment = _Segment(self.course, self.usual, error, want)
+        self.segment = _Segment(self.raced, self.usual, error, want)
         self._splitting: _Segment | None = None
 
     def turn(self, method: Method) -> int:
@@ -326,15 +326,15 @@ class _Race:
             self.closed_form(method)
         else:
             itself = _averages(method)
-            itself = itself or (_splits(method) and self.course.turns <= _SPLITTING_TURNS)
-            if self.bare or (itself and not self.segment.course.whole):
+            itself = itself or (_splits(method) and self.raced.turns <= _SPLITTING_TURNS)
+            if self.bare or (itself and not self.segment.raced.whole):
                 self.judge(method)
             else:
                 self.follow(method, self.segment_of(method))
 
     def segment_of(self, method: Method) -> _Segment:
         """The segment to race a method on: the beginning for splitting, whose steps are few."""
-        if not _splits(method) or self.course.whole:
+        if not _splits(method) or self.raced.whole:
             return self.segment
         if self._splitting is None:
             beginning = beginning_of(self.scene)
@@ -355,7 +355,7 @@ class _Race:
         enough = _AVERAGED_SPHEROIDS_FROM
         if self.scene.ellipsoid.kind == "triaxial":
             enough = _AVERAGED_FROM[method.form.name]
-        tabled = _in_tables(method.form) or not self.segment.course.whole
+        tabled = _in_tables(method.form) or not self.segment.raced.whole
         if tabled and self.steps < enough:
             why = f"a full run takes some {self.steps:.1g} steps: too few to average"
             self._refuse(method, why)
@@ -367,19 +367,19 @@ class _Race:
         """Seconds of the quickest method that meets the error."""
         return min((entry.seconds.predicted for entry in self.entries), default=inf)
 
-    def limit(self, method: Method, cost: Pace, stretch: float) -> int:
+    def limit(self, method: Method, cost: Pace, ratio: float) -> int:
         """Steps that a run may take without being cut."""
         if self.best == inf or cost.step == 0 or method in self.uncut:
             return _MAX_STEPS
         left = _CUT * self.best - cost.start - cost.row * self.samples
-        return int(min(_MAX_STEPS, max(_MIN_STEPS, left / cost.step / stretch)))
+        return int(min(_MAX_STEPS, max(_MIN_STEPS, left / cost.step / ratio)))
 
     def closed_form(self, method: Method) -> None:
         """Enter a method that evaluates a closed form."""
         seconds = pace(method, TIGHTEST).seconds(0, self.samples)
         error = Interval(0.0, 0.0, 0.0)
         reason = "closed form: neither time nor tolerance matter"
-        self._enter(method, TIGHTEST, error, seconds, reason, self.course.spread)
+        self._enter(method, TIGHTEST, error, seconds, reason, self.raced.spread)
 
     def follow(self, method: Method, segment: _Segment) -> None:
         """Run a method on a segment until its error is close to the one requested."""
@@ -388,10 +388,10 @@ class _Race:
         least = inf
         why = ""
         tolerance = _rounded(
-            method, first_tolerance(segment.course.scene, method, segment.budget, self.want)
+            method, first_tolerance(segment.raced.scene, method, segment.budget, self.want)
         )
         for _ in range(_MAX_RUNS):
-            limit = self.limit(method, cost, segment.course.stretch)
+            limit = self.limit(method, cost, segment.raced.ratio)
             run = segment.runner.run(method, tolerance, limit)
             if not run.success:
                 why = why or f"costs more than {_CUT:g} times the best, or fails"
@@ -418,7 +418,7 @@ class _Race:
             if planned == tolerance:
                 break
             tolerance = planned
-        growth = segment.course.growth(self.want)
+        growth = segment.raced.growth(self.want)
         if met is None:
             why = why or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
             self._refuse(method, why, _ATTAINABLE * growth * least)
@@ -428,19 +428,19 @@ class _Race:
     def _enter_followed(
         self, method: Method, segment: _Segment, tolerance: float, error: float, steps: int
     ) -> None:
-        course = segment.course
-        growth = course.growth(self.want)
-        spread = course.spread
+        raced = segment.raced
+        growth = raced.growth(self.want)
+        spread = raced.spread
         predicted = growth * error
         high = min(self.error, spread * growth * (error + segment.apart))
-        seconds = pace(method, tolerance).seconds(steps * course.stretch, self.samples)
-        if course.whole:
+        seconds = pace(method, tolerance).seconds(steps * raced.ratio, self.samples)
+        if raced.whole:
             reason = (
                 f"its run at {short(tolerance)} takes {steps} steps and errs by {scientific(error)}"
             )
         else:
-            share = scientific(1 / course.stretch)
-            reason = f"forecast from its {course.kind}, {share} of the run"
+            share = scientific(1 / raced.ratio)
+            reason = f"forecast from its {raced.kind}, {share} of the run"
         interval = Interval(predicted, predicted / spread, high)
         self._enter(method, tolerance, interval, seconds, reason, spread)
 
@@ -462,7 +462,7 @@ class _Race:
             except (SolverNotValidError, FormNotValidError, NotKnownError) as failure:
                 refusal = refusal[0] or getattr(failure, "reason", "") or str(failure), refusal[1]
                 break
-            error = stated.wanted(self.want)
+            error = stated.of(self.want)
             if error is None:
                 refusal = stated.note, inf
                 break
@@ -480,7 +480,7 @@ class _Race:
                 break
             tolerance = planned
         if good:
-            self._enter(method, *good, self.course.spread)
+            self._enter(method, *good, self.raced.spread)
         else:
             self._refuse(method, *refusal)
 

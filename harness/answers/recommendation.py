@@ -29,7 +29,7 @@ class RankedRun:
     form: str
     solver: str
     tolerance: float
-    error: Interval  # of what is wanted, model error included
+    error: Interval  # of L and E or of the orientation, model error included
     seconds: Interval  # of a run of what is compiled
     first_run_seconds: float  # the same with what this process took to compile
     tied: bool  # whether there are several whose times are within `TIED` of the first one's

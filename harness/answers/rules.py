@@ -158,7 +158,7 @@ def methods_for(scene: Scene, error: float, want: str) -> list[Method]:
     if isinstance(scene.start, SlowStart):
         return [method_for(scene, None, None)]
     if _hybrid_pays(scene, error, want):
-        # Averaged pieces go at steps of their own: stability is no question there.
+        # Averaged segments go at steps of their own: stability is no question there.
         methods.append(Method(find_form("hybrid"), first_available(EXPLICIT)))
     if splits(scene):
         axis = find_form("spheroid-axis")

@@ -44,7 +44,9 @@ class Run(NamedTuple):
     @property
     def averaged(self) -> bool:
         """Whether it averages, in part at least."""
-        return self.method.form.averaged or any(stage.averaged for stage in self.solution.stages)
+        return self.method.form.averaged or any(
+            segment.averaged for segment in self.solution.segments
+        )
 
     @property
     def words(self) -> str:

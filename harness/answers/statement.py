@@ -99,8 +99,8 @@ class RunError:
     # Shares of the run at which the rows lie.
     rows: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
 
-    def wanted(self, want: str) -> Interval | None:
-        """The error of what is wanted."""
+    def of(self, want: str) -> Interval | None:
+        """The error of L and E (`slow`) or of the `orientation`."""
         return self.slow if want == "slow" else self.orientation
 
     def at(self, rows: Array) -> "RunError":
@@ -112,7 +112,7 @@ class RunError:
         """The upper ends at the rows, shape (n,); between two compared times they are interpolated."""
         ends = []
         for want in ("slow", "orientation"):
-            interval = self.wanted(want)
+            interval = self.of(want)
             values = getattr(self.difference, want, None)
             if interval is None or values is None:
                 ends.append(None)

@@ -21,8 +21,8 @@ from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
 from polhode.harness.references.extended import unlike_runs
 from polhode.models.catalogue import form as find_form, full_form
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
 from polhode.models.hybrid.form import Hybrid
+from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, Scene
@@ -32,7 +32,7 @@ from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
-from polhode.solvers.pieces import Stage
+from polhode.solvers.segments import SolvedSegment
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
@@ -160,7 +160,7 @@ def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, flo
             tight, double = (form.observe(scene, states) for states in runs)
             apart = errors(scene.ellipsoid, double, tight)
         cached = {name: values.astype(float) for name, values in vars(tight).items()}
-        cached = cache.keep(
+        cached = cache.save(
             key, cached | {"uncertainty": np.array([apart.slow, apart.orientation])}
         )
     slow, orientation = cached.pop("uncertainty").tolist()
@@ -204,7 +204,7 @@ def _measured(
     return HybridError(
         *(start, scene.ellipsoid.kind, axes, scene.stokes, scene.slow_time, error, str(run.status)),
         *(slow, orientation, run.error.slow.high if run.error.slow else nan, slow_off),
-        *(_share(run.pieces, scene.slow_time), len(run.pieces), mirror),
+        *(_share(run.segments, scene.slow_time), len(run.segments), mirror),
     )
 
 
@@ -261,9 +261,9 @@ def _timed(start: int, scene: Scene) -> Speed:
     (solver, at), best = min(
         seconds_of.items(), key=lambda entry: entry[1], default=(("", nan), nan)
     )
-    costs = slow, _share(run.stages, scene.time), taken, few, solver, at, best
+    costs = slow, _share(run.segments, scene.time), taken, few, solver, at, best
     steps = (
-        sum(stage.steps or 0 for stage in run.stages if not stage.averaged),
+        sum(stage.steps or 0 for stage in run.segments if not stage.averaged),
         full.get((solver_of_windows, at), nan),
     )
     steps = steps if solver == solver_of_windows else (nan, nan)
@@ -330,7 +330,7 @@ def _full(
     return steps
 
 
-def _share(pieces: Sequence[Stage], whole: float) -> float:
+def _share(pieces: Sequence[SolvedSegment], whole: float) -> float:
     return sum(piece.end - piece.begin for piece in pieces if not piece.averaged) / whole
 
 

@@ -62,7 +62,7 @@ def measure(subject: Subject, stokes: float) -> tuple[list[AveragingErrors], lis
         solver_error = errors(
             scene.ellipsoid, form.observe(scene, solution.states), exact.observables
         ).slow_each
-        about = full.slow_uncertainty, full.certificate.pieces
+        about = full.slow_uncertainty, full.certificate.segments
         both_errors = cast("Each", model), cast("Each", solver_error)
         rows.append(AveragingErrors(*head, subject.semi_axes, stokes, until, *both_errors, *about))
     return rows, absent

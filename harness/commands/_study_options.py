@@ -63,7 +63,7 @@ def usual(folder: str, quick: bool) -> Path:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class StudyRequest:
     """Options of a command that runs a study."""
 
     study_file: Path | None
@@ -75,7 +75,7 @@ class Wanted:
     filters: dict[str, tuple[str, ...]]
 
     def study(self, default: str = "bench") -> "Study":
-        """The part of the study that is wanted, under a name of its own; raises ValueError if nothing is left."""
+        """The requested part of the study, under a name of its own; raises ValueError if nothing is left."""
         from polhode.harness.studies.study import read_study
 
         study = read_study(self.study_file, default)
@@ -86,15 +86,17 @@ class Wanted:
 
 
 def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `Wanted`."""
+    """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `StudyRequest`."""
 
     @wraps(command)
     def wanting(**options: Any) -> Any:
         filters = {kind: options.pop(kind) for kind in _KINDS}
         settings = {
-            field.name: options.pop(field.name) for field in fields(Wanted) if field.name in options
+            field.name: options.pop(field.name)
+            for field in fields(StudyRequest)
+            if field.name in options
         }
-        return command(Wanted(**settings, filters=filters), **options)
+        return command(StudyRequest(**settings, filters=filters), **options)
 
     for name, (option, text) in reversed(_KINDS.items()):
         wanting = click.option(option, name, multiple=True, help=text)(wanting)

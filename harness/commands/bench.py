@@ -15,7 +15,13 @@ import click
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import _study_options as options
-from polhode.harness.commands._study_options import Wanted, command_line, steady, stored, to_json
+from polhode.harness.commands._study_options import (
+    StudyRequest,
+    command_line,
+    steady,
+    stored,
+    to_json,
+)
 from polhode.harness.common.files import make_folder
 
 if TYPE_CHECKING:
@@ -47,21 +53,21 @@ _FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "rep
     is_flag=True,
     help="Measure nothing: write the page anew from the folder's records.jsonl.",
 )
-def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
+def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     """Run a work-precision study and write its page, figures and records."""
     if problems:
-        _problems(wanted, page_only)
+        _problems(request, page_only)
         return
-    if ".py:" in str(wanted.study_file or ""):
-        _own_problem(wanted, page_only)
+    if ".py:" in str(request.study_file or ""):
+        _own_problem(request, page_only)
         return
     from polhode.harness.analysis.frames import NEEDED, frame, of_runs
     from polhode.harness.common.store import read_export
     from polhode.harness.studies.runner import Runner
 
     with bad_input():
-        study = wanted.study()
-    folder = wanted.out or Path("reports") / study.name
+        study = request.study()
+    folder = request.out or Path("reports") / study.name
     write_page = import_module(f"polhode.harness.pages.{_PAGES[study.page]}").write_page
     if page_only:
         with bad_input():
@@ -71,52 +77,52 @@ def bench(wanted: Wanted, problems: bool, page_only: bool) -> None:
         return
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
         click.echo(f"note: the study runs code of {', '.join(outside)}", err=True)
-    with stored(folder, wanted.resume) as store:
-        records = Runner(store, wanted.quiet).run(study)
-    steady(records, folder / "README.md", wanted.disturbed)
+    with stored(folder, request.resume) as store:
+        records = Runner(store, request.quiet).run(study)
+    steady(records, folder / "README.md", request.disturbed)
     page = write_page(study, records, folder, command_line())
     click.echo(f"{page}")
 
 
-def _problems(wanted: Wanted, page_only: bool) -> None:
+def _problems(request: StudyRequest, page_only: bool) -> None:
     from polhode.harness.pages.problems import write_page
     from polhode.harness.work_precision import pairs_of, run_problems
 
-    if wanted.study_file or wanted.filters["forms"] or wanted.filters["tags"] or page_only:
+    if request.study_file or request.filters["forms"] or request.filters["tags"] or page_only:
         raise BadInput(
             "--problems: got a study, --form, --tag or --page-only, expected --scene and --solver at most"
         )
-    folder = wanted.out or options.usual("reports/problems", wanted.quick)
-    some = wanted.filters["scenes"], wanted.filters["solvers"]
+    folder = request.out or options.usual("reports/problems", request.quick)
+    some = request.filters["scenes"], request.filters["solvers"]
     with bad_input():
         pairs_of(*some)
-    with stored(folder, wanted.resume) as store:
-        rows = run_problems(store, *some, quick=wanted.quick, quiet=wanted.quiet)
+    with stored(folder, request.resume) as store:
+        rows = run_problems(store, *some, quick=request.quick, quiet=request.quiet)
     click.echo(f"{write_page(rows, folder, command_line())}")
 
 
-def _own_problem(wanted: Wanted, page_only: bool) -> None:
+def _own_problem(request: StudyRequest, page_only: bool) -> None:
     """Work and precision of ``FILE.py:NAME``, a Problem or a WorkPrecision of the user's own."""
     from polhode.harness.work_precision import QUICK, WorkPrecision
     from polhode.models.problem import Problem
 
-    location = str(wanted.study_file)
-    filters = wanted.filters
-    if page_only or wanted.resume or any(filters[kind] for kind in ("scenes", "tags", "forms")):
+    location = str(request.study_file)
+    filters = request.filters
+    if page_only or request.resume or any(filters[kind] for kind in ("scenes", "tags", "forms")):
         raise BadInput(
             f"{location}: got --page-only, --resume or filters, expected --solver at most"
         )
     with bad_input():
         study = _object_in(location)
         if isinstance(study, Problem):
-            settings = {"tolerances": QUICK, "max_seconds": 1.0} if wanted.quick else {}
+            settings = {"tolerances": QUICK, "max_seconds": 1.0} if request.quick else {}
             solvers = list(filters["solvers"]) or None
-            study = WorkPrecision(study, solvers, quiet=wanted.quiet, **settings)
+            study = WorkPrecision(study, solvers, quiet=request.quiet, **settings)
         elif not isinstance(study, WorkPrecision):
             raise ValueError(
                 f"{location}: got {study!r:.60}, expected a Problem or a WorkPrecision"
             )
-        folder = wanted.out or options.usual(f"reports/{study.name}", wanted.quick)
+        folder = request.out or options.usual(f"reports/{study.name}", request.quick)
         make_folder(folder)
         page = study.write(folder, command_line())
     click.echo(f"{page}")
@@ -154,29 +160,29 @@ def _object_in(location: str) -> Any:
     help="Measure nothing: write the page anew from the runs.csv in --out.",
 )
 @options.study_options
-def regimes(wanted: Wanted, page_only: bool) -> None:
+def regimes(request: StudyRequest, page_only: bool) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
     from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME
     from polhode.harness.pages.regimes import rewrite_page, write_page
     from polhode.harness.studies.runner import Runner
 
     with bad_input():
-        study = replace(wanted.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
-        if wanted.quick:
+        study = replace(request.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
+        if request.quick:
             some = tuple(
                 (name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4
             )
             study = replace(study, scenes=some or study.scenes)
-    folder = wanted.out or Path("reports") / study.name
+    folder = request.out or Path("reports") / study.name
     if page_only:
         with bad_input():
             click.echo(f"{rewrite_page(study, folder)}")
         return
-    with stored(folder, wanted.resume) as store:
-        if not wanted.quiet:
+    with stored(folder, request.resume) as store:
+        if not request.quiet:
             click.echo(ahead(study, store), err=True)
-        records = Runner(store, wanted.quiet).run(study)
-    steady(records, folder / "README.md", wanted.disturbed)
+        records = Runner(store, request.quiet).run(study)
+    steady(records, folder / "README.md", request.disturbed)
     click.echo(f"{write_page(study, records, folder, command_line())}")
 
 
@@ -199,7 +205,7 @@ def ahead(study: "Study", store: "Store") -> str:
 @options.quiet
 def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     """Compare all solvers at equal error, with every back end, and with the bare library calls."""
-    from polhode.harness.pages.footing import Measured, write_page
+    from polhode.harness.pages.equal_error import Measured, write_page
     from polhode.harness.studies.cost import (
         first_runs,
         measure,

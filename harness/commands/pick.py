@@ -223,7 +223,7 @@ def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:
             solution = api.solve(scene, error=error, want=want, samples=TIMED_ROWS)
         except ValueError as refusal:
             return None, None, str(refusal)
-        stated = solution.error.wanted(want)
+        stated = solution.error.of(want)
         method = f"{solution.form} by {solution.solver} at {solution.tolerance:g}"
         return solution.observables if solution.success else None, stated and stated.high, method
 

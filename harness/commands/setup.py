@@ -78,7 +78,7 @@ def examine() -> dict[str, Any]:
     """All that `polhode doctor` shows; takes a little longer than `_WATCH` seconds."""
     from polhode.harness.common.machine import machine, versions
     from polhode.harness.pages.tables import templates
-    from polhode.models.files.kept import cache_folder
+    from polhode.models.files.cached import cache_folder
     from polhode.models.libraries import version_of
     from polhode.solvers.catalogue import SOLVERS, solver
 

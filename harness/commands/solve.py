@@ -136,7 +136,7 @@ def solve(
             say(f"{method} at tolerance {short(solution.tolerance)}")
         if target and target.atomic:
             say(f"{out}: {len(planned.times)} rows, solved in {duration(solution.seconds)}")
-        for note in [*solution.pieces_in_words(), *_empty(planned, solution)]:
+        for note in [*solution.segments_in_words(), *_empty(planned, solution)]:
             say(f"note: {note}")
         if planned.estimate:
             say(f"error: {solution.error.words()}")
@@ -227,7 +227,7 @@ def _run(
         def note(seconds: float) -> str:
             if end >= last:
                 return expectation(share(), seconds)
-            # The pieces that follow may take any time.
+            # The segments that follow may take any time.
             return f"it has come to t = {record.reached:.3g} of {last:.3g}"
 
         progress.begin(f"solving by {planned.solver.name}", share, note)

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from polhode.harness.common.files import write_file
-from polhode.models.files.kept import cache_folder, make_private, say
+from polhode.models.files.cached import cache_folder, make_private, say
 
 # Hexadecimal digits of the checksum at the head of a file.
 _CHECKSUM = 64
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
-    """Arrays kept under a key; None if there are none, or if the file is damaged or another one's, and removed."""
+    """Arrays cached under a key; None if there are none, or if the file is damaged or another one's, and removed."""
     path = path_of(key)
     try:
         content = path.read_bytes()
@@ -32,8 +32,8 @@ def load(key: str) -> dict[str, np.ndarray] | None:
         return dict(arrays)
 
 
-def keep(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Keep arrays under a key, and return them as `load` does: sums over other strides differ in their last bit."""
+def save(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Cache arrays under a key, and return them as `load` does: sums over other strides differ in their last bit."""
     # A folder that cannot be written is no error, the work is done again next time.
     arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     buffer = io.BytesIO()
@@ -47,7 +47,7 @@ def keep(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def path_of(key: str) -> Path:
-    """File that keeps the arrays of a key."""
+    """File of the arrays of a key."""
     return cache_folder(part="references") / f"{key}.reference"
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
-from polhode.models.hybrid.course import ERROR_PER_TOLERANCE
+from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE
 from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like

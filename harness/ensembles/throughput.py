@@ -28,7 +28,7 @@ from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE, run_full
 from polhode.harness.ensembles.starts import Starts
 from polhode.models.catalogue import form as find_form
 from polhode.models.shape import Ellipsoid
-from polhode.solvers.ensembles.equal_steps import PIECES, Plan, plan, run
+from polhode.solvers.ensembles.equal_steps import MIN_SEGMENTS, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
@@ -112,7 +112,7 @@ def full_throughput(
         "taylor_per_second": particles / before,
         "taylor_error": float(errors(old).max()),
         "method": chosen.method,
-        "steps": chosen.steps * PIECES,
+        "steps": chosen.steps * MIN_SEGMENTS,
         "per_second": particles / now,
         "speedup": before / now,
         "error": float(errors(new).max()),

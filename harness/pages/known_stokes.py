@@ -1,4 +1,4 @@
-"""The page of solvers that know St: how many times as fast as the fastest other one, and what was asked of them."""
+"""The page of solvers that know St: how many times as fast as the fastest other one, and the ratios set as targets."""
 
 import json
 import tomllib
@@ -28,11 +28,11 @@ from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
 _ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-# Least ratios asked for, by scene, St and slow error.
-_ASKED = tomllib.loads(Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8"))[
-    "asked"
-]
-_TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _ASKED}
+# Least ratios set as targets, by scene, St and slow error.
+_TARGET_ROWS = tomllib.loads(
+    Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8")
+)["targets"]
+_TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _TARGET_ROWS}
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Limits that stroboscopic averaging has to meet.
 _REACHED = (
@@ -56,7 +56,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         "known-stokes",
         header=header(study.title, command, records),
         met=met.count(True),
-        asked=len(met),
+        targets=len(met),
         known=ratios,
         slower=[(ratio, stokes) for ratio, stokes in ratios if ratio < 1],
         stroboscopic=_stroboscopic(study, table, folder),
@@ -115,7 +115,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     scene = next(
         scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == _STOKES
     )
-    longer = _kept_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
+    longer = _cached_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
     figures = {"best": best, "other": name, "least": least, "longer": longer}
     return lines_of(
@@ -128,7 +128,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     )
 
 
-def _kept_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
+def _cached_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
     """`_longer`, measured once for the records in the folder."""
     path = folder / "longer.json"
     of = digest(read_file(folder / "records.jsonl").decode())

@@ -218,12 +218,12 @@ def gains(runs: Sequence[Run], choice: str, names: tuple[str, str]) -> list[Pair
     """Time by the second name over that by the first, for each solver and value of the other choice."""
     beside = "backend" if choice == "jacobian" else "jacobian"
     pairs: dict[tuple[str, str], Pair] = {}
-    by_way: dict[tuple[Any, ...], dict[str, Run]] = {}
+    by_choice: dict[tuple[Any, ...], dict[str, Run]] = {}
     for run in runs:
         own = getattr(run, beside)
         key = run.solver, own, run.scene, run.stokes, run.form, run.tolerance
-        by_way.setdefault(key, {})[getattr(run, choice)] = run
-    for (solver, own, *_), found in by_way.items():
+        by_choice.setdefault(key, {})[getattr(run, choice)] = run
+    for (solver, own, *_), found in by_choice.items():
         if set(names) <= set(found):
             first, second = (found[name] for name in names)
             pair = pairs.setdefault((solver, own), Pair(solver, own, [], None, 0, 0))

@@ -168,7 +168,7 @@ def even_steps(path: np.ndarray, count: int) -> np.ndarray:
 
 
 def distances(points: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Distance of each point from a line of straight pieces; shapes (n, 2) and (m, 2)."""
+    """Distance of each point from a line of straight segments; shapes (n, 2) and (m, 2)."""
     offsets = points[:, None] - line[:-1]
     sides = np.diff(line, axis=0)
     lengths = np.maximum(np.sum(sides**2, axis=-1), np.finfo(float).tiny)

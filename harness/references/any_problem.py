@@ -167,12 +167,12 @@ def _begun_anew(
     worst = 0.0
     limits: dict[str, Any] = {"max_step": float(times[-1]) / _LEAST_STEPS, "max_steps": _MAX_STEPS}
     for row, duration in enumerate(np.diff(times).tolist()):
-        piece = problem.continued(float(times[row]), tuple(states[row].tolist()), duration)
+        segment = problem.continued(float(times[row]), tuple(states[row].tolist()), duration)
         left = deadline - perf_counter()
         if left <= 0:
             return None
         run = solve(
-            piece,
+            segment,
             name,
             tolerance,
             atol=(tolerance * size).tolist(),

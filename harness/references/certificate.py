@@ -1,4 +1,4 @@
-"""Certificates of references: short pieces solved again by an unrelated method in another form, and back again."""
+"""Certificates of references: short segments solved again by an unrelated method in another form, and back again."""
 
 from dataclasses import dataclass, replace
 
@@ -16,16 +16,16 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
-# Pieces of a run, evenly spread over it. At least `_REQUIRED` of them must be decided, none against
+# Segments of a run, evenly spread over it. At least `_REQUIRED` of them must be decided, none against
 # the reference.
-_PIECES = 24
+_SEGMENTS = 24
 _REQUIRED = 20
-# Longest piece that a solver is given, in units of the inverse shear rate for full forms, in slow
+# Longest segment that a solver is given, in units of the inverse shear rate for full forms, in slow
 # time for averaged ones: methods of low order are slow.
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
-# Going back amplifies by exp(max(8πX/I) Δt/St): pieces that go back keep the exponent below this.
+# Going back amplifies by exp(max(8πX/I) Δt/St): segments that go back keep the exponent below this.
 _LARGEST_EXPONENT = 5.0
 # The other method's own error at the tight tolerance is a sum: the tolerance, the difference of the
 # loose run, ten times the effect of an ulp in the start, an ulp for each step, and rounding of the
@@ -45,32 +45,32 @@ _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1
 
 @dataclass(frozen=True)
 class Certificate:
-    """Confirmation of a reference: the form and solver that solved its pieces again."""
+    """Confirmation of a reference: the form and solver that solved its segments again."""
 
     form: str
     solver: str
-    pieces: int  # that agreed forwards, of `_PIECES` tried; the others ran into the other form's singularity
+    segments: int  # that agreed forwards, of `_SEGMENTS` tried; the others ran into the other form's singularity
     back: int  # that agreed when the reference's own method went back over them
     ratio: float  # largest difference over the method's own error; at most 1
 
 
-def pieces(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
-    """Pieces evenly spread over a run to `end`, in the form's own time: start, end, and end if gone back over."""
-    length = min(end / _PIECES, _LONGEST[opposite(scene, form)[1]])
+def segments(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
+    """Segments evenly spread over a run to `end`, in the form's own time: start, end, and end if gone back over."""
+    length = min(end / _SEGMENTS, _LONGEST[opposite(scene, form)[1]])
     damping = max(scene.ellipsoid.damping) * (
         1.0 if form.averaged else min(scene.torque_factor, 1e300)
     )
     short = length if damping * length < _LARGEST_EXPONENT else 0.9 * _LARGEST_EXPONENT / damping
-    starts = np.arange(_PIECES) * (end / _PIECES)
+    starts = np.arange(_SEGMENTS) * (end / _SEGMENTS)
     return [(start, start + length, start + short) for start in starts.tolist()]
 
 
 def certify(
     scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray]
 ) -> Certificate:
-    """Try a reference's states, shape (d,), at the times of `pieces` of its run; `problem` is what it solves.
+    """Try a reference's states, shape (d,), at the times of `segments` of its run; `problem` is what it solves.
 
-    Raises ReferenceFailedError if a piece disagrees by more than the other method's own error, or
+    Raises ReferenceFailedError if a segment disagrees by more than the other method's own error, or
     too few can be tried.
     """
     opposite_form, solver = opposite(scene, form)
@@ -78,7 +78,7 @@ def certify(
     agreed = 0
     back = 0
     worst = 0.0
-    for start, stop, turn in pieces(scene, form, problem.end):
+    for start, stop, turn in segments(scene, form, problem.end):
         if form.averaged:
             ratio = _same_form(scene, form, solver, states[start], observables[stop], stop - start)
         else:
@@ -95,12 +95,12 @@ def certify(
         if not worst <= 1:  # No number where a run ended beyond all numbers.
             raise ReferenceFailedError(
                 f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form "
-                f"{opposite_form!r} by {solver} on the piece from {start:g} to {stop:g}: "
+                f"{opposite_form!r} by {solver} on the segment from {start:g} to {stop:g}: "
                 f"{worst:.1f} times the method's error"
             )
     if agreed < _REQUIRED:
         raise ReferenceFailedError(
-            f"only {agreed} of {_PIECES} pieces could be tried, expected at least {_REQUIRED}"
+            f"only {agreed} of {_SEGMENTS} segments could be tried, expected at least {_REQUIRED}"
         )
     return Certificate(opposite_form, solver, agreed, back, worst)
 
@@ -142,7 +142,7 @@ def _other_form(
     after: Observables,
     length: float,
 ) -> float | None:
-    """Ratio of difference to own error of a piece solved again; None where it cannot be solved."""
+    """Ratio of difference to own error of a segment solved again; None where it cannot be solved."""
     # Euler angles are taken about the three body axes in turn, from the one farthest from their
     # pole on.
     form = find_form(by[0])
@@ -182,7 +182,7 @@ def _same_form(
 def _tried(
     scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables
 ) -> float | None:
-    """Ratio of solving a piece from its start, at two tolerances, and from starts moved by an ulp."""
+    """Ratio of solving a segment from its start, at two tolerances, and from starts moved by an ulp."""
     tight, loose = _TOLERANCES[solver]
     solutions = [
         solve(problems[0], solver, loose),
@@ -223,10 +223,10 @@ def _backward(
     form: Form,
     problem: Problem,
     states: dict[float, np.ndarray],
-    piece: tuple[float, float],
+    segment: tuple[float, float],
 ) -> float:
-    """Ratio of the difference after going back over a piece to what an ulp at its end makes of it."""
-    start, end = piece
+    """Ratio of the difference after going back over a segment to what an ulp at its end makes of it."""
+    start, end = segment
     ulp = np.abs(states[end].astype(float)) * np.finfo(float).eps
     returned, moved = (
         extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *ROUNDING_RUN)[

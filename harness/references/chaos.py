@@ -57,7 +57,7 @@ def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
     """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
     # v starts in a generic direction and is renormalised after each interval (Benettin et al.,
     # Meccanica 15 (1980) 9).
-    if not installed("heyoka") or problem.segments is not None:
+    if not installed("heyoka") or problem.parameter_table is not None:
         return _growth_of_neighbours(problem, intervals)
     times = np.linspace(0.0, problem.end, intervals + 1)
     parameters = parameter_array(problem)
@@ -94,10 +94,10 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
     for i in range(intervals):
         ends = []
         for start in (state, state + _NEIGHBOUR * direction):
-            piece = replace(
+            segment = replace(
                 problem, start=tuple(start.tolist()), end=float(times[i + 1] - times[i])
             )
-            run = solve(piece, method, _TIGHT_TOLERANCE / 100)
+            run = solve(segment, method, _TIGHT_TOLERANCE / 100)
             if not run.success:
                 raise ValueError(
                     f"form {problem.name!r}: a neighbour's run ended with {run.status} after t = {times[i]:g}"

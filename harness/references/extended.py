@@ -8,7 +8,7 @@ import numpy as np
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.contract import Record
-from polhode.solvers.segments import by_segments
+from polhode.solvers.parameter_table import with_parameter_table
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, Precision, extends_precision
 
@@ -61,8 +61,8 @@ def extended_run(
     rows[0] = np.array(problem.start).astype(number)
     most = _MOST_STEPS if problem.time_unit == 1 else _MOST_SLOW_STEPS
     integrate = bound.propagate
-    if problem.segments is not None:
-        integrate = by_segments(integrate, problem)
+    if problem.parameter_table is not None:
+        integrate = with_parameter_table(integrate, problem)
     status, message = integrate(Record(times, rows, deadline, most))
     if not status.success:
         raise ReferenceFailedError(

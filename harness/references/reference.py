@@ -12,7 +12,7 @@ import numpy as np
 from polhode.harness.common import cache
 from polhode.harness.common.files import digest
 from polhode.harness.common.timing import within
-from polhode.harness.references.certificate import Certificate, certify, observe, pieces
+from polhode.harness.references.certificate import Certificate, certify, observe, segments
 from polhode.harness.references.chaos import growth
 from polhode.harness.references.errors import errors, magnitude, statistics_distance
 from polhode.harness.references.extended import (
@@ -164,7 +164,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
             seconds, computed, lambda record: str(record.get("status")) == Status.TIME_LIMIT
         )
         if not disturbed:
-            arrays = cache.keep(key, arrays)
+            arrays = cache.save(key, arrays)
     if "failure" in arrays:
         raise ReferenceFailedError(str(arrays["failure"]), str(arrays["status"]))
     return _unpacked(shape, arrays)
@@ -191,7 +191,7 @@ def _compute(
     scene: Scene, form: Form, problem: Problem, samples: int, deadline: float
 ) -> Reference:
     times = np.linspace(0.0, problem.end, samples)
-    extra = [*chain(*pieces(scene, form, problem.end)), problem.end]
+    extra = [*chain(*segments(scene, form, problem.end)), problem.end]
     every = np.union1d(times, extra)
     row_indices = np.searchsorted(every, times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
@@ -309,7 +309,7 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
 
 
 def _packed(solution: Reference) -> dict[str, Any]:
-    """A reference as it is kept, of which `cache.keep` makes arrays."""
+    """A reference as it is cached, of which `cache.save` makes arrays."""
     by = solution.certificate
     orientation = solution.orientation_uncertainty
     return {
@@ -321,7 +321,7 @@ def _packed(solution: Reference) -> dict[str, Any]:
         **{name: value.astype(float) for name, value in vars(solution.observables).items()},
         "orientation_uncertainty": np.nan if orientation is None else orientation,
         "certificate_by": [by.form, by.solver],
-        "certificate": [by.pieces, by.back, by.ratio],
+        "certificate": [by.segments, by.back, by.ratio],
     }
 
 
@@ -390,7 +390,7 @@ def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, 
         "runs": (_SPHEROIDS, _OTHERS, AGAINST) if long else extended,
         "heyoka": version_of("heyoka"),
     }
-    if problem.segments is not None:
-        segments = problem.segments
-        content["segments"] = [segments.times.tobytes().hex(), segments.values.tobytes().hex()]
+    if problem.parameter_table is not None:
+        table = problem.parameter_table
+        content["parameter_table"] = [table.times.tobytes().hex(), table.values.tobytes().hex()]
     return digest(content)

@@ -26,7 +26,7 @@ _STIFF_TOLERANCE = 1e-6
 _AVERAGED_TOLERANCE = 1e-6
 # Rotations from which on averages are cheaper than a loose run, and no less accurate.
 MANY = 1000.0
-# Longest piece of a run, in rotations, or on the stiff side in time: some tenths of a second. The
+# Longest segment of a run, in rotations, or on the stiff side in time: some tenths of a second. The
 # rest is extrapolated.
 LONGEST_ROTATIONS = 1e5
 LONGEST_STIFF = 5e3
@@ -165,7 +165,9 @@ def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Pro
     else:
         field = with_angle(field)
         start = (*start, 0.0)
-    return Problem(full.name, field, start, full.end, full.parameters, segments=full.segments)
+    return Problem(
+        full.name, field, start, full.end, full.parameters, parameter_table=full.parameter_table
+    )
 
 
 def _angle(scene: Scene) -> float:

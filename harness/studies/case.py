@@ -87,7 +87,7 @@ class Case:
         """The scene's initial value problem in the case's form, with the least number of steps it can take."""
         form = find_form(self.form)
         problem = form.problem(self.scene)
-        averages = form.averaged or problem.course or find_solver(self.solver).many_periods
+        averages = form.averaged or problem.next_segment or find_solver(self.solver).many_periods
         if averages or self.scene.stokes < _OSCILLATORY_FROM:
             return problem
         return replace(
@@ -179,7 +179,7 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
             "statistics_distance": distance,
             "meaningful_until": full.meaningful_until,
             "worst_time": float(full.times[total.worst_sample]),
-            "certified_pieces": full.certificate.pieces,
+            "certified_pieces": full.certificate.segments,
             "errors": asdict(total),
         }
         | _parted(case, early, truth, total, full, exact)

@@ -18,7 +18,7 @@ import numpy as np
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.common.worker import Worker
 from polhode.models.catalogue import form as find_form
-from polhode.models.files.kept import CACHE_VARIABLE
+from polhode.models.files.cached import CACHE_VARIABLE
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
@@ -90,8 +90,8 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     method.load()
     imported = process_time()
     method.prepare(problem, method.settings(tolerance))
-    if problem.course:
-        # Pieces are compiled when a run comes to them.
+    if problem.next_segment:
+        # Segments are compiled when a run comes to them.
         solve(problem, solver, tolerance)
     prepared = process_time()
     solution = solve(problem, solver, tolerance)

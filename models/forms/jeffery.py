@@ -208,7 +208,7 @@ class Jeffery(Form):
         self.check(scene)
         start = self.require_orientation(scene).quaternion
         shape = gyration(scene.ellipsoid)
-        factory, flow, segments = in_its_flow(scene, field, field_in_any_flow, len(shape))
+        factory, flow, table = in_its_flow(scene, field, field_in_any_flow, len(shape))
         parameters = shares(scene.ellipsoid) if scene.flow is None else (*shape, *flow)
         axes = scene.ellipsoid.scaled_axes
         closed_form = None
@@ -218,12 +218,12 @@ class Jeffery(Form):
         return Problem(
             self.name,
             factory,
-            start if segments is None else (*start, 0.0),
+            start if table is None else (*start, 0.0),
             scene.time,
             parameters,
             closed_form=closed_form,
             invariant=norm_drift,
-            segments=segments,
+            parameter_table=table,
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:

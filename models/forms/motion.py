@@ -15,7 +15,7 @@ import numpy as np
 from polhode.models.flow import gyration, jeffery_angular_velocity, jeffery_in_any_flow, shares
 from polhode.models.form import Form
 from polhode.models.operations import Field, Operations
-from polhode.models.problem import Factory, Floats, MassForm, Problem, Segments
+from polhode.models.problem import Factory, Floats, MassForm, ParameterTable, Problem
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
@@ -70,7 +70,7 @@ class AlongTrack:
 
 def in_its_flow(
     scene: Scene, in_shear: Factory, in_any_flow: Factory, others: int
-) -> tuple[Factory, Floats, Segments | None]:
+) -> tuple[Factory, Floats, ParameterTable | None]:
     """The field that a scene needs, the parameters of its flow behind so many others, and how these change."""
     flow = scene.flow
     if flow is None:
@@ -79,8 +79,8 @@ def in_its_flow(
         return in_any_flow, flow.numbers, None
     knots = np.array(flow.knots)
     rows = np.column_stack([flow.cubics.reshape(len(knots) - 1, -1), knots[:-1]])
-    first = tuple(rows[flow.segment(0.0)].tolist())
-    return AlongTrack(in_any_flow, others), first, Segments(knots, rows)
+    first = tuple(rows[flow.interval(0.0)].tolist())
+    return AlongTrack(in_any_flow, others), first, ParameterTable(knots, rows)
 
 
 def full_problem(
@@ -101,8 +101,8 @@ def full_problem(
     """
     if in_any_flow is None:
         form.require_flow(scene)
-    field, flow, segments = in_its_flow(scene, field, in_any_flow or field, 2 + len(shape))
-    if segments is not None:
+    field, flow, table = in_its_flow(scene, field, in_any_flow or field, 2 + len(shape))
+    if table is not None:
         start = (*start, 0.0)
         inertial = (*inertial, False)
     # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the
@@ -112,7 +112,7 @@ def full_problem(
     explicit = (1.0, scene.torque_factor, *shape) if scene.stokes > 0 else None
     implicit = MassForm(mass, (scene.stokes, 1.0, *shape)) if scene.torque_factor > 0 else None
     return Problem(
-        form.name, field, start, scene.time, explicit, implicit, segments=segments, **known
+        form.name, field, start, scene.time, explicit, implicit, parameter_table=table, **known
     )
 
 

@@ -1,1 +1,1 @@
-"""The form of several pieces: second order where it holds, the full equations where it does not."""
+"""The form of several segments: second order where it holds, the full equations where it does not."""

@@ -6,12 +6,12 @@ import numpy as np
 
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.form import Form, Orientation
-from polhode.models.hybrid.course import HybridCourse
+from polhode.models.hybrid.plan import HybridPlan
 from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 
-# Times beyond which double precision tells no inverse shear rates apart, and so no windows of some
+# Times beyond which double precision tells no inverse shear rates apart, and so no segments of some
 # turns.
 _LONGEST = 2.0**52
 
@@ -19,13 +19,15 @@ _LONGEST = 2.0**52
 class Hybrid(Form):
     """State of the form of the full equations: `quaternion`, or `spheroid-axis` for spheroids.
 
-    The run goes in pieces (`polhode.models.hybrid.course`): averaged to second order where that is
-    good enough for the error asked for, by the full equations over windows where it is not, and
+    The run goes in segments (`polhode.models.hybrid.plan`): averaged to second order where that is
+    good enough for the requested error, by the full equations where it is not, and
     where St is too small for it altogether.
     """
 
     name = "hybrid"
-    summary = "second-order averaging where it holds, full equations over windows where it does not"
+    summary = (
+        "second-order averaging where it holds, full equations in the segments where it does not"
+    )
     valid_for = (
         "spheroids and triaxial ellipsoids at finite St > 0, with an orientation; from rest too"
     )
@@ -46,10 +48,10 @@ class Hybrid(Form):
             raise self.refuse(f"{long}, expected at most {_LONGEST:.1e}", "")
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t: that of the full equations, and its course."""
+        """Initial value problem in time t: that of the full equations, run by a plan of segments."""
         self.check(scene)
         full = find_form(full_form(scene)).problem(scene)
-        return replace(full, name=self.name, parts=None, course=HybridCourse(scene, full))
+        return replace(full, name=self.name, parts=None, next_segment=HybridPlan(scene, full))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, as of the full equations."""

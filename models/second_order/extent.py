@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from polhode.models.files import kept
+from polhode.models.files import cached
 from polhode.models.once import once
 from polhode.models.second_order import swing
 from polhode.models.second_order.swing import DEPTHS, Place, series_for
@@ -66,10 +66,10 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
 def squares_for(ellipsoid: Ellipsoid, longest: bool) -> Array:
     """Factors of the products at each of `_DEPTHS` at |L| = 1, means over turns; cached on disk."""
     key = f"extent of the swing {_VERSION} {swing.VERSION} {ellipsoid.scaled_axes} {longest}"
-    numbers = kept.load(key)
+    numbers = cached.load(key)
     if numbers is None:
         numbers = squares_of(series_for(ellipsoid, longest))
-        kept.save(key, numbers)
+        cached.save(key, numbers)
     squares = numbers.reshape(len(_DEPTHS), len(_UNITS), len(_UNITS))
     return (squares[:, *_PAIRS] * _SHARES[0] + squares[:, *_SECOND_PAIRS] * _SHARES[1]).T
 

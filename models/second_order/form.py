@@ -25,7 +25,7 @@ from polhode.models.second_order.outline import Outline, outline
 _START_PASSES = 60
 # Residual of that equation, over |L|, at which passes end: rounding.
 _START_CLOSE = 1e-15
-# Shares of the time to the first window at which a run is tried to be stopped.
+# Shares of the time to the first segment of the full equations at which a run is tried to be stopped.
 STOPS = (0.98, 0.9)
 # Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing.
 _MEANINGLESS = 1.0
@@ -53,7 +53,7 @@ class SecondOrder(Form):
     averaged = True
 
     def check(self, scene: Scene) -> None:
-        """Refuse spheres, other flows than shear, St = 0, inf or too small, no orientation, and runs with windows."""
+        """Refuse spheres, other flows than shear, St = 0, inf or too small, no orientation, and too long runs."""
         self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
@@ -62,14 +62,14 @@ class SecondOrder(Form):
         self.require_slow_motion(scene)
         self.require_orientation(scene)
         prediction = outline(scene)
-        for stretch in prediction.stretches:
-            if not stretch.second_order:
+        for segment in prediction.segments:
+            if not segment.second_order:
                 when = (
-                    f"averaging does not hold from t₂ = {stretch.start:.2g}"
-                    if stretch.start > 0
+                    f"averaging does not hold from t₂ = {segment.start:.2g}"
+                    if segment.start > 0
                     else "the start"
                 )
-                raise self.refuse(f"{when}: {stretch.reason}", full_form(scene))
+                raise self.refuse(f"{when}: {segment.reason}", full_form(scene))
         if scene.ellipsoid.kind == "triaxial":
             self._entry(scene)
         elif _started(scene) is None:
@@ -116,13 +116,13 @@ class SecondOrder(Form):
         return outline(scene)
 
     def reach(self, scene: Scene) -> float:
-        """Slow time to which the form follows a scene: its end, or short of its first window."""
+        """Slow time to which the form follows a scene: its end, or short of the first segment of the full equations."""
         try:
             self.check(scene)
         except FormNotValidError:
             self.require_slow_motion(scene)
             self.require_orientation(scene)
-            first = outline(scene).stretches[0]
+            first = outline(scene).segments[0]
             for share in STOPS if first.second_order and first.end < scene.slow_time else ():
                 part = replace(scene, time=share * first.end * scene.stokes)
                 if self.takes(part):

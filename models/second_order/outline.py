@@ -33,32 +33,32 @@ _ONE = 0.15
 # In 97.5 % of runs kicks of random phases stay below this multiple of the root of the sum of their
 # squares: 2.5/√2, as a walk's largest distance exceeds a bound at most twice as often as its last.
 _RANDOM = 1.77
-# Least turns of the body in a stretch between windows: a shorter one costs more than it saves.
+# Least turns of the body in an averaged segment: a shorter one costs more than it saves.
 _TURNS = 300
-# A window is cut where this share of its weighted turning is left, but far more turns, for a looser
+# A full segment is cut where this share of its weighted turning is left, but far more turns, for a looser
 # tolerance.
 _FALLEN = 0.1
 # Errors are forgotten at this share of the slowest damping rate; by trial.
 _FADING = 0.15
 # Most e-foldings of forgetting in a run, lest exponentials overflow.
 _LONG_AGO = 600.0
-# Windows are chosen at falling levels of the error per time: ratio of one level to the one before.
+# Full segments are chosen at falling levels of the error per time: ratio of one level to the one before.
 _FALL = 0.53
 # Least level over the largest one.
 _LEAST = 1e-8
-# Times at which errors in a window are estimated, in half widths from its middle.
+# Times at which errors in a full segment are estimated, in half widths from its middle.
 _INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
 # means little.
-_REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the error asked for")
+_REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the requested error")
 _SEPARATRIX = 1
 _TOO_SLOW = 2
 _INACCURATE = 3
 
 
 @dataclass(frozen=True)
-class Stretch:
+class PlannedSegment:
     """From `start` to `end` in slow time, by averaging to second order or, for a `reason`, not."""
 
     start: float
@@ -68,16 +68,14 @@ class Stretch:
     error: float = 0.0  # of L and E, over I_max, that averaging adds to the run's largest one
     decisive: bool = False  # whether the run behind it needs a new outline
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
-    turned: float = (
-        0.0  # its `Path.wear` summed over slow time, times what later kicks amplify an error by
-    )
+    turned: float = 0.0  # its `Path.error_growth` summed over slow time, times what later kicks amplify an error by
 
 
 @dataclass(frozen=True)
 class Outline:
-    """The stretches of a run and the kicks on its first-order path."""
+    """The segments of a run and the kicks on its first-order path."""
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[PlannedSegment, ...]
     kicks: tuple[Kick, ...]
     orientation: float  # estimated error in rad of a run by second order alone, π at most
 
@@ -85,8 +83,8 @@ class Outline:
     def slow(self) -> float:
         """Estimated error of L and E, over I_max, by second order alone; inf if that cannot be."""
         return (
-            sum(stretch.error for stretch in self.stretches)
-            if all(stretch.second_order for stretch in self.stretches)
+            sum(segment.error for segment in self.segments)
+            if all(segment.second_order for segment in self.segments)
             else inf
         )
 
@@ -97,14 +95,14 @@ class Outline:
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf.
 
-    Windows are as wide as the requested error demands.
+    Full segments are as long as the requested error demands.
     """
     path = path_of(scene)
     allowed = _SHARE * budget
     ahead = Ahead.of(path, budget)
     kicks = path.kicks
     if kicks:
-        # A window may be narrower than the path's steps.
+        # A full segment may be shorter than the path's steps.
         halves = [ahead.strong.get(kick, kick.width) for kick in kicks]
         path = path.at(np.outer(_INSIDE, halves) + [kick.time for kick in kicks])
     times = path.times
@@ -147,7 +145,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     )
     # An error of the phase puts the swing back wrongly.
     swing_per_radian = np.where(averaged & (local_errors <= allowed), swing * path.scale, 0)
-    # Times of the largest gains become windows, until the others stay within the allowed error.
+    # Times of the largest gains become full segments, until the others stay within the allowed error.
     level = highest_level = gains.max()
     while True:
         lasting_errors = (growth * np.where(gains <= level, gains, 0)).cumsum() / growth
@@ -165,13 +163,13 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     orientation = pi
     if np.isfinite(path.swing).all():
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
-    stretches = tuple(_stretches(path, cause, reasons, drifting, passing, lag, amplification))
-    return Outline(stretches, kicks, float(orientation))
+    segments = tuple(_segments(path, cause, reasons, drifting, passing, lag, amplification))
+    return Outline(segments, kicks, float(orientation))
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """How the kicks on a path amplify errors, and which kicks need a window.
+    """How the kicks on a path amplify errors, and which kicks need a full segment.
 
     An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
     At random phases the mean square of the error at the end of the run is e·Ge; G is summed from
@@ -179,14 +177,14 @@ class Ahead:
     """
 
     path: Path
-    strong: dict[Kick, float]  # half widths of windows
+    strong: dict[Kick, float]  # half lengths of their full segments
     left: dict[Kick, float]  # error at the end of the run of each kick that is left out
     # For each kick that is not left out: its time, G before it, and (α, β) turned until then.
     behind: list[tuple[float, Array, Array]]
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
-        """The kicks of a path, where windows are to miss no more than a budget."""
+        """The kicks of a path, where full segments are to miss no more than a budget."""
         ahead = cls(path, {}, {}, [])
         # Error of all kicks left out so far.
         together = 0.0
@@ -213,7 +211,7 @@ class Ahead:
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
             ahead.behind.append((kick.time, g, last))
             if kick.width:
-                ahead.strong[kick] = kick.window(
+                ahead.strong[kick] = kick.half_width(
                     _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
                 )
         return ahead
@@ -235,7 +233,7 @@ class Ahead:
         return weight
 
 
-def _stretches(
+def _segments(
     path: Path,
     cause: Array,
     reasons: list[str],
@@ -243,14 +241,14 @@ def _stretches(
     passing: Array,
     lag: Array,
     amplification: Array,
-) -> Iterator[Stretch]:
-    """Stretches of the run; those by second order last a while, unless it is the whole run."""
+) -> Iterator[PlannedSegment]:
+    """Segments of the run; those by second order last a while, unless it is the whole run."""
     times = path.times
     turns = path.summed(path.speed) / (2 * pi * path.torque_factor)
-    # Windows reach from one point at which averaging holds to another.
+    # Full segments reach from one point at which averaging holds to another.
     between = np.where(cause[:-1] > 0, cause[:-1], cause[1:])
     changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
-    # First and last points of stretches; short ones between windows join them.
+    # First and last points of segments; short ones between full segments join them.
     ranges: list[tuple[int, int]] = []
     for first, last in pairwise([0, *changes, len(between)]):
         if (
@@ -261,7 +259,7 @@ def _stretches(
             ranges[-1] = ranges[-1][0], last
         else:
             ranges.append((first, last))
-    gained = path.summed(path.wear * amplification)
+    gained = path.summed(path.error_growth * amplification)
     for first, last in ranges:
         part = slice(first, last + 1)
         numbers = [number for number in dict.fromkeys(between[first:last].tolist()) if number]
@@ -279,7 +277,7 @@ def _stretches(
                 until = cut if cut > first and lasting else last
                 ends = (float(times[first]), float(times[until]))
                 turned = float(gained[until] - gained[first])
-                yield Stretch(
+                yield PlannedSegment(
                     *ends, False, reason, decisive=decisive and until == last, turned=turned
                 )
                 first = until
@@ -288,4 +286,6 @@ def _stretches(
             swing = lag[last] - lag[first] + path.swing[part].max()
             turned = gained[last] - gained[first]
             ends = float(times[first]), float(times[last])
-            yield Stretch(*ends, True, error=float(error), swing=float(swing), turned=float(turned))
+            yield PlannedSegment(
+                *ends, True, error=float(error), swing=float(swing), turned=float(turned)
+            )

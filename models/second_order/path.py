@@ -318,7 +318,7 @@ class Path:
         return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / np.maximum(self.size, 1e-300))
 
     @property
-    def wear(self) -> Array:
+    def error_growth(self) -> Array:
         """Growth rate of a solver's error: by angle, and by a fast body's energy."""
         return self.speed * np.maximum(1, self.scale)
 

@@ -1,4 +1,4 @@
-"""Stretches of triaxial runs that averaging to second order follows, from pose to pose."""
+"""Segments of triaxial runs that averaging to second order follows, from pose to pose."""
 
 from dataclasses import dataclass
 from math import atan2, copysign, log1p, pi, sqrt
@@ -56,10 +56,10 @@ class Entry:
         """
         if not len(states):
             return Observables(np.empty((0, 3)), np.empty(0), np.empty((0, 3, 3)))
-        pieces = [
+        segments = [
             self._exact(states[i : i + _MAX_STATES]) for i in range(0, len(states), _MAX_STATES)
         ]
-        momentum, rotation = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
+        momentum, rotation = (np.concatenate(arrays) for arrays in zip(*segments, strict=True))
         rotation = np.swapaxes(rotation @ self.side.axes, 1, 2)
         body = np.einsum("mij,mj->mi", rotation, momentum)
         return Observables(

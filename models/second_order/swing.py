@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.models.files import kept
+from polhode.models.files import cached
 from polhode.models.once import once
 from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
@@ -354,10 +354,10 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
     """The series of one side, around the longest semi-axis or around the shortest; cached on disk."""
     side = side_of(ellipsoid, longest)
     key = f"swing {VERSION} {ellipsoid.scaled_axes} {longest}"
-    numbers = kept.load(key)
+    numbers = cached.load(key)
     if numbers is None:
         series = series_of(side)
-        kept.save(key, np.concatenate([series.rates, series.shape, series.frequencies], axis=1))
+        cached.save(key, np.concatenate([series.rates, series.shape, series.frequencies], axis=1))
         return series
     parts = np.split(numbers.reshape(_NODES, -1), [_TERMS * len(_RATE), -4], axis=1)
     return Series(side, *(np.ascontiguousarray(part) for part in parts))

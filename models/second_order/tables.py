@@ -7,7 +7,7 @@ from math import pi, sqrt
 import numpy as np
 from numpy.polynomial.chebyshev import chebder
 
-from polhode.models.files import kept
+from polhode.models.files import cached
 from polhode.models.once import once
 from polhode.models.operations import ARRAYS
 from polhode.models.second_order.averages import MODES, averages
@@ -50,7 +50,7 @@ FLOOR = 1e-24
 _BESIDE = 5e-4
 # The a² of rows without a pole: far beyond the table.
 _FAR = 1e3
-# Least and largest half width of a resonance's window, in √(|dD/dt|/St) of the divisor D.
+# Least and largest half length of a resonance's full segment, in √(|dD/dt|/St) of the divisor D.
 _WIDTHS = (4.0, 40.0)
 
 
@@ -82,8 +82,8 @@ class Kick:
     bend: float  # by how much the mode changes dD/dt, over that
     drift: float  # change of a² in its width
 
-    def window(self, budget: float) -> float:
-        """Half width of the window at whose ends about the budget is missed."""
+    def half_width(self, budget: float) -> float:
+        """Half length of the full segment at whose ends about the budget is missed."""
         least, largest = _WIDTHS
         share = self.size / budget
         by_bend = (share * self.bend) ** (1 / 3)
@@ -91,7 +91,7 @@ class Kick:
         return self.width * min(largest, max(least, by_bend, by_tail))
 
     def missed(self, times: Array) -> Array:
-        """Largest part of the change that the transformation misses at times outside a window."""
+        """Largest part of the change that the transformation misses at times outside a full segment."""
         closeness = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
         return self.size * closeness**2 * (self.bend * closeness + 1.5 * self.bend**2 + self.drift)
 
@@ -105,11 +105,11 @@ def level(a2: Array) -> Array:
 def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
     """Table of one side, around the longest semi-axis or around the shortest; cached on disk."""
     key = f"second order {_VERSION} {ellipsoid.scaled_axes} {longest}"
-    numbers = kept.load(key)
+    numbers = cached.load(key)
     if numbers is None:
         computed = made(side_of(ellipsoid, longest))
         arrays = computed.series, computed.poles, computed.resonances
-        kept.save(key, np.concatenate([array.ravel() for array in arrays]))
+        cached.save(key, np.concatenate([array.ravel() for array in arrays]))
         return computed
     parts = np.split(numbers, np.cumsum([len(COEFFICIENTS) * NODES, POLES * POLE]))
     lengths = (NODES, POLE, 6)

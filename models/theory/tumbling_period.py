@@ -61,11 +61,11 @@ def _profile(a: float, b: float, nodes: int) -> tuple[np.ndarray, np.ndarray]:
     # The map keeps both the zeros of g and its own poles as far as √(b/a) from the real axis.
     s = pi * np.arange(nodes) / nodes
     q = sqrt(b / a)
-    stretch = np.cos(s) ** 2 + q * q * np.sin(s) ** 2
+    square = np.cos(s) ** 2 + q * q * np.sin(s) ** 2
     equilibrium = (a * a * q * q * np.sin(s) ** 2 + b * b * np.cos(s) ** 2) / (
-        stretch * (a * a + b * b)
+        square * (a * a + b * b)
     )
-    return q / stretch, equilibrium
+    return q / square, equilibrium
 
 
 def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.ndarray:

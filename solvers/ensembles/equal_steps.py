@@ -17,11 +17,11 @@ from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.machine_code.lanes import by_particle
 
-# Pieces that a run has at least; two runs of a particle are compared after every other one, or at
+# Segments that a run has at least; two runs of a particle are compared after every other one, or at
 # as many times.
-PIECES = 16
+MIN_SEGMENTS = 16
 # Share of the sample whose error the chosen steps keep to.
-_KEPT = 0.98
+_BOUNDED_SHARE = 0.98
 # Error aimed at, over the tolerance.
 _AIM = 0.5
 # Error of a reference over the tolerance, by comparison with half as many steps.
@@ -49,10 +49,10 @@ class Plan:
     """How the particles of an ensemble are to be run."""
 
     method: str  # of `polhode.solvers.ensembles.methods`
-    steps: int  # from one time to the next, or of each piece where there are few times
+    steps: int  # from one time to the next, or of each segment where there are few times
     # Largest difference from a run by steps twice as wide that is no reason for doubt.
     apart: float
-    # Bound of most errors of the sample (`_KEPT`), before particles in doubt are run anew.
+    # Bound of most errors of the sample (`_BOUNDED_SHARE`), before particles in doubt are run anew.
     error: float
     cost: float  # of a particle, in flows of a splitting
 
@@ -66,7 +66,7 @@ def plan(problem: Problem, sample: Array, times: Array, tolerance: float) -> Pla
     equispaced from 0 to the end. The tolerance bounds the error of any component on the way, over
     the largest one at the start, or 1 if that is less.
     """
-    times, _ = _in_pieces(times)
+    times, _ = _in_segments(times)
     steps = _first_steps(problem, sample, times)
     reference = _reference(problem, sample, times, tolerance, steps)
     if reference is None:
@@ -84,7 +84,7 @@ def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -
     Parameters as in `plan`.
     """
     by = method(RUNGE_KUTTA, problem)
-    times, _ = _in_pieces(times)
+    times, _ = _in_segments(times)
     steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / _ORDER) / 2))
     return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
 
@@ -98,10 +98,10 @@ def run(
     """
     by = method(chosen.method, problem)
     steps = chosen.steps
-    times, pieces = _in_pieces(times)
+    times, segments = _in_segments(times)
     in_lanes = _march(by, starts, times, steps)
     doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, in_lanes) <= chosen.apart))
-    states = by_particle(in_lanes[:, ::pieces], len(starts)).swapaxes(0, 1)
+    states = by_particle(in_lanes[:, ::segments], len(starts)).swapaxes(0, 1)
     group, lane = np.divmod(doubtful, in_lanes.shape[3])
     before = in_lanes[group, :, :, lane]
     for _ in range(_HALVINGS):
@@ -109,13 +109,15 @@ def run(
             break
         steps *= 2
         finer = by_particle(_march(by, starts[doubtful], times, steps), len(doubtful))
-        states[:, doubtful] = finer[:, ::pieces].swapaxes(0, 1)
+        states[:, doubtful] = finer[:, ::segments].swapaxes(0, 1)
         still = ~(_apart(finer[..., None], before[..., None]) <= tolerance * by.sure)
         doubtful = doubtful[still]
         before = finer[still]
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
     if len(doubtful):
-        rows, outcomes = run_batches(problem, starts[doubtful], times[::pieces], tolerance * TAYLOR)
+        rows, outcomes = run_batches(
+            problem, starts[doubtful], times[::segments], tolerance * TAYLOR
+        )
         states[:, doubtful] = rows
         statuses[doubtful] = outcomes
     return states, statuses
@@ -141,7 +143,7 @@ def _apart(states: Array, reference: Array, stride: int = 1) -> Array:
 def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -> Array:
     """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
     # An even number of times lies from one check to the next.
-    stride = 2 * -(-(len(times) - 1) // (2 * PIECES))
+    stride = 2 * -(-(len(times) - 1) // (2 * MIN_SEGMENTS))
     rows = 1 + (len(times) - 1) // stride
     wide = by.constants(2 * _step(times, steps))
     return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[
@@ -149,11 +151,11 @@ def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -
     ]
 
 
-def _in_pieces(times: Array) -> tuple[Array, int]:
+def _in_segments(times: Array) -> tuple[Array, int]:
     """Times with others between them, if there are few, and how many of these make one."""
     intervals = len(times) - 1
-    pieces = -(-PIECES // intervals)
-    return np.linspace(0.0, times[-1], intervals * pieces + 1), pieces
+    segments = -(-MIN_SEGMENTS // intervals)
+    return np.linspace(0.0, times[-1], intervals * segments + 1), segments
 
 
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
@@ -173,14 +175,14 @@ class _Reference:
     """States of the sample with an error far below the tolerance, and a bound of that error."""
 
     states: Array
-    error: float  # that most particles stay below (`_KEPT`); rounding at least, never 0
+    error: float  # that most particles stay below (`_BOUNDED_SHARE`); rounding at least, never 0
 
     def error_of(self, states: Array) -> float:
         """Bound of most particles' errors: their distance from the reference, and its own error.
 
         A run by the reference's own method and steps has distance 0, and the reference's error.
         """
-        return _kept(_apart(self.states, states)) + self.error
+        return _bound_of_most(_apart(self.states, states)) + self.error
 
 
 def _reference(
@@ -192,7 +194,7 @@ def _reference(
     for _ in range(_DOUBLINGS):
         states = _march(by, sample, times, steps)
         if before is not None:
-            error = _kept(_apart(states, before)) / by.sure
+            error = _bound_of_most(_apart(states, before)) / by.sure
             if error <= _SURE * tolerance:
                 return _Reference(states, max(error, rounding))
         before = states
@@ -200,9 +202,9 @@ def _reference(
     return None
 
 
-def _kept(errors: Array) -> float:
-    """Bound of most errors of the sample (`_KEPT`)."""
-    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), _KEPT, method="higher"))
+def _bound_of_most(errors: Array) -> float:
+    """Bound of most errors of the sample (`_BOUNDED_SHARE`)."""
+    return float(np.quantile(np.nan_to_num(errors, nan=np.inf), _BOUNDED_SHARE, method="higher"))
 
 
 def _fitting(
@@ -226,14 +228,16 @@ def _fitting(
         errors = _apart(reference.states, states)[: len(sample)]
         apart = _doubt(by, sample, times, count, states)
         wrong = ~(errors <= _AIM * tolerance)
-        doubt = min(float(apart[wrong].min(initial=np.inf)), _kept(apart), tolerance * by.sure)
+        doubt = min(
+            float(apart[wrong].min(initial=np.inf)), _bound_of_most(apart), tolerance * by.sure
+        )
         again = float(np.mean(~(apart <= doubt)))
         plans.append(
             Plan(
                 by.name,
                 count,
                 doubt,
-                _kept(errors) + reference.error,
+                _bound_of_most(errors) + reference.error,
                 by.cost * count * (1.5 + 3 * again),
             )
         )

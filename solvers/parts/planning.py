@@ -179,11 +179,11 @@ class Planner:
         length = float(record.times[-1]) - now
         rate = problem.rate(state)
         turn = 2 * pi / rate
-        window = min(length, _MOST_TURNS * turn, max(_LEAST_TURNS * turn, _CHECKED * length))
+        trial = min(length, _MOST_TURNS * turn, max(_LEAST_TURNS * turn, _CHECKED * length))
         if length < turn * min(_MOST_ALL, _ALL * max(1.0, _DAMPED * problem.strength * turn)):
-            window = length
-        span = _MEAN_OVER * turn if window > 4 * _MEAN_OVER * turn else window / 2
-        settings = *plan.law(), *plan.narrowed(_FINER).law(), span, window, rate
+            trial = length
+        span = _MEAN_OVER * turn if trial > 4 * _MEAN_OVER * turn else trial / 2
+        settings = *plan.law(), *plan.narrowed(_FINER).law(), span, trial, rate
         numbers = np.array((*settings, *(0.0,) * _FOUND), problem.number)
         problem.kernels.check(
             problem.scheme.addresses[problem.number], problem.address, state, numbers
@@ -195,11 +195,11 @@ class Planner:
         if end > begin:
             fast /= min(1.0, end)
         # Slow components remember for a time between the memory of the fastest and the slowest one.
-        remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - window)
-        grown = remaining / (window - span)
+        remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - trial)
+        grown = remaining / (trial - span)
         # To and fro in the slow quantities; of the same sign in the phase, where that moves little
         # in a step.
         rounding = problem.epsilon * max(
-            rate * sqrt(steps) * (1 + grown), steps / (1 + window / turn) / _PER_TURN
+            rate * sqrt(steps) * (1 + grown), steps / (1 + trial / turn) / _PER_TURN
         )
         return max(slow + change * grown, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding

@@ -159,11 +159,11 @@ class Split:
         turn = 8 * np.arctan(self.number(1))
         left = times[1:] - times[0]
         left -= np.floor(left * rate / turn) * (turn / rate) if rate > 0 else 0.0
-        pieces = int(turn / self.parts.reach) + 1
+        substeps = int(turn / self.parts.reach) + 1
         fast = self.parts.fast
         flow = fast.flow(ARRAYS)
-        constants = fast.constants(self.p, left / pieces, ARRAYS)
-        for _ in range(pieces):
+        constants = fast.constants(self.p, left / substeps, ARRAYS)
+        for _ in range(substeps):
             state = flow(state, constants)
         record.put(np.stack(np.broadcast_arrays(*state), axis=1))
         record.work.steps = 1

@@ -17,9 +17,9 @@ from polhode.solvers.parts.strobe_kernels import MAX_TURNS_TO_ROW, StrobeKernels
 _LEAST_TURNS = 1000
 # Least turns of a macro-step over its order: it costs fifteen times its order.
 _PAYING = 20.0
-# Turns of a stretch that is left to splitting where macro-steps do not pay.
-_STRETCH = 600.0
-# Times that a stretch is doubled at most, while macro-steps go on not to pay.
+# Turns of a segment that is left to splitting where macro-steps do not pay.
+_SEGMENT_TURNS = 600.0
+# Times that a segment is doubled at most, while macro-steps go on not to pay.
 _LONGEST = 4
 # Share of the tolerance for the error of a macro-step; rows within it err more.
 _MACRO = 0.1
@@ -124,8 +124,8 @@ class Strobe:
             setting.failed = setting.failed + 1 if moved is None else 0
             if moved is None:
                 # Ever longer, so that vain attempts cost little.
-                outcome = self.stretch(
-                    point, _STRETCH * 2 ** min(setting.failed - 1, _LONGEST), record
+                outcome = self.split_segment(
+                    point, _SEGMENT_TURNS * 2 ** min(setting.failed - 1, _LONGEST), record
                 )
                 if outcome is not None:
                     return outcome
@@ -257,7 +257,7 @@ class Strobe:
             fifth, third = (float(np.sum((estimate / scale) ** 2)) for estimate in estimates)
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
 
-    def stretch(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:
+    def split_segment(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:
         """A number of turns by splitting.
 
         The outcome if the run ends there, else the point moves on.
@@ -269,18 +269,18 @@ class Strobe:
         times = np.concatenate([point[-1:], inner, [] if at_end else [until]])
         steps = record.work.steps or 0
         room = np.empty((len(times), len(point) - 1))
-        piece = Record(times, room, record.deadline, record.max_steps - steps)
-        piece.rows[0] = point[:-1]
-        status, message = self.split.run(piece)
-        record.work.add(piece.work)
+        segment = Record(times, room, record.deadline, record.max_steps - steps)
+        segment.rows[0] = point[:-1]
+        status, message = self.split.run(segment)
+        record.work.add(segment.work)
         record.work.inner = self.inner
-        done = min(piece.filled - 1, len(inner))
-        record.put(piece.rows[1 : 1 + done])
+        done = min(segment.filled - 1, len(inner))
+        record.put(segment.rows[1 : 1 + done])
         if at_end or not status.success:
             return status, message.replace(
-                f"{piece.work.steps} steps", f"{steps + (piece.work.steps or 0)} steps"
+                f"{segment.work.steps} steps", f"{steps + (segment.work.steps or 0)} steps"
             )
-        point[:] = *piece.rows[-1], until
+        point[:] = *segment.rows[-1], until
         return None
 
 
@@ -293,7 +293,7 @@ class Stroboscopic(Splitting):
     requested times. Turns are made of micro-steps of one composition, of order (10, 6, 4). Order of
     the difference and micro-steps follow from comparison with the next. Stability: of explicit
     macro-steps, short against the time of relaxation. Tolerance: error of L/I_e over the whole run;
-    orientation errs by that times the angle turned. Caveat: short runs, and stretches where
+    orientation errs by that times the angle turned. Caveat: short runs, and segments where
     averaging does not hold (L nearly vanishes) or does not pay, are runs of `splitting`.
     Differences of turns lose digits in proportion to St: 1e-10 is the least error at St = 1e8.
     Error per rotation over tolerance: at most 10; 2 measured. Source: Calvo, Chartier, Murua and

@@ -221,7 +221,7 @@ class Callbacks:
             work.steps = steps
             ended = advanced and record.looked_through((reached,), (result.y,), self._between)
             last = int(np.searchsorted(times, reached, side="right"))
-            self._rows(record, min(last, record.last_wanted))
+            self._rows(record, min(last, record.last_requested))
             if ended or result.t >= end:
                 return Status.REACHED_END, ""
             if steps >= record.max_steps:

@@ -33,7 +33,7 @@ _BEYOND = 0.01
 
 
 class Memory:
-    """A problem in the library's memory, which is freed with this object; every run or piece of it begins anew."""
+    """A problem in the library's memory, which is freed with this object; every run or segment of it begins anew."""
 
     def __init__(
         self, library: Sundials, problem: Problem, settings: Settings, method: tuple[int, ...]

@@ -84,7 +84,7 @@ class SundialsSolver(Solver):
     tolerances = ("atol", "atol 0")
     limits = ("max_step", "first_step")
     seeks_events = True
-    takes_segments = True
+    takes_parameter_table = True
     backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
     # How the names of the C library's functions begin, the arguments of its constructor, and those

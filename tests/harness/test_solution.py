@@ -329,8 +329,8 @@ def test_other_containers():
     np.testing.assert_array_equal(data["omega"].sel(space="z"), frame["wz"])
     np.testing.assert_array_equal(data["R"].sel(body=3, space="x"), frame["R31"])
     assert "<th>solver</th><td>cyrk-vern8 at tolerance 1e-13</td>" in solution._repr_html_()
-    pieces = solve("paper", form="hybrid", tolerance=1e-6, samples=11)
-    assert all(isinstance(each, str | float | int) for each in pieces.to_xarray().attrs.values())
+    segments = solve("paper", form="hybrid", tolerance=1e-6, samples=11)
+    assert all(isinstance(each, str | float | int) for each in segments.to_xarray().attrs.values())
 
 
 @pytest.mark.parametrize("form", ["hybrid", "averaged-second-order", "quaternion", "averaged"])

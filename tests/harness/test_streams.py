@@ -97,7 +97,7 @@ def test_a_pipe_that_nobody_reads_is_a_failure_without_words(
 SAID = """
 import sys
 from polhode.harness.common.progress import Progress
-from polhode.models.files.kept import say
+from polhode.models.files.cached import say
 assert sys.stderr is None
 with Progress() as progress:
     progress.begin("something")

@@ -83,9 +83,9 @@ def runs(*, closed: bool = False) -> list[Run]:
         if problem is not None
         and problem.parameters is not None
         and (problem.closed_form or not closed)
-        # The equations of a run of several pieces follow the tolerance, so that its error does in
+        # The equations of a run of several segments follow the tolerance, so that its error does in
         # steps.
-        and problem.course is None
+        and problem.next_segment is None
     ]
 
 

@@ -126,7 +126,7 @@ def test_an_exact_jacobian_changes_a_run_by_its_error_alone(name: str):
 
 
 @needs_the_entry
-def test_a_jacobian_is_in_use_between_pieces_and_with_events():
+def test_a_jacobian_is_in_use_between_segments_and_with_events():
     """Vectors of C++ hold no memory of the library's: runs in many calls end as one does."""
     problem = _stiff_spheroid(1e-3)
     times = np.linspace(0.0, problem.end, 2001)

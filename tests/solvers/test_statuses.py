@@ -189,14 +189,14 @@ def test_step_limit_keeps_the_rows_before_it(name: str | Solver):
 
 
 @pytest.mark.parametrize("name", WAYS)
-def test_messages_count_the_steps_of_all_pieces(name: str | Solver):
+def test_messages_count_the_steps_of_all_segments(name: str | Solver):
     times = np.linspace(0.0, TURNS.end, 701)
     steps = solve(TURNS, name, 1e-4, times, count=True).work.steps
     assert steps is not None
     limit = 7 * steps // 10
     solution = solve(TURNS, name, 1e-4, times, max_steps=limit)
     assert solution.status is Status.STEP_LIMIT
-    assert solution.times[-1] > 100 * pi, "beyond the first piece"
+    assert solution.times[-1] > 100 * pi, "beyond the first segment"
     assert (solution.work.steps, solution.message) == (limit, f"{limit} steps")
 
 
@@ -393,8 +393,8 @@ def test_every_status_explains_itself():
     assert [status for status in Status if status.success] == [Status.REACHED_END]
 
 
-def test_a_limit_of_steps_holds_for_all_pieces_of_a_run():
-    """Angles are wrapped between pieces; a limit met at the very end of one is no licence for the next."""
+def test_a_limit_of_steps_holds_for_all_segments_of_a_run():
+    """Angles are wrapped between segments; a limit met at the very end of one is no licence for the next."""
     from polhode.models.catalogue import form
 
     problem = replace(form("spheroid-angles").problem(SCENES["prolate"]), end=2000.0)

@@ -15,8 +15,8 @@ import numpy as np
 from polhode.harness.common import cache
 from polhode.harness.common.files import SUMS, read_file, write_file
 from polhode.harness.common.store import Store, export, read_export, read_table, write_table
-from polhode.models.files import kept
-from polhode.solvers.machine_code import kept_code
+from polhode.models.files import cached
+from polhode.solvers.machine_code import cached_code
 
 REFUSALS = (ValueError, OSError)
 
@@ -57,13 +57,13 @@ def _machine_code(folder: Path) -> Path:
         )
         rows = [(number, 3, Random(number).randbytes(3000), number) for number in range(5)]
         code.executemany("INSERT INTO cache VALUES (?, ?, ?, ?)", rows)
-    kept_code.note(folder)
+    cached_code.note(folder)
     return folder / "cache.db"
 
 
 def _entries(file: Path) -> list[Any] | None:
     """What heyoka would run after the check; None if it compiles anew."""
-    if not kept_code.check(file.parent) or not file.exists():
+    if not cached_code.check(file.parent) or not file.exists():
         return None
     with closing(sqlite3.connect(file)) as code:
         return code.execute("SELECT hash, opt_level, object FROM cache ORDER BY hash").fetchall()
@@ -75,10 +75,10 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     export(RECORDS, folder / "records.jsonl")
     _write_store(folder / "store.sqlite")
     arrays = {"x": np.arange(200) / 7}
-    cache.keep("key", arrays)
-    kept.save("shape", np.arange(300) / 7)
+    cache.save("key", arrays)
+    cached.save("shape", np.arange(300) / 7)
     numbers = max(
-        (kept.cache_folder() / "numbers").iterdir(), key=lambda file: file.stat().st_mtime_ns
+        (cached.cache_folder() / "numbers").iterdir(), key=lambda file: file.stat().st_mtime_ns
     )
     code = _machine_code(folder / "code")
 
@@ -87,7 +87,7 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
         return None if found is None else found["x"].tolist()
 
     def shape() -> Any:
-        found = kept.load("shape")
+        found = cached.load("shape")
         return None if found is None else found.tolist()
 
     write_file(folder / "timed.json", '{"seconds": 1.5}', summed=True)

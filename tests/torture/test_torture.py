@@ -6,7 +6,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from polhode.models.files import kept
+from polhode.models.files import cached
 from torture.flips import flipped
 from torture.fuzz import fuzzed, mutated, warm
 
@@ -15,7 +15,7 @@ from torture.fuzz import fuzzed, mutated, warm
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path / "cache"))
     # As in a whole run of the torture, where other parts have kept numbers before.
-    kept.save("another", np.arange(3.0))
+    cached.save("another", np.arange(3.0))
 
 
 def test_no_flipped_bit_is_used_as_good(capsys):

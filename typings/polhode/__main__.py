@@ -1,1 +1,6 @@
-../../polhode/__main__.py
+"""``python -m polhode`` is the command `polhode`."""
+
+from polhode.harness.cli import main
+
+if __name__ == "__main__":
+    main()

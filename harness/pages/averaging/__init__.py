@@ -1,1 +1,1 @@
-"""Pages of averaging: to first and to second order, and the form of several pieces."""
+"""Pages of averaging: to first and to second order, and the form of several segments."""

@@ -42,22 +42,22 @@ def statements(rows: Sequence[AveragingErrors]) -> list[str]:
         needed = [law.needed(1e-2)[0] for law in first if law.family == family]
         stokes_needed = sorted(number for number in needed if not isnan(number))
         good.append((family, stokes, sorted(there, key=lambda row: row.model_error), stokes_needed))
-    promised = [("First order", 1, first)]
+    predicted = [("First order", 1, first)]
     for family, title in (
         ("spheroid", "spheroids"),
         ("ellipsoid", "ellipsoids, no farther than L² = 2EI₂"),
     ):
         second = [law for law in fitted_laws if law.family == family and law not in first]
-        promised.append((f"Second order, {title}", 2, second))
+        predicted.append((f"Second order, {title}", 2, second))
     fitted = []
-    for title, order, title_laws in promised:
+    for title, order, title_laws in predicted:
         with_order = [law for law in title_laws if not isnan(law.order)]
         fitted.append((title, order, title_laws, with_order))
     single = []
     for name in VARIABLES:
         single += [(name, law) for law in laws(rows, name) if first_order(law.form)]
     return lines_of(
-        "accuracy-findings", good=good, promised=fitted, single=single, points=LEAST_POINTS
+        "accuracy-findings", good=good, predicted=fitted, single=single, points=LEAST_POINTS
     )
 
 

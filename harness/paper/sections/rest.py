@@ -88,7 +88,7 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
 
 
 def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Least distance of each place, shape (n, 3), from a line of straight pieces, shape (m, 3)."""
+    """Least distance of each place, shape (n, 3), from a line of straight segments, shape (m, 3)."""
     sides = np.diff(line, axis=0)
     offsets = places[:, None] - line[:-1]
     share = np.sum(offsets * sides, axis=-1) / np.sum(sides**2, axis=-1)

@@ -128,7 +128,7 @@ def test_a_hybrid_run_that_averaged_nothing_is_one_of_the_full_form():
         for place, run in enumerate(runs("quaternion", "taylor", 1e4, 1.0, 0.1))
     ]
     hybrid = [{**run, "form": "hybrid", "tolerance": 10 * run["tolerance"]} for run in full[:4]]
-    # The same error after other steps: a run with averaged pieces.
+    # The same error after other steps: a run with averaged segments.
     hybrid[3]["work.steps"] = 7
     failed = {**hybrid[0], "slow_error": None, "status": "time_limit"}
     table = pd.DataFrame([*full, *hybrid, failed])

@@ -61,7 +61,7 @@ def test_an_answer_meets_the_error_and_says_so(name, error, want):
     found = solve(name, error=error, want=want)
     sharp = TIGHT if name != "stiff" else {**TIGHT, "solver": "cyrk-lsoda"}
     slow, angle = largest(found, solve(name, **sharp))
-    stated = found.error.wanted(want)
+    stated = found.error.of(want)
     assert (found.error.kind, found.error.advice) == ("tighter", "")
     assert stated is not None
     assert (slow if want == "slow" else angle) <= stated.high <= error
@@ -110,7 +110,7 @@ def test_splitting_states_an_error_of_the_whole_run(case):
 
 
 @pytest.mark.parametrize("case", json.loads((HERE / "hybrid_scenes.json").read_text()))
-def test_hybrid_states_more_than_its_pieces_do(case):
+def test_hybrid_states_more_than_its_segments_do(case):
     start = BodyStart(tuple(case["q"]), tuple(case["w"]))
     scene = Scene(Ellipsoid(tuple(case["ax"])), case["St"], start, case["t"])
     found = solve(scene, form="hybrid", solver=case["solver"], tolerance=case["tol"])
@@ -127,7 +127,7 @@ def test_a_busy_machine_gives_the_same_answer(monkeypatch: pytest.MonkeyPatch):
     for module in (
         "solvers.contract",
         "solvers.solve",
-        "solvers.pieces",
+        "solvers.segments",
         "harness.answers.confirmed",
     ):
         monkeypatch.setattr(f"polhode.{module}.perf_counter", lambda: 8 * perf_counter())

@@ -11,7 +11,7 @@ import pytest
 
 from polhode.harness import api
 from polhode.harness.answers import pace as paces, race as races
-from polhode.harness.answers.forecast import course_of
+from polhode.harness.answers.forecast import raced_segment
 from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.pick import forget, pick
 from polhode.harness.answers.race import contenders, listed
@@ -209,7 +209,7 @@ def test_rows_do_not_change_the_choice():
 def test_long_runs_at_loose_errors_are_averaged():
     """St = 1e8 over 8e6 rotations: far cheaper than following each."""
     scene = replace(named_scene("long"), stokes=1e8, time=100 * named_scene("long").time)
-    assert course_of(scene).kind == "surrogate"
+    assert raced_segment(scene).kind == "surrogate"
     found = pick(scene, 1e-3)
     assert found.ranking[0].form in ("averaged", "hybrid", "averaged-second-order")
     assert any(row.form == "quaternion" and "costs more" in row.reason for row in found.excluded)

@@ -179,15 +179,15 @@ def test_the_model_error_falls_like_st_and_like_its_root_after_a_crossing(turns,
     assert np.log10(found[0] / found[1]) / 2 == pytest.approx(power, abs=0.02)
 
 
-def test_pieces_add_what_they_state_from_their_beginning_on():
+def test_segments_add_what_they_state_from_their_beginning_on():
     scene = replace(PAPER, time=100.0)
     runner = Runner(scene, np.array([0.0, scene.time]))
     run = runner.run(full_method(scene), 1e-8)
-    stages = tuple(
+    segments = tuple(
         SimpleNamespace(begin=begin, error=error, angle=10 * error, averaged=True)
         for begin, error in ((0.0, 1e-3), (50.0, 1e-2))
     )
-    run = run._replace(solution=replace(run.solution, stages=stages))
+    run = run._replace(solution=replace(run.solution, segments=segments))
     apart = averaging.with_estimate(runner, run, run)
     later = runner.inner > 50.0
     assert apart.slow[later] == pytest.approx(1.1e-2)

@@ -17,7 +17,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_arrays_come_back_bit_by_bit():
-    cache.keep("abc", ARRAYS)
+    cache.save("abc", ARRAYS)
     found = cache.load("abc")
     assert found is not None
     assert found["x"].tobytes() == ARRAYS["x"].tobytes()
@@ -33,7 +33,7 @@ def damage_flip(content: bytes) -> bytes:
     "damage", [damage_flip, lambda content: content[:100], lambda content: b""]
 )
 def test_a_damaged_file_is_noticed_named_and_removed(damage, capsys):
-    cache.keep("abc", ARRAYS)
+    cache.save("abc", ARRAYS)
     path = cache.path_of("abc")
     path.write_bytes(damage(path.read_bytes()))
     assert cache.load("abc") is None
@@ -45,19 +45,19 @@ def test_a_damaged_file_is_noticed_named_and_removed(damage, capsys):
 
 
 def test_a_file_under_another_name_is_not_used():
-    cache.keep("abc", ARRAYS)
+    cache.save("abc", ARRAYS)
     cache.path_of("abc").rename(cache.path_of("xyz"))
     assert cache.load("xyz") is None
 
 
 def test_nothing_but_the_file_is_left_behind(folder):
-    cache.keep("abc", ARRAYS)
+    cache.save("abc", ARRAYS)
     assert [path.name for path in (folder / "references").iterdir()] == ["abc.reference"]
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(folder):
     (folder / "references").write_text("a file where a folder should be")
-    cache.keep("abc", ARRAYS)
+    cache.save("abc", ARRAYS)
     assert cache.load("abc") is None
 
 
@@ -66,7 +66,7 @@ def test_a_write_that_fails_leaves_nothing_behind(folder, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", fail)
-    cache.keep("abc", ARRAYS)
+    cache.save("abc", ARRAYS)
     assert list((folder / "references").iterdir()) == []
 
 

@@ -27,7 +27,7 @@ def test_the_two_terms_make_the_angular_acceleration():
     assert viscous[0] == pytest.approx(acceleration[0], rel=1e-2)
 
 
-def test_distance_from_a_line_of_pieces():
+def test_distance_from_a_line_of_segments():
     line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
     places = np.array([[0.5, 0.2, 0.0], [1.3, 0.5, 0.4], [-3.0, 0.0, 4.0]])
     assert distance_from(line, places) == pytest.approx([0.2, 0.5, 5.0])

@@ -10,7 +10,7 @@ import pytest
 from polhode.harness.common import cache
 from polhode.harness.common.timing import AGAIN
 from polhode.harness.references import certificate, reference as module
-from polhode.harness.references.certificate import certify, pieces
+from polhode.harness.references.certificate import certify, segments
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import form as find_form
@@ -85,7 +85,7 @@ def test_references_are_certified_by_another_form_and_method(
 ):
     found = reference(scene, form, 11).certificate
     assert (found.form, found.solver) == by
-    assert found.pieces >= 20
+    assert found.segments >= 20
     assert 0 < found.ratio <= 1
     assert found.back == (0 if scene.stokes == 0 else 24)
 
@@ -110,7 +110,7 @@ def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
 def test_a_certificate_takes_no_nan_for_agreement(monkeypatch: pytest.MonkeyPatch):
     form, scene = find_form("quaternion"), replace(PAPER, time=10.0)
     problem = form.problem(scene)
-    times = [time for piece in pieces(scene, form, problem.end) for time in piece]
+    times = [time for segment in segments(scene, form, problem.end) for time in segment]
     monkeypatch.setattr(certificate, "_other_form", lambda *_: float("nan"))
     with pytest.raises(ReferenceFailedError, match="nan times the method's error"):
         certify(scene, form, problem, dict.fromkeys(times, np.array(problem.start)))
@@ -120,7 +120,7 @@ def test_a_certificate_notices_wrong_equations():
     scene = replace(PAPER, time=10.0)
     form = find_form("quaternion")
     wrong = form.problem(replace(scene, stokes=scene.stokes * (1 + 1e-7)))
-    times = np.unique([*chain(*pieces(scene, form, wrong.end)), wrong.end])
+    times = np.unique([*chain(*segments(scene, form, wrong.end)), wrong.end])
     states = module.extended_run(wrong, times, "long double", 1e-19)
     with pytest.raises(ReferenceFailedError, match="times the method's error"):
         certify(scene, form, wrong, dict(zip(times.tolist(), states, strict=True)))
@@ -141,9 +141,9 @@ def test_rounding_of_many_steps_is_allowed_for_and_hides_no_larger_error():
 
 
 @pytest.mark.parametrize("name", ["paper", "plate", "stiff", "rest-1e8", "long"])
-def test_pieces_that_go_back_do_not_amplify(name: str):
+def test_segments_that_go_back_do_not_amplify(name: str):
     scene = named_scene(name)
-    for start, end, back in pieces(scene, find_form("quaternion"), scene.time):
+    for start, end, back in segments(scene, find_form("quaternion"), scene.time):
         assert 0 <= start < back <= end <= scene.time * (1 + 1e-15)
         assert max(scene.ellipsoid.damping) * (back - start) / scene.stokes < 5
 
@@ -198,7 +198,7 @@ def test_a_reference_that_takes_too_long_is_not_tried_again_within_as_many_secon
     old = cache.load(key)
     assert old
     assert old.pop("status") == "time_limit"
-    cache.keep(key, old)
+    cache.save(key, old)
     with pytest.raises(ReferenceFailedError, match="time_limit"):
         reference(scene, "quaternion", 11, 1e-3)
     assert len(tried) == 3 + AGAIN

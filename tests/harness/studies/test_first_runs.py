@@ -22,7 +22,7 @@ def test_a_group_is_measured_once():
     assert found["quaternion", "cyrk-vern8"] == found["quaternion", "cyrk-radau"] > 0.0
 
 
-def test_pieces_are_compiled_too(tmp_path, monkeypatch):
+def test_segments_are_compiled_too(tmp_path, monkeypatch):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
     scenes = {name: named_scene("long") for name in ("quaternion", "hybrid")}
     found = first_seconds(scenes, [(name, "cyrk-vern8") for name in scenes])

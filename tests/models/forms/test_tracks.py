@@ -104,7 +104,7 @@ def test_back_ends_agree_along_a_track(solver, backend):
     np.testing.assert_allclose(found.states[-1], known.states[-1], atol=1e-5)
 
 
-def test_counts_and_limits_hold_over_all_segments():
+def test_counts_and_limits_hold_over_all_intervals():
     problem = form("quaternion").problem(along(50))
     found = solve(problem, "cyrk-vern8", 1e-8, count=True)
     assert found.success
@@ -200,14 +200,14 @@ def test_two_knots_at_one_row_leave_the_run_as_it_is(solver):
     problem = form("quaternion").problem(one)
     times = np.array([0.0, 1.0, 2.0, 3.0])
     right = solve(problem, solver, 1e-9, times)
-    segments = problem.segments
+    table = problem.parameter_table
     # A second change just behind the row at t = 1, with nothing new.
     doubled = replace(
-        segments,
-        times=np.insert(segments.times, 3, 1.0 + 1e-13),
-        values=np.insert(segments.values, 2, segments.values[2], axis=0),
+        table,
+        times=np.insert(table.times, 3, 1.0 + 1e-13),
+        values=np.insert(table.values, 2, table.values[2], axis=0),
     )
-    found = solve(replace(problem, segments=doubled), solver, 1e-9, times)
+    found = solve(replace(problem, parameter_table=doubled), solver, 1e-9, times)
     assert found.success, found.message
     np.testing.assert_allclose(found.states, right.states, rtol=0, atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""Form `hybrid`: pieces meet, errors stay below the one asked for, no window where none is needed."""
+"""Form `hybrid`: segments meet, errors stay below the one asked for, no window where none is needed."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -13,17 +13,17 @@ from polhode.harness.averaging.hybrid import random_scenes
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form, full_form
 from polhode.models.form import FormNotValidError
-from polhode.models.hybrid import course
-from polhode.models.hybrid.course import (
+from polhode.models.hybrid import plan
+from polhode.models.hybrid.form import Hybrid
+from polhode.models.hybrid.plan import (
     ERROR_PER_TOLERANCE,
+    FULL_SHARE,
     PER_RADIAN,
-    WINDOWS,
     full_tolerance,
     second_order,
 )
-from polhode.models.hybrid.form import Hybrid
 from polhode.models.scene import BodyStart, EulerStart, Scene
-from polhode.models.second_order.outline import Ahead, Stretch
+from polhode.models.second_order.outline import Ahead, PlannedSegment
 from polhode.models.second_order.path import path_of
 from polhode.models.second_order.run import NotAveragedError
 from polhode.models.shape import Ellipsoid
@@ -55,34 +55,36 @@ def full_run(scene: Scene) -> Solution:
 
 
 def kinds(solution: Solution) -> list[bool]:
-    """Which stages were averaged."""
-    return [stage.averaged for stage in solution.stages]
+    """Which segments were averaged."""
+    return [segment.averaged for segment in solution.segments]
 
 
 def test_a_window_goes_on_at_a_looser_tolerance_where_less_is_to_amplify_its_errors():
     scene = replace(CROSSING, start=EulerStart((pi / 3, pi / 6, 0.0), (1.0, -1.0, 1.0)))
-    first, second, *_ = course.foreseen(scene, 1e-6)
+    first, second, *_ = plan.foreseen(scene, 1e-6)
     assert not first.second_order
     assert not second.second_order
     assert (
         second.turned / first.turned < 0.2 < (second.end - second.start) / (first.end - first.start)
     )
     solution = run(scene, 1e-6)
-    assert solution.stages[1].tolerance > solution.stages[0].tolerance
+    assert solution.segments[1].tolerance > solution.segments[0].tolerance
     true = form(full_form(scene)).observe(scene, full_run(scene).states)
     found = errors(scene.ellipsoid, Hybrid().observe(scene, solution.states), true).slow
-    assert found < sum(stage.error for stage in solution.stages) < 1e-6
+    assert found < sum(segment.error for segment in solution.segments) < 1e-6
 
 
 @pytest.mark.parametrize("solver", ["taylor", "cyrk-dop853", "cyrk-lsoda", "cvode-adams"])
-def test_what_pieces_state_holds_for_every_solver(solver: str):
-    """LSODA errs by 1.2 times as much at its own tolerance as pieces counted with, CVODE by three times."""
+def test_what_segments_state_holds_for_every_solver(solver: str):
+    """LSODA errs by 1.2 times as much at its own tolerance as segments counted with, CVODE by three times."""
     *_, scene = random_scenes(17)
     true = form(full_form(scene)).observe(scene, full_run(scene).states)
     solution = solve(Hybrid().problem(scene), solver, 1e-8, np.linspace(0.0, scene.time, 101))
     found = errors(scene.ellipsoid, Hybrid().observe(scene, solution.states), true).slow
-    assert found < sum(stage.error for stage in solution.stages) < 1e-6
-    assert [stage.tolerance for stage in solution.stages] == [1e-8 / find_solver(solver).wears]
+    assert found < sum(segment.error for segment in solution.segments) < 1e-6
+    assert [segment.tolerance for segment in solution.segments] == [
+        1e-8 / find_solver(solver).error_amplification
+    ]
 
 
 @SCENES
@@ -94,20 +96,20 @@ def test_the_error_along_the_run_is_below_the_one_asked_for(scene: Scene):
         found = errors(scene.ellipsoid, Hybrid().observe(scene, solution.states), true)
         assert found.slow < error
         assert {*kinds(solution)} == {True, False}
-        stages = solution.stages
-        assert stages[0].begin == 0
-        assert stages[-1].end == scene.time
-        assert all(one.end == other.begin for one, other in pairwise(stages))
+        segments = solution.segments
+        assert segments[0].begin == 0
+        assert segments[-1].end == scene.time
+        assert all(one.end == other.begin for one, other in pairwise(segments))
 
 
 @pytest.mark.parametrize("scene", [CROSSING, replace(PINCHED, start=REST)])
 def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
     solution = run(scene, 1e-4)
-    reached = [stage.begin for stage in solution.stages if stage.averaged]
+    reached = [segment.begin for segment in solution.segments if segment.averaged]
     times = np.unique([0.0, *reached, scene.time])
     states = solve(Hybrid().problem(scene), SOLVER, 1e-6, times).states
-    course = Hybrid().problem(scene).course
-    assert course
+    next_segment = Hybrid().problem(scene).next_segment
+    assert next_segment
     for begin in reached:
         state, unit = (
             states[np.searchsorted(times, begin)].copy(),
@@ -148,21 +150,21 @@ def test_the_full_equations_take_over_where_no_slow_state_is_found(monkeypatch: 
     def refused(scene: Scene, state: np.ndarray) -> None:
         raise NotAveragedError("nothing slow here")
 
-    monkeypatch.setattr(course, "second_order", refused)
+    monkeypatch.setattr(plan, "second_order", refused)
     gentle = Hybrid().problem(Scene(Ellipsoid((1.0, 1.0, 0.5)), 1e6, PAPER, 1e5))
-    assert gentle.course
-    piece = gentle.course(0.0, np.array(gentle.start), 1e-8)
-    assert (piece.averaged, piece.reason) == (False, "nothing slow here")
-    assert 0 < piece.end < 1e3
+    assert gentle.next_segment
+    segment = gentle.next_segment(0.0, np.array(gentle.start), 1e-8)
+    assert (segment.averaged, segment.reason) == (False, "nothing slow here")
+    assert 0 < segment.end < 1e3
 
 
 def test_windows_narrow_as_the_stokes_number_grows():
     shares = []
     for stokes in (1e5, 1e6, 1e7):
         solution = run(replace(CROSSING, stokes=stokes, time=0.2 * stokes), 1e-4)
-        pairs = zip(solution.stages, kinds(solution), strict=True)
+        pairs = zip(solution.segments, kinds(solution), strict=True)
         shares.append(
-            sum(stage.end - stage.begin for stage, averaged in pairs if not averaged)
+            sum(segment.end - segment.begin for segment, averaged in pairs if not averaged)
             / solution.times[-1]
         )
     # Like 1/√St, their time like √St.
@@ -193,9 +195,9 @@ def test_the_error_of_the_full_equations_is_bounded_however_fast_a_body_spins(ra
     )
     solution = run(scene, 1e-5)
     found, true = (Hybrid().observe(scene, each.states) for each in (solution, full_run(scene)))
-    (stage,) = solution.stages
-    assert not stage.averaged
-    assert errors(scene.ellipsoid, found, true).slow < stage.error < 1e-5
+    (segment,) = solution.segments
+    assert not segment.averaged
+    assert errors(scene.ellipsoid, found, true).slow < segment.error < 1e-5
 
 
 def test_the_triaxial_limit_meets_the_spheroid():
@@ -213,13 +215,13 @@ def test_the_triaxial_limit_meets_the_spheroid():
 @pytest.mark.parametrize("scene", [CROSSING, RESTING])
 def test_a_run_that_is_stopped_keeps_its_rows(scene: Scene):
     whole = run(scene, 1e-5)
-    ends = np.cumsum([stage.steps or 0 for stage in whole.stages])
+    ends = np.cumsum([segment.steps or 0 for segment in whole.segments])
     for steps in {1, *(int(end) - 1 for end in ends)}:
         cut = run(scene, 1e-5, max_steps=steps)
         assert cut.status is Status.STEP_LIMIT
         # Rows that are computed together decide which faint terms are left out.
         assert np.abs(cut.states - whole.states[: len(cut.times)]).max() < 1e-12
-        begun = cut.stages[-1].begin if cut.stages else 0.0
+        begun = cut.segments[-1].begin if cut.segments else 0.0
         assert len(cut.times) >= np.searchsorted(whole.times, begun)
 
 
@@ -243,7 +245,7 @@ def test_it_refuses_what_it_does_not_describe():
 
 @pytest.mark.parametrize("time", [1e16, 1e300])
 def test_runs_whose_windows_times_cannot_tell_apart_are_refused(time: float):
-    """Such a run would not end: its pieces would not even begin to move."""
+    """Such a run would not end: its segments would not even begin to move."""
     with pytest.raises(
         FormNotValidError,
         match=r"^form 'hybrid': the run of 1e\+\d+ inverse shear rates is too long, ",
@@ -278,14 +280,14 @@ def test_any_scene_runs_or_is_refused_at_once(axes, stokes, slow, angles, rates,
 
 @given(st.lists(st.tuples(st.floats(1e-4, 1e-1), st.floats(1.0, 1e3)), min_size=1, max_size=8))
 def test_windows_take_their_share_of_the_error_together(windows: list[tuple[float, float]]):
-    ahead = [Stretch(0.0, lasts, False, turned=lasts * weight) for lasts, weight in windows]
-    worn = 0.0
+    ahead = [PlannedSegment(0.0, lasts, False, turned=lasts * weight) for lasts, weight in windows]
+    spent_full = 0.0
     for i, each in enumerate(ahead):
-        own, cost = full_tolerance(ahead[i:], 1e5, 1e-8, worn)
+        own, cost = full_tolerance(ahead[i:], 1e5, 1e-8, spent_full)
         assert cost == pytest.approx(PER_RADIAN * own * each.turned * 1e5)
         # The next looser tolerance would have taken more than is due to it.
         assert own == 1e-8 or 10 * cost * sum(w.end for w in ahead[i:]) > (
-            WINDOWS * 1e-6 - worn
+            FULL_SHARE * 1e-6 - spent_full
         ) * each.end * (1 - 1e-9)
-        worn += cost
-    assert worn <= WINDOWS * 1e-6
+        spent_full += cost
+    assert spent_full <= FULL_SHARE * 1e-6

@@ -12,7 +12,7 @@ from scipy.special import ellipkm1
 
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
-from polhode.models.files import kept
+from polhode.models.files import cached
 from polhode.models.form import FormNotValidError
 from polhode.models.forms import averaged
 from polhode.models.forms.spheroid import Spheroid
@@ -345,11 +345,11 @@ def test_no_rows_have_no_observables(axes):
 def test_windows_narrow_with_the_error_allowed_and_meet():
     scene, widths = Scene(PAPER, 1e6, BodyStart(POSE, (0.6, 0.5, 0.5)), 1e5), []
     for budget in (1e-4, 1e-7, 1e-8):
-        stretches = outline(scene, budget).stretches
-        widths.append(sum(each.end - each.start for each in stretches if not each.second_order))
-        assert [each.start for each in stretches[1:]] == [each.end for each in stretches[:-1]]
-        assert (stretches[0].start, stretches[-1].end) == (0.0, pytest.approx(scene.slow_time))
-        assert all(each.error <= budget for each in stretches)
+        segments = outline(scene, budget).segments
+        widths.append(sum(each.end - each.start for each in segments if not each.second_order))
+        assert [each.start for each in segments[1:]] == [each.end for each in segments[:-1]]
+        assert (segments[0].start, segments[-1].end) == (0.0, pytest.approx(scene.slow_time))
+        assert all(each.error <= budget for each in segments)
     assert widths[0] < widths[1] < widths[2] <= scene.slow_time
 
 
@@ -380,15 +380,15 @@ def test_form_answers_at_once(scene):
 
 def test_damaged_numbers_on_disk_are_made_anew(tmp_path, monkeypatch):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
-    kept.save("one", np.array([1.0, 2.0]))
-    kept.save("other", np.array([3.0]))
-    assert kept.load("one").tolist() == [1.0, 2.0]
+    cached.save("one", np.array([1.0, 2.0]))
+    cached.save("other", np.array([3.0]))
+    assert cached.load("one").tolist() == [1.0, 2.0]
     first, second = sorted((tmp_path / "numbers").iterdir(), key=lambda file: -file.stat().st_size)
     first.write_bytes(first.read_bytes()[:-1] + b"x")
-    assert kept.load("one") is None
+    assert cached.load("one") is None
     first.write_bytes(second.read_bytes())
-    assert kept.load("one") is None
-    assert kept.load("none") is None
+    assert cached.load("one") is None
+    assert cached.load("none") is None
 
 
 @pytest.mark.parametrize(

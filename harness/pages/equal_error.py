@@ -1,4 +1,4 @@
-"""Every solver on equal footing: speed at equal error, what the interpreter costs, what `solve` itself costs."""
+"""Every solver at equal error: speed, what the interpreter costs, what `solve` itself costs."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-FOOTING_ERRORS = (1e-4, 1e-6, 1e-8)  # Slow errors at which solvers are compared.
+COMPARED_ERRORS = (1e-4, 1e-6, 1e-8)  # Slow errors at which solvers are compared.
 _FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Slow errors at which forms are compared.
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
@@ -77,7 +77,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
-    times = costs(by_stokes(solvers), FOOTING_ERRORS)
+    times = costs(by_stokes(solvers), COMPARED_ERRORS)
     forms = _ratios(
         costs(by_stokes(spheroid), _FORMS_ERRORS),
         ("quaternion", _TAYLOR),
@@ -89,8 +89,8 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         for one in measured.overheads
     ]
     page = fill(
-        "footing",
-        header=header("Every solver on equal footing", command, records),
+        "equal-error",
+        header=header("Every solver at equal error", command, records),
         claims=claims,
         worth=worth,
         measured=measured,
@@ -112,7 +112,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     )
     top = header("Every solver at equal error", command, records)
     times_page = fill(
-        "footing-times", header=top, times=_times(times), jacobians=_jacobians(backends)
+        "equal-error-times", header=top, times=_times(times), jacobians=_jacobians(backends)
     )
     return {"README.md": page, "times.md": times_page}
 
@@ -127,7 +127,7 @@ def _worth(times: Any) -> tuple[list[str], str]:
     rows = []
     behind = {name: [] for name in _ALONE}
     places = []
-    for target in FOOTING_ERRORS:
+    for target in COMPARED_ERRORS:
         places += [(target, *entry) for entry in times.loc[target]["quaternion"].iterrows()]
     for target, stokes, solver_times in places:
         # The fastest comes last, and stays.
@@ -145,7 +145,7 @@ def _worth(times: Any) -> tuple[list[str], str]:
         ]
         rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
-    claims = lines_of("footing-claims", shares=shares, places=len(places))
+    claims = lines_of("equal-error-claims", shares=shares, places=len(places))
     return claims, _table(["slow error", "St", *_ALONE], rows, 2)
 
 
@@ -179,7 +179,7 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
 
 
 def _comparable(solver: str, way: str, jacobian: str) -> bool:
-    """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their twins in CyRK."""
+    """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their counterparts in CyRK."""
     method = find_solver(solver)
     same = (
         jacobian == ("exact" if method.family == "SUNDIALS" else "difference")
@@ -222,7 +222,7 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
         [
             "St",
             "they cross at",
-            *(f"{_TAYLOR} / {_VERNER} at {short(error)}" for error in FOOTING_ERRORS),
+            *(f"{_TAYLOR} / {_VERNER} at {short(error)}" for error in COMPARED_ERRORS),
         ],
         rows,
     )
@@ -239,7 +239,7 @@ def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
 def _times(times: Any) -> dict[float, str]:
     """Every solver's times by St, a table for each slow error."""
     tables = {}
-    for target in FOOTING_ERRORS:
+    for target in COMPARED_ERRORS:
         by_solver = times.loc[target]["quaternion"].T.dropna(how="all")
         rows = [
             [solver, *map(duration, by_solver.loc[solver])]

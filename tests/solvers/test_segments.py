@@ -1,4 +1,4 @@
-"""A run of several pieces, each a problem of its own: it gives what one piece gives, whatever stops it where."""
+"""A run of several segments, each a problem of its own: it gives what one segment gives, whatever stops it where."""
 
 import re
 import tracemalloc
@@ -12,7 +12,7 @@ import pytest
 from oracle.accepting import accepting
 from polhode.models.forms.euler_angles import EulerAngles
 from polhode.models.operations import Field, Operations
-from polhode.models.problem import Piece, Problem
+from polhode.models.problem import Problem, Segment
 from polhode.models.scenes import named_scene
 from polhode.solvers import contract
 from polhode.solvers.contract import Record, Status
@@ -35,7 +35,7 @@ def angle_field(ops: Operations) -> Field:
     return rhs
 
 
-# Pieces end at multiples of this time: turning of a point, by turns as itself and as an angle in a
+# Segments end at multiples of this time: turning of a point, by turns as itself and as an angle in a
 # slower clock.
 LENGTH, UNIT, TURNS = 0.7, 5.0, (2.0,)
 
@@ -44,14 +44,14 @@ def point(angles: np.ndarray) -> np.ndarray:
     return np.column_stack([np.cos(angles[:, 0]), np.sin(angles[:, 0])])
 
 
-def course(time: float, state: np.ndarray, tolerance: float) -> Piece:
+def next_segment(time: float, state: np.ndarray, tolerance: float) -> Segment:
     number = int(np.rint(time / LENGTH))
     end = (number + 1) * LENGTH
     if number % 2:
         angle = float(np.arctan2(state[1], state[0]))
         slow = Problem("angle", angle_field, (angle,), 9.0, (TURNS[0] * UNIT,), time_unit=UNIT)
-        return Piece(slow, end, point, "odd", 1e-3)
-    return Piece(
+        return Segment(slow, end, point, "odd", 1e-3)
+    return Segment(
         Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS),
         end,
         reason="even",
@@ -59,8 +59,8 @@ def course(time: float, state: np.ndarray, tolerance: float) -> Piece:
     )
 
 
-COURSE = Problem("several", circle_field, (1.0, 0.0), 9.0, TURNS, course=course)
-# Few times, many, and among them the ends of pieces.
+SEVERAL = Problem("several", circle_field, (1.0, 0.0), 9.0, TURNS, next_segment=next_segment)
+# Few times, many, and among them the ends of segments.
 EVERY = np.sort(np.concatenate([np.linspace(0.0, 9.0, 32), LENGTH * np.arange(1, 7)]))
 
 
@@ -69,20 +69,23 @@ def assert_right(solution: Solution, tolerance: float) -> None:
     assert np.abs(solution.states - exact).max() < tolerance
 
 
-@pytest.mark.parametrize("name", accepting(COURSE))
-def test_every_solver_runs_the_pieces(name: str):
+@pytest.mark.parametrize("name", accepting(SEVERAL))
+def test_every_solver_runs_the_segments(name: str):
     # 3 LENGTH is 2.1 but for rounding, which leaves no room for a step.
     for times in (EVERY, np.array([0.0, 2.1, 9.0])):
-        solution = solve(COURSE, name, 1e-7, times)
+        solution = solve(SEVERAL, name, 1e-7, times)
         assert solution.status is Status.REACHED_END, solution.message
         assert len(solution.times) == len(times)
         assert_right(solution, 2e-4)
-        assert [stage.reason for stage in solution.stages] == ["even", "odd"] * 6 + ["even"]
-        assert solution.stages[3].begin == solution.stages[2].end == pytest.approx(3 * LENGTH)
-        assert solution.work.steps in (None, sum(stage.steps or 0 for stage in solution.stages))
+        assert [segment.reason for segment in solution.segments] == ["even", "odd"] * 6 + ["even"]
+        assert solution.segments[3].begin == solution.segments[2].end == pytest.approx(3 * LENGTH)
+        assert solution.work.steps in (
+            None,
+            sum(segment.steps or 0 for segment in solution.segments),
+        )
 
 
-def test_pieces_are_made_as_they_are_needed():
+def test_segments_are_made_as_they_are_needed():
     """However many turns there are: all of them at once took 7.5 GB."""
     scene = replace(named_scene("paper"), stokes=inf, time=3e11)
     problem = EulerAngles().problem(scene)
@@ -101,22 +104,22 @@ def test_a_deadline_in_each_kind_of_piece_keeps_the_rows(
     now = [0.0]
 
     def watch(record: Record) -> None:
-        # The clock jumps in the piece number `stopped`, before its third call of the field.
+        # The clock jumps in the segment number `stopped`, before its third call of the field.
         now[0] = 1e6 if record.reached > (stopped - 0.5) * LENGTH else 0.0
 
     monkeypatch.setattr(contract, "perf_counter", lambda: now[0])
-    solution = solve(COURSE, "dop853", 1e-6, EVERY, max_seconds=1e3, watch=watch, backend="python")
+    solution = solve(SEVERAL, "dop853", 1e-6, EVERY, max_seconds=1e3, watch=watch, backend="python")
     assert solution.status is Status.TIME_LIMIT
-    assert len(solution.stages) == stopped + 1
+    assert len(solution.segments) == stopped + 1
     assert stopped * LENGTH <= solution.times[-1] < (stopped + 1) * LENGTH
     assert len(solution.times) == np.searchsorted(EVERY, solution.times[-1], side="right")
     assert_right(solution, 1e-4)
 
 
 def test_limits_of_steps_hold_for_the_whole_run():
-    whole = solve(COURSE, "dop853", 1e-8, EVERY)
+    whole = solve(SEVERAL, "dop853", 1e-8, EVERY)
     assert whole.work.steps
-    cut = solve(COURSE, "dop853", 1e-8, EVERY, max_steps=whole.work.steps // 2)
+    cut = solve(SEVERAL, "dop853", 1e-8, EVERY, max_steps=whole.work.steps // 2)
     assert cut.status is Status.STEP_LIMIT
     assert cut.message == f"{whole.work.steps // 2} steps"
     assert 0 < len(cut.times) < len(EVERY)
@@ -126,47 +129,51 @@ def test_limits_of_steps_hold_for_the_whole_run():
     ("limit", "words"),
     [("max_steps", "step_limit: 0 steps"), ("max_seconds", "time_limit: stopped at t = 0.0")],
 )
-def test_limits_between_pieces_need_no_count_of_steps(limit: str, words: str):
-    solution = solve(COURSE, "cvode-bdf", 1e-4, backend="python", **{limit: 0})
+def test_limits_between_segments_need_no_count_of_steps(limit: str, words: str):
+    solution = solve(SEVERAL, "cvode-bdf", 1e-4, backend="python", **{limit: 0})
     assert f"{solution.status}: {solution.message}" == words
 
 
-def no_way_on(piece: Piece) -> Piece:
+def no_way_on(segment: Segment) -> Segment:
     raise ValueError("no way on")
 
 
-def refused(piece: Piece) -> Piece:
+def refused(segment: Segment) -> Segment:
     return replace(
-        piece, problem=replace(piece.problem, field=lambda ops: lambda y, p: (y[0] > 0.0,))
+        segment, problem=replace(segment.problem, field=lambda ops: lambda y, p: (y[0] > 0.0,))
     )
 
 
 @pytest.mark.parametrize(
     ("breaks", "change"), [(0.0, no_way_on), (3 * LENGTH, no_way_on), (3 * LENGTH, refused)]
 )
-def test_a_course_that_goes_wrong_keeps_the_rows(breaks: float, change: Callable[[Piece], Piece]):
-    def broken(time: float, state: np.ndarray, tolerance: float) -> Piece:
-        piece = course(time, state, tolerance)
-        return piece if time < breaks else change(piece)
+def test_segments_that_go_wrong_keep_the_rows(breaks: float, change: Callable[[Segment], Segment]):
+    def broken(time: float, state: np.ndarray, tolerance: float) -> Segment:
+        segment = next_segment(time, state, tolerance)
+        return segment if time < breaks else change(segment)
 
-    solution = solve(replace(COURSE, course=broken), "dop853", 1e-8, EVERY)
+    solution = solve(replace(SEVERAL, next_segment=broken), "dop853", 1e-8, EVERY)
     assert solution.status is Status.CRASHED
     assert re.match("solver 'dop853' raised (ValueError: no way on|FieldError: )", solution.message)
     assert solution.times[-1] == pytest.approx(breaks)
     assert_right(solution, 1e-6)
 
 
-def test_a_course_is_not_asked_beyond_its_end():
+def test_no_segment_is_requested_beyond_the_end():
     with pytest.raises(
-        ValueError, match=r"^times: got 9.5, expected none beyond the course's end, 9.0$"
+        ValueError, match=r"^times: got 9.5, expected none beyond the run's end, 9.0$"
     ):
-        solve(COURSE, "dop853", 1e-6, np.array([0.0, 9.5]))
+        solve(SEVERAL, "dop853", 1e-6, np.array([0.0, 9.5]))
 
 
 def test_an_observer_reads_the_time_of_the_run():
     records: list[tuple[Record, float]] = []
     solve(
-        COURSE, "dop853", 1e-8, EVERY, watch=lambda record: records.append((record, record.reached))
+        SEVERAL,
+        "dop853",
+        1e-8,
+        EVERY,
+        watch=lambda record: records.append((record, record.reached)),
     )
     assert [begin for _, begin in records] == pytest.approx(LENGTH * np.arange(13))
     assert [record.reached for record, _ in records] == pytest.approx(
@@ -180,23 +187,23 @@ def test_an_interrupted_run_keeps_what_was_finished():
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as caught:
-        solve(COURSE, "dop853", 1e-8, EVERY, watch=watch)
+        solve(SEVERAL, "dop853", 1e-8, EVERY, watch=watch)
     kept = caught.value.solution
     assert kept.times[-1] == pytest.approx(4 * LENGTH)
     assert_right(kept, 1e-6)
 
 
 def test_a_piece_may_ask_for_a_tolerance_of_its_own():
-    def tight(time: float, state: np.ndarray, tolerance: float) -> Piece:
-        return Piece(
+    def tight(time: float, state: np.ndarray, tolerance: float) -> Segment:
+        return Segment(
             Problem("point", circle_field, tuple(state.tolist()), 9.0, TURNS),
             9.0,
             tolerance=tolerance**2,
         )
 
     loose, own = (
-        solve(COURSE, "dop853", 1e-4, EVERY),
-        Problem("tight", circle_field, (1.0, 0.0), 9.0, TURNS, course=tight),
+        solve(SEVERAL, "dop853", 1e-4, EVERY),
+        Problem("tight", circle_field, (1.0, 0.0), 9.0, TURNS, next_segment=tight),
     )
     assert np.abs(solve(own, "dop853", 1e-4, EVERY).states - point(2 * EVERY[:, None])).max() < 1e-6
     assert np.abs(loose.states - point(2 * EVERY[:, None])).max() > 1e-6
@@ -208,6 +215,6 @@ def test_a_field_without_rates_at_the_start_is_a_failed_run():
 
 
 def test_tolerances_of_single_precision_are_doubles():
-    assert solve(COURSE, "cyrk-vern8", np.float32(1e-6), EVERY).states == pytest.approx(
-        solve(COURSE, "cyrk-vern8", float(np.float32(1e-6)), EVERY).states, abs=0
+    assert solve(SEVERAL, "cyrk-vern8", np.float32(1e-6), EVERY).states == pytest.approx(
+        solve(SEVERAL, "cyrk-vern8", float(np.float32(1e-6)), EVERY).states, abs=0
     )

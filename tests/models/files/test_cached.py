@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from polhode.models.files import kept
+from polhode.models.files import cached
 
 SOMEBODY = 12345
 
@@ -22,10 +22,10 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     folder.mkdir(parents=True, mode=0o700)
     folder.parent.chmod(0o700)
     monkeypatch.setenv("POLHODE_CACHE", str(folder))
-    monkeypatch.setattr(kept, "_private_folder", None)
+    monkeypatch.setattr(cached, "_private_folder", None)
     yield folder
-    if kept._private_folder is not None:
-        kept._private_folder.cleanup()
+    if cached._private_folder is not None:
+        cached._private_folder.cleanup()
 
 
 def given_away(path: Path) -> None:
@@ -89,15 +89,15 @@ UNTRUSTED = (
 def test_a_folder_that_others_may_write_is_not_used(
     spoil: Callable[[Path], None], cache: Path, capsys: pytest.CaptureFixture[str]
 ):
-    kept.save("key", np.arange(3.0))
-    assert kept.load("key") is not None
+    cached.save("key", np.arange(3.0))
+    assert cached.load("key") is not None
     spoil(cache)
-    assert kept.load("key") is None
-    kept.save("key", np.arange(4.0))
-    again = kept.load("key")
+    assert cached.load("key") is None
+    cached.save("key", np.arange(4.0))
+    again = cached.load("key")
     assert again is not None
     assert len(again) == 4
-    folder = kept.cache_folder("heyoka")
+    folder = cached.cache_folder("heyoka")
     assert cache.resolve() not in folder.parents
     assert stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
     output = capsys.readouterr()
@@ -128,23 +128,23 @@ def test_a_folder_of_the_user_alone_is_used(
     make: Callable[[Path], None], cache: Path, capsys: pytest.CaptureFixture[str]
 ):
     make(cache)
-    kept.save("key", np.arange(3.0))
+    cached.save("key", np.arange(3.0))
     assert list((cache / "numbers").iterdir())
-    assert kept.cache_folder() == cache
+    assert cached.cache_folder() == cache
     assert capsys.readouterr().err == ""
 
 
 def test_folders_are_made_for_the_user_alone_whatever_the_umask(cache: Path):
     before = os.umask(0)
     try:
-        kept.make_private(cache / "a" / "b")
+        cached.make_private(cache / "a" / "b")
     finally:
         os.umask(before)
     for folder in (cache / "a", cache / "a" / "b"):
         assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     cache.chmod(0o777)
     with pytest.raises(PermissionError, match="others may write"):
-        kept.make_private(cache / "a")
+        cached.make_private(cache / "a")
 
 
 def test_threads_share_one_private_folder_and_one_line(
@@ -152,7 +152,7 @@ def test_threads_share_one_private_folder_and_one_line(
 ):
     cache.chmod(0o777)
     with ThreadPoolExecutor(8) as threads:
-        folders = set(threads.map(lambda _: kept.cache_folder(), range(64)))
+        folders = set(threads.map(lambda _: cached.cache_folder(), range(64)))
     assert len(folders) == 1
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -162,7 +162,7 @@ from polhode.harness.common import cache
 from polhode.solvers.compile import cache_folder, load_heyoka
 import numpy as np
 heyoka = load_heyoka()
-cache.keep("a", {"x": np.arange(3.0)})
+cache.save("a", {"x": np.arange(3.0)})
 x = heyoka.make_vars("x")
 heyoka.taylor_adaptive([(x, -x)], [1.0])
 print(cache_folder())

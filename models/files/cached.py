@@ -1,4 +1,4 @@
-"""Numbers kept on disk under a key, for those who would compute them anew: made lately, whole, or not at all."""
+"""Numbers cached on disk under a key, for those who would compute them anew: made lately, whole, or not at all."""
 
 import os
 import stat
@@ -41,7 +41,7 @@ def cache_folder(library: str = "", part: str = "") -> Path:
 def _base_folder(library: str) -> Path:
     if own := os.environ.get(CACHE_VARIABLE):
         return Path(own).absolute()
-    # Who has no home keeps nothing.
+    # Without a home nothing is cached.
     home = path if (path := os.path.expanduser("~")) != "~" else os.devnull
     return Path(
         os.environ.get("XDG_CACHE_HOME") or Path(home, ".cache"), library or "polhode"
@@ -77,7 +77,7 @@ def _why_untrusted(folder: Path, links: int) -> str | None:
             target = Path(path.parent, path.readlink(), folder.relative_to(path))
             return _why_untrusted(Path(os.path.normpath(target)), links - 1)
         if not stat.S_ISDIR(status.st_mode):
-            # Nothing can be kept there.
+            # Nothing can be cached there.
             return None
         others = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
         if others and (path == folder or not status.st_mode & stat.S_ISVTX):
@@ -118,7 +118,7 @@ def make_private(folder: Path) -> None:
 
 
 def load(key: str) -> np.ndarray | None:
-    """The numbers kept under a key; None if there are none, or if the file is not what was written."""
+    """The numbers cached under a key; None if there are none, or if the file is not what was written."""
     with suppress(OSError):
         content = _file(key).read_bytes()
         if content[:32] == _sum(key, content[32:]):
@@ -127,7 +127,7 @@ def load(key: str) -> np.ndarray | None:
 
 
 def save(key: str, numbers: np.ndarray) -> None:
-    """Keep numbers under a key; a folder that cannot be written is no error."""
+    """Cache numbers under a key; a folder that cannot be written is no error."""
     file = _file(key)
     content = np.ascontiguousarray(numbers, dtype=float).tobytes()
     with suppress(OSError):

@@ -1,4 +1,4 @@
-"""The pieces of a hybrid run: averaged to second order, or by the full equations."""
+"""The segments of a hybrid run: averaged to second order, or by the full equations."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,12 +9,12 @@ import numpy as np
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.observables import Observables
-from polhode.models.problem import ROUNDING, Piece, Problem
+from polhode.models.problem import ROUNDING, Problem, Segment
 from polhode.models.rotation import quaternion_from_matrix
 from polhode.models.scene import Scene, start_from
 from polhode.models.second_order import field as triaxial, spheroid as spheroidal
 from polhode.models.second_order.form import SecondOrder, slow_start
-from polhode.models.second_order.outline import Stretch, outline
+from polhode.models.second_order.outline import PlannedSegment, outline
 from polhode.models.second_order.path import LEAST_SPEED
 from polhode.models.second_order.run import NotAveragedError, entered
 from polhode.models.shape import Ellipsoid
@@ -23,89 +23,89 @@ Array = np.ndarray
 
 # Error of L and E over the tolerance that stands for it; chosen by trial.
 ERROR_PER_TOLERANCE = 100.0
-# Share of that error that windows may take; chosen by trial.
-WINDOWS = 0.5
+# Share of that error that segments of the full equations may take; chosen by trial.
+FULL_SHARE = 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with
 # |L||ω| below I_max, by trial; solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
-# Tolerance of averaged pieces, which cost next to nothing.
+# Tolerance of averaged segments, which cost next to nothing.
 _AVERAGED_TOLERANCE = 1e-12
-# Tolerances of windows: a short list, as some solvers compile for each tolerance anew.
-_WINDOW_TOLERANCES = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
+# Tolerances of the full equations: a short list, as some solvers compile for each tolerance anew.
+_FULL_TOLERANCES = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
 # A run of fewer turns costs less than to look ahead.
 _SHORT = 1000
-# Turns by which a window is lengthened where no slow state belongs to its end, chosen by trial.
+# Turns by which a segment of the full equations is lengthened where no slow state belongs to its end, chosen by trial.
 _MORE = 50
 
 
 @dataclass(frozen=True)
-class HybridCourse:
-    """The course of a scene's run; its states belong to the form of the full equations.
+class HybridPlan:
+    """The plan of a scene's run; its states belong to the form of the full equations.
 
-    `full` are the full equations. `stretches` were foreseen at the time `since` from the run's
-    state then. The pieces before have taken `spent` of the requested error, the windows among them
-    `worn`.
+    `full` are the full equations. `segments` were foreseen at the time `since` from the run's
+    state then. The segments before have taken `spent` of the requested error, those of the full equations
+    among them `spent_full`.
     """
 
     scene: Scene
     full: Problem
     since: float = 0.0
-    stretches: tuple[Stretch, ...] = ()
+    segments: tuple[PlannedSegment, ...] = ()
     spent: float = 0.0
-    worn: float = 0.0
+    spent_full: float = 0.0
 
-    def __call__(self, time: float, state: Array, tolerance: float) -> Piece:
-        """Return the next piece."""
+    def __call__(self, time: float, state: Array, tolerance: float) -> Segment:
+        """Return the next segment."""
         stokes = self.scene.stokes
-        if not self.stretches:
+        if not self.segments:
             error = ERROR_PER_TOLERANCE * tolerance
             left = max(error - self.spent, error / 10)
-            stretches = foreseen(self.remaining(time, state), left)
-            return replace(self, since=time, stretches=stretches)(time, state, tolerance)
-        stretch, *later_stretches = self.stretches
-        end = self.since + stretch.end * stokes
-        reason = stretch.reason
-        later = replace(self, stretches=tuple(later_stretches))
-        if stretch.second_order:
+            segments = foreseen(self.remaining(time, state), left)
+            return replace(self, since=time, segments=segments)(time, state, tolerance)
+        segment, *later_segments = self.segments
+        end = self.since + segment.end * stokes
+        reason = segment.reason
+        later = replace(self, segments=tuple(later_segments))
+        if segment.second_order:
             try:
                 problem, states = second_order(self.scene, state)
             except NotAveragedError as refusal:
                 more = 2 * np.pi * _MORE / speed(self.remaining(time, state))
                 end = time + more
                 reason = str(refusal)
-                later = replace(self, stretches=())
-                turned = more * wear(self.remaining(time, state)) / stokes
-                stretch = replace(
-                    stretch, end=stretch.start + more / stokes, second_order=False, turned=turned
+                later = replace(self, segments=())
+                turned = more * error_growth(self.remaining(time, state)) / stokes
+                segment = replace(
+                    segment, end=segment.start + more / stokes, second_order=False, turned=turned
                 )
             else:
-                angle = self.angle(end - time, stretch.error) + stretch.swing
-                later = replace(later, spent=self.spent + stretch.error)
-                return Piece(
+                angle = self.angle(end - time, segment.error) + segment.swing
+                later = replace(later, spent=self.spent + segment.error)
+                return Segment(
                     problem,
                     end,
                     states,
                     "second order",
-                    stretch.error,
+                    segment.error,
                     angle,
                     _AVERAGED_TOLERANCE,
                     later,
                     averaged=True,
                 )
-        elif stretch.decisive:
-            later = replace(self, stretches=())
-        ahead = (stretch, *later_stretches)
-        piece_tolerance, cost = full_tolerance(ahead, stokes, tolerance, self.worn)
+        elif segment.decisive:
+            later = replace(self, segments=())
+        ahead = (segment, *later_segments)
+        segment_tolerance, cost = full_tolerance(ahead, stokes, tolerance, self.spent_full)
         angle = self.angle(end - time, cost)
-        later = replace(later, spent=self.spent + cost, worn=self.worn + cost)
-        return Piece(
+        later = replace(later, spent=self.spent + cost, spent_full=self.spent_full + cost)
+        return Segment(
             replace(self.full, start=tuple(state.tolist())),
             end,
             None,
             reason,
             cost,
             angle,
-            piece_tolerance,
+            segment_tolerance,
             later,
         )
 
@@ -132,43 +132,47 @@ def speed(scene: Scene) -> float:
     return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
 
 
-def wear(scene: Scene) -> float:
-    """`Path.wear` where a scene starts."""
+def error_growth(scene: Scene) -> float:
+    """`Path.error_growth` where a scene starts."""
     size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
     return speed(scene) * max(1.0, size * speed(scene))
 
 
 def full_tolerance(
-    ahead: Sequence[Stretch], stokes: float, tolerance: float, worn: float
+    ahead: Sequence[PlannedSegment], stokes: float, tolerance: float, spent_full: float
 ) -> tuple[float, float]:
-    """Tolerance of the full equations in the first stretch ahead, and its share of the error.
+    """Tolerance of the full equations in the first segment ahead, and its share of the error.
 
-    Windows share their error by how long they last, which costs least; those behind have taken
-    `worn` of it.
+    Segments of the full equations share their error by how long they last, which costs least;
+    those before have taken `spent_full` of it.
     """
     first = ahead[0]
-    error = WINDOWS * ERROR_PER_TOLERANCE * tolerance
-    lasting = sum(window.end - window.start for window in ahead if not window.second_order)
-    share = (error - worn if worn < error else error / 10) * (first.end - first.start) / lasting
-    tolerances = tolerance, *(tighter for tighter in _WINDOW_TOLERANCES if tighter < tolerance)
+    error = FULL_SHARE * ERROR_PER_TOLERANCE * tolerance
+    lasting = sum(later.end - later.start for later in ahead if not later.second_order)
+    share = (
+        (error - spent_full if spent_full < error else error / 10)
+        * (first.end - first.start)
+        / lasting
+    )
+    tolerances = tolerance, *(tighter for tighter in _FULL_TOLERANCES if tighter < tolerance)
     grows = PER_RADIAN * first.turned * stokes
     chosen = next((loose for loose in tolerances if loose * grows <= share), tolerances[-1])
     return chosen, max(chosen, ROUNDING) * grows
 
 
-def foreseen(scene: Scene, error: float) -> tuple[Stretch, ...]:
-    """Stretches of a run for a requested error."""
+def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
+    """Segments of a run for a requested error."""
     if speed(scene) * scene.time < 2 * np.pi * _SHORT:
         return (
-            Stretch(
+            PlannedSegment(
                 0.0,
                 scene.slow_time,
                 False,
                 "the run is short",
-                turned=wear(scene) * scene.slow_time,
+                turned=error_growth(scene) * scene.slow_time,
             ),
         )
-    return outline(scene, error).stretches
+    return outline(scene, error).segments
 
 
 def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array], Array]]:

@@ -1,4 +1,4 @@
-"""A run of several pieces says what it did: in the solution, on the terminal."""
+"""A run of several segments says what it did: in the solution, on the terminal."""
 
 import pickle
 
@@ -19,21 +19,21 @@ def solution() -> SceneSolution:
     )
 
 
-def test_a_solution_knows_its_pieces(solution: SceneSolution):
-    first, second = solution.pieces[0], solution.pieces[-1]
+def test_a_solution_knows_its_segments(solution: SceneSolution):
+    first, second = solution.segments[0], solution.segments[-1]
     assert (first.begin, second.end) == (0.0, pytest.approx(0.2))
     assert "|L|" in first.reason
     assert first.error > 0
     assert second.error > 0
     assert second.angle > second.error
-    lines = [line for line in repr(solution).splitlines() if line.startswith("  piece: ")]
-    assert len(lines) == len(solution.pieces)
+    lines = [line for line in repr(solution).splitlines() if line.startswith("  segment: ")]
+    assert len(lines) == len(solution.segments)
     assert "full equations" in lines[0]
-    assert pickle.loads(pickle.dumps(solution)).pieces == solution.pieces
+    assert pickle.loads(pickle.dumps(solution)).segments == solution.segments
 
 
-def test_many_pieces_are_cut_short(solution: SceneSolution):
-    assert solution.pieces_in_words(most=1) == [f"{len(solution.pieces)} pieces more"]
+def test_many_segments_are_cut_short(solution: SceneSolution):
+    assert solution.segments_in_words(most=1) == [f"{len(solution.segments)} segments more"]
 
 
 def test_the_command_notes_them(here: Run):

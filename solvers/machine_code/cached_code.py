@@ -11,7 +11,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from zlib import crc32
 
-from polhode.models.files.kept import make_private, say
+from polhode.models.files.cached import make_private, say
 
 # Bytes that heyoka may cache, some fifty integrators: to read and sum them takes 20 ms of a start.
 MAX_CODE_BYTES = 20_000_000

@@ -5,7 +5,7 @@ import pytest
 
 from polhode.harness.analysis.frames import by_stokes
 from polhode.harness.analysis.pareto import costs
-from polhode.harness.pages.footing import FOOTING_ERRORS, _interpreter, _worth
+from polhode.harness.pages.equal_error import COMPARED_ERRORS, _interpreter, _worth
 from polhode.harness.pages.tables import table as shown
 
 
@@ -34,7 +34,7 @@ def test_each_library_by_its_fastest_method_alone():
         ("cvode-bdf", None, None, 4e-3, 1e-7, done),
         ("cyrk-radau", None, None, 1e-6, 1e-9, "time_limit"),
     ]
-    claims, text = _worth(costs(by_stokes(runs(*table)), FOOTING_ERRORS))
+    claims, text = _worth(costs(by_stokes(runs(*table)), COMPARED_ERRORS))
     assert cells(text, "| 1e-6") == [
         "1e-6",
         "10",
@@ -65,9 +65,11 @@ def test_the_same_algorithm_in_three_ways(
             (solver, "numba", own, 20e-3 * factor, 1e-9, done),
         ]
         table.append((alone, "compiled", own, 2e-3 * factor, 1e-9, done))
-    text = shown(_interpreter(runs(*table)), "footing-interpreter")
+    text = shown(_interpreter(runs(*table)), "equal-error-interpreter")
     assert cells(text, "| 10") == ["10", solver, "30 ms", "20 ms", "2.0 ms", "15.0", "10.0"]
     unfinished = runs(
         *(row if row[1] != "compiled" else (*row[:-1], "time_limit") for row in table)
     )
-    assert cells(shown(_interpreter(unfinished), "footing-interpreter"), "| 10")[4:] == ["–"] * 3
+    assert (
+        cells(shown(_interpreter(unfinished), "equal-error-interpreter"), "| 10")[4:] == ["–"] * 3
+    )
