@@ -22,6 +22,8 @@ TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 # Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise
 # makes.
 TIE = 1.15
+# A run counts on a front only if it lowers the error by this factor: less may be rounding.
+LEAST_GAIN = 2.0
 # Errors of the regime map, from the loosest to the tightest.
 MAP_TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
 # Averaged equations are not tried over more slow time than this: all is over long before.
@@ -58,11 +60,21 @@ def methods(runs: pd.DataFrame) -> Iterator[tuple[Method, pd.DataFrame]]:
         yield Method(str(form), str(solver)), method_runs
 
 
-def pareto_front(runs: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
-    """The runs that no other run beats in both time and error, from the fastest to the most accurate."""
+def pareto_front(runs: pd.DataFrame, error: str = "slow_error", gain: float = 1.0) -> pd.DataFrame:
+    """The runs that no other run beats in both time and error, from the fastest to the most accurate.
+
+    Each but the first has at most 1/gain of the error of the one before it.
+    """
     points = runs[[error, "seconds"]].to_numpy(float)
     order = np.lexsort(points.T)
-    return runs.iloc[order[np.diff(np.minimum.accumulate(points[order, 0]), prepend=np.inf) < 0]]
+    least = np.inf
+    kept = []
+    for place in order:
+        lower = points[place, 0] < least if gain == 1.0 else points[place, 0] * gain <= least
+        if lower:
+            kept.append(place)
+            least = points[place, 0]
+    return runs.iloc[kept]
 
 
 def front(runs: pd.DataFrame, error: str = "slow_error") -> np.ndarray:
@@ -167,11 +179,12 @@ class Cell:
     second: Method | None = None
     seconds: float = float("nan")
     lead: float = float("nan")  # time of the second over that of the winner
+    spread: float = 0.0  # the larger one of both runs' spreads over their times
 
     @property
     def tied(self) -> bool:
-        """Whether the second is within `TIE` of the winner."""
-        return self.lead <= TIE
+        """Whether the second is within `TIE` of the winner, or within what repeats of the two runs vary by."""
+        return self.lead <= max(TIE, 1.0 + self.spread)
 
 
 def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARGETS) -> list[Cell]:
@@ -184,22 +197,37 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARG
         for target in targets:
             seconds = times.loc[target, stokes].dropna()
             row_of_cells.append(
-                _cell(stokes, target, seconds)
+                _cell(stokes, target, seconds, runs, error)
                 if target > limit
                 else Cell(stokes, target, known=False)
             )
     return row_of_cells
 
 
-def _cell(stokes: float, target: float, times: pd.Series) -> Cell:
+def _cell(stokes: float, target: float, times: pd.Series, runs: pd.DataFrame, error: str) -> Cell:
     seconds_of: Any = times.to_dict()
     ranked = sorted((seconds, Method(*method)) for method, seconds in seconds_of.items())
     if not ranked:
         return Cell(stokes, target, known=True)
     seconds, winner = ranked[0]
     rivals = [entry for entry in ranked[1:] if entry[1].label != winner.label]
-    later, second = rivals[0] if rivals else (float("nan"), None)
-    return Cell(stokes, target, True, winner, second, seconds, later / seconds)
+    if not rivals:
+        return Cell(stokes, target, True, winner, None, seconds)
+    later, second = rivals[0]
+    spread = max(_spread(runs, method, target, error) for method in (winner, second))
+    return Cell(stokes, target, True, winner, second, seconds, later / seconds, spread)
+
+
+def _spread(runs: pd.DataFrame, method: Method, target: float, error: str) -> float:
+    """By how much the repeats of a method's cheapest run to an error vary, over its time; 0 where unknown."""
+    if "seconds_spread" not in runs:
+        return 0.0
+    own = (runs["form"] == method.form) & (runs["solver"] == method.solver)
+    good = where(runs, own & (runs["status"] == Status.REACHED_END) & (runs[error] <= target))
+    good = good.dropna(subset=["seconds", "seconds_spread"]).sort_values(by=["seconds"])
+    if good.empty:
+        return 0.0
+    return float(good.iloc[0]["seconds_spread"]) / float(good.iloc[0]["seconds"])
 
 
 @dataclass(frozen=True)
@@ -220,7 +248,7 @@ def standings(records: pd.DataFrame, error: str, panel: Sequence[Cell]) -> list[
     sure = where(done, known(done, error).fillna(value=False))
     on_front = []
     for _, runs in sure.groupby("stokes"):
-        on_front += [method for method, _ in methods(pareto_front(runs, error))]
+        on_front += [method for method, _ in methods(pareto_front(runs, error, LEAST_GAIN))]
     winners = [cell.winner for cell in panel]
     ties = [cell.second for cell in panel if cell.tied]
     rows = []

@@ -53,16 +53,42 @@ def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def _surest(runs: Any) -> dict[str, Any]:
-    """Which of the solvers that take most cases failed least, by the number taken, where anybody got through."""
-    possible = runs[runs.groupby(_CASE)["passed"].transform("any")]
-    taken = possible.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
-    most = taken[taken["size"] >= _MOST * taken["size"].max()]
-    missed = most["size"] - most["sum"]
-    best = most[missed == missed.min()]
-    scenes = set(possible["scene"][possible["solver"].isin(best.index) & ~possible["passed"]])
-    groups = [(number, [*solvers.index]) for number, solvers in best.groupby("size", sort=False)]
-    possible = len(possible.drop_duplicates(_CASE))
-    return {"possible": possible, "least": missed.min(), "surest": groups, "scenes": sorted(scenes)}
+    """The solvers without a miss, of those that take most cases and of the others; if none of the first, the nearest.
+
+    Every run that did not reach its end accurately is a miss, also one that nobody got through.
+    """
+    taken = runs.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
+    widely = taken["size"] >= _MOST * taken["size"].max()
+    without = taken["size"] == taken["sum"]
+    few = taken[without & ~widely]
+    found = {
+        "sure": _by_size(taken[without & widely]),
+        "few": _by_size(few),
+        "count": int(widely.sum()),
+    }
+    misses = (taken["size"] - taken["sum"])[widely]
+    name = str(misses.idxmin())
+    own = runs[runs["solver"] == name]
+    kinds = Counter(own["outcome"])
+    possible = own[own["passed"] | own.set_index(_CASE).index.isin(_passed_by_somebody(runs))]
+    return found | {
+        "nearest": name,
+        "through": int(own["passed"].sum()),
+        "runs": len(own),
+        "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds[kind]],
+        "possible": len(possible),
+        "missed": int((~possible["passed"]).sum()),
+    }
+
+
+def _by_size(taken: Any) -> list[tuple[int, list[str]]]:
+    """Solvers by the number of runs that they take."""
+    return [(number, [*solvers.index]) for number, solvers in taken.groupby("size", sort=False)]
+
+
+def _passed_by_somebody(runs: Any) -> Any:
+    """The cases that at least one solver got through."""
+    return runs[runs["passed"]].set_index(_CASE).index
 
 
 def limit(table: pd.DataFrame) -> str:

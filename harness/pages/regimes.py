@@ -35,6 +35,7 @@ _CELL_COLUMNS = [
     "solver",
     "seconds",
     "lead",
+    "spread",
     "tie",
     "next",
 ]
@@ -78,6 +79,7 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
                 *(cell.winner or ("", "")),
                 cell.seconds,
                 cell.lead,
+                cell.spread,
                 cell.tied,
                 str(cell.second or ""),
             )
@@ -142,7 +144,8 @@ def read_cells(path: Path) -> Maps:
         winner = Method(row["form"], row["solver"]) if row["form"] else None
         second = Method(*row["next"].split(", ")) if row["next"] else None
         cell = Cell(
-            row["St"], row["target"], row["known"], winner, second, row["seconds"], row["lead"]
+            *(row["St"], row["target"], row["known"], winner, second),
+            *(row["seconds"], row["lead"], row.get("spread", 0.0)),
         )
         maps.setdefault((row["scene"], row["error"]), []).append(cell)
     return maps

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from io import BytesIO
 from itertools import chain, groupby
-from math import isnan
+from math import floor, isnan, log10, nan
 from pathlib import Path
 from typing import Any
 
@@ -18,21 +18,35 @@ from polhode.harness.analysis.frames import (
     rows_of,
     where,
 )
-from polhode.harness.analysis.pareto import Cell, usual_form
+from polhode.harness.analysis.in_full import ran_in_full
+from polhode.harness.analysis.pareto import (
+    Cell,
+    Method,
+    cost,
+    front,
+    limit_of,
+    methods,
+    pareto_front,
+    usual_form,
+)
 from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export
-from polhode.harness.common.text import duration, factor, short
+from polhode.harness.common.text import factor, short
 from polhode.harness.pages.figures.map_picture import MAP_ERRORS, by_side
 from polhode.harness.pages.figures.style import colour, is_averaged, looks
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site.markup import Page, html
+from polhode.harness.studies.study import read_study
+from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
 TITLE = "What should I run?"
 # The two kinds of error: the word of `--want`, and the page's name.
 _WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
+# Errors at which methods are compared for the question: 16 in a decade, from 1 to 1e-14.
+_ERRORS = tuple(10.0 ** (-place / 16) for place in range(14 * 16 + 1))
 # Letters of a name that may be broken at its hyphens.
 _LONG = 12
 
@@ -76,54 +90,83 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     data = {
         "particles": particles,
         "wants": dict(_WANTS.values()),
-        "columns": _answers(panels, reached),
+        "columns": question_columns(panels, reached, read_study(None, "regimes").scenes),
     }
     return body, {"question-data": data}
 
 
-def _answers(
-    panels: Mapping[tuple[str, str], Sequence[Cell]], reached: pd.DataFrame
+def question_columns(
+    panels: Mapping[tuple[str, str], Sequence[Cell]],
+    reached: pd.DataFrame,
+    scenes: Sequence[tuple[str, Scene]] = (),
 ) -> list[dict[str, Any]]:
-    """Columns for the script: span and averaging by particle, kind of error and St; the answer of each cell there."""
+    """What `look_up` asks: particle, kind of error, St, span, limit of the reference, methods with their runs."""
     columns = []
     for (name, error), cells in panels.items():
         scene_runs = where(reached, (reached["scene_name"] == name) & reached[error].notna())
+        scene_runs = where(scene_runs, ~ran_in_full(scene_runs, scenes))
         for stokes in dict.fromkeys(cell.stokes for cell in cells):
             runs = where(scene_runs, scene_runs["stokes"] == stokes)
-            answers = [_answer(cell, runs, error) for cell in cells if cell.stokes == stokes]
-            place = {"particle": name, "want": _WANTS[error][0], "St": stokes}
-            columns.append(place | _there(runs, error) | {"cells": answers})
+            limit = limit_of(runs, error) if len(runs) else nan
+            column = {"particle": name, "want": _WANTS[error][0], "St": stokes}
+            column["limit"] = None if isnan(limit) else _rounded_up(limit)
+            column["span"] = _span(runs)
+            column["methods"] = _methods(runs, error)
+            columns.append(column)
     return columns
 
 
-def _there(runs: Any, error: str) -> dict[str, Any]:
-    """How far the runs at one St go, and the least error of each averaged form among them."""
-    averaged: Any = where(runs, runs["form"].map(is_averaged))
-    span_and_averaging: dict[str, Any] = {
-        "averaging": averaged.groupby("form", sort=False)[error].min().to_dict()
-    }
+def _span(runs: pd.DataFrame) -> str:
+    """How far the runs at one St go, in words."""
     for stokes, time in runs[["stokes", "scene.time"]].dropna().head(1).to_numpy().tolist():
-        span_and_averaging["span"] = f"t = {short(time)}" + (
-            f", t₂ = {short(time / stokes)}" if stokes else ""
-        )
-    return span_and_averaging
+        return f"t = {short(time)}" + (f", t₂ = {short(time / stokes)}" if stokes else "")
+    return ""
 
 
-def _answer(cell: Cell, runs: Any, error: str) -> dict[str, Any]:
-    """The method of a cell, and the loosest tolerance with which it reaches the error."""
-    answer = {"error": cell.target, "known": cell.known}
-    if cell.winner:
-        form, solver = cell.winner
-        answer |= {"form": form, "solver": solver}
-        answer |= {
-            "time": duration(cell.seconds),
-            "next": str(cell.second or ""),
-            "tied": cell.tied,
+def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
+    """The methods that are the first or the second at some error, or an averaged form's cheapest, with their runs."""
+    points = {method: front(own, error) for method, own in methods(runs)}
+    points = {method: own for method, own in points.items() if len(own)}
+    chosen: set[Method] = set()
+    for target in _ERRORS:
+        seconds = {method: cost(own, target) for method, own in points.items()}
+        ranked = sorted((time, method) for method, time in seconds.items() if not isnan(time))
+        chosen.update(method for _, method in ranked[:1])
+        rivals = [method for _, method in ranked if method.label != ranked[0][1].label]
+        chosen.update(rivals[:1])
+    averaged = where(runs, runs["form"].map(is_averaged).astype(bool))
+    for _, own in averaged.groupby("form"):
+        chosen.update(method for method, _ in methods(pareto_front(own, error)))
+    # The cheapest averaged run, whichever the form.
+    chosen.update(method for method, _ in methods(pareto_front(averaged, error)))
+    return [
+        {
+            "form": method.form,
+            "solver": method.solver,
+            "label": method.label,
+            "averaged": is_averaged(method.form),
+            "points": _points(runs, method, error),
         }
-        answer["lead"] = "" if isnan(cell.lead) else factor(cell.lead)
-        good = (runs["form"] == form) & (runs["solver"] == solver) & (runs[error] <= cell.target)
-        answer["tolerance"] = short(runs.loc[good, "tolerance"].max()) if good.any() else ""
-    return answer
+        for method in points
+        if method in chosen
+    ]
+
+
+def _points(runs: pd.DataFrame, method: Method, error: str) -> list[list[float]]:
+    """Error, seconds, tolerance and relative spread of a method's runs that no other of its runs beats."""
+    own = where(runs, (runs["form"] == method.form) & (runs["solver"] == method.solver))
+    own = pareto_front(own.dropna(subset=[error, "seconds"]), error)
+    spread = (own["seconds_spread"].astype(float) / own["seconds"].astype(float)).fillna(0.0)
+    rows = own.assign(spread=spread)[[error, "seconds", "tolerance", "spread"]].to_numpy(float)
+    return [[_rounded_up(size), *more[:2], round(more[2], 2)] for size, *more in rows.tolist()]
+
+
+def _rounded_up(value: float) -> float:
+    """A number of four digits, as pages hold them, that is no smaller."""
+    near = float(f"{value:.3e}")
+    if near >= value or value <= 0:
+        return near
+    return float(f"{near + 10.0 ** (floor(log10(value)) - 3):.3e}")
 
 
 def _map(particle: str, error: str, panel: Sequence[Cell]) -> dict[str, Any]:

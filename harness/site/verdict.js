@@ -1,10 +1,66 @@
 "use strict";
-// The opening page: a question, kept in the address, and its answer from the measured cells.
-(() => {
+// The look-up, as in lookup.py: runs to make at the St measured, or at the neighbours on both sides.
+const lookUp = (() => {
+  const SAME = 1e-3, TIE = 1.15, LEAST = 2.2250738585072014e-308;
+  const run = (points, error) => points.find((point) => point[0] <= error);
+
+  // Time for an error: logarithms interpolated between two runs.
+  function cost(points, error) {
+    const place = points.findIndex((point) => point[0] <= error);
+    if (place < 0) return null;
+    const here = points[place], before = points[place - 1];
+    if (!before || here[0] === error) return here[1];
+    const share = Math.log(before[0] / error) / Math.log(before[0] / Math.max(here[0], LEAST));
+    return Math.exp(Math.log(before[1]) + share * Math.log(here[1] / before[1]));
+  }
+
+  // Of each averaged form its least error, and the least time of a run that is good enough.
+  function averagedForms(methods, error) {
+    const best = new Map();
+    for (const { form, averaged, points } of methods) {
+      if (!averaged) continue;
+      const least = Math.min(...points.map((point) => point[0])), seconds = run(points, error)?.[1] ?? null;
+      const entry = best.get(form) ?? [form, least, null];
+      entry[1] = Math.min(entry[1], least);
+      if (seconds !== null && (entry[2] === null || seconds < entry[2])) entry[2] = seconds;
+      best.set(form, entry);
+    }
+    return [...best.values()];
+  }
+
+  const order = (a, b) => (a < b ? -1 : a > b ? 1 : 0);
+
+  function answer(column, error) {
+    const methods = column.limit === null || error > column.limit ? column.methods : [];
+    const found = { St: column.St, averaged: averagedForms(column.methods, error), known: methods.length > 0 };
+    const ranked = methods.map((method) => ({ method, seconds: cost(method.points, error) })).filter((entry) => entry.seconds !== null);
+    ranked.sort((a, b) => order(a.seconds, b.seconds) || order(a.method.form, b.method.form) || order(a.method.solver, b.method.solver));
+    if (!ranked.length) return found;
+    let best = ranked[0];
+    // An averaged form that is good enough is never dearer than what is recommended.
+    for (const entry of ranked)
+      if (entry.method.averaged && run(entry.method.points, error)[1] < run(best.method.points, error)[1]) best = entry;
+    const rival = ranked.find((entry) => entry.method.label !== best.method.label), made = run(best.method.points, error);
+    const tied = Boolean(rival) && rival.seconds / best.seconds <= Math.max(TIE, 1 + made[3], 1 + run(rival.method.points, error)[3]);
+    return { ...found, form: best.method.form, solver: best.method.solver, cost: best.seconds, error: made[0], seconds: made[1],
+      tolerance: made[2], next: rival ? [rival.method.form, rival.method.solver, rival.seconds] : null, tied };
+  }
+
+  return (columns, particle, want, St, error) => {
+    const own = columns.filter((one) => one.particle === particle && one.want === want && one.St > 0).sort((a, b) => a.St - b.St);
+    const same = own.filter((one) => Math.abs(one.St / St - 1) < SAME);
+    const neighbours = [own.findLast((one) => one.St < St), own.find((one) => one.St > St)].filter(Boolean);
+    const chosen = same.length ? same : neighbours;
+    return { beyond: !same.length && chosen.length < 2, answers: chosen.map((column) => answer(column, error)) };
+  };
+})();
+if (typeof module !== "undefined") module.exports = { lookUp };
+
+// The opening page: a question, kept in the address, and its answers.
+if (typeof document !== "undefined") (() => {
   const place = document.getElementById("question-data");
   if (!place) return;
   const data = JSON.parse(place.textContent);
-  const measured = data.columns.flatMap(({ cells, ...column }) => cells.map((cell) => ({ ...column, ...cell })));
   const form = document.getElementById("ask"), answer = document.getElementById("answer");
   const START = { particle: "ellipsoid", St: "10000", error: "1e-6", want: "slow" };
 
@@ -65,50 +121,68 @@
       answer.replaceChildren(made("p", { textContent: "St and the error allowed are positive numbers, such as 3e3 and 1e-4." }));
       return;
     }
-    const cells = measured.filter((cell) => cell.particle === particle.value && cell.want === want.value && cell.St > 0);
-    const far = (cell) => Math.abs(Math.log(cell.St / St));
-    const nearest = Math.min(...cells.map(far));
-    const column = cells.filter((cell) => far(cell) === nearest).sort((a, b) => b.error - a.error);
-    const cell = column.find((each) => each.error <= allowed * 1.0001) ?? column[column.length - 1];
-    for (const link of document.querySelectorAll(".map td a"))
-      link.toggleAttribute("aria-current", link.getAttribute("href").includes(`particle=${cell.particle}&want=${cell.want}&`)
-        && link.getAttribute("href").endsWith(`St=${short(cell.St)}&error=${short(cell.error)}`));
-    draw(cell, St, allowed, cells);
+    const found = lookUp(data.columns, particle.value, want.value, St, allowed);
+    mark(found, allowed);
+    draw(found, St, allowed);
   }
 
-  function draw(cell, St, allowed, cells) {
+  // The cells of the map that the answers belong to: the loosest error named there that is no larger than the one allowed.
+  function mark(found, allowed) {
+    const numbers = new Set(found.answers.map((one) => short(one.St)));
+    const links = [...document.querySelectorAll(".map td a")].map((link) => [link, new URLSearchParams(link.getAttribute("href").slice(1))])
+      .filter(([link, query]) => {
+        link.removeAttribute("aria-current");
+        return query.get("particle") === particle.value && query.get("want") === want.value && numbers.has(query.get("St"));
+      });
+    const errors = links.map(([, query]) => Number(query.get("error"))).filter((error) => error <= allowed * 1.0001);
+    for (const [link, query] of links)
+      link.toggleAttribute("aria-current", Number(query.get("error")) === Math.max(...errors));
+  }
+
+  const time = (s) => (s >= 1 ? s.toPrecision(2) + " s" : s >= 1e-3 ? (s * 1e3).toPrecision(2) + " ms" : (s * 1e6).toPrecision(3) + " µs");
+
+  function draw(found, St, allowed) {
     answer.replaceChildren();
-    const first = made("p", { className: "first" }, answer);
-    if (cell.form) {
-      first.append("Run ", made("b", { textContent: cell.form }), " by ", made("b", { textContent: cell.solver }),
-        cell.tolerance ? " at tolerance " : "", cell.tolerance ? made("b", { textContent: cell.tolerance }) : "",
-        ": about ", made("b", { textContent: cell.time }), ".");
-      const next = !cell.next ? "No other method gets to this error." : cell.tied ? `It ties with ${cell.next}.`
-        : `The next, ${cell.next}, takes ${cell.lead.replace("×", "")} times as long.`;
-      made("p", { textContent: next }, answer);
-    } else first.append(cell.known ? "No run measured gets to this error." : "The reference is not good enough to say.");
-    averaging(cell, St, allowed, cells);
-    if (cell.form) command(`polhode solve scene.toml --form ${cell.form} --solver ${cell.solver}` +
-      (cell.tolerance ? ` --tolerance ${cell.tolerance}` : ""));
+    const alone = found.answers.length === 1;
+    if (!alone) made("p", { textContent: `St = ${short(St)} lies between two that were measured:` }, answer);
+    for (const one of found.answers) {
+      const first = made("p", { className: "first" }, answer);
+      if (!alone || found.beyond) first.append(`At St = ${short(one.St)}: `);
+      if (one.form) recommend(first, one, allowed);
+      else first.append(one.known ? "no run measured gets to this error." : "the reference is not good enough to say.");
+      averaging(one, allowed);
+      if (one.form) command(`polhode solve scene.toml --form ${one.form} --solver ${one.solver} --tolerance ${short(one.tolerance)}`);
+    }
+    const unsure = found.beyond || !alone || found.answers.some((one) => !one.form);
+    if (unsure) {
+      const why = found.beyond ? `St = ${short(St)} lies beyond what was measured.` : alone ? "" : "In between, ask for your own scene.";
+      made("p", { textContent: [why, "pick races the methods on your scene:"].filter(Boolean).join(" ") }, answer);
+      command(`polhode pick scene.toml --error ${short(allowed)} --want ${want.value}`);
+    }
     const note = made("p", { className: "note" }, answer);
-    const asked = Math.abs(cell.St / St - 1) < 1e-3 ? "" : ", the nearest St measured";
-    note.append(`Measured at St = ${short(cell.St)}${asked}, for an error of ${short(cell.error)}${cell.span ? ", over " + cell.span : ""}. `,
-      made("a", { textContent: "All runs there", href: "cost.html#" + new URLSearchParams({ scene: "regimes: " + cell.particle,
-        St: String(cell.St), error: cell.want === "slow" ? "slow_error" : "orientation_error" }) }), ".");
+    for (const one of found.answers) {
+      const span = data.columns.find((column) => column.particle === particle.value && column.want === want.value && column.St === one.St).span;
+      note.append(`Measured at St = ${short(one.St)}${span ? " over " + span : ""}: `, made("a", { textContent: "all runs there",
+        href: "cost.html#" + new URLSearchParams({ scene: "regimes: " + particle.value, St: String(one.St),
+          error: want.value === "slow" ? "slow_error" : "orientation_error" }) }), ". ");
+    }
   }
 
-  // The smallest error of each averaged form at St, between the measured ones by a power law.
-  function averaging(cell, St, allowed, cells) {
-    const known = new Map(cells.map((each) => [each.St, each.averaging]));
-    const numbers = [...known.keys()].sort((a, b) => a - b);
-    const at = numbers.findLastIndex((x) => x <= St * 1.0001), x = numbers[at], u = numbers[at + 1];
-    const lines = Object.keys(known.get(x) ?? {}).flatMap((form) => {
-      const y = known.get(x)[form], v = known.get(u)?.[form];
-      const value = Math.abs(St / x - 1) < 1e-3 ? y : y * (St / x) ** (Math.log(v / y) / Math.log(u / x));
-      return Number.isFinite(value) ? [`${form} errs by about ${short(value, 2)}, ${value <= allowed ? "" : "not "}good enough`] : [];
-    });
-    if (lines.length) made("p", { textContent: `Averaged equations at St = ${short(St)}: ${lines.join("; ")} for ${short(allowed)}.` }, answer);
-    else if (cell.want === "orientation") made("p", { textContent: "No averaged form was measured for the orientation here." }, answer);
+  function recommend(first, one, allowed) {
+    first.append("Run ", made("b", { textContent: one.form }), " by ", made("b", { textContent: one.solver }), " at tolerance ",
+      made("b", { textContent: short(one.tolerance) }), ": ", made("b", { textContent: time(one.seconds) }), ".");
+    const rival = one.next && `${one.next[0]}, ${one.next[1]}`, lead = one.next && one.next[2] / one.cost;
+    const next = !rival ? "No other method gets to this error." : one.tied ? `${rival} ties with it.`
+      : `At ${short(allowed)} the next, ${rival}, takes ${short(lead, 2)} times as long.`;
+    made("p", { textContent: `Its measured error is ${short(one.error, 2)}. ${next}` }, answer);
+  }
+
+  // What each averaged form does at this St.
+  function averaging(one, allowed) {
+    const lines = one.averaged.map(([form, least, seconds]) => seconds === null
+      ? `${form} errs by ${short(least, 2)}, not good enough` : `${form} is good enough, in ${time(seconds)}`);
+    if (lines.length) made("p", { textContent: `Averaged equations at St = ${short(one.St)}: ${lines.join("; ")}.` }, answer);
+    else if (want.value === "orientation") made("p", { textContent: `No averaged form was measured for the orientation at St = ${short(one.St)}.` }, answer);
   }
 
   function command(text) {

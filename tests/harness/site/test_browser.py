@@ -202,7 +202,8 @@ def test_failures_are_listed(seen: dict[tuple[str, int], dict]):
 def test_a_question_is_answered_and_kept_in_the_address(seen: dict[tuple[str, int], dict]):
     page = seen["index", 390]
     assert "positive numbers" in page["refused"]
-    assert re.fullmatch(r"Run [\w-]+ by [\w-]+ at tolerance \S+: about \S+ \S+\.", page["asked"])
+    said = r"(At St = \S+: )?Run [\w-]+ by [\w-]+ at tolerance \S+: \S+ \S+\."
+    assert re.fullmatch(said, page["asked"])
     assert "St=100" in page["address"]
     assert page["shown"] == 1
 
