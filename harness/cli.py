@@ -129,6 +129,11 @@ class _Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[Any, click.Command | None, list[str]]:
         name = FORMER.get(args[0], args[0])
+        if name != args[0] and not ctx.resilient_parsing:
+            click.echo(
+                f"note: {args[0]!r} is now {name!r}; the former name goes with the next version",
+                err=True,
+            )
         if name not in COMMANDS and not ctx.resilient_parsing:
             raise BadInput(
                 f"no such command {name!r}{hint(name, COMMANDS)}, expected one of {', '.join(COMMANDS)}"

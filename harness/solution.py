@@ -15,6 +15,7 @@ from polhode.harness.common.files import dumps
 from polhode.harness.common.machine import versions
 from polhode.harness.common.text import scientific, short
 from polhode.models.form import Form
+from polhode.models.former import Former
 from polhode.models.libraries import need
 from polhode.models.observables import Observables, angular_velocity
 from polhode.models.scene import Scene, start_from
@@ -131,6 +132,8 @@ class SceneSolution(LikeSolveIvp):
             else [*lines[: most - 1], f"{len(lines) - most + 1} segments more"]
         )
 
+    pieces = Former("segments")
+    pieces_in_words = Former("segments_in_words")
     form = property(attrgetter("equations.name"), doc="Name of the form.")
     solver = property(attrgetter("run.solver"), doc="Name of the solver.")
     tolerance = property(attrgetter("run.settings.tolerance"), doc="The solver's.")
@@ -194,12 +197,15 @@ class SceneSolution(LikeSolveIvp):
         from polhode.models.files.scene_file import scene_table
 
         names = ("form", "solver", "tolerance", "seconds")
+        segments = [asdict(segment) for segment in self.segments]
         return {
             "scene": scene_table(self.scene),
             **{name: getattr(self, name) for name in names},
             "status": str(self.status),
             "error": self.error.summary(),
-            "segments": [asdict(segment) for segment in self.segments],
+            "segments": segments,
+            # The key of version 0.1, for version 0.2 too.
+            "pieces": segments,
             "versions": versions(),
         }
 

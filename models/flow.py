@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.former import Former
 from polhode.models.operations import ARRAYS, Operations
 from polhode.models.shape import Ellipsoid, require_numbers
 
@@ -137,6 +138,8 @@ class Flow:
 
         spline = CubicSpline(np.array(self.knots), flow_numbers(np.array(self.gradients)))
         return np.ascontiguousarray(np.moveaxis(spline.c[::-1], 1, 0))
+
+    segment = Former("interval")
 
     def interval(self, time: float) -> int:
         """Index of the knot from which a time's cubic begins."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.former import Former, former_object, takes_former
 from polhode.models.mass import in_rows, is_singular, mass_of, with_time
 from polhode.models.operations import Field, Operations
 from polhode.models.own_function import OwnField, own_field
@@ -13,6 +14,9 @@ from polhode.models.own_function import OwnField, own_field
 Floats = tuple[float, ...]
 Factory = Callable[[Operations], Field]
 Invariant = Callable[[np.ndarray], np.ndarray]
+
+# Names of version 0.1, understood in 0.2 too.
+_FORMER = {"Piece": "Segment", "Course": "NextSegment", "Segments": "ParameterTable"}
 
 # Tolerance below which rounding makes the error, not the tolerance.
 ROUNDING = 1e-13
@@ -110,6 +114,7 @@ class Segment:
 NextSegment = Callable[[float, np.ndarray, float], Segment]
 
 
+@takes_former(course="next_segment", segments="parameter_table")
 @dataclass(frozen=True)
 class Problem:
     """An autonomous initial value problem ``y' = field(y, p)``, ``y(0) = start``, on ``0 <= t <= end``.
@@ -165,6 +170,9 @@ class Problem:
     parts: Parts | None = None
     next_segment: NextSegment | None = None
     parameter_table: ParameterTable | None = None
+
+    course = Former("next_segment")
+    segments = Former("parameter_table")
 
     @classmethod
     def from_function(
@@ -257,3 +265,7 @@ class Problem:
     def dimension(self) -> int:
         """Number of components of the state."""
         return len(self.start)
+
+
+def __getattr__(name: str) -> Any:
+    return globals()[former_object(__name__, name, _FORMER)]

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from polhode.models.former import Former, rename_former
 from polhode.models.libraries import how_to_install, installed
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
@@ -350,6 +351,13 @@ class Solver(ABC):
     seeks_events: ClassVar[bool] = False
     # Whether it notes its own steps where the record asks for them.
     shows_steps: ClassVar[bool] = False
+
+    wears = Former("error_amplification")
+    takes_segments = Former("takes_parameter_table")
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        rename_former(cls, wears="error_amplification", takes_segments="takes_parameter_table")
 
     @property
     def available(self) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from polhode.models.former import Former
 from polhode.models.own_function import MAX_EXACT_JACOBIAN, OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
@@ -74,6 +75,8 @@ class Solution(LikeSolveIvp):
     work: Work
     seconds: float
     segments: tuple[SolvedSegment, ...] = ()
+
+    stages = Former("segments")
 
     @property
     def solver(self) -> str:

@@ -17,6 +17,7 @@ from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.request import EPS
 from polhode.harness.common.text import in_two_digits, scientific
 from polhode.harness.references.errors import orientation_difference
+from polhode.models.former import Former
 from polhode.models.observables import Observables
 from polhode.models.shape import Ellipsoid
 
@@ -98,6 +99,8 @@ class RunError:
     difference: Difference | None = field(default=None, repr=False, compare=False)
     # Shares of the run at which the rows lie.
     rows: Array = field(default_factory=lambda: INNER, repr=False, compare=False)
+
+    wanted = Former("of")
 
     def of(self, want: str) -> Interval | None:
         """The error of L and E (`slow`) or of the `orientation`."""

@@ -55,7 +55,9 @@ def test_what_makes_the_reports_are_commands(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize("name", FORMER)
 def test_former_names_are_understood_and_not_listed(here: Run, name: str):
-    assert here(name, "--help").stdout.startswith(f"Usage: polhode {FORMER[name]} ")
+    result = here(name, "--help")
+    assert result.stdout.startswith(f"Usage: polhode {FORMER[name]} ")
+    assert result.stderr.startswith(f"note: {name!r} is now {FORMER[name]!r}; the former name")
     assert f"  {name} " not in here("--help").stdout
 
 
