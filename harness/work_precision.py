@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from polhode.harness.analysis.equal_error import best_of_families
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.common.files import digest, dumps, write_file
 from polhode.harness.common.machine import machine, versions
-from polhode.harness.common.progress import Progress
+from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Timing, collector_off, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
@@ -575,13 +574,13 @@ def run_problems(
     stored_keys = store.keys()
     all_rows = []
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
-    progress = tqdm(
-        cases_by_key.items(), disable=quiet or None, unit="case", desc="problems", leave=False
-    )
+    progress = Steps("problems", len(cases_by_key), "cases", quiet)
     with Worker() as worker, progress:
-        for key, case in progress:
+        for key, case in cases_by_key.items():
             if key in stored_keys:
+                progress.advance()
                 continue
+            progress.detail(f"{case['problem']} {case['solver']}")
             reply = worker.run(
                 measured, case["problem"], case["solver"], *settings.values(), limit=limit
             )
@@ -600,6 +599,7 @@ def run_problems(
                 {"problem": case["problem"]},
                 {"rows": rows, "machine": machine(), "versions": versions()},
             )
+            progress.advance()
     for record in store:
         if record["key"] in cases_by_key:
             kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}

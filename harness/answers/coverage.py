@@ -16,7 +16,6 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 from polhode.harness.answers.confirmed import Answer, confirm, meet
 from polhode.harness.answers.request import WANTS
@@ -25,6 +24,7 @@ from polhode.harness.answers.runs import Runner
 from polhode.harness.answers.statement import difference, factors
 from polhode.harness.common.files import digest, write_file
 from polhode.harness.common.fits import wilson
+from polhode.harness.common.progress import in_steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.references.extended import ReferenceFailedError, extended_run
 from polhode.models.catalogue import form as find_form, full_form
@@ -362,7 +362,7 @@ def study(store: Store, seed: int, scenes: int, quiet: bool = False) -> list[Rec
     """Runs of `scenes` scenes of each sort, from the store or measured."""
     rows = []
     tasks = list(product(range(scenes), _SCENES))
-    for index, sort in tqdm(tasks, "errors stated", leave=False, disable=quiet or None):
+    for index, sort in in_steps(tasks, "errors stated", "runs", quiet):
         content = {"sort": sort, "seed": seed, "index": index}
         content |= {"schema": _SCHEMA, "factors": digest(factors())}
         key = digest({"coverage": content})

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from polhode.harness.answers.pace import unseen
 from polhode.harness.answers.pick import forget, pick
@@ -25,6 +24,7 @@ from polhode.harness.answers.rules import Method, first_tolerance, methods_for, 
 from polhode.harness.answers.statement import difference
 from polhode.harness.answers.timed import plain_practice
 from polhode.harness.common.files import digest
+from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference
@@ -81,7 +81,7 @@ def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evalua
     scenes = []
     runs = []
     left_out = dict[str, str]()
-    bar = tqdm(questions(seed, count), disable=quiet or None, desc="held-out", leave=False)
+    bar = Steps("held-out", count, "scenes", quiet).over(questions(seed, count))
     for question in bar:
         content = {"held-out": question.name, "schema": _SCHEMA}
         key = digest(content)

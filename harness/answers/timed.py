@@ -10,10 +10,10 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from tqdm import tqdm
 
 from polhode.harness.answers.rules import stiff
 from polhode.harness.answers.statement import difference
+from polhode.harness.common.progress import in_steps
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form as find_form, full_form
 from polhode.models.observables import Observables
@@ -121,7 +121,7 @@ def study(ask: Ask, seed: int, scenes: int, quiet: bool = False) -> Iterator[Tim
         scene, error, want, _ = drawn(seed, scenes + index)
         ask(scene, error, want)
         plain_practice(scene, error, want, TIMED_ROWS)
-    for index in tqdm(range(scenes), "answers timed", leave=False, disable=quiet or None):
+    for index in in_steps(range(scenes), "answers timed", "scenes", quiet):
         scene, error, want, family = drawn(seed, index)
         began = perf_counter()
         observables, stated, method = ask(scene, error, want)

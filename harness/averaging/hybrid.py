@@ -6,7 +6,6 @@ from math import nan
 from time import perf_counter
 
 import numpy as np
-from tqdm import tqdm
 
 from polhode.harness.api import plan
 from polhode.harness.averaging.second_order import (
@@ -17,6 +16,7 @@ from polhode.harness.averaging.second_order import (
 from polhode.harness.common import cache
 from polhode.harness.common.files import digest
 from polhode.harness.common.machine import here
+from polhode.harness.common.progress import in_steps
 from polhode.harness.common.store import Record
 from polhode.harness.references.errors import errors
 from polhode.harness.references.extended import unlike_runs
@@ -170,7 +170,7 @@ def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, flo
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
     """Runs of the scenes at every error; scenes whose truth takes minutes are left out."""
     rows = []
-    for i, scene in enumerate(tqdm(scenes, "errors", leave=False, disable=quiet or None)):
+    for i, scene in enumerate(in_steps(scenes, "errors", "scenes", quiet)):
         if scene.time <= _LONGEST:
             reference = truth(scene)
             rows += [_measured(i, scene, error, reference) for error in REQUESTED_ERRORS]
@@ -214,9 +214,7 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
     for stokes, count in FAST.items():
         for i, scene in enumerate(random_scenes(count, _FAST_SEED)):
             scenes.append((i, replace(scene, stokes=stokes, time=FAST_SLOW_TIME * stokes)))
-    return [
-        _timed(i, scene) for i, scene in tqdm(scenes, "speed", leave=False, disable=quiet or None)
-    ]
+    return [_timed(i, scene) for i, scene in in_steps(scenes, "speed", "runs", quiet)]
 
 
 def _timed(start: int, scene: Scene) -> Speed:

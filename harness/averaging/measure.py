@@ -6,11 +6,10 @@ from dataclasses import replace
 from multiprocessing import get_context
 from typing import cast
 
-from tqdm import tqdm
-
 from polhode.harness.averaging.cases import FIRST_LOOK_STOKES, Subject, paper_cases
 from polhode.harness.averaging.data import Absent, AveragingErrors, Each, PaperStudy
 from polhode.harness.common.machine import here
+from polhode.harness.common.progress import Steps
 from polhode.harness.references.errors import errors
 from polhode.harness.references.reference import ReferenceFailedError, reference
 from polhode.models.catalogue import averaged_form, form as find_form
@@ -81,10 +80,8 @@ def measure_all(*, quick: bool = False, quiet: bool = False) -> PaperStudy:
     absent = list[Absent]()
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
         results = pool.map(measure, *zip(*tasks, strict=True))
-        shown = tqdm(
-            results, "accuracy", len(tasks), leave=False, disable=quiet or None, unit="reference"
-        )
-        for measured, missing in shown:
+        shown = Steps("accuracy", len(tasks), "references", quiet)
+        for measured, missing in shown.over(results):
             rows += measured
             absent += missing
     order = [case.name for case in cases]

@@ -9,11 +9,11 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from polhode.harness.averaging.cases import AWAY, CROSSING, RESONANT, Subject
 from polhode.harness.averaging.data import Cost, Passage, SecondOrderErrors, SecondOrderStudy
 from polhode.harness.common.machine import here
+from polhode.harness.common.progress import in_steps
 from polhode.harness.references.errors import Errors, errors
 from polhode.harness.references.extended import reference_runs
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
@@ -214,7 +214,7 @@ def measure_study(
         timed = {**study.timed, "passages": here(repeats=PASSAGE_REPEATS)}
         study = replace(study, resonances=resonances, crossings=crossings, timed=timed)
     if part in ("", "cost") and not quick:
-        cost = list(tqdm(costs(), "cost", leave=False, disable=quiet or None))
+        cost = list(in_steps(costs(), "cost", "rows", quiet))
         study = replace(study, cost=cost, timed={**study.timed, "cost": here(repeats=COST_REPEATS)})
     return study
 
@@ -229,7 +229,7 @@ def _rows(
     tasks = []
     for case in cases:
         tasks += [(case, stokes) for stokes in case.stokes[:points]]
-    return [take(*task) for task in tqdm(tasks, title, leave=False, disable=quiet or None)]
+    return [take(*task) for task in in_steps(tasks, title, "runs", quiet)]
 
 
 def _known(value: float | None) -> float:

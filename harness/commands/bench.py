@@ -220,8 +220,8 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     problem = paper_problem()
     records = {}
     with stored(out, resume) as store:
-        overheads = measure(problem, seconds=0.2 if quick else 2.0)
-        firsts = first_runs(problem, [one.solver for one in overheads])
+        overheads = measure(problem, seconds=0.2 if quick else 2.0, quiet=quiet)
+        firsts = first_runs(problem, [one.solver for one in overheads], quiet)
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
             records[name] = Runner(store, quiet).run(study.quick() if quick else study)
@@ -259,6 +259,8 @@ def paper(
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     report = (lambda _: None) if quiet or listed else partial(click.echo, err=True)
+    # The libraries that items need take seconds to load.
+    report(f"looking for data in {out}")
     from polhode.harness.paper.claims import find_items, section_of
     from polhode.harness.paper.item import Grid
     from polhode.harness.paper.pages import run
@@ -419,14 +421,15 @@ def sweep(
 
 @command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/sweep")
-def throughput(out: Path) -> None:
+@options.quiet
+def throughput(out: Path, quiet: bool) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory."""
     from polhode.harness.ensembles.throughput import measure
     from polhode.harness.pages.ensembles import write_page
 
     with bad_input():
         make_folder(out)
-    click.echo(f"{write_page(measure(), out)}")
+    click.echo(f"{write_page(measure(quiet), out)}")
 
 
 @command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))

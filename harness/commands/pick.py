@@ -19,7 +19,7 @@ from polhode.harness.commands._study_options import (
     stored,
     to_json,
 )
-from polhode.harness.common.text import cells, fitting, on_terminal
+from polhode.harness.common.text import cells, duration, fitting, on_terminal
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def pick(
     from polhode.harness.common.progress import Progress
 
     with bad_input(), Progress() as progress:
-        progress.begin("race at loose tolerances")
+        progress.begin("racing methods on the scene", note=_racing)
         from polhode.harness import api
 
         recommendation = api.pick(
@@ -102,6 +102,11 @@ def pick(
             f"\nTo run the first: polhode solve {quote(scene)} {method} --samples {samples} --out FILE.csv"
         )
     )
+
+
+def _racing(seconds: float) -> str:
+    """What is said of a question that takes longer than seconds."""
+    return f"methods have raced on the scene for {duration(seconds)}"
 
 
 def pick_page(recommendation: "Recommendation", everything: bool, why: bool = False) -> str:

@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands._study_options import FOLDER, as_json, quiet, to_json
+from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
 
@@ -70,7 +71,9 @@ def completion(shell: str) -> None:
 @as_json
 def doctor(as_json: bool) -> None:
     """Show versions, solvers that can be run, caches, and whether times measured now would mean anything."""
-    state = examine()
+    with Progress() as progress:
+        progress.begin("running polhode solve paper in a fresh process")
+        state = examine()
     click.echo(to_json(state, default=str) if as_json else _page(state))
 
 
@@ -203,7 +206,8 @@ def export(store: Path, out: Path, asv: bool) -> None:
         return
     if not store.is_file() or store.stat().st_size == 0:
         raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")
-    with bad_input(), Store(store) as opened:
+    with bad_input(), Store(store) as opened, Progress() as progress:
+        progress.begin(f"writing {out}")
         write(opened, out)
 
 
@@ -218,7 +222,8 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.analysis.frames import rows_of
 
-    with bad_input():
+    with bad_input(), Progress() as progress:
+        progress.begin("reading")
         tables = read_runs(before), read_runs(after)
     comparison = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
     if comparison.shared == 0:
@@ -257,8 +262,6 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
     """Write a web site of all that was found: verdict, costs, every page of the reports, motions."""
-    from tqdm import tqdm
-
     from polhode.harness.site.build import build
     from polhode.models.scenes import find_scene
 
@@ -266,11 +269,11 @@ def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool)
         if reports != _REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
         user_scenes = {name: find_scene(name) for name in scene}
-        with tqdm(disable=quiet or None, unit="page", desc="report", leave=False) as progress:
+        with Steps("report", None, "pages", quiet) as progress:
 
             def say(title: str) -> None:
-                progress.set_postfix_str(title)
-                progress.update()
+                progress.detail(title)
+                progress.advance()
 
             page = build(reports, out or reports / "site", user_scenes, say)
     click.echo(f"{page}")

@@ -9,6 +9,7 @@ import click
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, to_json
+from polhode.harness.common.progress import Progress
 from polhode.harness.common.text import fitting, on_terminal, scientific, short
 
 # Endings of pictures.
@@ -162,7 +163,8 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         raise BadInput(
             f"--out: got {out.name!r}, expected a name that ends in {', '.join(_FORMATS)}"
         )
-    with bad_input():
+    with bad_input(), Progress() as progress:
+        progress.begin("solving")
         scene_shown = find_scene(scene)
         alone = "a start by L and E alone" if isinstance(scene_shown.start, SlowStart) else ""
         if unseen := "a sphere" if scene_shown.ellipsoid.kind == "sphere" else alone:

@@ -225,10 +225,11 @@ def _run(
             return record.reached / end
 
         def note(seconds: float) -> str:
-            if end >= last:
-                return expectation(share(), seconds)
-            # The segments that follow may take any time.
-            return f"it has come to t = {record.reached:.3g} of {last:.3g}"
+            words = expectation(share(), seconds)
+            if end < last:
+                # The segments that follow may take any time.
+                words = f"it has come to t = {record.reached:.3g} of {last:.3g}"
+            return f"{words}; Ctrl-C keeps what is finished" if words else ""
 
         progress.begin(f"solving by {planned.solver.name}", share, note)
 

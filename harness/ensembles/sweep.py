@@ -12,10 +12,10 @@ from random import randrange
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field, model_validator
-from tqdm import tqdm
 
 from polhode.harness.common.files import digest, dumps
 from polhode.harness.common.machine import machine
+from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
 from polhode.harness.ensembles.ensemble import (
@@ -148,9 +148,7 @@ def run_sweep(
     finished = 0
     failed = 0
     message = ""
-    progress = tqdm(
-        total=sweep.size, disable=quiet or None, unit="task", desc=sweep.name, leave=False
-    )
+    progress = Steps(sweep.name, sweep.size, "tasks", quiet)
     tasks = map(sweep.task, in_random_order(sweep.size)) if spread else sweep.tasks()
     # Each is looked up when its turn comes: another run may have added it.
     missing = (task for task in tasks if task.key not in store)
@@ -162,7 +160,7 @@ def run_sweep(
             else:
                 store.put(outcome.task.key, outcome.task.content, outcome.value)
                 finished += 1
-            progress.update()
+            progress.advance()
     return Tally(finished, sweep.size - finished - failed, failed, message)
 
 

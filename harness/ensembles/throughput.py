@@ -15,11 +15,12 @@ from itertools import product
 from pathlib import Path
 from time import perf_counter, process_time
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from polhode.harness.common.machine import here
+from polhode.harness.common.progress import Steps
 from polhode.harness.common.timing import Patience, collector_off, sentinel
 from polhode.harness.common.worker import Worker
 from polhode.harness.ensembles.engines import processes, serial
@@ -38,26 +39,47 @@ SETTINGS = SimpleNamespace(
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
 _LIMIT = 3600.0
+T = TypeVar("T")
 
 
-def measure() -> dict[str, Any]:
+def measure(quiet: bool = False) -> dict[str, Any]:
     """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
-    full = []
-    for name, shape in SHAPES.items():
-        full += [full_throughput(name, shape, target) for target in SETTINGS.targets]
-    shape_equations = product(SHAPES, ("full", "averaged"))
+    targets = [*product(SHAPES, SETTINGS.targets)]
+    shape_equations = [*product(SHAPES, ("full", "averaged"))]
+    # The other four: long runs, memory, overhead, two processes.
+    progress = Steps("throughput", len(targets) + len(shape_equations) + 4, "measurements", quiet)
+
+    def finished(title: str, measurement: Callable[[], T]) -> T:
+        progress.detail(title)
+        result = measurement()
+        progress.advance()
+        return result
+
+    with progress:
+        full = []
+        for name, target in targets:
+            run_one = partial(full_throughput, name, SHAPES[name], target)
+            full.append(finished(f"full, {name}", run_one))
+        long = finished("long runs", lambda: list(long_runs()))
+        tasks = []
+        for name, equations in shape_equations:
+            run_one = partial(ensemble_throughput, name, equations)
+            tasks.append(finished(f"{equations}, {name}", run_one))
+        measurements = {
+            "full": full,
+            "long": long,
+            "tasks": tasks,
+            "memory": finished("memory", memory),
+            "overhead": finished("overhead", lambda: list(overhead())),
+            "two_processes": finished("two processes", two_processes),
+        }
     return {
         "settings": {
             **vars(SETTINGS),
             "judge": f"{SETTINGS.judge} at tolerance {SETTINGS.judge_tolerance:g}",
         },
-        "full": full,
-        "long": list(long_runs()),
-        "tasks": [ensemble_throughput(name, equations) for name, equations in shape_equations],
-        "memory": memory(),
-        "overhead": list(overhead()),
-        "two_processes": two_processes(),
+        **measurements,
         **here(),
         "sentinel_seconds": [steady, sentinel()],
     }

@@ -6,9 +6,9 @@ from math import inf, pi, sqrt
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from polhode.harness.api import solve as solve_scene
+from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record
 from polhode.harness.events import Event
 from polhode.harness.flows.space_frame import Bodies, run as integrate
@@ -389,5 +389,10 @@ TABLES: dict[str, Callable[[bool], Iterator[Record]]] = {
 
 def measure_all(*, quick: bool = False, quiet: bool = False) -> dict[str, list[Record]]:
     """All tables of the page; with `quick` a few rows of each."""
-    progress = tqdm(TABLES.items(), disable=quiet or None, unit="table", leave=False)
-    return {name: list(rows(quick)) for name, rows in progress}
+    tables = {}
+    with Steps("flows", len(TABLES), "tables", quiet) as progress:
+        for name, rows in TABLES.items():
+            progress.detail(name)
+            tables[name] = list(rows(quick))
+            progress.advance()
+    return tables

@@ -13,7 +13,7 @@ from pathlib import Path
 from time import perf_counter
 
 from polhode.harness.common.files import write_file
-from polhode.harness.common.text import markdown, short
+from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.tables import fill
 from polhode.harness.paper import store
 from polhode.harness.paper.claims import find_items, section_of, sections
@@ -193,7 +193,7 @@ def run(
         if stored is not None and (redraw or stored[1:] == (True, grid)):
             data[item.name] = stored[0]
     missing = [item for item in items if item.name not in data]
-    report(f"{len(items)} items, {len(missing)} to compute, {processes} at a time")
+    report(_ahead(items, missing, processes))
     outcomes = _kept(data)
     if processes == 1:
         outcomes = chain(outcomes, _in_turn(missing, folder, grid, report))
@@ -273,8 +273,18 @@ def _side_by_side(
                 yield future.result()
 
 
+def _ahead(items: Sequence[Item], missing: Sequence[Item], processes: int) -> str:
+    """How many items are computed, and about how long that takes."""
+    counts = f"{len(items)} items, {len(missing)} to compute"
+    if not missing:
+        return counts
+    seconds = [item.experiment.seconds for item in missing]
+    expected = max(max(seconds), sum(seconds) / processes)
+    return f"{counts}, {processes} at a time, in some {duration(expected)}"
+
+
 def _begun(item: Item) -> str:
-    return f"        {item.name} …"
+    return f"        {item.name} … (about {duration(item.experiment.seconds)})"
 
 
 @contextmanager

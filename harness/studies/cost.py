@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.common.progress import in_steps
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.common.worker import Worker
 from polhode.models.catalogue import form as find_form
@@ -98,10 +99,12 @@ def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str
     return FirstRun(imported - began, prepared - imported, solution.seconds)
 
 
-def first_runs(problem: Problem, solvers: Sequence[str]) -> dict[str, tuple[FirstRun, FirstRun]]:
+def first_runs(
+    problem: Problem, solvers: Sequence[str], quiet: bool = True
+) -> dict[str, tuple[FirstRun, FirstRun]]:
     """Cold and warm first run of each solver whose run succeeds, every one in a fresh process."""
     runs = {}
-    for name in solvers:
+    for name in in_steps(solvers, "first runs", "solvers", quiet):
         with TemporaryDirectory() as folder:
             pair = [_fresh(problem, name, folder) for _ in range(2)]
         if all(pair):
@@ -182,11 +185,12 @@ def measure(
     solvers: tuple[str, ...] = tuple(name for name in SOLVERS if name != "exact"),
     samples: int = 201,
     seconds: float = 1.0,
+    quiet: bool = True,
 ) -> list[Overhead]:
     """Overheads of solvers whose bare call is known, minima of calls in turns over about `seconds` for each."""
     times = np.linspace(0.0, problem.end, samples)
     table = []
-    for name in solvers:
+    for name in in_steps(solvers, "solve beside bare calls", "solvers", quiet):
         method = find_solver(name)
         bare = (
             method.bare_call(problem, method.settings(tolerance), times)

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from itertools import chain
 from math import inf
 
-from tqdm import tqdm
-
 from polhode.harness.common.machine import machine, now, versions
+from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
+from polhode.harness.common.text import short
 from polhode.harness.common.timing import Patience, Timing, sentinel
 from polhode.harness.common.worker import ATTEMPTS, Failure, KilledFromOutsideError, Worker
 from polhode.harness.studies.case import Case, attempt, judge, missing, time_once
@@ -49,9 +49,7 @@ class Runner:
         stored_keys = self.store.keys()
         study_keys = [case.key for case in chain.from_iterable(batches)]
         surroundings = {"machine": machine(), "versions": versions()}
-        progress = tqdm(
-            total=len(study_keys), disable=self.quiet or None, unit="case", desc=name, leave=False
-        )
+        progress = Steps(name, len(study_keys), "cases", self.quiet)
         with self._worker, progress:
             for batch in batches:
                 fresh = [case for case in batch if case.key not in stored_keys]
@@ -61,20 +59,21 @@ class Runner:
                         self._too_slow.setdefault(_group(case), record)
                 for case, record in self._measure(fresh, progress):
                     self.store.put(case.key, case.content, {**record, **surroundings})
-                progress.update(len(batch) - len(fresh))
+                progress.advance(len(batch) - len(fresh))
         if self._lost:
             lost = f"{self._lost} of {len(study_keys)} cases were killed from outside {ATTEMPTS} times each"
             raise KilledFromOutsideError(f"{lost}, perhaps for want of memory")
         of_study = set(study_keys)
         return [record for record in self.store if record["key"] in of_study]
 
-    def _measure(self, batch: list[Case], progress: tqdm) -> list[tuple[Case, Record]]:
+    def _measure(self, batch: list[Case], progress: Steps) -> list[tuple[Case, Record]]:
         gc.collect()
         records: dict[Case, Record] = {}
         for case in batch:
-            progress.set_postfix_str(f"St = {case.scene.stokes:g} {case.solver} {case.tolerance:g}")
-            progress.update()
+            stokes = short(case.scene.stokes)
+            progress.detail(f"{case.solver} {short(case.tolerance)}, St = {stokes}")
             result = self._examine(case)
+            progress.advance()
             if result is None:
                 self._lost += 1
                 continue

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from polhode.harness.common import progress
-from polhode.harness.common.progress import Progress
+from polhode.harness.common.progress import Progress, Steps, in_steps
 from polhode.models.catalogue import form
 from polhode.models.scenes import named_scene
 from polhode.solvers.contract import Record
@@ -77,7 +77,7 @@ def test_a_long_run_is_said_to_be_long_once(monkeypatch: pytest.MonkeyPatch):
             assert "note" not in terminal.getvalue()
             shown.begin("solving", None, lambda seconds: "it is long")
             time.sleep(0.3)
-        said = "note: it is long; Ctrl-C keeps what is finished"
+        said = "note: it is long\n"
         assert terminal.getvalue().count(said) == 1
 
 
@@ -91,6 +91,74 @@ def test_a_long_run_is_said_to_be_long_once(monkeypatch: pytest.MonkeyPatch):
 )
 def test_how_long_a_run_will_take_follows_from_what_is_done(done: float, words: str):
     assert progress.expectation(done, 3.0) == words
+
+
+@pytest.mark.usefixtures("hasty")
+def test_short_pieces_do_not_put_off_what_is_shown(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(progress, "PATIENCE", 0.2)
+    terminal = Terminal()
+    with Progress(stream=terminal) as shown:
+        for k in range(6):
+            shown.begin(f"piece {k}")
+            time.sleep(0.1)
+    assert "piece 1" not in terminal.getvalue()
+    assert "piece 5: 00:00" in terminal.getvalue()
+
+
+def columns(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    """A terminal of so many columns."""
+    monkeypatch.setattr("tqdm.std._screen_shape_wrapper", lambda: lambda _: (count, 24))
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_steps_have_a_bar_in_a_narrow_terminal_too(monkeypatch: pytest.MonkeyPatch, width: int):
+    columns(monkeypatch, width)
+    terminal = Terminal()
+    with Steps("bench-quick", 486, "cases", stream=terminal) as shown:
+        first = terminal.getvalue().strip()
+        for _ in range(243):
+            shown.detail("splitting-extended 1e-11, St = 1000")
+            time.sleep(1e-3)
+            shown.advance()
+        lines = [line for line in terminal.getvalue().split("\r") if "243" in line or "240" in line]
+    assert first.startswith("bench-quick:   0 % |")
+    assert all(len(line) <= width for line in terminal.getvalue().split("\r"))
+    bars = [line.split("|")[1] for line in terminal.getvalue().split("\r") if "|" in line]
+    assert min(map(len, bars)) >= 10
+    assert any("splitting-ex" in line for line in lines)
+    assert ("St = 1000" in terminal.getvalue()) is (width == 120)
+    # The line is taken away at the end.
+    assert not terminal.getvalue().split("\r")[-2].strip()
+
+
+def test_steps_off_a_terminal_are_a_line_at_the_start_and_one_a_minute(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    now = [0.0]
+    monkeypatch.setattr(progress, "time", lambda: now[0])
+    pipe, quiet = io.StringIO(), io.StringIO()
+    for stream in (pipe, quiet):
+        now[0] = 0.0
+        for _ in in_steps(range(9), "errors", "scenes", stream is quiet, stream):
+            now[0] += 20.0
+    assert pipe.getvalue().splitlines() == [
+        "errors: 9 scenes",
+        "errors: 3 of 9 scenes after 60 s",
+        "errors: 6 of 9 scenes after 120 s",
+        "errors: 9 of 9 scenes after 180 s",
+    ]
+    assert quiet.getvalue() == ""
+
+
+def test_steps_without_a_total_are_counted():
+    terminal = Terminal()
+    with Steps("report", None, "pages", stream=terminal) as shown:
+        shown.detail("Cost")
+        shown.advance()
+        time.sleep(0.15)
+        shown.detail("Motion")
+        shown.advance()
+    assert "report: 1 pages, 00:00, Motion" in terminal.getvalue()
 
 
 def test_nothing_is_shown_at_first():
