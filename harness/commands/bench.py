@@ -23,6 +23,7 @@ from polhode.harness.commands._study_options import (
     to_json,
 )
 from polhode.harness.common.files import make_folder
+from polhode.harness.common.progress import Progress
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -259,13 +260,13 @@ def paper(
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     report = (lambda _: None) if quiet or listed else partial(click.echo, err=True)
-    # The libraries that items need take seconds to load.
-    report(f"looking for data in {out}")
-    from polhode.harness.paper.claims import find_items, section_of
-    from polhode.harness.paper.item import Grid
-    from polhode.harness.paper.pages import run
+    with bad_input(), Progress(quiet) as progress:
+        # The libraries that items need take seconds to load.
+        progress.begin("loading the items")
+        from polhode.harness.paper.claims import find_items, section_of
+        from polhode.harness.paper.item import Grid
+        from polhode.harness.paper.pages import run
 
-    with bad_input():
         items = find_items(names)
         if force and redraw:
             raise ValueError("--force computes anew and --redraw does not, expected one of them")

@@ -19,7 +19,14 @@ from polhode.harness.commands._study_options import (
     stored,
     to_json,
 )
-from polhode.harness.common.text import cells, duration, fitting, on_terminal
+from polhode.harness.common.text import (
+    cells,
+    command_on_terminal,
+    duration,
+    fitting,
+    on_terminal,
+    short,
+)
 from polhode.solvers.catalogue import SOLVERS
 
 if TYPE_CHECKING:
@@ -68,6 +75,7 @@ _HELD_OUT_SEED = 4001
     help="Race every method, show all rows, and why others will not do.",
 )
 @as_json
+@quiet
 def pick(
     scene: str,
     error: float,
@@ -78,11 +86,12 @@ def pick(
     why: bool,
     everything: bool,
     as_json: bool,
+    quiet: bool,
 ) -> None:
     """Rank the ways to run SCENE: form, solver and tolerance, with predicted error, time and their intervals."""
     from polhode.harness.common.progress import Progress
 
-    with bad_input(), Progress() as progress:
+    with bad_input(), Progress(quiet) as progress:
         progress.begin("racing methods on the scene", note=_racing)
         from polhode.harness import api
 
@@ -96,12 +105,9 @@ def pick(
         return
     click.echo(pick_page(recommendation, everything, why))
     first = recommendation.ranking[0]
-    method = f"--form {first.form} --solver {first.solver} --tolerance {first.tolerance:g}"
-    click.echo(
-        fitting(
-            f"\nTo run the first: polhode solve {quote(scene)} {method} --samples {samples} --out FILE.csv"
-        )
-    )
+    method = f"--form {first.form} --solver {first.solver} --tolerance {short(first.tolerance)}"
+    words = ["polhode", "solve", quote(scene), *method.split(), "--samples", str(samples)]
+    click.echo(f"\nTo run the first:\n{command_on_terminal([*words, '--out', 'FILE.csv'])}")
 
 
 def _racing(seconds: float) -> str:

@@ -1,7 +1,11 @@
 """`polhode shape`, `scenes`, `forms`, `solvers` and `schema`: what there is; `draw`: a picture of the particle."""
 
 import json
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from shutil import get_terminal_size
+from textwrap import indent
 from typing import Any
 
 import click
@@ -10,8 +14,10 @@ from polhode.harness.cli import BadInput, RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.progress import Progress
-from polhode.harness.common.text import fitting, on_terminal, scientific, short
+from polhode.harness.common.text import aligned, fitting, on_terminal, scientific, short
 
+# Before the summary of a scene on a line of its own.
+_INDENT = 4 * " "
 # Endings of pictures.
 _FORMATS = (".png", ".svg", ".pdf")
 # Rotations up to the last moment, at most: a run of seconds.
@@ -33,22 +39,29 @@ def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
         ellipsoid = Ellipsoid((a, b, c))
     names = ("semi_axes", "inertia", "resistance", "kind", "stokes_star_per_stokes")
     content = {name: getattr(ellipsoid, name) for name in names}
-    lines = [f"{name:24}{_text(value)}" for name, value in content.items()]
-    click.echo(to_json(content) if as_json else "\n".join([*lines, "", fitting(_UNITS)]))
+    click.echo(to_json(content) if as_json else _shape_page(content))
 
 
-_UNITS = (
-    "Inertia in units of ρ l⁵, resistance of 8π μ l³, with density ρ of the particle, viscosity μ of the fluid, the "
-    "longest semi-axis l.\nSt* = St I/(8π X) about the symmetry axis of a spheroid."
+_SHAPE_ROWS = {
+    "semi_axes": ("semi-axis", "as given"),
+    "inertia": ("inertia I", "ρ l⁵"),
+    "resistance": ("resistance X", "8π μ l³"),
+}
+_SYMBOLS = (
+    "ρ is the particle's density, μ the fluid's viscosity, l the longest semi-axis. --json prints all "
+    "digits.\nSt* = St I/(8π X) about the symmetry axis of a spheroid."
 )
 
 
-def _text(value: object) -> str:
-    if isinstance(value, tuple):
-        return "  ".join(map(_text, value))
-    if isinstance(value, float):
-        return f"{value:.15g}"
-    return "–" if value is None else str(value)
+def _shape_page(content: Mapping[str, Any]) -> str:
+    """What is known of a shape, by body axis, in six digits."""
+    rows = []
+    for name, (title, unit) in _SHAPE_ROWS.items():
+        rows.append([title, *(f"{value:.6g}" for value in content[name]), unit])
+    ratio = content["stokes_star_per_stokes"]
+    star = "" if ratio is None else f", St*/St = {ratio:.6g}"
+    table = on_terminal(["", "x'", "y'", "z'", "unit"], rows)
+    return f"{table}\n\nkind: {content['kind']}{star}\n{fitting(_SYMBOLS)}"
 
 
 @command()
@@ -65,12 +78,39 @@ def scenes(scene: str | None, as_json: bool) -> None:
             table = scene_table(find_scene(scene))
         click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
         return
-    rows = [{"name": name, "summary": scene.summary} for name, scene in SCENES.items()]
-    click.echo(
-        to_json(rows)
-        if as_json
-        else on_terminal(["name", "summary"], [[*row.values()] for row in rows])
+    rows = []
+    for name, scene_there in SCENES.items():
+        facts = scene_there.scene
+        semi_axes = facts.ellipsoid.semi_axes
+        row = {"name": name, "semi_axes": semi_axes, "stokes": facts.stokes, "time": facts.time}
+        rows.append({**row, "summary": scene_there.summary})
+    click.echo(to_json(rows) if as_json else _scene_list(rows))
+
+
+def _scene_list(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Scenes, one a line; with the summary on a line of its own where a terminal is narrow."""
+    header = ["name", "semi-axes", "St", "time"]
+    lines = []
+    for row in rows:
+        axes = " : ".join(f"{axis:.10g}" for axis in row["semi_axes"])
+        lines.append([row["name"], axes, short(row["stokes"]), short(row["time"])])
+    summaries = [row["summary"] for row in rows]
+    wide = aligned(
+        [*header, "summary"], [[*line, text] for line, text in zip(lines, summaries, strict=True)]
     )
+    columns = get_terminal_size().columns
+    units = "Semi-axes along x', y', z'; time in inverse shear rates."
+    if not sys.stdout.isatty() or _widest(wide) <= columns:
+        return f"{wide}\n\n{units}"
+    head, *narrow = aligned(header, lines).splitlines()
+    parts = [head]
+    for line, text in zip(narrow, summaries, strict=True):
+        parts += [line, indent(fitting(text, width=columns - len(_INDENT)), _INDENT)]
+    return "\n".join([*parts, "", units])
+
+
+def _widest(text: str) -> int:
+    return max(map(len, text.splitlines()))
 
 
 def scene_text(table: dict[str, Any]) -> str:

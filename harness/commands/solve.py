@@ -285,11 +285,19 @@ def _table(solution: "SceneSolution") -> str:
 
     table = solution.table()[:, : len(_SHOWN)]
     some = table[np.linspace(0, len(table) - 1, min(_FEW, len(table))).round().astype(int)]
-    rows = [[*map(_cell, row)] for row in some.tolist()]
+    rows = []
+    for t, t2, *slow in some.tolist():
+        rows.append([_cell(t), _cell(t2), *(_cell(value, " ") for value in slow)])
+    rate = "shear rate γ̇" if solution.scene.flow is None else "reference rate γ̇"
+    largest = max(solution.scene.ellipsoid.inertia)
+    units = (
+        f"Units: t in 1/γ̇, L in ρ l⁵ γ̇, E in ρ l⁵ γ̇², with the {rate}, the particle's density ρ and "
+        f"its longest semi-axis l; t2 = t/St. I_max = {largest:.6g} ρ l⁵."
+    )
     note = f"{len(rows)} of {len(table)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
-    return f"{aligned(_SHOWN, rows)}\n\n{note}"
+    return f"{aligned(_SHOWN, rows)}\n\n{fitting(units)}\n{fitting(note)}"
 
 
-def _cell(value: float) -> str:
-    """A number of the table at six digits, a dash for NaN."""
-    return "–" if value != value else f"{value:.6g}"
+def _cell(value: float, sign: str = "") -> str:
+    """A number of the table at six digits, `sign` before a positive one; a dash for NaN."""
+    return f"{sign}–" if value != value else f"{value:{sign}.6g}"

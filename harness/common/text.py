@@ -43,9 +43,9 @@ def on_terminal(
         if sum(2 + width for width in _widths(cells)) > room:
             cells = [row[:i] + row[i + 1 :] for row in cells]
     widths = _widths(cells)
-    while (excess := sum(2 + width for width in widths) - room) > 0 and max(widths) > _NARROWEST:
-        widest = widths.index(max(widths))
-        widths[widest] = max(_NARROWEST, widths[widest] - int(excess))
+    # The widest column gives one place at a time, so that two wide ones share the room.
+    while sum(2 + width for width in widths) > room and max(widths) > _NARROWEST:
+        widths[widths.index(max(widths))] -= 1
     wrap = partial(textwrap.wrap, break_on_hyphens=False)
     lines = []
     for row in cells[1:]:
@@ -63,14 +63,30 @@ def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
     return [max(map(len, column)) for column in zip(*cells, strict=True)]
 
 
-def fitting(text: str, stream: IO[str] | None = None) -> str:
-    """Sentences for a stream, by default the standard output: no line longer than a terminal is wide, if it is one."""
-    if not (stream or sys.stdout).isatty():
-        return text
-    width = get_terminal_size().columns
+def fitting(text: str, stream: IO[str] | None = None, width: int | None = None) -> str:
+    """Sentences for a stream, by default the standard output: no line longer than a terminal is wide, if it is one.
+
+    With a `width` no line is longer than that.
+    """
+    if width is None:
+        if not (stream or sys.stdout).isatty():
+            return text
+        width = get_terminal_size().columns
     return "\n".join(
         textwrap.fill(line, width, break_on_hyphens=False) for line in text.splitlines()
     )
+
+
+def command_on_terminal(words: Sequence[str]) -> str:
+    """A command of the shell; lines that a narrow terminal breaks end in a backslash, for pasting."""
+    room = get_terminal_size().columns - len(" \\") if sys.stdout.isatty() else inf
+    lines = [words[0]]
+    for word in words[1:]:
+        if len(lines[-1]) + 1 + len(word) <= room:
+            lines[-1] += f" {word}"
+        else:
+            lines.append(f"  {word}")
+    return " \\\n".join(lines)
 
 
 def markdown(

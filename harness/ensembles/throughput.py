@@ -45,7 +45,7 @@ T = TypeVar("T")
 def measure(quiet: bool = False) -> dict[str, Any]:
     """Everything that `polhode.harness.pages.ensembles` shows."""
     steady = sentinel()
-    targets = [*product(SHAPES, SETTINGS.targets)]
+    targets: list[tuple[str, float]] = [*product(SHAPES, SETTINGS.targets)]
     shape_equations = [*product(SHAPES, ("full", "averaged"))]
     # The other four: long runs, memory, overhead, two processes.
     progress = Steps("throughput", len(targets) + len(shape_equations) + 4, "measurements", quiet)

@@ -15,6 +15,7 @@ from polhode.harness.paper.sections import (
     rest,
     spheroids,
 )
+from polhode.models.registry import hint
 
 _SECTIONS = (
     periods.PERIODS_SECTION,
@@ -50,7 +51,8 @@ def find_items(names: tuple[str, ...]) -> tuple[Item, ...]:
     groups |= {section.name: section.items for section in _SECTIONS}
     for name in names:
         if name not in groups:
-            raise ValueError(f"item: got {name!r}, expected one of {', '.join(groups)}")
+            advice = hint(name, groups)
+            raise ValueError(f"item: got {name!r}{advice}, expected one of {', '.join(groups)}")
         for item in groups[name]:
             chosen[item.name] = item
     return tuple(item for item in items() if not names or item.name in chosen)

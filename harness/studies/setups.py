@@ -12,6 +12,7 @@ from polhode.models.operations import FLOAT
 from polhode.models.own_function import OwnField, place_of
 from polhode.models.problem import Problem
 from polhode.models.recording import Recording
+from polhode.models.registry import hint
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver, Status, Work
 
@@ -116,9 +117,8 @@ def _setup(entry: Any, label: str) -> Setup:
     solver = find_solver(named)
     unknown = next((name for name in options if name not in OPTIONS), None)
     if unknown is not None:
-        raise ValueError(
-            f"solver {solver.name!r}: got the option {unknown!r}, expected one of {', '.join(OPTIONS)}"
-        )
+        got = f"solver {solver.name!r}: got the option {unknown!r}{hint(unknown, OPTIONS)}"
+        raise ValueError(f"{got}, expected one of {', '.join(OPTIONS)}")
     words = ", ".join([solver.name, *(f"{name} {value}" for name, value in options.items())])
     return Setup(label or words, solver, None, options)
 

@@ -16,7 +16,7 @@ from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.files.scene_file import Positive, parse_scene, scene_table
 from polhode.models.files.toml_file import checked, read_toml
 from polhode.models.form import FormNotValidError
-from polhode.models.registry import NotFoundError
+from polhode.models.registry import NotFoundError, hint
 from polhode.models.scene import Scene
 from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
@@ -167,7 +167,7 @@ def _known(kind: str, names: Filter, available: Iterable[str]) -> set[str]:
                 if available
                 else f"none, for the study has no {kind}s"
             )
-            raise ValueError(f"{kind}: got {name!r}, expected {expected}")
+            raise ValueError(f"{kind}: got {name!r}{hint(name, available)}, expected {expected}")
     return set(names)
 
 

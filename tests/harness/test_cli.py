@@ -98,10 +98,13 @@ def test_shape_of_a_sphere_and_of_the_papers_ellipsoid(here: Run):
 def test_shape_in_words(here: Run, axes: tuple[float, ...], kind: str):
     done = here("shape", *axes)
     assert done.stderr == ""
-    numbers, _, units = done.stdout.partition("\n\n")
-    assert units.startswith("Inertia in units of")
-    table = dict(line.split(maxsplit=1) for line in numbers.splitlines())
-    assert table["kind"] == kind
+    table, _, words = done.stdout.partition("\n\n")
+    header, *rows = table.splitlines()
+    assert header.split() == ["x'", "y'", "z'", "unit"]
+    assert [row.split("  ")[0] for row in rows] == ["semi-axis", "inertia I", "resistance X"]
+    # Six digits are enough for people.
+    assert max(len(word) for word in table.split()) <= len("1.23456e-100")
+    assert words.startswith(f"kind: {kind}, St*/St = ")
     assert "nan" not in done.stdout
 
 
@@ -115,7 +118,11 @@ def test_a_built_in_scene_printed_is_the_same_scene_as_a_file(name: str):
 def test_scenes_are_listed_and_printed(here: Run, tmp_path: Path):
     rows = json.loads(here("scenes", "--json").stdout)
     assert [row["name"] for row in rows] == list(SCENES)
-    assert [line.split()[0] for line in here("scenes").stdout.splitlines()[1:]] == list(SCENES)
+    assert all(row["time"] == SCENES[row["name"]].scene.time for row in rows)
+    header, *lines = here("scenes").stdout.partition("\n\n")[0].splitlines()
+    assert header.split() == ["name", "semi-axes", "St", "time", "summary"]
+    assert [line.split()[0] for line in lines] == list(SCENES)
+    assert lines[0].split()[:8] == ["paper", *["1", ":", "0.8", ":", "0.5", "1000", "500"]]
     (tmp_path / "mine.toml").write_text(here("scenes", "top").stdout, encoding="utf-8")
     shown = json.loads(here("scenes", "mine.toml", "--json").stdout, parse_constant=pytest.fail)
     assert shown == scene_table(named_scene("top")) | {"stokes": "Infinity"}
@@ -286,6 +293,9 @@ BAD_ARGUMENTS = [
     (["throughput", "--out", "/proc"], "/proc/README.md", "expected an existing one"),
     (["accuracy", "--out", "/proc"], "/proc/README.md", "expected an existing one"),
     (["paper", "--out", "/proc"], "/proc/README.md", "expected an existing one"),
+    (["paper", "perid"], "got 'perid' (did you mean 'period'?)", "expected one of period-change,"),
+    (["bench", "--solver", "taylr"], "'taylr' (did you mean 'taylor'?)", "expected one of bdf,"),
+    (["bench", "--scene", "papr"], "'papr' (did you mean 'paper'?)", "expected one of paper,"),
     (["sweep", "sweep.toml", "--workers", "-2"], "-2 is not", "in the range x>=0"),
     (["compare", "a.json", "b.json", "--slower", "x"], "'x'", "is not a valid float"),
     (["export"], "Missing argument 'STORE'", "expected: polhode export [OPTIONS] STORE OUT"),

@@ -364,6 +364,14 @@ def test_a_recommendation_is_a_line_a_table_and_a_page():
     assert "<table" in found._repr_html_()
 
 
+def test_rows_stand_in_the_order_of_their_times_and_tie_within_a_fifth():
+    ranking = pick(named_scene("paper"), 1e-6, everything=True).ranking
+    seconds = [row.seconds.predicted for row in ranking]
+    assert seconds == sorted(seconds)
+    near = [time <= 1.2 * seconds[0] for time in seconds]
+    assert [row.tied for row in ranking] == [close and sum(near) > 1 for close in near]
+
+
 @pytest.mark.parametrize(
     ("count", "words"), [(1, "1 more row, not cheaper:"), (2, "2 more rows, not cheaper:")]
 )

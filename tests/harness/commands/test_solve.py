@@ -23,6 +23,7 @@ from polhode.harness.references.reference import reference
 from polhode.models.files.scene_file import parse_scene, read_scene
 from polhode.models.observables import Observables
 from polhode.models.rotation import Triple, matrix_from_quaternion
+from polhode.models.scenes import named_scene
 
 # Nothing left open, so that nothing needs to be picked.
 GIVEN = ("--form", "quaternion", "--tolerance", "1e-8", "--solver", "cyrk-vern8")
@@ -442,6 +443,17 @@ def test_ctrl_c_keeps_the_finished_rows(
     assert note.startswith("quaternion by")
     assert line == f"polhode: interrupted: {len(rows)} of 1000001 rows are in out.csv.partial."
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv.partial", "scene.toml"]
+
+
+def test_the_table_has_units_and_the_inertia_that_errors_are_shares_of(here: Run):
+    done = here("solve", "paper", *GIVEN)
+    assert done.returncode == 0
+    table, _, words = done.stdout.partition("\n\n")
+    assert len(table.splitlines()) == 1 + 11
+    assert "t in 1/γ̇, L in ρ l⁵ γ̇, E in ρ l⁵ γ̇²" in words
+    largest = max(named_scene("paper").ellipsoid.inertia)
+    assert f"I_max = {largest:.6g} ρ l⁵" in words
+    assert "of I_max" in done.stderr
 
 
 def test_omega_parquet_and_a_scene_to_go_on(here: Run, tmp_path: Path):

@@ -2,6 +2,7 @@
 
 import os
 import pty
+import shlex
 import subprocess
 import sys
 from contextlib import suppress
@@ -13,7 +14,7 @@ from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.recommendation import Excluded, RankedRun, Recommendation
 from polhode.harness.commands.pick import FEW, pick_page
 from polhode.harness.common import text
-from polhode.harness.common.text import aligned, on_terminal
+from polhode.harness.common.text import aligned, command_on_terminal, on_terminal
 from polhode.solvers.catalogue import SOLVERS
 
 ROWS = [
@@ -30,6 +31,26 @@ def test_a_narrow_terminal_wraps_the_last_column(monkeypatch: pytest.MonkeyPatch
     assert max(map(len, lines)) <= 45
     assert lines[2].startswith(" " * 12)
     assert " ".join(lines[1].split() + lines[2].split()) == " ".join(ROWS[0])
+
+
+def test_two_wide_columns_share_the_room(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(text, "get_terminal_size", lambda: terminal_size((80, 24)))
+    wide = " ".join(["words"] * 12)
+    lines = on_terminal(["a", "b"], [[wide, wide]]).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) == 1 + 2
+
+
+def test_a_command_broken_by_a_narrow_terminal_can_be_pasted(monkeypatch: pytest.MonkeyPatch):
+    words = ["polhode", "solve", "'my scene.toml'", "--form", "quaternion", "--out", "a.csv"]
+    assert command_on_terminal(words) == " ".join(words)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(text, "get_terminal_size", lambda: terminal_size((40, 24)))
+    broken = command_on_terminal(words)
+    assert max(map(len, broken.splitlines())) <= 40
+    assert len(broken.splitlines()) > 1
+    assert shlex.split(broken.replace("\\\n", "")) == shlex.split(" ".join(words))
 
 
 def on_narrow_terminal(*commands: list[str]) -> str:
@@ -57,11 +78,22 @@ setup.cold_start, setup.watch_sentinel = dict, lambda seconds: {"seconds": 1e-3,
 
 
 def test_commands_keep_within_a_terminal_of_80_columns():
-    pick = ["pick", "paper", "--all"]
+    pick = ["pick", "paper", "--all", "--quiet"]
     lists = (["shape", "1", "0.8", "0.5"], ["forms"], ["scenes"], ["solvers"], ["doctor"])
     printed = on_narrow_terminal(pick, ["solve", "paper"], *lists)
     assert [line for line in printed.splitlines() if len(line) > 80] == []
     assert printed.startswith("Run quaternion by ")
+    header = next(line for line in printed.splitlines() if line.startswith("form "))
+    assert header.split() == [
+        "form",
+        "solver",
+        "tolerance",
+        "error",
+        "below",
+        "time",
+        "first",
+        "run",
+    ]
     for last in (
         "first run",
         "orientation within",
