@@ -439,8 +439,10 @@ def test_ctrl_c_keeps_the_finished_rows(
     assert len(rows) > 1
     assert rows[:, 0] == pytest.approx(np.arange(len(rows)) * 1e3, rel=1e-12)
     assert np.isfinite(rows).all()
-    note, line = text.splitlines()
+    note, *expectation, line = text.splitlines()
     assert note.startswith("quaternion by")
+    # After three seconds, on a busy machine.
+    assert [words[: len("note: it ")] for words in expectation] in ([], ["note: it "])
     assert line == f"polhode: interrupted: {len(rows)} of 1000001 rows are in out.csv.partial."
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.csv.partial", "scene.toml"]
 
