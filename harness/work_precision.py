@@ -136,7 +136,9 @@ class WorkPrecision:
         if not (values and all(isinstance(value, Real) and value > 0 for value in values)):
             raise ValueError(f"tolerances: got {tolerances!r}, expected positive numbers")
         if error not in _ERRORS:
-            raise ValueError(f"error: got {error!r}{hint(str(error), _ERRORS)}, expected one of {', '.join(_ERRORS)}")
+            raise ValueError(
+                f"error: got {error!r}{hint(str(error), _ERRORS)}, expected one of {', '.join(_ERRORS)}"
+            )
         if not max_seconds > 0:
             raise ValueError(f"max_seconds: got {max_seconds!r}, expected a positive number")
         self.solvers = solvers
