@@ -111,6 +111,7 @@ class Progress:
                     file=self._stream,
                     disable=not title,
                     leave=False,
+                    bar_format=_UNKNOWN,
                     delay=max(0.0, PATIENCE - (began - self._since)),
                     **_EVERY_LOOK,
                 )
