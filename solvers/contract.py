@@ -119,15 +119,15 @@ class Settings:
     atol: float | tuple[float, ...] | None = None
     max_step: float = inf  # largest step, in the problem's time
     first_step: float | None = None  # by default the library's guess
+    # The one tolerance of a run whose relative and absolute ones are equal; else the least relative
+    # one. Set once: a run asks for it six times.
+    tolerance: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        least = min(self.rtol) if isinstance(self.rtol, tuple) else self.rtol
+        object.__setattr__(self, "tolerance", least)
         if self.atol is None:
             object.__setattr__(self, "atol", self.rtol)
-
-    @property
-    def tolerance(self) -> float:
-        """The one tolerance of a run whose relative and absolute ones are equal; else the relative one, the least."""
-        return min(self.rtol) if isinstance(self.rtol, tuple) else self.rtol
 
     def at(self, tolerance: float) -> "Settings":
         """The same with one tolerance for both."""

@@ -87,12 +87,12 @@ def forget_integrators() -> None:
 def propagate(
     integrator: Any,
     record: Record,
-    states: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda rows, times: rows,
+    states: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
     max_step: float = np.inf,
 ) -> Outcome:
     """Propagate a heyoka integrator from the record's start over its times, in chunks of the same steps.
 
-    ``states(rows, times)`` are the states that its rows mean.
+    ``states(rows, times)`` are the states that its rows mean, if these are not the rows themselves.
     """
     outcome = load_heyoka().taylor_outcome
     number = integrator.state.dtype
@@ -108,7 +108,9 @@ def propagate(
         reason = result[0]
         steps = steps + result[3]
         work.steps = steps
-        rows = states(result[-1][1:], grid[1:])
+        rows = result[-1][1:]
+        if states is not None:
+            rows = states(rows, grid[1:])
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
         if reason == outcome.time_limit or record.filled == len(record.times):
             return Status.REACHED_END, ""
@@ -188,13 +190,14 @@ class Bound:
         self.timed = problem.timed
         self.max_step = max_step
         self.variables = problem.dimension - self.timed
+        self.units = units
         if units is not None:
             units = np.broadcast_to(units, problem.dimension)[: self.variables]
-            units = np.exp2(np.round(np.log2(units)))
-        if (self.timed or paced) and units is None:
-            units = np.ones(self.variables)
-        plain = units is None or (not self.timed and not paced and (units == 1).all())
-        self.units = None if plain else units
+            self.units = np.exp2(np.round(np.log2(units)))
+        if self.timed or paced:
+            self.units = np.ones(self.variables) if self.units is None else self.units
+        elif units is not None and (self.units == 1).all():
+            self.units = None
         self.pace = 1.0 if paced else None
         self.parameters = parameter_array(problem)
         self.integrator = taylor_integrator(
@@ -206,13 +209,13 @@ class Bound:
     def begin(self, time: float, start: np.ndarray) -> None:
         """Set time, state and parameters; the start has any precision up to the integrator's own."""
         integrator = self.integrator
-        number = self.integrator.state.dtype
-        start = start.astype(number)
+        number = integrator.state.dtype
         integrator.time = number.type(time)
         if self.units is None:
             integrator.state[:] = start
             integrator.pars[:] = self.parameters
             return
+        start = start.astype(number)
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
         given = len(self.parameters)
         behind = given + self.variables
@@ -242,7 +245,8 @@ class Bound:
         self.begin(record.times[0], record.start)
         if record.events:
             return propagate_with_events(self.integrator, record, self.states, self.max_step)
-        return propagate(self.integrator, record, self.states, self.max_step)
+        states = None if self.units is None else self.states
+        return propagate(self.integrator, record, states, self.max_step)
 
 
 def _own_units(
