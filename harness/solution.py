@@ -53,7 +53,7 @@ class SceneSolution(LikeSolveIvp):
     `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the
     rotation matrix there; `run`, of the form's problem, has states, status and work. `error`
     is estimated for this very run: `slow` and `orientation`. `events` has by name the motion at the
-    times at which an event asked for happened.
+    times at which a requested event happened.
     """
 
     scene: Scene

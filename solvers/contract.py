@@ -104,7 +104,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a solver is asked for, besides the problem."""
+    """Settings of a run by a solver, besides the problem."""
 
     # Relative tolerance: a number, or one per component where the solver takes that (`vectors`).
     rtol: float | tuple[float, ...]

@@ -326,7 +326,7 @@ class Call:
             )
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
-        assert entry is not None, "the settings have been asked"
+        assert entry is not None, "the settings have been checked"
         result = ctypes.c_void_p()
         nothing = _Vector()
         # All arrays live until the entry returns.

@@ -18,7 +18,7 @@ from polhode.solvers.contract import (
 class Exact(Solver):
     """The solution in closed form, where the form knows one.
 
-    Tolerance: ignored. Cost grows with the number of times asked for, not with where they lie.
+    Tolerance: ignored. Cost grows with the number of requested times, not with where they lie.
     """
 
     name = "exact"

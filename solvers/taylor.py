@@ -174,7 +174,7 @@ class Bound:
     """A problem bound to heyoka's integrator, components in units of their own where tolerances ask for that.
 
     heyoka's tolerance is relative to the largest component, and absolute below one: in units of
-    atol / rtol it is what was asked for. Units are powers of two, by which nothing is rounded.
+    atol / rtol it is the requested one. Units are powers of two, by which nothing is rounded.
     """
 
     def __init__(

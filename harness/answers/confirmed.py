@@ -275,7 +275,7 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     interval = answer.error.of(want)
     if not answer.solution.success or (interval and interval.high <= error):
         return stated_error
-    head = f"the error asked for, {short(error)},"
+    head = f"the requested error, {short(error)},"
     if interval is None:
         return replace(stated_error, advice=f"{head} is not confirmed: {stated_error.note}")
     sure = "was probably missed" if interval.predicted > error else "may have been missed"

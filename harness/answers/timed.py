@@ -1,4 +1,4 @@
-"""Time to an answer over plain practice: random scenes, each asked once in a process that has compiled its forms.
+"""Time to an answer over plain practice: random scenes, each solved once in a process that has compiled its forms.
 
 Plain practice is what a careful user does: the full form by one solver, tightened tenfold until two
 runs agree to half the error. All its runs are paid.
@@ -35,11 +35,11 @@ TIMED_ROWS = 201
 # Decades of St and of the error.
 _STOKES = (-2.0, 7.0)
 _ERRORS = (-9.0, -3.0)
-# St from which on the orientation is not asked for: it would have to be followed through all turns.
+# St from which on the orientation is not requested: it would have to be followed through all turns.
 _SLOW_FROM = 3e4
 # The requested error is missed beyond this multiple of it: plain practice is the reference.
 MISSED = 1.5
-# Scenes that are asked about first, so that all is compiled.
+# Scenes that are solved first, so that all is compiled.
 _WARM_UP = 12
 # Runs of plain practice, at most, its tightest tolerance, and seconds of a run.
 _RUNS = 8

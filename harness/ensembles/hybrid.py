@@ -26,7 +26,7 @@ from polhode.solvers.solve import solve
 
 # Solver of particles that run one at a time.
 SOLVER = "cyrk-vern8"
-# Error asked for times St from which on phases are drawn: the median error of averaging is some
+# Requested error times St from which on phases are drawn: the median error of averaging is some
 # 14/St.
 _OPEN = 10.0
 # Particles that run both ways, their pool, and the share of all that may miss the error.
@@ -42,7 +42,7 @@ FULL = 3e5
 _WHOLE = 100.0
 # Times at which |L| is looked at, at least.
 PATH = 65
-# The error asked for over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
+# The requested error over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
 ERROR_OVER_TOLERANCE = 1e4
 
 Array = np.ndarray

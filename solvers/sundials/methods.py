@@ -12,7 +12,7 @@ tolerance on the average only: by a factor of ten up or down between neighbours,
 Jacobian or the corrector.
 
 Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step,
-which takes several times as long: so it runs when counts or a limit of steps are asked for, over
+which takes several times as long: so it runs when counts or a limit of steps are requested, over
 the very same steps.
 """
 
@@ -165,7 +165,7 @@ class SundialsSolver(Solver):
 
     def _memory(self, problem: Problem, settings: Settings) -> Memory:
         library = load_sundials(self.prefix)
-        assert library is not None, "the settings have been asked"
+        assert library is not None, "the settings have been checked"
         return Memory(library, problem, settings, self.number)
 
     def _callbacks(self, problem: Problem, settings: Settings) -> Callbacks:

@@ -155,7 +155,7 @@ def test_second_runs_that_end_too_early_confirm_nothing(monkeypatch: pytest.Monk
     assert found.error.note == "not confirmed: no second run came to its end"
     answer = solve("paper", error=1e-6)
     assert answer.success
-    assert answer.error.advice.startswith("the error asked for, 1e-6, is not confirmed: not conf")
+    assert answer.error.advice.startswith("the requested error, 1e-6, is not confirmed: not conf")
 
 
 def test_runs_of_the_same_steps_confirm_nothing(monkeypatch: pytest.MonkeyPatch):

@@ -69,7 +69,7 @@ def test_a_page_says_when_each_part_was_measured():
 def test_findings_count_what_was_kept():
     silent = replace(ROW, start=2, estimated=nan)
     said = "\n".join(findings(Study([ROW, BAD, silent], SPEEDS)))
-    assert "within the one asked for in 66.7 % of the runs" in said
+    assert "within the requested one in 66.7 % of the runs" in said
     assert (
         "2 of 3 runs state an error of their own: it bounds the one measured in 50 %, in all runs of "
         "1 of 2 starts, 50 % (9.45 to 90.5 % at 95 %), and" in said

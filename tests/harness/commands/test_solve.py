@@ -167,10 +167,10 @@ def test_averaged_forms_leave_the_rotation_empty(solved):
         (
             ["--form", "averaged", "--error", "1e-9"],
             1,
-            "note: the error asked for, 1e-9, was probably missed",
+            "note: the requested error, 1e-9, was probably missed",
         ),
         (["--form", "averaged", "--error", "1e-9", "--quiet"], 1, ""),
-        (["--form", "averaged"], 0, "note: the error asked for, 1e-6, was probably missed"),
+        (["--form", "averaged"], 0, "note: the requested error, 1e-6, was probably missed"),
         (["--form", "averaged", "--error", "0.1"], 0, ""),
         ([*GIVEN, "--error", "1e-9"], 0, "note: the --tolerance given governs the run"),
         ([*GIVEN], 0, ""),

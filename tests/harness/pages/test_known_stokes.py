@@ -1,4 +1,4 @@
-"""The page of solvers that know St: ratios at equal error, and whether they are those asked for."""
+"""The page of solvers that know St: ratios at equal error, and whether they reach their targets."""
 
 from pathlib import Path
 
@@ -65,9 +65,9 @@ def test_ratios_at_equal_error(tmp_path: Path, seconds: float, sign: str):
     assert cells[4] == f"{1e-2 / seconds:.2g} (cyrk-vern8, 10 ms) {sign} ≥ 4.5"
     assert cells[5] == f"{0.03 / seconds:.2g} (taylor, 30 ms)"
     assert f"reaches {1 if sign == '✓' else 0} of 2" in page
-    assert "60 times as fast, asked for: 30" in page
+    assert "60 times as fast, requested: 30" in page
     assert "times as long as that at 1e6" in page
-    assert "is 2.0e-9, asked" in page
+    assert "is 2.0e-9, requested" in page
     alone = known_stokes.write_page(
         parse_study(STUDY), records[-1:], tmp_path, "polhode bench"
     ).read_text(encoding="utf-8")

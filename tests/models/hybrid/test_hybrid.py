@@ -1,4 +1,4 @@
-"""Form `hybrid`: segments meet, errors stay below the one asked for, no window where none is needed."""
+"""Form `hybrid`: segments meet, errors stay below the requested one, no full equations where none are needed."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -124,7 +124,7 @@ def test_hand_over_there_and_back_is_exact_to_rounding(scene: Scene):
 
 
 def test_a_body_that_settles_errs_by_what_its_damping_does():
-    """Rates of second order fade faster than those of third; the error was five times the one asked for."""
+    """Rates of second order fade faster than those of third; the error was five times the requested one."""
     pose, spin = (-0.722, -0.676, -0.049, 0.136), (-0.22, -0.10, -0.43)
     scene = Scene(Ellipsoid((0.193, 0.865, 0.865)), 1e4, BodyStart(pose, spin), 2e4)
     true = Hybrid().observe(scene, full_run(scene).states)
