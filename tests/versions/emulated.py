@@ -1,0 +1,142 @@
+"""polhode on ARM under emulation: Debian's Python for aarch64 and the wheels, run by QEMU, no root's hooks needed.
+
+Needs `debootstrap` and `qemu-user-static` (Debian). A minute of downloads, then some five minutes.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from versions.platforms import on_platform
+from versions.tools import BUILD, ROOT, SETUP_LIMIT, SMOKE, Found, answers_of, ran
+
+QEMU = "qemu-aarch64-static"
+COMMANDS = (QEMU, "debootstrap", "dpkg")
+# Debian's release, its Python, and the wheels that its C library takes.
+SUITE = "bookworm"
+PYTHON = "3.11"
+TAGS = ("manylinux_2_28_aarch64", "manylinux_2_27_aarch64", "manylinux_2_17_aarch64")
+FOLDER = BUILD / "aarch64"
+SECONDS = 3600.0
+# Largest difference from this machine's numbers, over the largest of them. Compilers round in other
+# orders, so that runs of tolerance 1e-8 take other steps.
+APART = {"form": 1e-6, "solver": 1e-4, "solve": 1e-6, "pick": 0.0, "solve_ivp": 1e-6}
+APART["WorkPrecision"] = 0.0
+
+
+def missing_commands() -> list[str]:
+    """Commands that are not installed here."""
+    return [name for name in COMMANDS if shutil.which(name) is None]
+
+
+def root() -> Path:
+    """A folder with Debian's Python for aarch64 and what it links to; made once."""
+    there = FOLDER / "root"
+    if (there / "usr" / "bin" / f"python{PYTHON}").exists():
+        return there
+    packages = FOLDER / "packages"
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    words = ["--arch=arm64", "--foreign", "--variant=minbase", "--include=python3", SUITE]
+    ran("debootstrap", *words, packages, seconds=SETUP_LIMIT)
+    for archive in sorted((packages / "var/cache/apt/archives").glob("*.deb")):
+        ran("dpkg", "-x", archive, there, seconds=SETUP_LIMIT)
+    shutil.rmtree(packages)
+    return there
+
+
+def site(packages: list[str]) -> Path:
+    """A folder with the wheels of requirements for aarch64."""
+    there = FOLDER / "site"
+    shutil.rmtree(there, ignore_errors=True)
+    words = ["install", "--quiet", "--no-compile", "--only-binary", ":all:", "--target", there]
+    words += ["--implementation", "cp", "--python-version", PYTHON]
+    for tag in TAGS:
+        words += ["--platform", tag]
+    ran(sys.executable, "-m", "pip", *words, *packages, seconds=SETUP_LIMIT)
+    return there
+
+
+def smoke(python: list[str | Path], surroundings: dict[str, str]) -> dict[str, dict]:
+    """What the steps answer under a Python."""
+    done = subprocess.run(
+        [*python, SMOKE],
+        cwd=FOLDER,
+        env=surroundings,
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    answers = answers_of(done.stdout)
+    if not answers:
+        raise RuntimeError(done.stderr[-2000:])
+    return answers
+
+
+def difference(one: list[float], other: list[float]) -> float:
+    """Largest difference of two rows of numbers, over the largest number."""
+    size = max(map(abs, other)) or 1.0
+    return max(abs(a - b) for a, b in zip(one, other, strict=True)) / size
+
+
+def compared(there: dict[str, dict], here: dict[str, dict]) -> tuple[list[str], dict[str, float]]:
+    """What is wrong with the answers there, and how far each kind of step is from here at most."""
+    wrong = [f"{step} did not run" for step in here if step not in there]
+    apart: dict[str, float] = {}
+    for step, answer in there.items():
+        if "fault" in answer:
+            wrong.append(f"{step}: {answer['fault']}")
+        if "numbers" not in answer or "numbers" not in here[step]:
+            continue
+        kind = step.partition(" ")[0]
+        found = difference(answer["numbers"], here[step]["numbers"])
+        apart[kind] = max(found, apart.get(kind, 0.0))
+        if found > APART[kind]:
+            wrong.append(f"{step}: {found:.1e} from here, expected {APART[kind]:.0e} at most")
+    return wrong, apart
+
+
+def requirements() -> list[str]:
+    """What polhode requires on aarch64, in the versions that uv resolves."""
+    found = on_platform("Linux, ARM")
+    if "why" in found:
+        raise RuntimeError(found["why"])
+    return [f"{name}=={version}" for name, version in found.items()]
+
+
+def run() -> Found:
+    """What runs on aarch64 under emulation."""
+    lacking = missing_commands()
+    if lacking:
+        names = "apt install debootstrap qemu-user-static"
+        return {"why": f"{', '.join(lacking)}: not installed ({names})"}
+    try:
+        system = root()
+        packages = site(requirements())
+    except RuntimeError as error:
+        return {"why": str(error)}
+    home = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "PYTHONPATH": str(ROOT / "typings")}
+    home["HOME"] = home["POLHODE_CACHE"] = str(FOLDER)
+    here = smoke([sys.executable], {**home, "POLHODE_CACHE": str(FOLDER / "cache-here")})
+    emulated = {
+        **home,
+        "POLHODE_CACHE": str(FOLDER / "cache"),
+        "PYTHONHOME": str(system / "usr"),
+        "PYTHONPATH": f"{packages}:{ROOT / 'typings'}",
+        # Compiled modules of the checkout stay those of this machine's Python.
+        "PYTHONPYCACHEPREFIX": str(FOLDER / "compiled"),
+    }
+    interpreter = system / "usr" / "bin" / f"python{PYTHON}"
+    there = smoke([QEMU, "-L", system, interpreter], emulated)
+    wrong, apart = compared(there, here)
+    works = [step for step, answer in there.items() if "numbers" in answer]
+    refused = [step for step, answer in there.items() if "refused" in answer]
+    found = {
+        "works": ", ".join(works),
+        "refused": ", ".join(refused),
+        "seconds": f"{sum(answer['seconds'] for answer in there.values()):.0f}",
+        "apart": ", ".join(f"{kind} {number:.0e}" for kind, number in apart.items() if number),
+    }
+    return {**found, "why": "; ".join(wrong)} if wrong else found

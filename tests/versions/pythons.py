@@ -1,0 +1,96 @@
+"""The tests under one Python, with the oldest versions of what polhode needs, or the newest."""
+
+import re
+import subprocess
+from pathlib import Path
+
+from versions.tools import (
+    BUILD,
+    HERE,
+    ROOT,
+    SHOWN,
+    Found,
+    bare_environment,
+    full_version,
+    interpreter,
+    uv,
+    versions_in,
+)
+
+# How uv resolves each end.
+ENDS = {"oldest": "lowest-direct", "newest": "highest"}
+# Seconds in which the tests run.
+TEST_LIMIT = 7200.0
+MISSING = "no such Python here"
+# What the tests need beside polhode.
+TOOLS = (
+    "build",
+    "hypothesis",
+    "import-linter",
+    "mpmath",
+    "pip",
+    "pytest",
+    "pytest-benchmark",
+    "pytest-xdist",
+    "setuptools>=77",
+    "xarray",
+)
+ALL = "all but the slow ones"
+
+
+def resolved(version: str, end: str) -> Path:
+    """The file of versions for a Python at an end, resolved anew."""
+    file = HERE / f"{end}-{version}.txt"
+    words = ["pip", "compile", "--quiet", "--no-header", "--no-annotate"]
+    words += ["--only-binary", ":all:", "--resolution", ENDS[end], "--python-version", version]
+    words += ["--extra", "site", "--extra", "dask", "--output-file", str(file), "pyproject.toml"]
+    uv(*words)
+    return file
+
+
+def environment(python: str, version: str, end: str) -> Path:
+    """The interpreter of a new environment with these versions."""
+    there = bare_environment(python, BUILD / f"{end}-{version}")
+    words = ["pip", "install", "--quiet", "--python", there, "--only-binary", ":all:"]
+    uv(*words, "--constraint", resolved(version, end), "--editable", ".[dask,site]", *TOOLS)
+    return there
+
+
+def tested(there: Path, selection: list[str]) -> str:
+    """The last line of the tests' output: how many passed and failed."""
+    words = ["-m", "pytest", "-m", "not slow", "--numprocesses", "2", "--dist", "worksteal"]
+    log = there.parents[1] / "pytest.log"
+    with log.open("w", encoding="utf-8") as output:
+        done = subprocess.run(
+            [str(there), *words, "--no-header", "--tb=short", *selection],
+            cwd=ROOT,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            timeout=TEST_LIMIT,
+            check=False,
+        )
+    found = re.findall(r"^.*\d+ (?:passed|failed|error).*$", log.read_text("utf-8"), re.MULTILINE)
+    return found[-1].strip("= ") if found else f"exit code {done.returncode}"
+
+
+def one(version: str, end: str, selection: list[str]) -> Found:
+    """What ran under a Python at an end; a selection is of arguments of pytest."""
+    python = interpreter(version)
+    if python is None:
+        return {"tests": MISSING}
+    try:
+        there = environment(python, version, end)
+        tests = tested(there, selection)
+    except RuntimeError as error:
+        return {"tests": "could not be installed", "why": str(error)}
+    except subprocess.TimeoutExpired:
+        return {"tests": f"not done in {TEST_LIMIT:.0f} s"}
+    versions = versions_in(there)
+    shown = {name: versions.get(name, "–") for name in SHOWN}
+    ran = " ".join(word for word in selection if not word.startswith("-")) or ALL
+    return {"python": full_version(there), "tests": tests, "selection": ran, **shown}
+
+
+def passed(found: Found) -> bool:
+    """Whether tests ran and none failed."""
+    return "passed" in found["tests"] and not re.search("failed|error", found["tests"])

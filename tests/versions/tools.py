@@ -1,0 +1,79 @@
+"""What the commands of this folder share: Pythons, environments, and where results lie."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+HERE = Path(__file__).parent
+# Environments, roots and logs; git ignores them.
+BUILD = ROOT / "build" / "versions"
+SMOKE = HERE / "smoke.py"
+PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+# Libraries whose versions the tables show.
+SHOWN = ("numpy", "scipy", "pandas", "llvmlite", "cyrk", "heyoka", "scikit-sundae")
+# Seconds in which an environment is made.
+SETUP_LIMIT = 900.0
+RESULTS = HERE / "results.json"
+
+Found = dict[str, str]
+
+
+def interpreter(version: str) -> str | None:
+    """The command of a Python; None if there is none."""
+    candidates = [shutil.which(f"python{version}")]
+    candidates += map(str, Path.home().glob(f".pyenv/versions/{version}.*/bin/python{version}"))
+    for candidate in filter(None, candidates):
+        # pyenv puts a command on the path for each Python it has, chosen or not.
+        done = subprocess.run([candidate, "-c", ""], capture_output=True, check=False)
+        if done.returncode == 0:
+            return candidate
+    return None
+
+
+def ran(*words: str | Path, seconds: float) -> str:
+    """Standard output and error of a command in the checkout; RuntimeError with its end if it fails."""
+    done = subprocess.run(
+        [str(word) for word in words],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=seconds,
+        check=False,
+    )
+    if done.returncode:
+        raise RuntimeError(done.stdout[-2000:])
+    return done.stdout
+
+
+def uv(*words: str | Path) -> str:
+    """What uv prints."""
+    return ran(sys.executable, "-m", "uv", *words, seconds=SETUP_LIMIT)
+
+
+def bare_environment(python: str, folder: Path) -> Path:
+    """The interpreter of a new environment without packages."""
+    shutil.rmtree(folder, ignore_errors=True)
+    ran(python, "-m", "venv", "--without-pip", folder, seconds=SETUP_LIMIT)
+    return folder / "bin" / "python"
+
+
+def versions_in(there: Path) -> Found:
+    """Packages of an environment by their names in small letters."""
+    packages = json.loads(uv("pip", "list", "--format", "json", "--python", there))
+    return {package["name"].lower(): package["version"] for package in packages}
+
+
+def full_version(there: Path | str) -> str:
+    """Version of a Python, such as 3.12.1."""
+    words = "import platform; print(platform.python_version())"
+    return ran(there, "-c", words, seconds=60.0).strip()
+
+
+def answers_of(output: str) -> dict[str, dict]:
+    """Steps of `smoke.py` by name, from what it printed."""
+    lines = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+    return {line.pop("step"): line for line in lines}
