@@ -22,6 +22,22 @@ PACKAGES = ("polhode", *ROOMS)
 # What a test of the checkout adds is not there where the package is installed.
 BARE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+TOP_FILES = (
+    ".pre-commit-config.yaml",
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "CONTRIBUTING.md",
+    "LICENSE",
+    "MANIFEST.in",
+    "Makefile",
+    "README.md",
+    "bootstrap.sh",
+    "constraints.txt",
+    "pyproject.toml",
+    "setup.py",
+)
+# Seconds since 1970 that a release would give its files.
+DATE = "1700000000"
 # What belongs to the one who works here, not to the project.
 WORKPLACE = re.compile(r"(?<![\w.$}{)/-])/(?:work|tmp|home|root|mnt|Users)/[\w.-]")
 
@@ -42,38 +58,39 @@ def imported(code: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Source distribution, and the wheel made from it."""
-    folder = tmp_path_factory.mktemp("built")
+def distributions(folder: Path, date: str) -> tuple[Path, Path]:
+    """Source distribution, and the wheel made from it, of a copy of the checkout."""
     tree = folder / "tree"
-    tree.mkdir()
-    for name in (
-        "CITATION.cff",
-        "LICENSE",
-        "MANIFEST.in",
-        "Makefile",
-        "README.md",
-        "bootstrap.sh",
-        "constraints.txt",
-    ):
-        shutil.copy(ROOT / name, tree)
-    for name in (
-        ".pre-commit-config.yaml",
-        "CHANGELOG.md",
-        "CONTRIBUTING.md",
-        "pyproject.toml",
-        "setup.py",
-    ):
+    tree.mkdir(parents=True)
+    for name in TOP_FILES:
         shutil.copy(ROOT / name, tree)
     for name in (*PACKAGES, "docs", "tests"):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
     words = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(folder), "."]
+    environment = {**BARE, "SOURCE_DATE_EPOCH": date}
     done = subprocess.run(
-        words, cwd=tree, env=BARE, capture_output=True, text=True, timeout=120, check=False
+        words, cwd=tree, env=environment, capture_output=True, text=True, timeout=120, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return next(folder.glob("*.tar.gz")), next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Source distribution, and the wheel made from it."""
+    return distributions(tmp_path_factory.mktemp("built") / "one", DATE)
+
+
+def test_the_same_files_and_date_make_the_same_bytes(built: tuple[Path, Path], tmp_path: Path):
+    """From a copy made later, by another user's habits."""
+    before = os.umask(0o027)
+    try:
+        again = distributions(tmp_path / "other", DATE)
+    finally:
+        os.umask(before)
+    for one, other in zip(built, again, strict=True):
+        assert one.name == other.name
+        assert one.read_bytes() == other.read_bytes(), one.name
 
 
 def in_tree(*folders: str) -> set[str]:
