@@ -15,14 +15,14 @@ SEED    ?= 1
 MINUTES ?= 20
 
 .DEFAULT_GOAL := help
-.PHONY: help setup bench test test-all test-versions check lint format docs benchmark benchmark-compare cold-start torture report everything clean
+.PHONY: help setup bench test test-all test-versions check hashes lint format docs benchmark benchmark-compare cold-start torture report everything clean
 
 help: ## list the commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(READY) ## create the virtual environment and install polhode into it
 
-$(READY): pyproject.toml setup.py constraints.txt bootstrap.sh
+$(READY): pyproject.toml setup.py requirements.txt bootstrap.sh
 	@sh bootstrap.sh $(VENV)
 	@touch $@
 
@@ -80,6 +80,10 @@ everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; 
 	  touch "$$mark.begun"; echo "polhode $$line $$again"; \
 	  $(BIN)/polhode $$line $$again </dev/null && mv "$$mark.begun" "$$mark.done" || exit 1; \
 	done <reports/commands.txt; rm -r build/everything
+
+hashes: ## requirements.txt anew: what `make setup` installs, as constraints.txt says, with hashes
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
+	  --constraint constraints.txt --extra site --extra dask --extra dev pyproject.toml --output-file requirements.txt
 
 check: lint ## format, lint, direction of imports, types
 	$(BIN)/basedpyright

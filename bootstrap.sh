@@ -32,8 +32,10 @@ trap 'exit 130' INT TERM
 rm -rf "$venv"
 echo "polhode: setting up $venv with $("$python" --version); this takes a minute or two" >&2
 "$python" -m venv "$venv"
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt \
-    --editable '.[dask,site,dev]'
+pip() { "$venv/bin/python" -m pip --quiet --disable-pip-version-check install --no-compile --no-deps "$@"; }
+# Each file is the one that requirements.txt gives a hash of; polhode itself is built by the setuptools among them.
+pip --require-hashes --requirement requirements.txt
+pip --no-build-isolation --editable .
 # A folder named polhode beside the clone's parent would be found before the clone itself.
 for packages in "$venv"/lib/python*/site-packages; do echo "$PWD/typings" > "$packages/polhode-clone.pth"; done
 # On all cores, and without the libraries' own tests: half as long as by pip. What does not compile does so on import.

@@ -34,6 +34,7 @@ TOP_FILES = (
     "bootstrap.sh",
     "constraints.txt",
     "pyproject.toml",
+    "requirements.txt",
     "setup.py",
 )
 # Seconds since 1970 that a release would give its files.
@@ -119,6 +120,7 @@ def test_the_source_holds_docs_tests_and_constraints_too(built: tuple[Path, Path
     assert {
         "CHANGELOG.md",
         "constraints.txt",
+        "requirements.txt",
         "setup.py",
         "pyproject.toml",
         "Makefile",
@@ -232,6 +234,28 @@ def test_a_plug_in_is_in_every_table(installed: Path, tmp_path: Path):
     assert "| my-decay" in (tmp_path / "b" / "README.md").read_text()
 
 
+def test_version_and_date_are_the_same_everywhere():
+    version = PROJECT["project"]["version"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    (cited,) = re.findall(r"^version: (\S+)$", citation, re.MULTILINE)
+    (released,) = re.findall(r"^date-released: (\d{4}-\d\d-\d\d)$", citation, re.MULTILINE)
+    newest = re.findall(r"^## (.*)$", changes, re.MULTILINE)[0]
+    assert cited == version
+    assert newest == f"{version}, {released}"
+
+
+def test_changes_are_grouped():
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    newest = changes.split("\n## ")[1]
+    assert re.findall(r"^### (.*)$", newest, re.MULTILINE) == [
+        "Added",
+        "Changed",
+        "Fixed",
+        "Removed",
+    ]
+
+
 def test_the_command_is_declared():
     assert PROJECT["project"]["scripts"] == {"polhode": "polhode.harness.cli:main"}
 
@@ -324,19 +348,44 @@ def test_type_checkers_find_the_rooms(room: str):
     assert (ROOT / room / "py.typed").is_file()
 
 
+def plain_name(requirement: str) -> str:
+    """Name of a package as it is compared."""
+    return re.sub(r"[-_.]+", "-", re.split(r"[<>=!~ ;\[]", requirement)[0]).lower()
+
+
+def constrained() -> dict[str, str]:
+    """Versions of constraints.txt by the names of the packages."""
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line.split("==") for line in lines if line and not line.startswith("#")]
+    return {plain_name(name): version for name, version in pins}
+
+
 def test_constraints_hold_names_and_versions_alone():
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]
-    assert [
-        line
-        for line in pins
-        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*==[0-9][0-9A-Za-z.+!]*", line)
-    ] == []
-    pinned = {re.sub(r"[-_.]+", "-", line.partition("==")[0]).lower() for line in pins}
+    pattern = r"[A-Za-z0-9][A-Za-z0-9._-]*==[0-9][0-9A-Za-z.+!]*"
+    assert [line for line in pins if not re.fullmatch(pattern, line)] == []
     extras = PROJECT["project"]["optional-dependencies"]
-    wanted = PROJECT["project"]["dependencies"] + extras["dask"] + extras["dev"]
-    names = {re.sub(r"[-_.]+", "-", re.split(r"[<>=!~ ;\[]", line)[0]).lower() for line in wanted}
-    assert names - pinned == set()
+    required = PROJECT["project"]["dependencies"] + extras["dask"] + extras["dev"]
+    assert {plain_name(line) for line in required} - set(constrained()) == set()
+
+
+def test_what_setup_installs_has_hashes_and_the_versions_of_the_constraints():
+    """Else `make hashes` is due."""
+    text = (ROOT / "requirements.txt").read_text(encoding="utf-8")
+    installed = {}
+    for entry in text.replace("\\\n", " ").splitlines():
+        found = re.fullmatch(
+            r"([\w.-]+)==(\S+)(?: ; [^#]*?)?((?:\s+--hash=sha256:[0-9a-f]{64})+)", entry
+        )
+        assert found, entry[:100]
+        installed[plain_name(found[1])] = found[2]
+    known = constrained()
+    assert {name: known.get(name) for name in installed} == installed
+    extras = PROJECT["project"]["optional-dependencies"]
+    required = [*PROJECT["project"]["dependencies"], *extras["figures"], *extras["dev"]]
+    required += [*extras["site"], *extras["dask"]]
+    assert {plain_name(line) for line in required} - {"polhode"} - set(installed) == set()
 
 
 def committed() -> list[Path]:

@@ -112,11 +112,16 @@ def build(
 def _made_by(text: str) -> str:
     """A warning above a page that another version than today's measured, by the page's own words."""
     found = re.search(r"^Measured .*?\bpolhode (\d[\w.]*)", text, re.MULTILINE)
-    today = versions().get("polhode")
-    if found is None or found[1] == today:
+    today = versions().get("polhode", "")
+    if found is None or _release(found[1]) == _release(today):
         return ""
     words = f"Measured by polhode {found[1]}, not by today's {today}: numbers may differ."
     return f'<p class="outdated">{words}</p>'
+
+
+def _release(version: str) -> str:
+    """The release that a version under development leads to: 0.2.0 of 0.2.0.dev0."""
+    return version.partition(".dev")[0]
 
 
 def _runs_of(cell: re.Match[str]) -> str:

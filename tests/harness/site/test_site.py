@@ -12,12 +12,11 @@ from PIL import Image, ImageColor, ImageDraw
 from sites import TAG, data_of, site
 
 from polhode.harness.common.files import dumps
-from polhode.harness.common.machine import versions
 from polhode.harness.common.store import export, read_export
 from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
 from polhode.harness.pages.regimes import read_cells
-from polhode.harness.site import markup
+from polhode.harness.site import build, markup
 from polhode.harness.site.answers import NEEDED, RUN_NUMBERS, read_studies
 from polhode.harness.site.build import REPORTS
 from polhode.harness.site.markup import Page, document, plain, prose, section
@@ -37,15 +36,22 @@ def test_what_is_missing_is_named_with_its_command(tmp_path: Path):
     assert "to make: <code>polhode bench</code>" in pages["cost"]
 
 
-def test_a_page_that_another_version_measured_says_so(tmp_path: Path):
+def test_a_page_that_another_version_measured_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(build, "versions", lambda: {"polhode": "0.2.0"})
     reports = tmp_path / "reports"
-    for name, version in (("old", "0.0.1"), ("new", versions()["polhode"])):
+    made_by = {"old": "0.1.0", "next": "0.2.1.dev0", "before": "0.2.0.dev0", "new": "0.2.0"}
+    for name, version in made_by.items():
         (reports / name).mkdir(parents=True)
         text = f"# Page\n\nMeasured on 2026-01-01 on a machine (numpy 2.4.6, polhode {version}).\n"
         (reports / name / "README.md").write_text(text, encoding="utf-8")
     pages = site(tmp_path / "site", reports)
-    assert 'class="outdated">Measured by polhode 0.0.1, not by today' in pages["old"]
-    assert "outdated" not in pages["new"]
+    for name in ("old", "next"):
+        assert f'class="outdated">Measured by polhode {made_by[name]}, not by today' in pages[name]
+    # What led to a release is that release: nothing is measured again for a name.
+    for name in ("before", "new"):
+        assert "outdated" not in pages[name]
 
 
 @pytest.mark.parametrize("name", PAGES)
