@@ -145,17 +145,11 @@ def entry_with_jacobian() -> Callable[..., None] | None:
     return entry
 
 
-class _Vector(ctypes.Structure):
-    """A vector of C++ that shows an array, or is empty: where it begins, where it ends, where its room ends."""
-
-    _fields_: ClassVar = [(name, ctypes.c_void_p) for name in ("begin", "end", "room")]
-
-    @classmethod
-    def of(cls, array: np.ndarray) -> "_Vector":
-        """A vector that is good for as long as the array."""
-        begin = address_of(array)
-        end = begin + array.nbytes
-        return cls(begin, end, end)
+def _vector(array: np.ndarray) -> tuple[int, int, int]:
+    """A vector of C++ that shows an array: where it begins, where it ends, where its room ends."""
+    begin = address_of(array)
+    end = begin + array.nbytes
+    return begin, end, end
 
 
 def _announce() -> None:
@@ -327,20 +321,22 @@ class Call:
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been checked"
-        result = ctypes.c_void_p()
-        nothing = _Vector()
-        # All arrays live until the entry returns.
-        vector = _Vector.of
-        reference = ctypes.byref
+        # The pointer to the result, and vectors of 24 bytes; that of events is empty. One array of
+        # numbers costs less than objects of ctypes: 4 µs of the 50 that the shortest runs take.
+        passed = np.array(
+            [
+                *(0, *_vector(state), *_vector(self.parameters), *_vector(times)),
+                *(*_vector(self.rtol), *_vector(self.atol), 0, 0, 0),
+            ]
+        )
+        result = address_of(passed)
+        states, parameters, wanted, rtols, atols, events = range(result + 8, result + 152, 24)
         entry(
-            *(reference(result), self.code.address, start, end, reference(vector(state))),
-            *(self.method, 0, 0, reference(vector(self.parameters))),
-            *(max_steps, _MAX_RAM_MB, dense, reference(vector(times))),
-            *(None, reference(nothing)),
-            *(reference(vector(self.rtol)), reference(vector(self.atol))),
+            *(result, self.code.address, start, end, states, self.method, 0, 0, parameters),
+            *(max_steps, _MAX_RAM_MB, dense, wanted, None, events, rtols, atols),
             *(self.max_step, first_step, True, self.jacobian.address),
         )
-        return result.value
+        return int(passed[0])
 
 
 def _run(call: Call, record: Record) -> Outcome:
