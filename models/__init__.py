@@ -1,6 +1,6 @@
 """Physics: the ellipsoid, the scene, the forms of the equations and their catalogue.
 
-Imports no other room, but for the solver that `second_order.path` uses.
+Imports no other room: `path_solver` is handed the one function of a solver that models call.
 """
 
 if __name__ != "polhode.models":

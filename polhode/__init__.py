@@ -47,6 +47,22 @@ _HOMES |= {"Flow": "models.flow"}
 _HOMES |= dict.fromkeys(("BodyStart", "EulerStart", "Scene", "SlowStart"), "models.scene")
 
 
+def _followed(problem: "Problem", tolerance: float, points: int) -> Any:
+    from polhode.solvers.following import followed
+
+    return followed(problem, tolerance, points)
+
+
+def _join() -> None:
+    # Models look along a run by a solver, and import none: here both are known.
+    from polhode.models import path_solver
+
+    path_solver.use(_followed)
+
+
+_join()
+
+
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version

@@ -7,11 +7,11 @@ from math import exp, inf, pi, sqrt
 
 import numpy as np
 
+from polhode.models import path_solver
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.once import once
-from polhode.models.registry import imported
 from polhode.models.scene import Scene
 from polhode.models.second_order import spheroid as spheroidal, tables
 from polhode.models.second_order.extent import extent
@@ -21,9 +21,7 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# The solver that follows a path, imported on use, as models know no solvers.
-FOLLOWED = "polhode.solvers.following:followed"
-# Its tolerance: an error of the path shifts the times of kicks.
+# Tolerance of the solver that follows a path: an error of the path shifts the times of kicks.
 _PATH_TOLERANCE = 1e-8
 # Points of a triaxial ellipsoid's path, which has kicks.
 _KICKED = 240
@@ -71,7 +69,7 @@ class Path:
         with suppress(FormNotValidError):
             problem = form.problem(scene)
             points = _KICKED if scene.ellipsoid.kind == "triaxial" else _SMOOTH
-            times, states = imported(FOLLOWED)(problem, _PATH_TOLERANCE, points)
+            times, states = path_solver.solved(problem, _PATH_TOLERANCE, points)
             # Times of a short run may lie closer than numbers can.
             apart = np.append(True, np.diff(times) > 0)
             times = times[apart]

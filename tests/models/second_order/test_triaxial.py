@@ -4,6 +4,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from math import pi
+from typing import NoReturn
 
 import numpy as np
 import pytest
@@ -11,12 +12,14 @@ from observed import observed
 from scipy.special import ellipkm1
 
 from polhode.harness.references.errors import errors
+from polhode.models import path_solver
 from polhode.models.catalogue import form
 from polhode.models.files import cached
 from polhode.models.form import FormNotValidError
 from polhode.models.forms import averaged
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.operations import FLOAT
+from polhode.models.problem import Problem
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.scenes import named_scene
 from polhode.models.second_order import (
@@ -181,7 +184,10 @@ def test_refusal_names_the_condition(axes, start, slow_time, condition):
 def test_without_the_library_that_follows_a_path_the_form_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ):
-    monkeypatch.setattr("polhode.models.second_order.path.FOLLOWED", "nowhere:followed")
+    def missing(problem: Problem, tolerance: float, points: int) -> NoReturn:
+        raise ModuleNotFoundError("No module named 'nowhere'", name="nowhere")
+
+    monkeypatch.setattr(path_solver, "_solver", missing)
     with pytest.raises(
         FormNotValidError, match="nowhere, which follows first-order paths, is not installed"
     ):

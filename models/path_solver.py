@@ -1,0 +1,39 @@
+"""The solver by which models look along a run beforehand: handed over, as they import no solvers.
+
+`polhode` itself hands it over when it is imported; `second_order/path.py` uses it.
+"""
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from polhode.models.problem import Problem
+
+
+class PathSolver(Protocol):
+    """What `polhode.solvers.following.followed` is."""
+
+    def __call__(
+        self, problem: "Problem", tolerance: float, points: int
+    ) -> "tuple[np.ndarray, np.ndarray]":
+        """At least `points` times of the solution, shape (n,), and the states there, shape (n, d)."""
+        ...
+
+
+_solver: PathSolver | None = None
+
+
+def use(solver: PathSolver | None) -> None:
+    """Look along runs by this solver from now on."""
+    global _solver
+    _solver = solver
+
+
+def solved(problem: "Problem", tolerance: float, points: int) -> "tuple[np.ndarray, np.ndarray]":
+    """The solution of a problem by the solver in use."""
+    if _solver is None:
+        raise RuntimeError(
+            "no path solver: got None, expected one by polhode.models.path_solver.use"
+        )
+    return _solver(problem, tolerance, points)
