@@ -1,5 +1,6 @@
 """The package as it is built, imported and committed."""
 
+import json
 import os
 import re
 import shutil
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 from commandline import STUDY
+from versions.page import PAGE, page
+from versions.tools import RESULTS
 
 from polhode.harness.cli import COMMANDS
 
@@ -386,6 +389,12 @@ def test_what_setup_installs_has_hashes_and_the_versions_of_the_constraints():
     required = [*PROJECT["project"]["dependencies"], *extras["figures"], *extras["dev"]]
     required += [*extras["site"], *extras["dask"]]
     assert {plain_name(line) for line in required} - {"polhode"} - set(installed) == set()
+
+
+def test_the_page_of_versions_says_what_ran():
+    """`python -m versions` writes both."""
+    results = json.loads(RESULTS.read_text(encoding="utf-8"))
+    assert PAGE.read_text(encoding="utf-8") == page(results)
 
 
 def committed() -> list[Path]:

@@ -13,8 +13,9 @@ HEAD = """\
 # Versions
 
 `make test-versions` runs the tests under each Python from 3.11 to 3.14 that it finds, with the oldest versions that
-`pyproject.toml` admits and that have wheels for it, and with the newest. This is what ran last; the last column says
-which tests. Python 3.11 runs all of them with the versions of `constraints.txt` at every change (`make test`).
+`pyproject.toml` admits and that have wheels for it, and with the newest. This is what ran last. Steps are the runs and
+calls of `tests/versions/smoke.py` that give numbers: each form, each solver, `solve`, `pick`, `solve_ivp` and
+`WorkPrecision`. Python 3.11 runs all tests with the versions of `constraints.txt` at every change (`make test`).
 
 """
 PLATFORM_HEAD = """
@@ -61,8 +62,10 @@ def of_pythons(results: dict[str, Found]) -> str:
             tests = re.sub(r" in .*", "", found["tests"])
             numbers = [found.get(name, "–") for name in SHOWN]
             which = found.get("selection", "–")
-            rows.append([found.get("python", version), end, tests, *numbers, which])
-    return table(["Python", "versions", "tests", *SHOWN, "which tests"], rows) if rows else NOT_YET
+            steps = found.get("steps", "–")
+            rows.append([found.get("python", version), end, steps, tests, which, *numbers])
+    head = ["Python", "versions", "steps", "tests", "which tests", *SHOWN]
+    return table(head, rows) if rows else NOT_YET
 
 
 def of_platforms(results: dict[str, Found]) -> str:

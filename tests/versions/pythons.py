@@ -9,7 +9,9 @@ from versions.tools import (
     HERE,
     ROOT,
     SHOWN,
+    SMOKE,
     Found,
+    answers_of,
     bare_environment,
     full_version,
     interpreter,
@@ -73,6 +75,19 @@ def tested(there: Path, selection: list[str]) -> str:
     return found[-1].strip("= ") if found else f"exit code {done.returncode}"
 
 
+def smoked(there: Path) -> tuple[str, str]:
+    """How many steps of `smoke.py` answer, and what is wrong with others."""
+    done = subprocess.run(
+        [str(there), SMOKE], cwd=BUILD, capture_output=True, text=True, timeout=1800.0, check=False
+    )
+    answers = answers_of(done.stdout)
+    wrong = [f"{step}: {answer['fault']}" for step, answer in answers.items() if "fault" in answer]
+    if not answers:
+        wrong = [done.stderr[-500:]]
+    works = sum("numbers" in answer for answer in answers.values())
+    return f"{works} of {len(answers)}", "; ".join(wrong)
+
+
 def one(version: str, end: str, selection: list[str]) -> Found:
     """What ran under a Python at an end; a selection is of arguments of pytest."""
     python = interpreter(version)
@@ -80,6 +95,7 @@ def one(version: str, end: str, selection: list[str]) -> Found:
         return {"tests": MISSING}
     try:
         there = environment(python, version, end)
+        steps, wrong = smoked(there)
         tests = tested(there, selection)
     except RuntimeError as error:
         return {"tests": "could not be installed", "why": str(error)}
@@ -88,9 +104,18 @@ def one(version: str, end: str, selection: list[str]) -> Found:
     versions = versions_in(there)
     shown = {name: versions.get(name, "–") for name in SHOWN}
     ran = " ".join(word for word in selection if not word.startswith("-")) or ALL
-    return {"python": full_version(there), "tests": tests, "selection": ran, **shown}
+    found = {
+        "python": full_version(there),
+        "tests": tests,
+        "selection": ran,
+        "steps": steps,
+        **shown,
+    }
+    return {**found, "why": wrong} if wrong else found
 
 
 def passed(found: Found) -> bool:
-    """Whether tests ran and none failed."""
+    """Whether tests ran and none failed, and each step answers."""
+    if "why" in found:
+        return False
     return "passed" in found["tests"] and not re.search("failed|error", found["tests"])
