@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Callable, Iterable
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from shutil import copytree
 from typing import Any
@@ -201,6 +202,38 @@ def test_the_pages_of_solvers_at_equal_error_follow_from_the_data():
     }
     made = equal_error.pages(equal_error.Measured(**found, **costs), "polhode equal-error")
     assert made == {name: text(f"solvers/{name}") for name in ("README.md", "times.md")}
+
+
+def paper_numbers() -> Any:
+    """The program that writes the draft of a paper."""
+    spec = spec_from_file_location("paper_numbers", ROOT / "docs" / "paper_numbers.py")
+    assert spec
+    assert spec.loader
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_draft_of_the_paper_has_the_numbers_of_the_reports():
+    """Else `python docs/paper_numbers.py` is due."""
+    program = paper_numbers()
+    assert program.PAPER.read_text(encoding="utf-8") == program.paper()
+
+
+def test_each_number_of_the_draft_is_read_from_a_report():
+    program = paper_numbers()
+    template = program.TEMPLATE.read_text(encoding="utf-8")
+    assert set(re.findall(r"\$(\w+)", template)) == set(program.numbers())
+
+
+def test_a_number_that_a_report_says_no_more_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    program = paper_numbers()
+    monkeypatch.setitem(program.SAYINGS, "docs/index.md", ("(?P<items>a number of nothing)",))
+    assert program.main() == 1
+    said = capsys.readouterr().err
+    assert said == "docs/index.md: does not say any more '(?P<items>a number of nothing)'\n"
 
 
 def test_readme_says_what_there_is():
