@@ -80,6 +80,7 @@ def doctor(as_json: bool) -> None:
 def examine() -> dict[str, Any]:
     """All that `polhode doctor` shows; takes a little longer than `_WATCH` seconds."""
     from polhode.harness.common.machine import machine, versions
+    from polhode.harness.common.wheels import why_missing
     from polhode.harness.pages.tables import templates
     from polhode.models.files.cached import cache_folder
     from polhode.models.libraries import version_of
@@ -88,6 +89,7 @@ def examine() -> dict[str, Any]:
     keys = ("name", "package", "available", "why_not")
     adapters = [{key: getattr(method, key) for key in keys} for method in map(solver, SOLVERS)]
     for row in adapters:
+        row["why_not"] = why_missing(row["why_not"], row["package"])
         row["version"] = version_of(row["package"]) if row["available"] else None
     caches = {
         "references": cache_folder(part="references"),

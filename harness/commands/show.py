@@ -149,10 +149,13 @@ def forms(as_json: bool) -> None:
 @as_json
 def solvers(as_json: bool) -> None:
     """List the solvers, the forms each accepts, and what is missing."""
+    from polhode.harness.common.wheels import why_missing
     from polhode.solvers.catalogue import SOLVERS, solver
 
     names = ("name", "summary", "available", "why_not", "accepts")
     rows = [{name: getattr(solver(solver_name), name) for name in names} for solver_name in SOLVERS]
+    for row in rows:
+        row["why_not"] = why_missing(row["why_not"], solver(row["name"]).package)
     lines = [
         [row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"]
         for row in rows

@@ -1,14 +1,28 @@
 """`polhode doctor`: true about what is there, clear about what is not."""
 
 import json
+import platform
+import tomllib
 from pathlib import Path
 
 import pytest
 from commandline import Run
+from packaging.requirements import Requirement
 
 from polhode.harness.commands import setup
 from polhode.harness.commands.setup import examine, look, steady
+from polhode.harness.common import wheels
 from polhode.solvers.catalogue import SOLVERS
+
+ROOT = Path(__file__).parents[3]
+# Systems and processors that polhode is installed on, and what has no wheel there.
+EVERYWHERE = {
+    ("Linux", "x86_64"): set(),
+    ("Linux", "aarch64"): {"cyrk", "scikit-sundae"},
+    ("Darwin", "arm64"): {"heyoka"},
+    ("Darwin", "x86_64"): {"cyrk", "heyoka"},
+    ("Windows", "AMD64"): {"heyoka"},
+}
 
 
 @pytest.fixture(autouse=True)
@@ -55,6 +69,43 @@ def test_what_is_missing_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatc
     missing = [row["name"] for row in found["adapters"] if not row["available"]]
     assert missing == [name for name in SOLVERS if name.startswith("cyrk-")]
     assert "cyrk-vern8: cyrk is not installed: pip install cyrk" in found["advice"]
+
+
+@pytest.mark.usefixtures("no_cold_start")
+@pytest.mark.parametrize("place", EVERYWHERE)
+def test_what_has_no_wheel_here_is_said(
+    place: tuple[str, str], monkeypatch: pytest.MonkeyPatch, here: Run
+):
+    system, machine = place
+    libraries = {"CyRK": "cyrk", "heyoka": "heyoka", "sksundae": "scikit-sundae"}
+    monkeypatch.setattr(
+        "polhode.solvers.contract.installed", lambda library: library not in libraries
+    )
+    monkeypatch.setattr(platform, "system", lambda: system)
+    monkeypatch.setattr(platform, "machine", lambda: machine)
+    rows = {row["name"]: row["why_not"] for row in json.loads(here("solvers", "--json").stdout)}
+    advice = examine()["advice"]
+    for name, package in (("cyrk-vern8", "cyrk"), ("taylor", "heyoka"), ("ida", "scikit-sundae")):
+        line = f"{package} is not installed: pip install {package}"
+        if package in EVERYWHERE[place]:
+            line += f" (no wheel for {system} {machine}: pip compiles it)"
+        assert rows[name] == line
+        assert f"{name}: {line}" in advice
+
+
+def test_what_is_required_somewhere_has_a_wheel_there():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    systems = {"Linux": "linux", "Darwin": "darwin", "Windows": "win32"}
+    required: dict[str, set[tuple[str, str]]] = {name: set() for name in wheels.PLATFORMS}
+    for requirement in map(Requirement, project["dependencies"]):
+        marker = requirement.marker
+        if marker is None:
+            continue
+        for system, machine in EVERYWHERE:
+            place = {"sys_platform": systems[system], "platform_machine": machine}
+            if marker.evaluate(place):
+                required[requirement.name].add((system, machine))
+    assert required == {name: set(places) for name, places in wheels.PLATFORMS.items()}
 
 
 def test_a_cache_is_counted(tmp_path: Path):
