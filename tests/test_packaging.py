@@ -13,9 +13,11 @@ import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 from commandline import STUDY
 from versions.page import PAGE, page
-from versions.tools import RESULTS
+from versions.pythons import ENDS
+from versions.tools import PYTHONS, RESULTS
 
 from polhode.harness.cli import COMMANDS
 
@@ -25,6 +27,7 @@ PACKAGES = ("polhode", *ROOMS)
 # What a test of the checkout adds is not there where the package is installed.
 BARE = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+# Beside the folders, what a checkout holds.
 TOP_FILES = (
     ".pre-commit-config.yaml",
     "CHANGELOG.md",
@@ -257,6 +260,21 @@ def test_changes_are_grouped():
         "Fixed",
         "Removed",
     ]
+
+
+def test_every_python_that_is_claimed_is_tested():
+    classifiers = PROJECT["project"]["classifiers"]
+    claimed = re.findall(r"Python :: (3\.\d+)", " ".join(classifiers))
+    assert tuple(claimed) == PYTHONS
+    first, last = PYTHONS[0], int(PYTHONS[-1].partition(".")[2])
+    assert PROJECT["project"]["requires-python"] == f">={first},<3.{last + 1}"
+    path = ROOT / ".github" / "workflows" / "ci.yml"
+    if not path.is_file():
+        pytest.skip("not a clone: a source distribution has no workflows")
+    jobs = yaml.safe_load(path.read_text(encoding="utf-8"))["jobs"]
+    assert tuple(jobs["test"]["strategy"]["matrix"]["python"]) == PYTHONS
+    for words in jobs["versions"]["strategy"]["matrix"]["what"]:
+        assert set(words.split()) <= {*PYTHONS, *ENDS, "extras"}
 
 
 def test_the_command_is_declared():
