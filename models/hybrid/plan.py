@@ -38,6 +38,37 @@ _SHORT = 1000
 _MORE = 50
 
 
+def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
+    """Segments of a run for a requested error."""
+    if speed(scene) * scene.time < 2 * np.pi * _SHORT:
+        return (
+            PlannedSegment(
+                0.0,
+                scene.slow_time,
+                False,
+                "the run is short",
+                turned=error_growth(scene) * scene.slow_time,
+            ),
+        )
+    return outline(scene, error).segments
+
+
+def error_growth(scene: Scene) -> float:
+    """`Path.error_growth` where a scene starts."""
+    size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
+    return speed(scene) * max(1.0, size * speed(scene))
+
+
+def speed(scene: Scene) -> float:
+    """Approximate rate of turning, in rad per unit of time, no less than by the shear."""
+    return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
+
+
+def observed(scene: Scene, state: Array) -> Observables:
+    """Observables of a state of the full equations."""
+    return find_form(full_form(scene)).observe(scene, state[None])
+
+
 @dataclass(frozen=True)
 class HybridPlan:
     """The plan of a scene's run; its states belong to the form of the full equations.
@@ -56,58 +87,76 @@ class HybridPlan:
 
     def __call__(self, time: float, state: Array, tolerance: float) -> Segment:
         """Return the next segment."""
-        stokes = self.scene.stokes
         if not self.segments:
-            error = ERROR_PER_TOLERANCE * tolerance
-            left = max(error - self.spent, error / 10)
-            segments = foreseen(self.remaining(time, state), left)
-            return replace(self, since=time, segments=segments)(time, state, tolerance)
-        segment, *later_segments = self.segments
-        end = self.since + segment.end * stokes
-        reason = segment.reason
-        later = replace(self, segments=tuple(later_segments))
-        if segment.second_order:
-            try:
-                problem, states = second_order(self.scene, state)
-            except NotAveragedError as refusal:
-                more = 2 * np.pi * _MORE / speed(self.remaining(time, state))
-                end = time + more
-                reason = str(refusal)
-                later = replace(self, segments=())
-                turned = more * error_growth(self.remaining(time, state)) / stokes
-                segment = replace(
-                    segment, end=segment.start + more / stokes, second_order=False, turned=turned
-                )
-            else:
-                angle = self.angle(end - time, segment.error) + segment.swing
-                later = replace(later, spent=self.spent + segment.error)
-                return Segment(
-                    problem,
-                    end,
-                    states,
-                    "second order",
-                    segment.error,
-                    angle,
-                    _AVERAGED_TOLERANCE,
-                    later,
-                    averaged=True,
-                )
-        elif segment.decisive:
-            later = replace(self, segments=())
-        ahead = (segment, *later_segments)
-        segment_tolerance, cost = full_tolerance(ahead, stokes, tolerance, self.spent_full)
-        angle = self.angle(end - time, cost)
-        later = replace(later, spent=self.spent + cost, spent_full=self.spent_full + cost)
+            return self._looked_ahead(time, state, tolerance)(time, state, tolerance)
+        planned = self.segments[0]
+        end = self.since + planned.end * self.scene.stokes
+        if not planned.second_order:
+            return self._full(planned, time, end, state, tolerance)
+        try:
+            problem, states = second_order(self.scene, state)
+        except NotAveragedError as refusal:
+            return self._until_averaged(planned, time, state, tolerance, str(refusal))
+        angle = self.angle(end - time, planned.error) + planned.swing
+        return Segment(
+            problem,
+            end,
+            states,
+            "second order",
+            planned.error,
+            angle,
+            _AVERAGED_TOLERANCE,
+            replace(self, segments=self.segments[1:], spent=self.spent + planned.error),
+            averaged=True,
+        )
+
+    def _looked_ahead(self, time: float, state: Array, tolerance: float) -> "HybridPlan":
+        """The plan with the segments from here on, for the error that is left."""
+        error = ERROR_PER_TOLERANCE * tolerance
+        left = max(error - self.spent, error / 10)
+        return replace(self, since=time, segments=foreseen(self.remaining(time, state), left))
+
+    def _full(
+        self, planned: PlannedSegment, time: float, end: float, state: Array, tolerance: float
+    ) -> Segment:
+        """A segment of the full equations; behind a decisive one the plan looks ahead anew."""
+        later = self.segments[1:]
+        chosen, cost = full_tolerance(
+            (planned, *later), self.scene.stokes, tolerance, self.spent_full
+        )
+        then = replace(
+            self,
+            segments=() if planned.decisive else later,
+            spent=self.spent + cost,
+            spent_full=self.spent_full + cost,
+        )
         return Segment(
             replace(self.full, start=tuple(state.tolist())),
             end,
             None,
-            reason,
+            planned.reason,
             cost,
-            angle,
-            segment_tolerance,
-            later,
+            self.angle(end - time, cost),
+            chosen,
+            then,
         )
+
+    def _until_averaged(
+        self, planned: PlannedSegment, time: float, state: Array, tolerance: float, reason: str
+    ) -> Segment:
+        """Some turns of the full equations, as no slow state belongs to this one."""
+        stokes = self.scene.stokes
+        remaining = self.remaining(time, state)
+        more = 2 * np.pi * _MORE / speed(remaining)
+        full = replace(
+            planned,
+            end=planned.start + more / stokes,
+            second_order=False,
+            reason=reason,
+            decisive=True,
+            turned=more * error_growth(remaining) / stokes,
+        )
+        return self._full(full, time, time + more, state, tolerance)
 
     def angle(self, duration: float, error: float) -> float:
         """Error in rad that angles gain in a duration from the error of L so far and a new one."""
@@ -120,22 +169,6 @@ class HybridPlan:
             return self.scene
         start = start_from(self.scene.ellipsoid, observed(self.scene, state))
         return replace(self.scene, start=start, time=self.scene.time - time)
-
-
-def observed(scene: Scene, state: Array) -> Observables:
-    """Observables of a state of the full equations."""
-    return find_form(full_form(scene)).observe(scene, state[None])
-
-
-def speed(scene: Scene) -> float:
-    """Approximate rate of turning, in rad per unit of time, no less than by the shear."""
-    return max(LEAST_SPEED, float(np.linalg.norm(scene.angular_velocity)))
-
-
-def error_growth(scene: Scene) -> float:
-    """`Path.error_growth` where a scene starts."""
-    size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
-    return speed(scene) * max(1.0, size * speed(scene))
 
 
 def full_tolerance(
@@ -158,21 +191,6 @@ def full_tolerance(
     grows = PER_RADIAN * first.turned * stokes
     chosen = next((loose for loose in tolerances if loose * grows <= share), tolerances[-1])
     return chosen, max(chosen, ROUNDING) * grows
-
-
-def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
-    """Segments of a run for a requested error."""
-    if speed(scene) * scene.time < 2 * np.pi * _SHORT:
-        return (
-            PlannedSegment(
-                0.0,
-                scene.slow_time,
-                False,
-                "the run is short",
-                turned=error_growth(scene) * scene.slow_time,
-            ),
-        )
-    return outline(scene, error).segments
 
 
 def second_order(scene: Scene, state: Array) -> tuple[Problem, Callable[[Array], Array]]:

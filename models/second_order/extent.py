@@ -24,13 +24,16 @@ _DEPTHS = DEPTHS[::2]
 _UNITS = np.concatenate([np.eye(6), 1j * np.eye(6)[:3]])
 # Polhode phases, in rad, over which means are taken.
 _PHASES = pi / 4 * (np.arange(4) + 0.25)
-# A mean over turns about L keeps products of c of one k: |c₀|², |c₁|², |c₂|², the real and the
-# imaginary part of c₁c₂*, c₃², c₄², c₅², c₃c₄, c₃c₅ and c₄c₅. The factor of a product is a sum over
-# two pairs of units: the first pair of each product.
+# Means over turns about L keep products of c of one k alone. Each product multiplies a sum over two
+# pairs of unit coefficients; numbers below 6 are c = 1 of a tensor, 6, 7 and 8 are c = i of the
+# first three:
+#
+#     product       |c₀|² |c₁|² |c₂|² Re c₁c₂* Im c₁c₂* c₃²  c₄²  c₅²  c₃c₄ c₃c₅ c₄c₅
+#     first pair     0,0   1,1   2,2    1,2      7,2    3,3  4,4  5,5  3,4  3,5  4,5
+#     second pair    6,6   7,7   8,8    7,8      1,8    3,3  4,4  5,5  3,4  3,5  4,5
+#     shares         ½ ½   ½ ½   ½ ½    1 1      1 -1   ½ ½  ½ ½  ½ ½  1 1  1 1  1 1
 _PAIRS = [0, 1, 2, 1, 7, 3, 4, 5, 3, 3, 4], [0, 1, 2, 2, 2, 3, 4, 5, 4, 5, 5]
-# The second pair of each product.
 _SECOND_PAIRS = [6, 7, 8, 7, 1, 3, 4, 5, 3, 3, 4], [6, 7, 8, 8, 8, 3, 4, 5, 4, 5, 5]
-# Shares of the two pairs.
 _SHARES = np.array(
     [[0.5, 0.5, 0.5, 1, 1, 0.5, 0.5, 0.5, 1, 1, 1], [0.5, 0.5, 0.5, 1, -1, 0.5, 0.5, 0.5, 1, 1, 1]]
 )
@@ -42,7 +45,8 @@ def extent(ellipsoid: Ellipsoid, longest: bool, momentum: Array, a2: Array) -> A
     """Size of the transformation times St at each L, shape (m, 3), and a²: √2 times its rms."""
     size = np.linalg.norm(momentum, axis=1)
     a = np.sqrt(a2)
-    # Along L the flow's x and y are n_x and n_y, so that across it xy* is -n_x n_y - i n_z.
+    # The products in the order of `_PAIRS`. Along L the flow's x and y are n_x and n_y, so that across
+    # it xy* is -n_x n_y - i n_z.
     x, y, z = momentum.T / size
     xx = x * x
     yy = y * y

@@ -89,6 +89,72 @@ class Outline:
         )
 
 
+@dataclass(frozen=True)
+class Ahead:
+    """How the kicks on a path amplify errors, and which kicks need a full segment.
+
+    An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
+    At random phases the mean square of the error at the end of the run is e·Ge; G is summed from
+    the end of the run backwards.
+    """
+
+    path: Path
+    strong: dict[Kick, float]  # half lengths of their full segments
+    left: dict[Kick, float]  # error at the end of the run of each kick that is left out
+    # For each kick that is not left out: its time, G before it, and (α, β) turned until then.
+    behind: list[tuple[float, Array, Array]]
+
+    @classmethod
+    def of(cls, path: Path, budget: float) -> "Ahead":
+        """The kicks of a path, where full segments are to miss no more than a budget."""
+        ahead = cls(path, {}, {}, [])
+        # Error of all kicks left out so far.
+        together = 0.0
+        kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
+        if not kicks:
+            return ahead
+        g = np.diag([1.0, 1, 0, 0])
+        last = path.turned[-1]
+        turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
+        for kick, turned in zip(kicks, turned_at_kicks, strict=True):
+            # Map of an error from this kick to the next one that is not left out.
+            onwards = np.eye(4)
+            onwards[2:, :2] = last - turned
+            response = onwards[:, :2] @ kick.along
+            # Mean square of the kick's error at the end of the run, and of the error per radian.
+            square = 0.5 * (response.conj() @ g @ response).real
+            size = max(kick.size, sqrt(square))
+            if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
+                ahead.left[kick] = size
+                together = hypot(together, size)
+                continue
+            g = onwards.T @ g @ onwards
+            last = turned
+            g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
+            ahead.behind.append((kick.time, g, last))
+            if kick.width:
+                ahead.strong[kick] = kick.half_width(
+                    _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
+                )
+        return ahead
+
+    def weight(self, times: Array) -> Array:
+        """By how much later kicks amplify an error made at these times."""
+        weight = np.ones(len(times))
+        if self.behind:
+            until, g, last = (np.array(column) for column in zip(*self.behind, strict=True))
+            at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
+            before = at >= 0
+            at = at[before]
+            onwards = np.zeros((int(before.sum()), 4, 2))
+            onwards[:, [0, 1], [0, 1]] = 1
+            onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
+            weight[before] = np.sqrt(
+                np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1)
+            )
+        return weight
+
+
 # At extreme St and times estimates overflow; a run is not averaged where they are not finite.
 @once()
 @np.errstate(over="ignore", invalid="ignore")
@@ -165,72 +231,6 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
     segments = tuple(_segments(path, cause, reasons, drifting, passing, lag, amplification))
     return Outline(segments, kicks, float(orientation))
-
-
-@dataclass(frozen=True)
-class Ahead:
-    """How the kicks on a path amplify errors, and which kicks need a full segment.
-
-    An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
-    At random phases the mean square of the error at the end of the run is e·Ge; G is summed from
-    the end of the run backwards.
-    """
-
-    path: Path
-    strong: dict[Kick, float]  # half lengths of their full segments
-    left: dict[Kick, float]  # error at the end of the run of each kick that is left out
-    # For each kick that is not left out: its time, G before it, and (α, β) turned until then.
-    behind: list[tuple[float, Array, Array]]
-
-    @classmethod
-    def of(cls, path: Path, budget: float) -> "Ahead":
-        """The kicks of a path, where full segments are to miss no more than a budget."""
-        ahead = cls(path, {}, {}, [])
-        # Error of all kicks left out so far.
-        together = 0.0
-        kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
-        if not kicks:
-            return ahead
-        g = np.diag([1.0, 1, 0, 0])
-        last = path.turned[-1]
-        turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
-        for kick, turned in zip(kicks, turned_at_kicks, strict=True):
-            # Map of an error from this kick to the next one that is not left out.
-            onwards = np.eye(4)
-            onwards[2:, :2] = last - turned
-            response = onwards[:, :2] @ kick.along
-            # Mean square of the kick's error at the end of the run, and of the error per radian.
-            square = 0.5 * (response.conj() @ g @ response).real
-            size = max(kick.size, sqrt(square))
-            if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
-                ahead.left[kick] = size
-                together = hypot(together, size)
-                continue
-            g = onwards.T @ g @ onwards
-            last = turned
-            g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
-            ahead.behind.append((kick.time, g, last))
-            if kick.width:
-                ahead.strong[kick] = kick.half_width(
-                    _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
-                )
-        return ahead
-
-    def weight(self, times: Array) -> Array:
-        """By how much later kicks amplify an error made at these times."""
-        weight = np.ones(len(times))
-        if self.behind:
-            until, g, last = (np.array(column) for column in zip(*self.behind, strict=True))
-            at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
-            before = at >= 0
-            at = at[before]
-            onwards = np.zeros((int(before.sum()), 4, 2))
-            onwards[:, [0, 1], [0, 1]] = 1
-            onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
-            weight[before] = np.sqrt(
-                np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1)
-            )
-        return weight
 
 
 def _segments(

@@ -164,6 +164,7 @@ class Path:
         return orders
 
     swing = property(lambda path: path._orders[0], doc="ρ, the size of the transformation.")
+
     second = property(
         lambda path: path._orders[1], doc="|L'| or |E'| of second order over I_max, the larger one."
     )
@@ -181,6 +182,12 @@ class Path:
             x, y, z = np.concatenate([slopes[:, :1], within, slopes[:, -1:]], axis=1)
             change = np.sqrt(x * x + y * y + z * z) / max(self.ellipsoid.inertia)
         return np.where(np.isnan(change), inf, change)
+
+    @cached_property
+    def speed(self) -> Array:
+        """Approximate rate at which the body turns: 2E/|L|, or as the shear turns any body."""
+        unit = max(self.ellipsoid.inertia)
+        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / np.maximum(self.size, 1e-300))
 
     @cached_property
     def smaller(self) -> Array:
@@ -207,6 +214,20 @@ class Path:
         # Infinity times 0 is NaN: no bound is known.
         return np.where(np.isnan(third), inf, third)
 
+    def lag(self, swing: Array) -> Array:
+        """Errors of the angles, in rad: their rates miss the mean square of the swing, ρ²/2."""
+        return self.summed(self.speed * swing**2 / 2) / self.torque_factor
+
+    def phase(self, error: Array) -> Array:
+        """Errors of the angles, in rad: lasting errors of L and E make their rates wrong."""
+        speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
+        return np.minimum(speed * self.summed(error / self.spin), pi)
+
+    @property
+    def error_growth(self) -> Array:
+        """Growth rate of a solver's error: by angle, and by a fast body's energy."""
+        return self.speed * np.maximum(1, self.scale)
+
     @cached_property
     def kicks(self) -> tuple[Kick, ...]:
         """Kicks of the resonances that the path passes, in their order."""
@@ -214,20 +235,6 @@ class Path:
         for longest, points, table in self._sides:
             kicks += self._kicks(longest, points, table)
         return tuple(sorted(kicks, key=lambda kick: kick.time))
-
-    def crossings(self) -> list[Kick]:
-        """Jumps at L² = 2EI₂, as kicks by the phase α."""
-        inside = np.isfinite(self.a2)
-        unit = max(self.ellipsoid.inertia)
-        jumps = []
-        for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
-            series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
-            nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MAX_A2 - 1)[0, 0]
-            rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit
-            taken = rate * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
-            jump = np.array([0, sqrt(2 * _SADDLE) * taken / (4 * pi)])
-            jumps.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
-        return jumps
 
     def _kicks(self, side: bool, points: Array, table: tables.Table) -> list[Kick]:
         unit = max(self.ellipsoid.inertia)
@@ -267,29 +274,19 @@ class Path:
         rows = zip(times, sizes, orders, widths, along, bends, drifts, strict=True)
         return [Kick(*row) for row in rows]
 
-    def may_cross(self, error: float) -> Array:
-        """Whether an error of L and E, over I_max, carries the run out of the tables or their side."""
-        if self.ellipsoid.kind != "triaxial":
-            return np.zeros(len(self.times), bool)
+    def crossings(self) -> list[Kick]:
+        """Jumps at L² = 2EI₂, as kicks by the phase α."""
+        inside = np.isfinite(self.a2)
         unit = max(self.ellipsoid.inertia)
-        _, width = _range(self.ellipsoid, self.longest)
-        with np.errstate(all="ignore"):
-            moved = (
-                error
-                * 2
-                * (1 + 2 * self.slow[:, 3] / (unit * self.size))
-                / (unit * self.size**2 * np.abs(width))
-            )
-        return ~(np.exp(-self.a2) > exp(-tables.MAX_A2) + moved)
-
-    @cached_property
-    def turned(self) -> Array:
-        """(α, β) turned by each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
-        return self.summed(self.rates) / self.torque_factor
-
-    def turned_at(self, times: Array) -> Array:
-        """The same at other times, shape (n, 2, 2)."""
-        return _interpolated(times, self.times, self.turned.reshape(-1, 4)).reshape(-1, 2, 2)
+        jumps = []
+        for at in np.flatnonzero(inside[:-1] & ~inside[1:]):
+            series = tables.table(self.ellipsoid, bool(self.longest[at])).series[-2:-1]
+            nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MAX_A2 - 1)[0, 0]
+            rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit
+            taken = rate * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
+            jump = np.array([0, sqrt(2 * _SADDLE) * taken / (4 * pi)])
+            jumps.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
+        return jumps
 
     @cached_property
     def rates(self) -> Array:
@@ -310,15 +307,13 @@ class Path:
         return rates
 
     @cached_property
-    def speed(self) -> Array:
-        """Approximate rate at which the body turns: 2E/|L|, or as the shear turns any body."""
-        unit = max(self.ellipsoid.inertia)
-        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / np.maximum(self.size, 1e-300))
+    def turned(self) -> Array:
+        """(α, β) turned by each time per lasting error of (|L|, E) over I_max, shape (m, 2, 2)."""
+        return self.summed(self.rates) / self.torque_factor
 
-    @property
-    def error_growth(self) -> Array:
-        """Growth rate of a solver's error: by angle, and by a fast body's energy."""
-        return self.speed * np.maximum(1, self.scale)
+    def turned_at(self, times: Array) -> Array:
+        """The same at other times, shape (n, 2, 2)."""
+        return _interpolated(times, self.times, self.turned.reshape(-1, 4)).reshape(-1, 2, 2)
 
     def summed(self, rates: Array) -> Array:
         """Integrals from the start to each time, the first index."""
@@ -326,14 +321,20 @@ class Path:
         ((rates[1:] + rates[:-1]).T * np.diff(0.5 * self.times)).T.cumsum(axis=0, out=integrals[1:])
         return integrals
 
-    def lag(self, swing: Array) -> Array:
-        """Errors of the angles, in rad: their rates miss the mean square of the swing, ρ²/2."""
-        return self.summed(self.speed * swing**2 / 2) / self.torque_factor
-
-    def phase(self, error: Array) -> Array:
-        """Errors of the angles, in rad: lasting errors of L and E make their rates wrong."""
-        speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
-        return np.minimum(speed * self.summed(error / self.spin), pi)
+    def may_cross(self, error: float) -> Array:
+        """Whether an error of L and E, over I_max, carries the run out of the tables or their side."""
+        if self.ellipsoid.kind != "triaxial":
+            return np.zeros(len(self.times), bool)
+        unit = max(self.ellipsoid.inertia)
+        _, width = _range(self.ellipsoid, self.longest)
+        with np.errstate(all="ignore"):
+            moved = (
+                error
+                * 2
+                * (1 + 2 * self.slow[:, 3] / (unit * self.size))
+                / (unit * self.size**2 * np.abs(width))
+            )
+        return ~(np.exp(-self.a2) > exp(-tables.MAX_A2) + moved)
 
 
 @once(size=16)

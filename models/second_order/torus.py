@@ -12,7 +12,7 @@ counted from the state's own, which is entry (0, 0). Leading axes stand for seve
 each polhode; vectors are triples of such arrays.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
@@ -93,8 +93,8 @@ class Torus:
         *_, tau = self.driven
         factors = p.beyond.T[..., None]
         beyond = [factor[:, None] * part for factor, part in zip(factors, z, strict=True)]
-        rate_y = 2 / (size * p.slope[:, None, None]) * dot(beyond, tau)
-        rate_a = (dot(tau, dz) / size - rate_y * dot(yz, dz)) / dot(dz, dz)
+        slope = p.slope[:, None, None]
+        rate_y, rate_a = polhode_rates(size, slope, beyond, (dz, yz), tau)
         rate_b = -rate_a * p.turn[:, None, None] - rate_y * self.turn_beside[:, :, None]
         return np.stack([*times(self.rows, tau), rate_y, rate_a, rate_b])
 
@@ -187,6 +187,20 @@ def least_rotation(z: Array) -> Array:
     """
     up = z + _UNITS[2]
     return _UPSIDE * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
+
+
+def polhode_rates(
+    size: Any, slope: Array, beyond: Sequence[Any], changes: tuple[Triple, Triple], tau: Triple
+) -> tuple[Array, Array]:
+    """Rates of y and α in slow time that a torque in body axes makes, at l = `size`.
+
+    `slope` is dh/dy, `beyond` (1/I - h) z, and `changes` are those of z per α and per y.
+    """
+    dz, yz = changes
+    # h' = 2(ω·τ - h L·τ)/l², and the rest of the change of z, τ/l across it, is along the polhode.
+    rate_y = 2 / (size * slope) * dot(beyond, tau)
+    rate_a = (dot(tau, dz) / size - rate_y * dot(yz, dz)) / dot(dz, dz)
+    return rate_y, rate_a
 
 
 def turning(side: SidedBody, x: Triple, y: Triple) -> Triple:
