@@ -1,4 +1,4 @@
-"""The ambient flow, and what it asks of a body: Jeffery's angular velocity, and the power of its torque.
+"""The ambient flow, and how it turns a body: Jeffery's angular velocity, and the power of its torque.
 
 Simple shear u = y x̂ has equations of its own (`jw1`–`jw3`). Any other linear flow has eight numbers:
 half its vorticity h₁, h₂, h₃, and its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, in space axes, with S₃₃

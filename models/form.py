@@ -41,13 +41,15 @@ class Form(ABC):
     """One way to write the equations of motion for a scene.
 
     1. `check` refuses a scene outside the form's validity; it says why, and which form to use
-    instead. A form that knows simple shear alone calls `require_flow` there. 2. `problem` turns a
-    scene into an initial value problem: field, parameters, start, end. 3. `observe` maps the states
-    of a solution to observables, the same for every form. 4. A form keeps no data of its own:
-    everything comes from the scene, so that forms pickle and compare by name. 5. The vector field
-    is a factory at the top of the form's module, over generic numbers, in mass form: the rows of
-    the angular velocity carry the mass ``p[0]`` (alpha) and the torque the factor ``p[1]`` (beta),
-    so that (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the implicit one.
+       instead. A form that knows simple shear alone calls `require_flow` there.
+    2. `problem` turns a scene into an initial value problem: field, parameters, start, end.
+    3. `observe` maps the states of a solution to observables, the same for every form.
+    4. A form has no data of its own: everything comes from the scene, so that forms pickle and
+       compare by name.
+    5. The vector field is a factory at the top of the form's module, over generic numbers, in mass
+       form: the rows of the angular velocity carry the mass ``p[0]`` (alpha) and the torque the
+       factor ``p[1]`` (beta), so that (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the
+       implicit one.
     """
 
     required: ClassVar[tuple[str, ...]] = ("name", "state", "orientation")

@@ -9,7 +9,7 @@ import numpy as np
 
 from polhode.models.structure import Structure
 
-# Components up to which a mass matrix may be other than diagonal.
+# Components up to which a mass matrix may be other than diagonal: its inverse is full, 2 MB here.
 _MAX_FULL_MASS = 500
 
 
@@ -44,6 +44,7 @@ def mass_of(matrix: Any, dimension: int) -> np.ndarray | None:
 
 
 def _diagonal(matrix: Any) -> np.ndarray:
+    """The diagonal of a sparse matrix of many components; ValueError if it has other entries."""
     diagonal = matrix.diagonal()
     if abs(matrix).sum() > np.abs(diagonal).sum():
         raise ValueError(
@@ -75,7 +76,7 @@ def without_time(mass: np.ndarray) -> np.ndarray:
 
 
 def in_rows(mass: np.ndarray) -> tuple[Any, ...]:
-    """A diagonal as a tuple of numbers, a matrix as a tuple of its rows."""
+    """A diagonal as a tuple of numbers, a matrix as a tuple of its rows: a `Problem` is hashed."""
     return tuple(map(tuple, mass.tolist())) if mass.ndim == 2 else tuple(mass.tolist())
 
 

@@ -21,6 +21,7 @@ _MAX_CACHED = 64
 # Results for one thread; an integrator of heyoka takes 0.2 to 0.7 MB.
 _MAX_CACHED_IN_THREAD = 16
 
+# Counts the uses of all results, so that the latest use has the largest number.
 _clock = count()
 
 
@@ -30,6 +31,7 @@ class _Entry:
     __slots__ = ("last_use", "lock", "ready", "value")
 
     def __init__(self) -> None:
+        # Held by the thread that computes the result; the function may come here again for others.
         self.lock = RLock()
         self.ready = False
         self.value: Any = None
@@ -58,6 +60,7 @@ class Once(Generic[P, R]):
         return entry.value
 
     def __reduce__(self) -> str:
+        # Pickled by its name, as functions are.
         return self.__qualname__
 
     def __len__(self) -> int:
@@ -69,10 +72,11 @@ class Once(Generic[P, R]):
         self._entries.clear()
 
     def _computed(self, key: tuple[Any, ...], *arguments: P.args, **named: P.kwargs) -> _Entry:
+        """The entry of a key with its result, computed here unless another thread does or did."""
         with self._lock:
             entry = self._entries.get(key)
             if entry is None:
-                stored = tuple(self._stored(part, key) for part in key)
+                stored = tuple(map(self._stored, key))
                 entry = self._entries[stored] = _Entry()
         with entry.lock:
             if not entry.ready:
@@ -86,7 +90,7 @@ class Once(Generic[P, R]):
         self._trim()
         return entry
 
-    def _stored(self, part: Any, key: tuple[Any, ...]) -> Any:
+    def _stored(self, part: Any) -> Any:
         """An argument as the cache holds it; a result dies with an argument held weakly."""
         weakly = getattr(part, "weakly", None)
         return part if weakly is None else weakly(self._forget)
@@ -126,6 +130,7 @@ class OncePerThread(Generic[P, R], local):
     """A function whose results are cached per thread: objects that hold the state of a run."""
 
     def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED_IN_THREAD) -> None:
+        # `local` calls this in every thread that uses the object.
         self.cached = Once(function, size)
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:

@@ -290,29 +290,25 @@ def _tolerance(
 class Solver(ABC):
     """One algorithm of one library.
 
-    1. `prepare` receives the problem and the settings and returns an integrator; it compiles, if
-    need be, and keeps
-       what it compiled (in `polhode.solvers.compile`), so that a second call is cheap.
+    1. `prepare` receives the problem and the settings and returns an integrator. It compiles, if need
+       be, and caches what it compiled (in `polhode.solvers.compile`), so that a second call is cheap.
     2. The integrator receives a record (start, times, deadline), fills its rows in order, adds its
-    work, and returns
-       a status with the reason of a failure. It never raises for a failed integration: what it
-       raises is a crash.
-    3. It stops by itself soon after the record's deadline and leaves the rows finished so far. 4.
-    Rows lie on the requested times by the library's own interpolation wherever it has one, without
-    changing steps. 5. The solver counts steps, Jacobians and factorizations as its library reports
-    them; the callbacks count
-       right-hand sides, when the settings ask for it. Counts that the library does not report stay
-       None.
-    6. A solver keeps no data of its own; its class says what it is: the import name of its library,
-    the package that
-       brings it, the family that it is drawn with; whether it is implicit, switches between stiff
-       and non-stiff methods, is of so low an order that tight tolerances take forever, or evaluates
-       a closed form.
+       work, and returns a status with the reason of a failure. It never raises for a failed
+       integration: what it raises is a crash.
+    3. It stops by itself soon after the record's deadline and leaves the rows finished so far.
+    4. Rows lie on the requested times by the library's own interpolation wherever it has one,
+       without changing steps.
+    5. The solver counts steps, Jacobians and factorizations as its library reports them; the
+       callbacks count right-hand sides, if the settings say so. Counts that the library does not
+       report stay None.
+    6. A solver has no data of its own; its class says what it is: the import name of its library, the
+       package that brings it, the family that it is drawn with; whether it is implicit, switches
+       between stiff and non-stiff methods, is of so low an order that tight tolerances take forever,
+       or evaluates a closed form.
     7. `error_constant` bounds error / (rotations × tolerance), where the error is that of L, E over
-    I_max and of the
-       rotation matrix's entries, over ordinary scenes that are not stiff and tolerances from 1e-4
-       to 1e-10. It is about three times what was measured; a tolerance is each library's own, so
-       that constants differ widely.
+       I_max and of the rotation matrix's entries, over ordinary scenes that are not stiff and
+       tolerances from 1e-4 to 1e-10. It is about three times what was measured; a tolerance is each
+       library's own, so that constants differ widely.
     """
 
     required: ClassVar[tuple[str, ...]] = ("name",)

@@ -18,10 +18,11 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import denominators, frozen
 from polhode.solvers.contract import Status
 
-# Segments that are looked into.
+# Segments between two rows that are run again, at most.
 _MAX_SEGMENTS = 3
 # Growth of the largest component from one row to the next that is looked into.
 _GROWTH = 100.0
+# Radau IIA of CyRK, or of SciPy where that is not installed.
 _RADAU = ("cyrk-radau", "radau")
 # Witnesses that run a segment again: the first of the names that takes the problem, and the factor
 # of its tolerance.
@@ -39,7 +40,8 @@ _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)
 def jumped(solution: Any, run: Callable[..., Any], *, shrunk: bool) -> str | None:
     """In words, how a run of a user's function stepped over the end of its solution; else None.
 
-    `run` is `polhode.solvers.solve.solve`; `shrunk` says that steps became much shorter on the way.
+    `solution` and `run` are `Solution` and `solve` of `polhode.solvers.solve`, which imports this
+    module; `shrunk` says that steps became much shorter on the way.
     """
     problem = solution.problem
     if not isinstance(problem.field, OwnField) or len(solution.times) < 2:

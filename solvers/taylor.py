@@ -25,12 +25,12 @@ _MAX_UNROLLED = 50
 # Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
 # the range of double precision, which ends at 308: rates may be faster or slower than the time says.
 _MAX_EXPONENT = 200.0
-# Steps at one unit of time where coefficients would leave that range: a rate may change by a
+# Steps of a chunk in one unit of time, in paced runs (`propagate_paced`): a rate may change by a
 # factor of 1e8 in so many.
 _PACED_STEPS = 16
-# So many of these chunks later the steps must have doubled, or the run is given up if it has more
-# than so many chunks ahead.
+# A paced run is given up if its chunks have not doubled in length over this many chunks,
 _PACED_CHUNKS = 40
+# and more than this many of the same length are still ahead.
 _MAX_CHUNKS_AHEAD = 1e8
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`.
 _FIRST_LOOK = 64
@@ -52,7 +52,11 @@ def _compiled(
     timed: bool = False,
     paced: bool = False,
 ) -> Any:
-    """heyoka's integrator of a field, of which every thread has a copy."""
+    """heyoka's integrator of a field, of which every thread has a copy.
+
+    `in_units`, `timed` and `paced`: it has the units of the state, the clock's offset and the unit
+    of time as further parameters, for `Bound`.
+    """
     # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
     # up to half a minute of compilation.
     heyoka = load_heyoka()
@@ -175,6 +179,9 @@ class Bound:
 
     heyoka's tolerance is relative to the largest component, and absolute below one: in units of
     atol / rtol it is the requested one. Units are powers of two, by which nothing is rounded.
+
+    `timed` says that the last component of the problem's state is the time; the integrator has it
+    as its own time plus `offset`. `paced` lets the integrator's time have a unit, `pace`.
     """
 
     def __init__(
@@ -269,8 +276,11 @@ def _own_units(
 def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
     """Go on from the last row filled, in units of state and time that follow the run.
 
-    No coefficient of the series then leaves its range. The tolerance is relative where the state is
-    below its units: an absolute one would let a step leave the series' radius there.
+    The n-th coefficient of a Taylor series is about the state times the n-th power of its rate,
+    which for n of 20 leaves the range of double precision where rates are very large or small. In
+    units of the state's own size and of the time in which it changes, none does. Each chunk of
+    steps has its units. The tolerance is relative where the state is below its units: an absolute
+    one would let a step leave the series' radius there.
     """
     outcome = load_heyoka().taylor_outcome
     integrator = bound.integrator
@@ -303,7 +313,8 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
         if reason in (outcome.time_limit, outcome.step_limit) and result[3] > 1:
             slower = _own_units(problem, after, units, inf)[1] / bound.pace
             if integrator.order * log10(max(slower, 1.0)) > _MAX_EXPONENT:
-                # Coefficients may have vanished on the way: again, step by step.
+                # Rates fell so far in this chunk that coefficients may have vanished: the chunk is run
+                # again, one step only.
                 length = 1
                 continue
         length = _PACED_STEPS
@@ -368,6 +379,7 @@ class Taylor(Solver):
 
         def integrate(record: Record) -> Outcome:
             duration = float(record.times[-1] - record.times[0])
+            # First in the problem's own units; in units that follow the run where that fails, or may.
             # In a long time coefficients of slow rates vanish, and with them the error that they
             # show; those of fast rates overflow, as does a state that becomes infinite.
             outcome = None

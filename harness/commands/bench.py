@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 # Libraries that pages need: their absence is reported before anything is measured.
 _PAGE_LIBRARIES = ("matplotlib", "PIL", "pandas", "scipy")
-# Modules of `pages` by what a study names.
+# Module of `polhode.harness.pages` that writes a study's page, by the study's `page`.
 _PAGES = {
     "costs": "bench",
     "outcomes": "outcomes",
@@ -41,6 +41,7 @@ _PAGES = {
 # Parts of `accuracy` by order: repeated from `averaging.second_order` and `averaging.hybrid`, so that
 # `--help` needs no numerics.
 ACCURACY_PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
+# Folder of the page of each order, unless --out names one.
 _FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
@@ -455,6 +456,7 @@ def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
 
 
 def _engine(workers: int | None, address: str | None) -> Any:
+    """What runs the tasks of a sweep: this process, processes, or a Dask cluster at an address."""
     from polhode.harness.ensembles.engines import check_dask, dask, processes, serial
 
     if address is not None:

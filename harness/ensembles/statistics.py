@@ -7,6 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
+# Indices of the moments of an axis p: p_i p_j with i <= j, and p_i p_j p_k p_l likewise.
 SECOND = tuple(combinations_with_replacement(range(3), 2))
 FOURTH = tuple(combinations_with_replacement(range(3), 4))
 # Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6,
@@ -18,19 +19,19 @@ FOURTH_OF_VOIGT = np.array(_FOURTH_PLACES).reshape(len(VOIGT), len(VOIGT))
 # Mean squares of rates, of rotation about a body axis p and of p itself (Voth and Soldati, Annu.
 # Rev. Fluid Mech. 49 (2017) 249).
 RATES = ("spinning", "tumbling")
-# Slow variables whose distributions are kept, in units of the largest moment of inertia.
+# Slow variables whose distributions are counted, in units of the largest moment of inertia.
 SLOW_NAMES = ("Lx", "Ly", "Lz", "L", "E")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Counted quantities; `bins` of each histogram lie between its limits, two beyond."""
+    """Counted quantities and their limits."""
 
-    axes: tuple[int, ...]  # body axes whose orientation moments are kept
-    snapshots: int  # times at which moments and distributions are kept
+    axes: tuple[int, ...]  # body axes whose orientation moments are summed
+    snapshots: int  # times at which moments and distributions are taken
     samples: int  # times at which particles are looked at for their arrival
-    attractors: int
-    bins: int
+    attractors: int  # fixed points of the averaged motion at which particles arrive
+    bins: int  # of each histogram between its limits; two more count what lies beyond
     largest_momentum: float  # limit of |L| and ± its components, over the largest moment of inertia
     largest_energy: float  # limit of E, over the same
 
@@ -54,10 +55,11 @@ class Statistics:
     failures: Counter[str]  # particles by the status of their failure
     second: np.ndarray  # Σ p_i p_j in the order of `SECOND`, shape (S, A, 6)
     fourth: np.ndarray  # Σ p_i p_j p_k p_l in the order of `FOURTH`, shape (S, A, 15)
+    # Sums of squares of the same terms, from which standard errors follow; likewise below.
     fourth_squares: np.ndarray
     rates: np.ndarray  # Σ (ω·p)² and Σ |dp/dt|², shape (S, A, 2)
     rates_squares: np.ndarray
-    slow: np.ndarray  # shape (S, 5)
+    slow: np.ndarray  # Σ of the slow variables, shape (S, 5)
     slow_squares: np.ndarray
     histograms: np.ndarray  # of int, shape (S, 5, bins + 2)
     arrivals: (
@@ -110,6 +112,7 @@ class Statistics:
             self.slow[:, k] += values.sum(axis=1)
             self.slow_squares[:, k] += np.square(values).sum(axis=1)
             edges = layout.edges(name)
+            # Bin 0 lies below the limits, bin `bins` + 1 above.
             place = (
                 np.floor((values - edges[0]) * (layout.bins / (edges[-1] - edges[0]))).astype(
                     np.int64
@@ -122,6 +125,8 @@ class Statistics:
 
     def add_arrivals(self, attractor: int, close: np.ndarray) -> None:
         """Add particles by the first sample from which on they are close to an attractor; shape (M, n) of bool."""
+        # Samples at the end of the run at which a particle is close without a break; it arrived at
+        # the first of them.
         samples = len(close)
         staying = np.where(np.all(close, axis=0), samples, np.argmin(close[::-1], axis=0))
         first = samples - staying[staying > 0]

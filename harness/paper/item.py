@@ -81,7 +81,9 @@ class Number:
     unit: str = ""  # Empty for pure numbers.
     interval: tuple[float, float] | None = None  # At 95 %, where the measurement has one.
     measure: str = ""  # Of a share: of what, and how that was drawn.
-    floor: float = 0.0  # Sizes up to it are errors of the computation itself.
+    floor: float = (
+        0.0  # Smaller values are errors of the computation itself: "below …" on the page.
+    )
 
     @property
     def holds(self) -> bool:
@@ -108,7 +110,7 @@ class Experiment(ABC):
     """How one claim, or several of one kind, are tested.
 
     Its settings are the fields of a frozen dataclass; they and the code that `compute` uses decide
-    whether data that were kept are still today's (`harness/paper/dependencies.py`).
+    whether data in the report's folder are still today's (`harness/paper/dependencies.py`).
     """
 
     # About how long `compute` takes on one core: of items that wait, the longest is begun first.

@@ -25,7 +25,7 @@ _PER_ROTATION = 80  # Samples of a rotation that make a smooth path.
 # Fewest and most samples of a motion, so that the page has a moderate size.
 _FEWEST = 400
 _MOST = 3000
-# The torque-free path is drawn from several moments of the run.
+# Moments of the run from which a torque-free path is drawn.
 _MOMENTS = 48
 _TURNS = 4  # Rotations that each path follows.
 _POINTS = 40  # Points of each rotation.
@@ -55,7 +55,10 @@ def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Pa
 
 
 def motion(scene: Scene) -> dict[str, Any]:
-    """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved."""
+    """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved.
+
+    `motion.js` reads them by these keys.
+    """
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
     try:

@@ -19,7 +19,7 @@ from polhode.models.problem import Factory, Floats, MassForm, ParameterTable, Pr
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
-# Numbers of a flow (`polhode.models.flow.Flow.numbers`).
+# Numbers of a flow (`polhode.models.flow.Flow.numbers`): three of its vorticity, five of its strain.
 _NUMBERS = 8
 
 
@@ -97,7 +97,8 @@ def full_problem(
     """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`.
 
     `field` is that of simple shear, `in_any_flow` that of any other linear flow; without it these
-    are refused.
+    are refused. `inertial` says of each component of the state whether its rate has the mass St,
+    `shape` are the shape parameters in p.
     """
     if in_any_flow is None:
         form.require_flow(scene)

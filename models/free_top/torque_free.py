@@ -44,10 +44,12 @@ class TorqueFree:
 
     @cached_property
     def _exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+        """Inertia and ω as rational numbers."""
         return exactly(self.inertia), exactly(self.angular_velocity)
 
     @cached_property
     def _polhode(self) -> Polhode:
+        """Constants of the motion, named in `Polhode`."""
         inertia, omega = self._exact
         momentum_squared = sum(
             ((i * w) ** 2 for i, w in zip(inertia, omega, strict=True)), Fraction(0)
@@ -82,6 +84,7 @@ class TorqueFree:
         return quaternion.astype(dtype), omega.astype(dtype)
 
     def _permanent(self, t: LongArray) -> tuple[LongArray, LongArray]:
+        """The same as `_wobbling` of a rotation about a fixed axis."""
         omega = np.asarray(self.angular_velocity, dtype=Long)
         speed = np.sqrt(rounded(sum((w * w for w in self._exact[1]), Fraction(0))))
         axis = omega / speed if speed > 0 else omega
@@ -111,6 +114,7 @@ class TorqueFree:
         # The start goes through the same functions as the times, so that what they have in common
         # drops out.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
+        # Half periods 2K passed: sn and cn change their signs in each, and the arguments stay small.
         half_turns = np.rint(u / (2 * polhode.quarter))
         reduced = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
         sn, cn, dn = jacobi(reduced, polhode.m1)
@@ -119,6 +123,8 @@ class TorqueFree:
         angle = theta4_phase(reduced, polhode.m, polhode.m1, polhode.n) - spin
         carried = angle[1:] - angle[0] + polhode.precession * t
         omega = np.stack([parity * cn, parity * sn, dn], axis=1) * np.array(polhode.amplitudes)
+        # The rotation since the start: from the body at the start to the frame of L, about L by the
+        # angle carried, and back to the body.
         upright = _shortest_to_third(
             omega * np.array([Long(self.inertia[axis]) for axis in order]) / polhode.momentum
         )

@@ -12,7 +12,7 @@ from polhode.models.libraries import need
 from polhode.models.once import once
 from polhode.models.spent import spent_on
 
-# Functions of C's library; LLVM knows its own.
+# Functions of C's library of one argument; LLVM has instructions or functions for all others.
 _UNARY = (
     *("expm1", "log1p", "tan", "asin", "acos", "atan"),
     *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
@@ -20,6 +20,7 @@ _UNARY = (
 _DECLARATIONS = "declare double @atan2(double, double)\n" + "".join(
     f"declare double @{name}(double)\n" for name in _UNARY
 )
+# A call of one of them, whose name for long double ends in l.
 _OF_LIBRARY = re.compile(rf"@({'|'.join((*_UNARY, 'atan2'))})\(")
 
 
@@ -57,9 +58,11 @@ def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCod
 
 
 def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
-    """Compile definitions for this processor into an engine that knows the functions' addresses."""
-    # At a lower level of optimization it takes less time. Extended, every double is x86's long
-    # double of 80 bits.
+    """Compile definitions for this processor into an engine that knows the functions' addresses.
+
+    `level` is LLVM's level of optimization, 0 to 3; at a lower one it takes less time. `extended`,
+    every double of the text is x86's long double of 80 bits.
+    """
     llvm = _llvm()
     text = _DECLARATIONS + text
     module = llvm.parse_assembly(_extended(text) if extended else text)
@@ -82,7 +85,10 @@ def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
 
 
 def _extended(text: str) -> str:
+    """The text with x86's long double for double: types, constants and names of functions."""
+
     def constant(match: re.Match[str]) -> str:
+        # LLVM writes a double as 0x and 16 digits, a long double as 0xK and 20.
         value = np.frombuffer(bytes.fromhex(match[1] or "00" * 8), ">f8")[0]
         return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
 
