@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from PIL import Image
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
@@ -21,7 +22,7 @@ from polhode.harness.pages.averaging import first_order, hybrid, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
 from polhode.harness.pages.known_stokes import write_page
 from polhode.harness.pages.outcomes import limit, sentences
-from polhode.harness.pages.pick import summary
+from polhode.harness.pages.pick import rewrite_page, summary
 from polhode.harness.pages.regimes import MAP_ERRORS, read_cells, sentence
 from polhode.harness.paper import claims, store
 from polhode.harness.paper.pages import write_pages
@@ -170,23 +171,45 @@ def test_linear_flows_reach_what_they_are_to():
     assert counts[["slow", "angle"]].sum().min() >= 0.975 * counts["runs"].sum()
 
 
-def test_the_page_of_the_classical_problems_follows_from_the_data(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_page_of_the_classical_problems_follows_from_the_data(tmp_path: Path):
     said = text("problems/README.md")
-    runs = (
-        pd.read_csv(REPORTS / "problems" / "runs.csv")
-        .fillna({"message": ""})
-        .assign(machine="", versions="")
-    )
-    monkeypatch.setattr(problems, "header", lambda *_: said.partition("\n- ")[0].split("\n"))
-    for figure in ("panels", "profiles", "save"):
-        monkeypatch.setattr(problems, figure, lambda *_, **__: None)
-    rows: Any = runs.to_dict("records")
-    assert (
-        problems.write_page(rows, tmp_path, "polhode bench --problems").read_text(encoding="utf-8")
-        == said
-    )
+    copytree(REPORTS / "problems", tmp_path / "copy")
+    assert problems.rewrite_page(tmp_path / "copy").read_text(encoding="utf-8") == said
+
+
+def test_the_page_of_pick_follows_from_the_data(tmp_path: Path):
+    copytree(REPORTS / "pick", tmp_path / "copy")
+    page = rewrite_page(tmp_path / "copy")
+    assert page.read_text(encoding="utf-8") == text("pick/README.md")
+
+
+FOLDED = sorted(
+    path.relative_to(REPORTS).as_posix()
+    for path in REPORTS.glob("*/*.md")
+    if path.parent.name not in ("paper", "accuracy")
+)
+
+
+@pytest.mark.parametrize("page", FOLDED)
+def test_pages_answer_first_and_say_at_the_foot_how_they_were_made(page: str):
+    said = text(page)
+    first = next(line for line in said.splitlines()[1:] if line)
+    assert not first.startswith(("Made by", "Measured"))
+    made = said.index("Made by `")
+    assert made > said.rindex("<summary>")
+    assert said.rstrip().endswith("</details>")
+    if "![" in said and "\n|" in said:
+        assert said.index("![") < said.index("\n|"), "the figure before the table"
+
+
+@pytest.mark.parametrize(
+    "picture", sorted(path.relative_to(REPORTS).as_posix() for path in REPORTS.glob("*/*.png"))
+)
+def test_pictures_are_as_wide_as_a_page(picture: str):
+    if picture.startswith("accuracy/"):
+        pytest.skip("drawn by another module")
+    with Image.open(REPORTS / picture) as image:
+        assert image.width == 838
 
 
 def test_the_pages_of_solvers_at_equal_error_follow_from_the_data():

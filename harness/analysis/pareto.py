@@ -121,14 +121,23 @@ def limit_of(runs: pd.DataFrame, error: str) -> float:
 def cheapest(
     runs: pd.DataFrame, target: float, error: str = "slow_error"
 ) -> tuple[dict[Any, Any], tuple[Method, ...]] | None:
-    """The cheapest run of one scene whose error meets `target`, and the other methods within the tie; None if none."""
+    """The cheapest run of one scene whose error meets `target`, and the other methods that tie with it; None if none.
+
+    A tie is within `TIE`, or within the larger spread of the repeats of the two runs.
+    """
     reached = runs["status"] == Status.REACHED_END
     good = where(runs, reached & (runs[error] <= target) & runs["seconds"].notna()).sort_values(
         by=["seconds"]
     )
     if good.empty:
         return None
-    ties = where(good, good["seconds"] <= TIE * good.iloc[0]["seconds"])
+    fastest = good.iloc[0]
+    margin = (TIE - 1.0) * fastest["seconds"]
+    if "seconds_spread" in good:
+        # A lead counts beyond what the repeats of both runs vary by.
+        margin = good["seconds_spread"].fillna(0.0).clip(lower=fastest["seconds_spread"])
+        margin = margin.clip(lower=(TIE - 1.0) * fastest["seconds"])
+    ties = where(good, good["seconds"] <= fastest["seconds"] + margin)
     return good.iloc[0].to_dict(), tuple(method for method, _ in methods(ties))[1:]
 
 

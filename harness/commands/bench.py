@@ -53,7 +53,7 @@ _FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "rep
 @click.option(
     "--page-only",
     is_flag=True,
-    help="Measure nothing: write the page anew from the folder's records.jsonl.",
+    help="Measure nothing: write the page anew from the folder's records.jsonl or runs.csv.",
 )
 def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     """Run a work-precision study and write its page, figures and records."""
@@ -87,14 +87,18 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
 
 
 def _problems(request: StudyRequest, page_only: bool) -> None:
-    from polhode.harness.pages.problems import write_page
+    from polhode.harness.pages.problems import rewrite_page, write_page
     from polhode.harness.work_precision import pairs_of, run_problems
 
-    if request.study_file or request.filters["forms"] or request.filters["tags"] or page_only:
+    if request.study_file or request.filters["forms"] or request.filters["tags"]:
         raise BadInput(
-            "--problems: got a study, --form, --tag or --page-only, expected --scene and --solver at most"
+            "--problems: got a study, --form or --tag, expected --scene and --solver at most"
         )
     folder = request.out or options.usual("reports/problems", request.quick)
+    if page_only:
+        with bad_input():
+            click.echo(f"{rewrite_page(folder)}")
+        return
     some = request.filters["scenes"], request.filters["solvers"]
     with bad_input():
         pairs_of(*some)
@@ -205,9 +209,14 @@ def ahead(study: "Study", store: "Store") -> str:
 @options.quick
 @options.resume
 @options.quiet
-def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
+@click.option(
+    "--page-only",
+    is_flag=True,
+    help="Measure nothing: write the pages anew from the data in the folder.",
+)
+def equal_error(out: Path, quick: bool, resume: bool, quiet: bool, page_only: bool) -> None:
     """Compare all solvers at equal error, with every back end, and with the bare library calls."""
-    from polhode.harness.pages.equal_error import Measured, write_page
+    from polhode.harness.pages.equal_error import Measured, rewrite_pages, write_page
     from polhode.harness.studies.cost import (
         first_runs,
         measure,
@@ -219,6 +228,10 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool) -> None:
     from polhode.harness.studies.study import read_study
     from polhode.solvers.contract import Backend
 
+    if page_only:
+        with bad_input():
+            click.echo(f"{rewrite_pages(out, command_line())}")
+        return
     problem = paper_problem()
     records = {}
     with stored(out, resume) as store:
@@ -386,6 +399,11 @@ def accuracy(
 @click.option(
     "--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way."
 )
+@click.option(
+    "--page-only",
+    is_flag=True,
+    help="Run nothing: draw the pictures anew from the tables in the folder.",
+)
 @options.as_json
 @options.quiet
 def sweep(
@@ -394,6 +412,7 @@ def sweep(
     workers: int | None,
     dask: str | None,
     resume: bool,
+    page_only: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -403,6 +422,11 @@ def sweep(
     with bad_input():
         sweep_plan = read_sweep(file)
         folder = out or Path("reports") / sweep_plan.name
+        if page_only:
+            from polhode.harness.pages.ensembles import redraw
+
+            click.echo(f"{redraw(sweep_plan, folder)}")
+            return
         path = folder / "store.sqlite"
         if path.exists() and not resume:
             raise BadInput(f"{path}: exists, expected --resume to go on with it, or another --out")
@@ -423,14 +447,22 @@ def sweep(
 
 @command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/sweep")
+@click.option(
+    "--page-only",
+    is_flag=True,
+    help="Measure nothing: write the page anew from the folder's throughput.json.",
+)
 @options.quiet
-def throughput(out: Path, quiet: bool) -> None:
+def throughput(out: Path, page_only: bool, quiet: bool) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory."""
     from polhode.harness.ensembles.throughput import measure
-    from polhode.harness.pages.ensembles import write_page
+    from polhode.harness.pages.ensembles import read_throughput, write_page
 
     with bad_input():
         make_folder(out)
+        if page_only:
+            click.echo(f"{write_page(read_throughput(out), out)}")
+            return
     click.echo(f"{write_page(measure(quiet), out)}")
 
 

@@ -189,6 +189,11 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
     help="Scenes on which `solve` is timed against plain practice instead.",
 )
 @click.option("--fit", is_flag=True, help="With --errors: fit the factors of the statements anew.")
+@click.option(
+    "--page-only",
+    is_flag=True,
+    help="Measure nothing: write the page anew from the tables in the folder.",
+)
 @resume
 @quiet
 def validate(
@@ -198,10 +203,21 @@ def validate(
     errors: int,
     times: int,
     fit: bool,
+    page_only: bool,
     resume: bool,
     quiet: bool,
 ) -> None:
     """Ask `pick` about scenes held out, measure them, print how good it was, and write the page."""
+    if page_only:
+        from polhode.harness.pages.pick import rewrite_page
+
+        with bad_input():
+            if errors or times or fit:
+                raise ValueError(
+                    "--page-only: got --errors, --time or --fit, expected none of them"
+                )
+            click.echo(f"{rewrite_page(out)}")
+        return
     if errors:
         _validate_errors(out, errors, seed, fit, resume, quiet)
         return

@@ -69,6 +69,18 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
     return [f"# {title}", "", notice, "", f"Measured {dates(records)}{where}.{said}", ""]
 
 
+def made_lines(page: Path) -> list[str]:
+    """The lines of a page that say by which command and where it was made, to be kept when it is written anew.
+
+    Raises ValueError if there are none.
+    """
+    lines = page.read_text(encoding="utf-8").split("\n") if page.is_file() else []
+    made = [line for line in lines if line.startswith(("Made by `", "Measured "))]
+    if not made:
+        raise ValueError(f"{page}: no such file, expected a page of `polhode`")
+    return [part for line in made for part in (line, "")]
+
+
 def dates(records: Sequence[Mapping[str, Any]]) -> str:
     """The day, or the first and the last one, on which records were measured; some may have no date."""
     days = sorted({record["date"][:10] for record in records if record.get("date")})

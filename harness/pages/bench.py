@@ -14,13 +14,18 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
-from polhode.harness.pages.figures.work_precision import profile_lines, save, work_precision_panels
+from polhode.harness.pages.figures.style import measured, save
+from polhode.harness.pages.figures.work_precision import (
+    conditions,
+    profile_lines,
+    work_precision_panels,
+)
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.study import Study
 
 # By the name of their file: error, and label of its axis.
 _FIGURES = {
-    "slow": ("slow_error", "slow error over $I_{max}$"),
+    "slow": ("slow_error", "error of L and E over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
 # Ties named in a cell.
@@ -46,21 +51,24 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         .groupby(["scene_name", "stokes"], sort=False)
         .first()
     )
+    made = header(study.title, command, records)[2:]
+    machine = measured(made)
     groups = runs.groupby("scene_name", sort=False)
     described = []
     for _, scene_runs in groups:
         described.append([_listed(scene_runs[column]) for column in _SCENES.values()])
     page = fill(
         "bench",
-        header=header(study.title, command, records),
+        title=study.title,
+        made=made,
         verdict=[*verdict(runs), *averaged_costs(runs)]
         or [_FULL_ALONE if len(runs["seconds"].dropna()) else _NOTHING],
         tie=100 * (pareto.TIE - 1),
         scenes=[
-            (scene, _figures(scene_runs, scene, i, folder))
+            (scene, _figures(scene_runs, scene, i, folder, machine))
             for i, (scene, scene_runs) in enumerate(by_scene(runs))
         ],
-        profiles=profile_lines(runs, folder),
+        profiles=profile_lines(runs, folder, note=conditions(runs, machine)),
         described=markdown([*_SCENES], described),
         samples=study.samples,
         uncertainties=uncertainties.reset_index().to_dict("records"),
@@ -68,18 +76,19 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     return write_file(folder / "README.md", page)
 
 
-def _figures(runs: pd.DataFrame, scene: str, place: int, folder: Path) -> list[dict[str, str]]:
+def _figures(
+    runs: pd.DataFrame, scene: str, place: int, folder: Path, machine: str
+) -> list[dict[str, str]]:
     """Save the figures of one scene; the error, its label, the file and the table of winners of each."""
     figures = []
     for name, (error, label) in _FIGURES.items():
         if len(runs[error].dropna()):
             # The figures of the first scene have plain names.
             file = f"{name}-{scene}" if place else name
-            save(
-                work_precision_panels(runs, error, f"{scene}: {label}" if scene else label),
-                folder,
-                file,
-            )
+            note = conditions(runs, machine)
+            named = scene or str(runs["scene_name"].iloc[0])
+            drawing = work_precision_panels(runs, error, label, scene=named, note=note)
+            save(drawing, folder, file)
             groups = by_stokes(runs)
             rows = []
             for target in pareto.TARGETS:

@@ -3,30 +3,23 @@
 import csv
 import json
 import tomllib
-from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.pyplot as plt
-import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from polhode.harness.common.files import PartialFile, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Store
-from polhode.harness.common.text import percent, short
+from polhode.harness.common.text import short
 from polhode.harness.ensembles import summary
-from polhode.harness.ensembles.ensemble import Ensemble
-from polhode.harness.ensembles.statistics import RATES, SECOND, SLOW_NAMES, Statistics
-from polhode.harness.ensembles.summary import arrived, means, snapshot_times
+from polhode.harness.ensembles.statistics import RATES, SLOW_NAMES
 from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather, surroundings
-from polhode.harness.pages.figures.style import power
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.figures.ensembles import picture, speeds
+from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.tables import fill
 
 # Files beside the page; `texts/sweep.md` describes them.
@@ -40,11 +33,8 @@ _FILES = {
     "distributions.csv": summary.distribution_rows,
     "arrivals.csv": summary.arrival_rows,
 }
-# Components of a moment, and Stokes numbers from the smallest to the largest.
-_DASHES = ("-", "--", ":")
-_COLOURS = "viridis"
-# In standard deviations: 95 % of a normal variable lie within this distance of its mean.
-_STANDARD = 1.96
+# Of these a shape's picture is drawn.
+_DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
 # Sweeps whose cost is laid out.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
 _BLOCK = 100_000  # Particles of one task of such a sweep.
@@ -62,23 +52,28 @@ def write_results(
     with ExitStack() as files:
         # Memory holds one task of the store, and the statistics of one shape.
         for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
-            of_shape = [(ensemble, gather(ensemble, store)) for ensemble in same]
-            for ensemble, statistics in of_shape:
+            drawn: dict[str, list[dict[str, object]]] = {name: [] for name in _DRAWN}
+            for ensemble in same:
+                statistics = gather(ensemble, store)
                 ensembles.append(summary.ensemble_row(ensemble, statistics))
                 for name, make in _FILES.items():
                     for row in make(ensemble, statistics):
+                        if name in drawn:
+                            drawn[name].append(row)
                         if name not in written:
                             file = files.enter_context(PartialFile(folder / name, summed=True))
                             written[name] = csv.DictWriter(file, list(row))
                             written[name].writeheader()
                         written[name].writerow(row)
             pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
-            save(picture(of_shape), folder, pictures[-1][0])
-    top = header(sweep.title, command, surroundings(sweep, store))
+            tables = {name: pd.DataFrame(rows) for name, rows in drawn.items()}
+            save(_picture(tables, sweep), folder, pictures[-1][0])
+    made = header("", command, surroundings(sweep, store))[2:]
     write_file(
         folder / "README.md",
         _page(
-            top,
+            sweep.title,
+            made,
             ensembles,
             [name for name in _FILES if name in written],
             pictures,
@@ -91,8 +86,40 @@ def write_results(
     return folder / "README.md", ensembles
 
 
+def redraw(sweep: Sweep, folder: Path) -> Path:
+    """Draw the pictures of a sweep anew from the tables in its folder; the path of its page.
+
+    Raises ValueError if there are none.
+    """
+    if not (folder / "distributions.csv").is_file():
+        raise ValueError(f"{folder / 'distributions.csv'}: no such file, expected those of a sweep")
+    tables = {
+        name: pd.read_csv(folder / name) if (folder / name).is_file() else pd.DataFrame()
+        for name in _DRAWN
+    }
+    shapes = tables["distributions.csv"].groupby(["a", "b", "c"], sort=False)
+    for number, (shape, _) in enumerate(shapes, start=1):
+        own = {}
+        for name, table in tables.items():
+            of_shape = (table[list("abc")] == list(shape)).all(axis=1) if len(table) else []
+            own[name] = table.loc[of_shape] if len(table) else table
+        save(_picture(own, sweep), folder, f"shape-{number}")
+    return folder / "README.md"
+
+
+def _picture(tables: dict[str, pd.DataFrame], sweep: Sweep) -> Any:
+    """The picture of one shape, from the rows of each file."""
+    note = (
+        f"{sweep.ensembles[0].particles} particles for each St, whose starts the sweep file gives; tolerance "
+        f"{short(sweep.ensembles[0].tolerance)}. x: flow, y: gradient, z: vorticity; L over the largest moment of "
+        "inertia. Bands hold 95 %."
+    )
+    return picture({name.removesuffix(".csv"): table for name, table in tables.items()}, note)
+
+
 def _page(
-    top: list[str],
+    title: str,
+    made: list[str],
     ensembles: list[dict[str, Any]],
     names: list[str],
     pictures: list[tuple[str, str]],
@@ -119,7 +146,8 @@ def _page(
     settled = groupby((row for row in rows if row["shares"]), key=_shape)
     return fill(
         "sweep",
-        header=top,
+        title=title,
+        made=made,
         rows=rows,
         settled=[(shape, list(same)) for shape, same in settled],
         pictures=pictures,
@@ -138,90 +166,30 @@ def _interval(interval: dict[str, float | None], none: str) -> str:
     return f"{value} ({low} to {high})"
 
 
-def picture(of_shape: Sequence[tuple[Ensemble, Statistics]]) -> Any:
-    """Ensembles of one shape in a row of panels, a colour for each Stokes number; bands hold 95 %."""
-    figure, panels = plt.subplots(1, 3, figsize=(13, 3.8), layout="constrained")
-    shades = mpl.colormaps[_COLOURS](np.linspace(0.05, 0.85, len(of_shape)))
-    slow = all(
-        ensemble.slow_time is not None and np.isfinite(ensemble.stokes) for ensemble, _ in of_shape
-    )
-    for (ensemble, statistics), shade in zip(
-        sorted(of_shape, key=lambda pair: pair[0].stokes), shades, strict=True
-    ):
-        unit = ensemble.stokes if slow else 1.0
-        _moments(panels[0], ensemble, statistics, unit, shade)
-        _distribution(panels[1], ensemble, statistics, shade)
-        for k, attractor in enumerate(ensemble.attractors):
-            shares = arrived(statistics, k)
-            times = np.linspace(0.0, ensemble.time, ensemble.samples) / unit
-            name = f"{attractor.rotation}, St = {power(ensemble.stokes)}"
-            panels[2].plot(
-                times, [share.value for share in shares], color=shade, ls=_DASHES[k % 3], label=name
-            )
-            low = [share.low for share in shares]
-            high = [share.high for share in shares]
-            panels[2].fill_between(times, low, high, color=shade, alpha=0.2, linewidth=0)
-    for axes, title in zip(
-        panels, ("Orientation in time", "Distribution of $L_z$", "Arrived"), strict=True
-    ):
-        axes.set_title(title, loc="left")
-        axes.grid(True, linewidth=0.4, alpha=0.5)
-        if axes is not panels[1]:
-            axes.set_xlabel(
-                "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
-            )
-        if axes.get_legend_handles_labels()[1]:
-            axes.legend(fontsize=7, frameon=False)
-    panels[2].set(ylabel="fraction of the particles", ylim=(0, 1.02))
-    return figure
-
-
-def _moments(
-    axes: Axes, ensemble: Ensemble, statistics: Statistics, unit: float, shade: Any
-) -> None:
-    """Mean squares of the direction of the last axis, the shortest of a triaxial shape; else means of L."""
-    oriented = bool(ensemble.layout.axes)
-    mean, error = means(statistics, "second" if oriented else "slow")
-    for i, name in enumerate("xyz"):
-        place = (
-            (slice(None), -1, SECOND.index((i, i)))
-            if oriented
-            else (slice(None), SLOW_NAMES.index(f"L{name}"))
-        )
-        times = np.array(snapshot_times(ensemble)) / unit
-        label = f"$p_{name}^2$" if oriented else f"$L_{name}$"
-        name = f"{label}, St = {power(ensemble.stokes)}"
-        axes.plot(times, mean[place], color=shade, ls=_DASHES[i], label=name)
-        band = _STANDARD * error[place]
-        axes.fill_between(
-            times, mean[place] - band, mean[place] + band, color=shade, alpha=0.2, linewidth=0
-        )
-    axes.set_ylabel(
-        "mean of the axis' squared components" if oriented else "mean of L over $I_{max}$"
-    )
-
-
-def _distribution(axes: Axes, ensemble: Ensemble, statistics: Statistics, shade: Any) -> None:
-    """Histograms of L_z at the start, after about a fifth of the run, and at the end."""
-    edges = ensemble.layout.edges("Lz")
-    fifth = -(-(ensemble.snapshots - 1) // 5)
-    part = percent(fifth / (ensemble.snapshots - 1))
-    for snapshot, when, line in ((0, "start", ":"), (fifth, part, "--"), (-1, "end", "-")):
-        counts = statistics.histograms[snapshot, SLOW_NAMES.index("Lz"), 1:-1]
-        share = counts / max(statistics.finished, 1) / np.diff(edges)
-        axes.stairs(
-            share, edges, color=shade, ls=line, label=f"{when}, St = {power(ensemble.stokes)}"
-        )
-    axes.set(xlabel="$L_z$ over $I_{max}$", ylabel="density of particles")
-    axes.set_yscale("symlog", linthresh=0.1)
-    axes.set_ylim(bottom=0)
+def read_throughput(folder: Path) -> Found:
+    """What `write_page` wrote into a folder; ValueError if there is nothing."""
+    path = folder / "throughput.json"
+    if not path.is_file():
+        raise ValueError(f"{path}: no such file, expected the numbers of `polhode throughput`")
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def write_page(throughput: Found, folder: Path) -> Path:
     """Write ``throughput.json``, a picture of it and ``throughput.md`` into a folder; returns the page's path."""
     write_file(folder / "throughput.json", json.dumps(throughput, indent=1) + "\n")
-    save(_speeds(throughput["full"]), folder, "throughput")
+    settings = throughput["settings"]
+    note = (
+        f"St = {settings['stokes']:g}, t₂ = {settings['slow_time']:g}, isotropic starts; each tolerance "
+        "is the loosest that keeps all particles within 1e-4, 1e-6 and 1e-8. Processor time, the "
+        f"least of {settings['rounds']} runs in turns; {measured(_made(throughput))}. The spread was "
+        "not kept."
+    )
+    save(speeds(throughput["full"], note), folder, "throughput")
     return write_file(folder / "throughput.md", page(throughput))
+
+
+def _made(throughput: Found) -> list[str]:
+    return header("", "polhode throughput", [throughput])[2:]
 
 
 def page(throughput: Found) -> str:
@@ -245,21 +213,7 @@ def page(throughput: Found) -> str:
             plan
             | {"tasks": count, "mib": count * row["record_bytes"] / 2**20, "hours": seconds / 3600}
         )
-    top = header("What ensembles cost", "polhode throughput", [throughput])
     mib = (throughput["memory"]["bytes"] or 0) / 2**20
-    return fill("throughput", header=top, block=_BLOCK, plan=rows, mib=mib, **throughput)
-
-
-def _speeds(rows: list[Found]) -> Any:
-    """Particles per second against the largest error, a colour for each shape."""
-    figure, axes = plt.subplots(figsize=(6.5, 4), layout="constrained")
-    shapes = pd.DataFrame(rows).groupby("shape", sort=False)
-    for (shape, some), shade in zip(shapes, ("#0072B2", "#D55E00"), strict=False):
-        for whose, line, name in (("", "o-", "equal steps"), ("taylor_", "s:", "Taylor")):
-            errors = some[f"{whose}error"]
-            speeds = some[f"{whose}per_second"]
-            axes.loglog(errors, speeds, line, color=shade, label=f"{name}, {shape}")
-    axes.set(xlabel="largest error of the whole state", ylabel="particles per second and core")
-    axes.grid(True, which="both", linewidth=0.4, alpha=0.5)
-    axes.legend(frameon=False)
-    return figure
+    return fill(
+        "throughput", made=_made(throughput), block=_BLOCK, plan=rows, mib=mib, **throughput
+    )

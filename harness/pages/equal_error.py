@@ -13,11 +13,12 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import costs
-from polhode.harness.common.files import write_file
+from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record, export
+from polhode.harness.common.store import Record, export, read_export
 from polhode.harness.common.text import duration, markdown, scientific, short
-from polhode.harness.pages.figures.work_precision import save, work_precision_panels
+from polhode.harness.pages.figures.style import measured as measured_on, save
+from polhode.harness.pages.figures.work_precision import conditions, work_precision_panels
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
@@ -61,11 +62,42 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
     )
     for name in ("solvers", "spheroid", "backends"):
         export(getattr(measured, name), folder / f"{name}.jsonl")
-    save(
-        work_precision_panels(frame(measured.solvers), "slow_error", "slow error over $I_{max}$"),
-        folder,
-        "slow",
-    )
+    return _write_pages(measured, folder, command)
+
+
+def draw(measured: Measured, folder: Path, command: str) -> None:
+    """Draw time against error of every solver into a folder."""
+    runs = frame(measured.solvers)
+    scene = str(runs["scene_name"].iloc[0])
+    note = conditions(runs, measured_on(header("", command, measured.solvers)))
+    label = "error of L and E over $I_{max}$"
+    save(work_precision_panels(runs, "slow_error", label, scene=scene, note=note), folder, "slow")
+
+
+def read_measured(folder: Path) -> Measured:
+    """What `write_page` wrote into a folder."""
+    records = {
+        name: list(read_export(folder / f"{name}.jsonl"))
+        for name in ("solvers", "spheroid", "backends")
+    }
+    measured_costs: Any = json.loads(read_file(folder / "costs.json"))
+    measured_costs["overheads"] = [Overhead(**row) for row in measured_costs["overheads"]]
+    measured_costs["first_runs"] = {
+        name: tuple(FirstRun(**row) for row in pair)
+        for name, pair in measured_costs["first_runs"].items()
+    }
+    return Measured(**records, **measured_costs)
+
+
+def rewrite_pages(folder: Path, command: str) -> Path:
+    """Write pages and figure anew from the data in a folder; ValueError if there are none."""
+    if not (folder / "costs.json").is_file():
+        raise ValueError(f"{folder / 'costs.json'}: no such file, expected a page's data")
+    return _write_pages(read_measured(folder), folder, command)
+
+
+def _write_pages(measured: Measured, folder: Path, command: str) -> Path:
+    draw(measured, folder, command)
     for name, text in pages(measured, command).items():
         write_file(folder / name, text)
     return folder / "README.md"
@@ -77,6 +109,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
+    made = header("", command, records)[2:]
     times = costs(by_stokes(solvers), COMPARED_ERRORS)
     forms = _ratios(
         costs(by_stokes(spheroid), _FORMS_ERRORS),
@@ -90,7 +123,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
     ]
     page = fill(
         "equal-error",
-        header=header("Every solver at equal error", command, records),
+        made=made,
         claims=claims,
         worth=worth,
         measured=measured,
@@ -110,9 +143,8 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         ],
         starts=STARTS,
     )
-    top = header("Every solver at equal error", command, records)
     times_page = fill(
-        "equal-error-times", header=top, times=_times(times), jacobians=_jacobians(backends)
+        "equal-error-times", made=made, times=_times(times), jacobians=_jacobians(backends)
     )
     return {"README.md": page, "times.md": times_page}
 

@@ -5,22 +5,29 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.flows import measure
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.figures.style import (
+    INK,
+    LETTERS,
+    TITLE,
+    caption,
+    key,
+    panels,
+    ramp,
+    save,
+)
 from polhode.harness.pages.tables import fill
 
 _TITLE = "Linear flows other than simple shear"
-# Of the figure, in inches.
-_SIZE = (9.0, 4.2)
 
 
 def write_tables(tables: Mapping[str, Sequence[Record]], timed: Record, folder: Path) -> None:
@@ -33,7 +40,11 @@ def write_tables(tables: Mapping[str, Sequence[Record]], timed: Record, folder: 
 def write_page(folder: Path, command: str) -> Path:
     """Write the page and its figure from the tables in a folder; the path of the page."""
     tables = read_tables(folder)
-    save(figure(tables["orbits"], tables["orders"]), folder, "flows")
+    note = (
+        "Left: full equations without inertia, the time to the same direction. Right: L at "
+        f"t = {measure.TRACK_TIME:g} against the flow that the track was taken from. No times are shown."
+    )
+    save(figure(tables["orbits"], tables["orders"], note), folder, "flows")
     return write_file(folder / "README.md", page(folder, command))
 
 
@@ -48,7 +59,8 @@ def page(folder: Path, command: str) -> str:
     timed = json.loads(read_file(folder / "timed.json"))
     return fill(
         "flows",
-        header=header(_TITLE, command, [timed]),
+        title=_TITLE,
+        made=header("", command, [timed])[2:],
         findings=findings(tables),
         fields=_rows(tables["fields"]),
         costs=_rows(tables["costs"]),
@@ -139,56 +151,68 @@ def _with_order(orders: Any) -> pd.DataFrame:
     return orders.assign(order=fall)
 
 
-def figure(orbits: Any, orders: Any) -> Figure:
+def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
     """Periods in planar flows with their theory, and errors along tracks against the spacing of knots."""
-    drawn, (left, right) = plt.subplots(1, 2, figsize=_SIZE, layout="constrained")
-    _draw_periods(left, orbits)
-    _draw_orders(right, orders)
+    drawn, grid = panels(1, 2, 3.1, width_ratios=[3, 2])
+    _draw_periods(grid[0, 0], orbits)
+    _draw_orders(grid[0, 1], orders)
+    handles = [
+        Line2D([], [], color=INK, marker="o", markersize=4, linewidth=0, label="measured"),
+        Line2D([], [], color=INK, linewidth=1.3, label="theory; at the right a fourth power"),
+        Line2D([], [], color=INK, linewidth=0.8, linestyle=":", label="threshold of turning"),
+    ]
+    key(drawn, handles, 3, columnspacing=0.8)
+    if note:
+        caption(drawn, note)
     return drawn
 
 
 def _draw_periods(axes: Axes, orbits: Any) -> None:
-    for number, (ratio, own) in enumerate(orbits.groupby("ratio")):
-        colour = f"C{number}"
+    groups = list(orbits.groupby("ratio"))
+    names = []
+    for (ratio, own), shade in zip(groups, ramp(len(groups)), strict=True):
         kappa = float(str(ratio))
         strain = abs(measure.anisotropy(kappa))
         threshold = (1 - strain) / (1 + strain)
         alphas = np.linspace(-1.0, threshold, 2000)[1:-1]
-        axes.plot(
-            alphas,
-            [measure.period(float(alpha), kappa) for alpha in alphas],
-            color=colour,
-            linewidth=1.3,
-        )
+        theory = [measure.period(float(alpha), kappa) for alpha in alphas]
+        axes.plot(alphas, theory, color=shade, linewidth=1.3)
         closed = own[np.isfinite(own["theory"])]
-        axes.plot(
-            closed["alpha"],
-            closed["period"],
-            "o",
-            color=colour,
-            markersize=4,
-            label=f"κ = {kappa:g}",
+        axes.plot(closed["alpha"], closed["period"], "o", color=shade, markersize=4)
+        axes.axvline(threshold, color=shade, linewidth=0.8, linestyle=":")
+        # Lines are named where they leave the panel.
+        top = next((a for a, value in zip(alphas, theory, strict=True) if value > 100), threshold)
+        names.append((float(top), f"{kappa:g}"))
+    names.sort()
+    for place, (top, name) in enumerate(names):
+        near = [other for other, _ in names[place + 1 : place + 2] if other - top < 0.08]
+        after = place > 0 and top - names[place - 1][0] < 0.08
+        side = "right" if near else "left" if after else "center"
+        axes.annotate(
+            name,
+            (top, 100.0),
+            xytext=({"right": 2, "left": -2, "center": 0}[side], 3),
+            textcoords="offset points",
+            ha=side,
+            color=INK,
+            fontsize=LETTERS,
         )
-        axes.axvline(threshold, color=colour, linewidth=0.8, linestyle=":")
     axes.set_yscale("log")
     axes.set_ylim(5.0, 100.0)
     axes.set_yticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
+    axes.minorticks_off()
     axes.set_xlim(-1.0, 0.6)
-    axes.set_xlabel("α of the flow u = (y, αx, 0): -1 rotates, 0 shears")
-    axes.set_ylabel("period of the axis over 1/γ̇")
-    axes.set_title("The axis turns left of the dotted line, aligns right", loc="left", fontsize=10)
-    axes.legend(title="points: measured\nlines: theory", fontsize=9, title_fontsize=9)
-    axes.grid(True, linewidth=0.4, alpha=0.5)
+    axes.set_xlabel("α of u = (y, αx, 0): -1 rotates, 0 shears")
+    axes.set_ylabel("period of the axis, 1/γ̇")
+    axes.set_title("Spheroids of aspect ratio κ =", loc="left", fontsize=TITLE, pad=16)
 
 
 def _draw_orders(axes: Axes, orders: Any) -> None:
     spacing = orders["spacing"].to_numpy(float)
     error = orders["error"].to_numpy(float)
-    axes.loglog(spacing, error, "o-", color="C0", label="a run along the track")
+    axes.loglog(spacing, error, "o", color=ramp(3)[2], markersize=5)
     promise = error[-1] * (spacing / spacing[-1]) ** 4
-    axes.loglog(spacing, promise, ":", color="black", label="fourth power of the spacing")
-    axes.set_xlabel("spacing of knots over 1/γ̇")
-    axes.set_ylabel("error of L at the end, over $I_{max}$")
-    axes.set_title("A track against the flow that it was taken from", loc="left", fontsize=10)
-    axes.legend(fontsize=9)
-    axes.grid(True, linewidth=0.4, alpha=0.5)
+    axes.loglog(spacing, promise, "-", color=INK, linewidth=1.0)
+    axes.set_xlabel("spacing of knots, 1/γ̇")
+    axes.set_ylabel("error of L over $I_{max}$")
+    axes.set_title("Along a track", loc="left", fontsize=TITLE, pad=16)

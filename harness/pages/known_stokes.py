@@ -54,7 +54,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     rows, met, ratios = _splitting(table)
     page = fill(
         "known-stokes",
-        header=header(study.title, command, records),
+        title=study.title,
+        made=header(study.title, command, records)[2:],
         met=met.count(True),
         targets=len(met),
         known=ratios,

@@ -134,7 +134,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     )
     page = fill(
         "outcomes",
-        header=header(study.title, command, records),
+        title=study.title,
+        made=header(study.title, command, records)[2:],
         sentences=sentences(outcomes, stopped),
         counts=markdown(
             ["solver", "runs", "got through", *_KINDS], surest, right=range(1, 3 + len(_KINDS))

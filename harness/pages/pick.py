@@ -1,23 +1,27 @@
 """The page of `pick`: how it did on scenes held out, by the time of the best run; its tables and its figure."""
 
+import re
 from collections import Counter
-from math import inf
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from polhode.harness.answers import heldout
 from polhode.harness.answers.heldout import Evaluation, break_even, judged
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import machine
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.common.machine import machine, made_lines
+from polhode.harness.pages.figures.style import INK, caption, key, panels, ramp, save
 from polhode.harness.pages.tables import fill, lines_of
 
+# Errors below this share of the one allowed are not told apart.
+_LEAST_SHARE = 1e-4
 # Times over the best, named on the axis.
 _TICKS = (1, 1.5, 2, 3, 5, 10, 20, 50)
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 
 
 def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
@@ -25,7 +29,17 @@ def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
     for name in ("scenes", "runs"):
         text = getattr(evaluation, name).to_csv(index=False, float_format="%.4g")
         write_file(folder / f"{name}.csv", text, summed=True)
-    _write_figure(folder, evaluation.scenes)
+    return _write(folder, evaluation, command, str(machine()["processor"]))
+
+
+def _write(folder: Path, evaluation: Evaluation, command: str, processor: str) -> Path:
+    """Write the page and its figure."""
+    note = (
+        f"{len(evaluation.scenes)} scenes held out; the best run is the quickest measured that met the "
+        f"error, of tolerances by tens. Times: warm runs on {processor}; the best run and the first "
+        "choice in turns, the fastest of each. The spread of repeats was not kept."
+    )
+    save(_figure(evaluation.scenes, note), folder, "choices")
     rows: Any = evaluation.scenes.to_dict("records")
     missed = [row for row in rows if not (row["met"] and not row["factor"] > heldout.NEAR)]
     left_out = Counter(evaluation.left_out.values()).most_common()
@@ -37,9 +51,31 @@ def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
         limits=heldout,
         missed=missed,
         left_out="; ".join(f"{count} × {reason}" for reason, count in left_out),
-        processor=machine()["processor"],
+        processor=processor,
     )
     return write_file(folder / "README.md", page)
+
+
+def rewrite_page(folder: Path) -> Path:
+    """Write page and figure anew from the tables in a folder; command, processor and what was left out stay.
+
+    Raises ValueError if there is no page.
+    """
+    text = "\n".join(made_lines(folder / "README.md"))
+    made = re.search(r"Made by `(.*?)` on (.*?)\. Do not edit", text)
+    if made is None:
+        raise ValueError(f"{folder / 'README.md'}: expected the page of `polhode validate`")
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    said = re.search(r"Scenes without a reference were left out: (.*?)\.\n", page)
+    scenes, runs = (pd.read_csv(folder / f"{name}.csv") for name in ("scenes", "runs"))
+    for words in ("refusal", "best"):
+        scenes[words] = scenes[words].astype(object).where(scenes[words].notna(), "")
+    # Each reason once: the page gives counts alone.
+    left_out = {}
+    for part in said[1].split("; ") if said else ():
+        count, _, reason = part.partition(" × ")
+        left_out |= {f"{reason} {place}": reason for place in range(int(count))}
+    return _write(folder, Evaluation(scenes, runs, left_out), made[1], made[2])
 
 
 def summary(scenes: Any) -> list[str]:
@@ -64,26 +100,42 @@ def reached(scenes: Any) -> bool:
     return all(row["near"] >= heldout.SHARE_NEAR and row["farthest"] <= heldout.FAR for row in rows)
 
 
-def _write_figure(folder: Path, scenes: Any) -> None:
-    """Write `choices.png`: shares of scenes by time over the best, and by error over the one requested."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.6))
-    groups = scenes.groupby(scenes["best_seconds"].map(heldout.stratum), sort=False)
-    for (name, mine), colour in zip(groups, _COLOURS, strict=False):
-        for axes, values in (
-            (left, mine["factor"]),
-            (right, mine["error"] / mine["error_requested"]),
-        ):
-            values = np.sort(values[(values > 0) & (values < inf)])
-            if len(values):
-                share = np.arange(1, len(values) + 1) / len(mine)
-                label = f"{name} ({len(mine)})"
-                axes.step(values, share, where="post", color=colour, label=label)
-    left.axvline(heldout.NEAR, color="0.3", linewidth=0.8, linestyle=":")
-    right.axvline(1.0, color="0.3", linewidth=0.8)
-    left.set(xscale="log", xlabel="time over the best measured", ylabel="share of scenes")
-    left.set_xticks(_TICKS, map(str, _TICKS))
+def _figure(scenes: Any, note: str = "") -> Figure:
+    """Shares of scenes by time over the best and by error over the one allowed, by the best run's time."""
+    figure, grid = panels(1, 2, 2.9, sharey=True)
+    left, right = grid[0]
+    groups = list(scenes.groupby(scenes["best_seconds"].map(heldout.stratum), sort=False))
+    groups.sort(key=lambda group: group[1]["best_seconds"].min())
+    handles = []
+    for (name, mine), shade in zip(groups, ramp(max(3, len(groups)))[::-1], strict=False):
+        limits = heldout.NEAR, 1.0
+        ratios = mine["factor"], mine["error"] / mine["error_requested"]
+        for axes, values, limit in zip((left, right), ratios, limits, strict=True):
+            values = np.sort(values[(values > 0) & (values < inf)].to_numpy(float))
+            share = np.arange(1, len(values) + 1) / len(mine)
+            axes.step(values, share, where="post", color=shade, linewidth=1.8)
+            missed = values > limit
+            style = {"marker": "o", "markersize": 6, "fillstyle": "none", "linewidth": 0}
+            axes.plot(values[missed], share[missed], color=INK, zorder=3, **style)
+        label = f"best run {name} ({len(mine)} scenes)"
+        handles.append(Line2D([], [], color=shade, linewidth=2, label=label))
+    handles.append(
+        Line2D(
+            [], [], marker="o", fillstyle="none", color=INK, linewidth=0, label="beyond the line"
+        )
+    )
+    left.axvline(heldout.NEAR, color=INK, linewidth=1.0)
+    right.axvline(1.0, color=INK, linewidth=1.0)
+    left.set(xscale="log", xlabel="time over that of the best run", ylabel="share of the scenes")
+    left.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
+    left.set_ylim(0, 1.03)
+    largest = float(scenes["factor"].replace(inf, nan).max())
+    ticks = [tick for tick in _TICKS if tick <= max(2, 1.5 * largest)]
+    left.set_xticks(ticks, map(str, ticks))
     left.minorticks_off()
-    right.set(xscale="log", xlabel="error over the one requested")
-    left.legend(frameon=False, title="best run", fontsize="small")
-    figure.tight_layout()
-    save(figure, folder, "choices")
+    right.set(xscale="log", xlabel="error over the one allowed")
+    right.set_xlim(left=max(right.get_xlim()[0], _LEAST_SHARE))
+    key(figure, handles, 2)
+    if note:
+        caption(figure, note)
+    return figure

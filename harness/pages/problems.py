@@ -1,6 +1,7 @@
 """The page of the classical test problems: profiles over all, work and precision of each."""
 
 from collections.abc import Sequence
+from io import BytesIO
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,12 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import where
 from polhode.harness.analysis.pareto import TIE, costs
-from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.files import read_file, write_file
+from polhode.harness.common.machine import header, made_lines
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
-from polhode.harness.pages.figures.work_precision import panels, profiles, save, sentence
+from polhode.harness.pages.figures.style import measured, power, rank, save
+from polhode.harness.pages.figures.work_precision import conditions, heat_map, profiles, sentence
 from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.contract import Status
@@ -26,18 +28,36 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
     kept = pd.DataFrame(rows).drop(columns=["machine", "versions"])
     write_file(folder / "runs.csv", kept.to_csv(index=False))
+    return _write(kept, folder, header("", command, rows)[2:])
+
+
+def rewrite_page(folder: Path) -> Path:
+    """Write page and figures anew from `runs.csv`; what the page says of machine and versions stays."""
+    made = made_lines(folder / "README.md")
+    runs = pd.read_csv(BytesIO(read_file(folder / "runs.csv"))).fillna({"message": ""})
+    return _write(runs, folder, made)
+
+
+def _write(kept: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     # With the columns that runs of scenes have.
     runs = kept.assign(form="", slow_uncertainty=0.0, slow_error=kept["error"])
     groups = [
         (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)
     ]
-    save(panels(groups, "slow_error", "error at the end", alike=False), folder, "work-precision")
     # Seconds to each error: a row for each error and problem, a column for each solver.
     times: Any = costs(groups, _TARGETS).droplevel(0, axis=1)
+    note = conditions(runs, measured(made))
+    # Columns in the order of the catalogue, for solvers that solve a problem.
+    compared = times.dropna(how="all", axis="columns")
+    compared = compared[sorted(compared, key=rank)]
+    if not compared.empty:
+        ratios = compared.div(compared.min(axis=1), axis=0)
+        titles = [f"to an error of {power(target)} at the end" for target in _TARGETS]
+        save(heat_map(ratios, titles, note), folder, "work-precision")
     # Only problems that a solver solves, and solvers that solve a problem.
     profiled = times.loc[_PROFILED].dropna(how="all").dropna(axis="columns", how="all")
     if not profiled.empty:
-        save(profiles(profiled), folder, "profiles")
+        save(profiles(profiled, note), folder, "profiles")
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
     fastest = []
     for name in names:
@@ -46,7 +66,8 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     status = runs["status"].astype(str)
     page = fill(
         "problems",
-        header=header("Classical test problems", command, rows),
+        made=made,
+        compared=not compared.empty,
         sentence="" if profiled.empty else sentence(profiled),
         profiled=_PROFILED,
         tie=100 * (TIE - 1),

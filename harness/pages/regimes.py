@@ -13,11 +13,12 @@ from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.in_full import HYBRID, ran_in_full
 from polhode.harness.analysis.pareto import TIE, Cell, Method, Standing, cells, standings
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import header, made_lines
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import short
+from polhode.harness.common.text import duration, factor, markdown, short
 from polhode.harness.pages.figures.map_picture import HEADINGS, MAP_ERRORS, picture
-from polhode.harness.pages.figures.work_precision import profile_lines, save
+from polhode.harness.pages.figures.style import measured, save
+from polhode.harness.pages.figures.work_precision import conditions, profile_lines
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
@@ -45,24 +46,22 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page, its pictures and its data into a folder and return the page's path."""
     runs = frame(records)
     write_runs(runs, folder)
-    return _write(study, runs, folder, header(study.title, command, records))
+    return _write(study, runs, folder, header(study.title, command, records)[2:])
 
 
 def rewrite_page(study: Study, folder: Path) -> Path:
-    """Write the page and its pictures anew from the runs in a folder; the first lines of its page stay.
+    """Write the page and its pictures anew from the runs in a folder; what its page says of machine and versions stays.
 
     Raises ValueError if there is no page, or there are no runs.
     """
     page = folder / "README.md"
     if not page.is_file():
         raise ValueError(f"{page}: no such file, expected a page of `polhode regimes`")
-    lines = page.read_text(encoding="utf-8").split("\n")
-    first = next(number for number, line in enumerate(lines) if line.startswith("Measured "))
     runs = pd.read_csv(BytesIO(read_file(folder / "runs.csv")))
-    return _write(study, runs, folder, [*lines[: first + 1], ""])
+    return _write(study, runs, folder, made_lines(page))
 
 
-def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence[str]) -> Path:
+def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     hybrid = where(runs, (runs["form"] == HYBRID) & runs["slow_error"].notna())
     in_full = ran_in_full(runs, study.scenes)
     counted = int(in_full[hybrid.index].sum())
@@ -93,7 +92,10 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
     for name, scene_runs in named.items():
         scenes = [scene for scene_name, scene in study.scenes if scene_name == name]
         times = {scene.stokes: scene.time for scene in scenes}
-        save(picture([maps[name, error] for error in MAP_ERRORS], times), folder, name)
+        note = conditions(scene_runs, measured(made))
+        for error, (_, title) in MAP_ERRORS.items():
+            drawing = picture(maps[name, error], times, f"{name.capitalize()}. {title}", note)
+            save(drawing, folder, name if error == "slow_error" else f"{name}-orientation")
         # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a
         # front.
         full, slow = (
@@ -112,14 +114,25 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
                     "seen": _leads_somewhere(full[method]) or _leads_somewhere(row),
                 }
             )
-        particles.append({"name": name, "axes": scenes[0].ellipsoid.semi_axes, "methods": methods})
+        particles.append(
+            {
+                "name": name,
+                "axes": scenes[0].ellipsoid.semi_axes,
+                "methods": methods,
+                "times": [
+                    (words, _times(maps[name, error])) for error, (words, _) in MAP_ERRORS.items()
+                ],
+            }
+        )
     far = [scene.stokes for _, scene in study.scenes if scene.time >= _LONG]
     apart = where(runs, runs["stokes"].isin(far))
     title = f"The same over t ≥ {short(_LONG)} alone"
-    long = profile_lines(apart, folder, "profiles-long", title)
+    where_measured = measured(made)
+    long = profile_lines(apart, folder, "profiles-long", title, conditions(apart, where_measured))
     page = fill(
         "regimes",
-        header=first_lines,
+        title=study.title,
+        made=made,
         in_full=counted,
         hybrid=len(hybrid),
         sentences=[
@@ -127,11 +140,36 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, first_lines: Sequence
             for (name, error), panel in maps.items()
         ],
         particles=particles,
-        profiles=[*profile_lines(runs, folder), *long],
+        profiles=[
+            *profile_lines(runs, folder, note=conditions(runs, where_measured)),
+            *long,
+        ],
         study=study,
         tie=100 * (TIE - 1),
     )
     return write_file(folder / "README.md", page)
+
+
+def _times(panel: Sequence[Cell]) -> str:
+    """Times of the winners and their leads, by error and St, as Markdown."""
+    numbers = list(dict.fromkeys(cell.stokes for cell in panel))
+    rows = []
+    for target in dict.fromkeys(cell.target for cell in panel):
+        row = [cell for cell in panel if cell.target == target]
+        rows.append([short(target), *map(_time, row)])
+    return markdown(
+        ["error", *(f"St = {short(stokes)}" for stokes in numbers)],
+        rows,
+        right=range(1, len(numbers) + 1),
+    )
+
+
+def _time(cell: Cell) -> str:
+    if cell.winner is None:
+        return "–" if cell.known else "?"
+    if isnan(cell.lead):
+        return duration(cell.seconds)
+    return f"{duration(cell.seconds)}, {'tie' if cell.tied else factor(cell.lead)}"
 
 
 def read_cells(path: Path) -> Maps:

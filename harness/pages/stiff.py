@@ -7,15 +7,24 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, percent, short
-from polhode.harness.pages.figures.style import looks, power, rank
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.figures.style import (
+    INK,
+    TITLE,
+    caption,
+    key,
+    looks,
+    measured,
+    panels,
+    power,
+    rank,
+    save,
+)
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 from polhode.solvers.contract import Status
@@ -36,8 +45,6 @@ _LEFT_OUT = (
     "statistics_distance",
     "statistics_uncertainty",
 )
-# Of the figure: 838 pixels wide at the resolution at which figures are saved.
-_SIZE = (838 / 150, 3.4)
 _ANGLES = ("euler-angles", "spheroid-angles")
 
 
@@ -114,7 +121,15 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     ]
     export(shared, folder / "records.jsonl")
     runs = [Run.of(record) for record in records]
-    save(figure(runs), folder, "stiff")
+    made = header(study.title, command, records)[2:]
+    tolerances = f"{short(max(study.tolerances))} to {short(min(study.tolerances))}"
+    vary = (
+        f", which vary by {percent(_spread(runs))} in the median"
+        if any(r.times for r in runs)
+        else ""
+    )
+    note = f"Tolerances {tolerances}. Times: warm runs, the fastest of up to 5{vary}; {measured(made)}."
+    save(figure(runs, note), folder, "stiff")
     first = [_winner_cells(found) for found in winners(runs)]
     page = fill(
         "stiff",
@@ -140,7 +155,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         ),
         tight=min(study.tolerances),
         stopped=stopped(runs, min(study.tolerances)),
-        made=header(study.title, command, records)[2:],
+        made=made,
     )
     return write_file(folder / "README.md", page)
 
@@ -357,12 +372,12 @@ def _worst(pairs: Sequence[Pair]) -> str:
     return f"{run.solver}, {place}, tolerance {short(run.tolerance)}"
 
 
-def figure(runs: Sequence[Run]) -> Figure:
+def figure(runs: Sequence[Run], note: str = "") -> Figure:
     """Time against St for the error shown, by the best form, back end and Jacobian of each solver."""
     scenes = list(dict.fromkeys(run.scene for run in runs))
-    drawing, grid = plt.subplots(1, len(scenes), figsize=_SIZE, sharey=True, layout="constrained")
+    drawing, grid = panels(len(scenes), 1, 0.5 + 2.6 * len(scenes), sharex=True)
     styles = looks(run.solver for run in runs)
-    for axes, scene in zip(list(grid) if len(scenes) > 1 else [grid], scenes, strict=True):
+    for axes, scene in zip(grid[:, 0], scenes, strict=True):
         own = [run for run in runs if run.scene == scene and run.meets(_SHOWN_ERROR)]
         for solver, look in styles.items():
             numbers = sorted({run.stokes for run in own if run.solver == solver})
@@ -371,24 +386,22 @@ def figure(runs: Sequence[Run]) -> Figure:
                 * min(run.seconds for run in own if (run.solver, run.stokes) == (solver, stokes))
                 for stokes in numbers
             ]
-            axes.plot(
-                numbers,
-                times,
-                color=look.colour,
-                marker=look.marker,
-                markersize=4,
-                linewidth=1.2,
-                label=solver,
-            )
-        axes.set(
-            xscale="log",
-            yscale="log",
-            title=f"{scene}: time in ms to an error of {power(_SHOWN_ERROR)}",
-        )
-        axes.title.set_fontsize(8)
-        axes.set_xlabel("Stokes number St", fontsize=8)
-        axes.tick_params(labelsize=8)
-        axes.grid(visible=True, which="major", color="0.9", linewidth=0.6)
-    handles, labels = drawing.axes[0].get_legend_handles_labels()
-    drawing.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+            style = {"color": look.colour, "marker": look.marker, "linewidth": 1.2}
+            axes.plot(numbers, times, markersize=5, label=solver, **style)
+        axes.set(xscale="log", yscale="log")
+        # Decades of both axes are as long.
+        axes.set_aspect("equal")
+        words = f"{scene}, to an error of {power(_SHOWN_ERROR)}"
+        axes.set_title(words, fontsize=TITLE, loc="left", color=INK)
+        axes.set_ylabel("time, ms")
+    grid[-1, 0].set_xlabel("Stokes number St")
+    handles, _ = grid[0, 0].get_legend_handles_labels()
+    key(drawing, handles, 4)
+    if note:
+        caption(drawing, note)
     return drawing
+
+
+def _spread(runs: Sequence[Run]) -> float:
+    """Median over the runs of what their repeats vary by, over the least time."""
+    return median((max(run.times) - run.seconds) / run.seconds for run in runs if run.times)

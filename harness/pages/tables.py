@@ -44,6 +44,7 @@ def templates(folder: Path, **options: Any) -> Environment:
         "form": WORDING.format_field,
         "bullets": bullets,
         "lines": "\n".join,
+        "folded": folded,
         "table": table,
     }
     return environment
@@ -71,3 +72,9 @@ def lines_of(name: str, /, **fields: Any) -> list[str]:
 def bullets(sentences: Iterable[str]) -> str:
     """The sentences as a list."""
     return "\n".join(f"- {sentence}" for sentence in sentences)
+
+
+def folded(lines: Iterable[str] | str, summary: str = "How this page was made") -> str:
+    """The lines below a line that opens and closes them."""
+    text = lines if isinstance(lines, str) else "\n".join(lines)
+    return f"<details>\n<summary>{summary}</summary>\n\n{text.strip()}\n\n</details>"

@@ -33,7 +33,7 @@ from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export
 from polhode.harness.common.text import factor, short
 from polhode.harness.pages.figures.map_picture import MAP_ERRORS, by_side
-from polhode.harness.pages.figures.style import colour, is_averaged, looks
+from polhode.harness.pages.figures.style import both_colours, is_averaged, looks
 from polhode.harness.pages.figures.work_precision import LARGEST_ERROR
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.site.markup import Page, html
@@ -83,7 +83,7 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
         particles=particles,
         maps=maps,
         sure=sure,
-        colour=colour,
+        colour=both_colours,
         factor=factor,
         long=_LONG,
     )
@@ -210,7 +210,7 @@ def cost_page(reports: Path) -> Page:
     forms = {}
     for name, look in looks(str(row[1]) for row in rows).items():
         averaged = is_averaged(name)
-        color = look.colour if averaged else "#555"
+        color = look.both if averaged else "light-dark(#4A5361, #A3ADBA)"
         forms[name] = {"averaged": averaged, "color": color, "mark": look.outline}
     data = {
         "words": list(words),
@@ -252,7 +252,7 @@ def _solvers(names: set[str]) -> dict[str, Any]:
             )
             tags = ["implicit" if method and method.implicit else "explicit"]
             tags.append("compiled" if compiled else "Python in the loop")
-            solvers[name] = {"color": look.colour, "mark": look.outline, "tags": tags}
+            solvers[name] = {"color": look.both, "mark": look.outline, "tags": tags}
     return solvers
 
 

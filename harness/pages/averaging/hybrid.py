@@ -12,21 +12,31 @@ from polhode.harness.averaging.hybrid import HybridError, Speed, Study
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import wilson
 from polhode.harness.common.machine import header
-from polhode.harness.pages.figures.averaging import errors_and_speed
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.common.text import short
+from polhode.harness.pages.figures.hybrid import errors_and_speed
+from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.tables import fill, lines_of
 
 
 def write_page(study: Study, folder: Path, command: str) -> None:
     """Write the page and its data into a folder."""
     write_study(study, folder)
-    save(errors_and_speed(_judged(study.errors), _compared(study.speed)), folder, "errors")
+    if study.errors:
+        runs = _judged(study.errors)
+        note = (
+            f"{runs['start'].nunique()} random starts by {hybrid.WINDOW_SOLVER}. Allowed: the error "
+            "requested, or the reference's uncertainty if larger. Speed: error "
+            f"{short(hybrid.FAST_ERROR)}, t₂ = {hybrid.FAST_SLOW_TIME:g}, beside "
+            f"{' and '.join(hybrid.FULL_SOLVERS)} at tolerances {short(hybrid.FULL_TOLERANCES[0])} to "
+            f"{short(hybrid.FULL_TOLERANCES[-1])}; the shortest of several warm runs; "
+            f"{measured(_made(study, command))}. The spread of repeats was not kept."
+        )
+        save(errors_and_speed(runs, _compared(study.speed), note), folder, "errors")
     write_file(folder / "README.md", page(study, command))
 
 
 def page(study: Study, command: str) -> str:
     """The report as Markdown."""
-    timed = [study.timed.get(part, {}) for part in hybrid.HYBRID_PARTS if getattr(study, part)]
     how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
     how |= {
         "largest": ("slow", "max"),
@@ -38,12 +48,18 @@ def page(study: Study, command: str) -> str:
     medians = speeds[["seconds", "few_seconds", "full_share", "gain", "over_knowing"]].median()
     return fill(
         "hybrid",
-        header=header("Form hybrid: errors and speed", command, timed),
+        made=_made(study, command),
         findings=findings(study),
         form=hybrid,
         errors=errors.sort_index(ascending=[True, False]).reset_index().to_dict("records"),
         speeds=medians.assign(runs=speeds.size()).reset_index().to_dict("records"),
     )
+
+
+def _made(study: Study, command: str) -> list[str]:
+    """The lines by which the page says how it was made."""
+    timed = [study.timed.get(part, {}) for part in hybrid.HYBRID_PARTS if getattr(study, part)]
+    return header("", command, timed)[2:]
 
 
 def findings(study: Study) -> list[str]:

@@ -18,8 +18,10 @@ from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import write_table
-from polhode.harness.pages.figures.averaging import Line, against_stokes
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.common.text import short
+from polhode.harness.pages.figures.averaging import Line
+from polhode.harness.pages.figures.orders import against_stokes
+from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.second_order.form import STOPS, SecondOrder
 
@@ -48,8 +50,13 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
         Line(2, 1, case_errors["stokes"], case_errors["orientation"])
         for case_errors in errors_by_case
     ]
-    panels = {"slow error: L and E": slow, "orientation error": turned}
-    save(against_stokes(panels, "error over $I_{max}$, or in rad"), folder, "errors")
+    panels = {"L and E over $I_{max}$": slow, "orientation, rad": turned}
+    note = (
+        f"{len(errors_by_case)} starts away from resonances, a line each; by "
+        f"{second_order.PASSAGE_SOLVER} at tolerance {short(second_order.SECOND_ORDER_TOLERANCE)} "
+        "against the full equations in long double. No times are shown."
+    )
+    save(against_stokes(panels, "error", note), folder, "errors")
     write_file(folder / "README.md", page(study, fitted, command))
 
 
@@ -65,9 +72,7 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     )
     return fill(
         "second-order",
-        header=header(
-            "Second-order averaging: orders and cost", command, list(study.timed.values())
-        ),
+        made=header("", command, list(study.timed.values()))[2:],
         findings=findings(study),
         orders=frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records"),
         runs=dict.fromkeys([*second[:1], *compared, *second[-1:]]),

@@ -1,8 +1,7 @@
-"""The regime map as a picture."""
+"""The regime map as a picture: one panel, with its key on top."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
-from math import inf, isnan
+from math import inf
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -11,9 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from polhode.harness.analysis.pareto import TIE, Cell, Method, Side, usual_form
-from polhode.harness.common.text import duration, factor, short
-from polhode.harness.pages.figures.style import colour, power, rank
+from polhode.harness.analysis.pareto import Cell, Method, Side, usual_form
+from polhode.harness.common.text import short
+from polhode.harness.pages.figures.style import (
+    INK,
+    LETTERS,
+    TITLE,
+    WIDTH,
+    caption,
+    colour,
+    power,
+    rank,
+)
 from polhode.harness.pages.tables import fill
 
 _NOBODY = "#FFFFFF"
@@ -21,59 +29,91 @@ _UNKNOWN = "#E4E4E4"
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
     "explicit": ("Oscillatory middle", "explicit methods"),
-    "tailored": ("Made for large St", "full solution at large St"),
-    "averaged": ("Averaged side", "slow equations, any solver"),
+    "tailored": ("Made for large St", "full solution"),
+    "averaged": ("Averaged side", "slow equations"),
 }
-_CELL = (0.74, 0.43)  # Inches: width and height of a cell.
-_BESIDE = (0.85, 2.7)  # Inches: width and height of all but cells and legend.
-_ENTRY = 0.192  # Inches: height of an entry of the legend.
-_LINE = 0.36  # Distance of the lines in a cell, over its height.
-# Columns of cells that are as wide as the legend.
-_LEAST_COLUMNS = 12
 # Errors of the maps: the word for sentences, and the title.
 MAP_ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
     "slow_error": ("slow variables", "Slow variables: error over $I_{max}$"),
 }
+# What stands in a cell beside the colour: letters of the winner.
+CODES = {
+    "taylor": "T",
+    "cyrk-vern8": "V8",
+    "cyrk-vern7": "V7",
+    "cyrk-dop853": "D8",
+    "cyrk-tsit5": "T5",
+    "cyrk-radau": "R",
+    "cyrk-bdf": "B",
+    "cyrk-lsoda": "L",
+    "cvode-bdf": "CB",
+    "cvode-adams": "CA",
+    "ida": "I",
+    "dop853": "D",
+    "rk45": "RK",
+    "radau": "Ra",
+    "bdf": "Bd",
+    "lsoda": "Ls",
+    "splitting": "S",
+    "splitting-extended": "SE",
+    "stroboscopic": "St",
+    "hybrid": "H",
+    "exact": "E",
+    "averaged": "A1",
+    "averaged-spheroid": "A1",
+    "averaged-second-order": "A2",
+}
+# Inches.
+_LEFT = 0.62  # Numbers and label of the error.
+_ROW = 0.27  # Height of a cell.
+_BELOW = 0.45  # Rows of St and t below the cells.
+_TITLE_ROOM = 0.32
+_KEY_LINE = 0.185
 
 
-def picture(panels: Sequence[Sequence[Cell]], times: Mapping[float, float]) -> Any:
-    """Two maps, full solution above slow variables, with one legend; `times` are the runs' durations by St."""
-    columns, rows = (
-        len({getattr(cell, name) for cell in panels[0]}) for name in ("stokes", "target")
-    )
-    cells = [*chain.from_iterable(panels)]
-    entries = _entries(cells)
-    longest = max(map(len, entries))
-    width = _BESIDE[0] + _CELL[0] * max(columns, _LEAST_COLUMNS)
-    height = _BESIDE[1] + _CELL[1] * rows * 2 + _ENTRY * longest
-    drawing, grid = plt.subplots(2, 1, figsize=(width, height), sharex=True, layout="constrained")
-    for axes, panel, (_, title) in zip(grid, panels, MAP_ERRORS.values(), strict=True):
-        draw(axes, panel)
-        axes.set_title(title, fontsize=13, loc="left")
-        axes.set_ylabel("error asked for", fontsize=11)
-    shorter = _durations(grid[-1], sorted({cell.stokes for cell in panels[0]}), times)
-    handles = []
-    for column in entries:
-        # Empty entries fill the shorter columns of the legend.
-        handles += [*column, *[Patch(facecolor="none")] * (longest - len(column))]
-    note = fill("regimes-note", shorter=shorter, tie=100 * (TIE - 1), usual=usual_form(cells))
-    style = {
-        "frameon": False,
-        "fontsize": 9.5,
-        "handlelength": 1.3,
-        "ncols": len(entries),
-        "columnspacing": 2.0,
-    }
-    drawing.legend(
-        handles=handles,
-        loc="outside lower left",
-        title=note,
-        title_fontsize=9.5,
-        alignment="left",
-        **style,
-    )
+def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, note: str = "") -> Any:
+    """A map below its key; `times` are the runs' durations by St, `note` says what was measured and where."""
+    columns = len({cell.stokes for cell in panel})
+    rows = len({cell.target for cell in panel})
+    entries = _entries(panel)
+    lines = max(map(len, entries))
+    height = _KEY_LINE * lines + 0.1 + _TITLE_ROOM + _ROW * rows + _BELOW
+    drawing = plt.figure(figsize=(WIDTH, height))
+    width = min(WIDTH - _LEFT - 0.05, 0.8 * columns)
+    box = (_LEFT / WIDTH, _BELOW / height, width / WIDTH, _ROW * rows / height)
+    axes = drawing.add_axes(box)
+    draw(axes, panel)
+    axes.set_title(title, fontsize=TITLE, loc="left", color=INK, x=-_LEFT / width, pad=7)
+    axes.set_ylabel("error allowed", fontsize=LETTERS, color=INK)
+    _durations(axes, sorted({cell.stokes for cell in panel}), times)
+    for place, handles in enumerate(entries):
+        key = drawing.legend(
+            handles=handles,
+            loc="upper left",
+            bbox_to_anchor=(place / max(4, len(entries)), 1.0),
+            frameon=False,
+            fontsize=9,
+            labelcolor=INK,
+            handlelength=1.1,
+            handletextpad=0.4,
+            labelspacing=0.3,
+            borderaxespad=0.1,
+        )
+        drawing.add_artist(key)
+    words = fill("regimes-note", usual=usual_form(panel))
+    _add_caption(drawing, axes, f"{words} {note}".strip())
     return drawing
+
+
+def _add_caption(drawing: Any, axes: Axes, words: str) -> None:
+    """Write below the map, which keeps its size."""
+    _, before = drawing.get_size_inches()
+    box = axes.get_position()
+    caption(drawing, words)
+    _, after = drawing.get_size_inches()
+    bottom = box.y0 * before + after - before
+    axes.set_position((box.x0, bottom / after, box.width, box.height * before / after))
 
 
 def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]]:
@@ -89,11 +129,10 @@ def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]
 
 
 def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
-    """Draw one map: colour names the winner, a corner who ties with it, numbers its time and its lead."""
+    """Draw one map: colour and letters name the winner, a corner who ties with it."""
     numbers = sorted({cell.stokes for cell in panel})
     targets = sorted({cell.target for cell in panel}, reverse=True)
     at = {(cell.stokes, cell.target): cell for cell in panel}
-    usual = usual_form(panel)
     for i, stokes in enumerate(numbers):
         for j, target in enumerate(targets):
             cell = at[stokes, target]
@@ -103,11 +142,12 @@ def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
                 Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8)
             )
             if cell.tied and cell.second:
-                corner = [(i + 0.77, j), (i + 1, j), (i + 1, j + 0.9)]
-                axes.add_patch(
-                    Polygon(corner, facecolor=colour(cell.second.label), edgecolor="none")
+                corner = [(i + 0.72, j + 0.02), (i + 0.98, j + 0.02), (i + 0.98, j + 0.6)]
+                tied = Polygon(
+                    corner, facecolor=colour(cell.second.label), edgecolor="white", linewidth=0.6
                 )
-            _write_in(axes, cell, i, j, usual)
+                axes.add_patch(tied)
+            _write_in(axes, cell, i, j)
     # Heavy lines where one kind of method hands over to another.
     columns = []
     for stokes in numbers:
@@ -120,71 +160,73 @@ def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
     for i, j in np.argwhere(sides[:, 1:] != sides[:, :-1]):
         axes.plot([i, i + 1], [j + 1, j + 1], **style)
     axes.set(xlim=(0, len(numbers)), ylim=(len(targets), 0))
-    axes.set_xticks(
-        [i + 0.5 for i in range(len(numbers))], [power(stokes) for stokes in numbers], fontsize=11
-    )
-    axes.set_yticks(
-        [j + 0.5 for j in range(len(targets))], [power(target) for target in targets], fontsize=11
-    )
+    places = [j + 0.5 for j in range(len(targets))]
+    axes.set_yticks(places, [power(target) for target in targets], fontsize=LETTERS, color=INK)
+    axes.set_xticks([])
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     return axes
 
 
-def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float]) -> bool:
-    """Rows below a map: St, time and slow time of its runs; returns whether some, bold, go over less than usual."""
+def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float]) -> None:
+    """Rows below a map: St, and the time or the slow time that its runs go over."""
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
-    rows = {
-        "St": [power(stokes) for stokes in numbers],
-        "$t$": [short(times[stokes]) for stokes in numbers],
-        "$t_2$": ["∞" if value == inf else short(value) for value in slow],
-    }
-    axes.set_xticklabels([])
+    rows = {"St": [power(stokes) for stokes in numbers]}
+    # Where runs go over the usual slow time, this says more than the time itself.
+    rows["over"] = [
+        f"$t_2$={short(value)}"
+        if value == usual and slow.count(usual) > 1
+        else f"$t$={short(times[stokes])}"
+        for stokes, value in zip(numbers, slow, strict=True)
+    ]
     for k, (name, texts) in enumerate(rows.items()):
-        style = {"fontsize": 9.5 if k else 11, "va": "center", "textcoords": "offset points"}
-        below = -12 - 15 * k
-        axes.annotate(name, (0, 0), (-10, below), xycoords="axes fraction", ha="right", **style)
-        for i, text in enumerate(texts):
-            weight = "bold" if k and slow[i] < usual else "normal"
+        style = {"fontsize": LETTERS, "va": "center", "textcoords": "offset points", "color": INK}
+        below = -9 - 15 * k
+        axes.annotate(name, (0, 0), (-8, below), xycoords="axes fraction", ha="right", **style)
+        for i, text in enumerate(_grouped(texts) if k else texts):
             place = {
                 "xycoords": ("data", "axes fraction"),
                 "ha": "center",
                 "annotation_clip": False,
             }
-            axes.annotate(text, (i + 0.5, 0), (0, below), weight=weight, **place, **style)
-    return min(slow) < usual
+            if isinstance(text, tuple):
+                text, first, last = text
+                axes.annotate(text, ((first + last + 1) / 2, 0), (0, below), **place, **style)
+            elif text:
+                axes.annotate(text, (i + 0.5, 0), (0, below), **place, **style)
 
 
-def _write_in(axes: Axes, cell: Cell, i: int, j: int, usual: str) -> None:
-    """Time and lead of the winner, and its form where that is not the usual one."""
+def _grouped(texts: Sequence[str]) -> list[tuple[str, int, int]]:
+    """Neighbours with the same text once, with the places of the first and the last one."""
+    groups: list[tuple[str, int, int]] = []
+    for i, text in enumerate(texts):
+        if groups and groups[-1][0] == text:
+            groups[-1] = (text, groups[-1][1], i)
+        else:
+            groups.append((text, i, i))
+    return groups
+
+
+def ink_on(color: str) -> str:
+    """Black or white, whichever stands out more on a colour."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(color)]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return "white" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "black"
+
+
+def _write_in(axes: Axes, cell: Cell, i: int, j: int) -> None:
+    """Letters of the winner; a dash or a question mark where there is none."""
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": LETTERS}
     if cell.winner is None:
-        axes.text(
-            i + 0.5,
-            j + 0.5,
-            "–" if cell.known else "?",
-            ha="center",
-            va="center",
-            fontsize=9,
-            color="0.55",
-        )
+        axes.text(i + 0.5, j + 0.52, "–" if cell.known else "?", color="0.35", **style)
         return
-    red, green, blue = to_rgb(colour(cell.winner.label))
-    # Dark colours carry white numbers.
-    ink = "white" if 0.2126 * red + 0.7152 * green + 0.0722 * blue < 0.4 else "black"
-    untied = "alone" if isnan(cell.lead) else factor(cell.lead)
-    lead = "tie" if cell.tied else untied
-    texts = [(duration(cell.seconds), 9.5), (lead, 8.5)]
-    if cell.winner.label != cell.winner.form and cell.winner.form != usual:
-        texts = [(texts[0][0], 8.5), (lead, 7.5), (cell.winner.form, 7.0)]
-    gap = _LINE if len(texts) < 3 else 0.3
-    for k, (line, size) in enumerate(texts):
-        y = j + 0.52 + gap * (k - (len(texts) - 1) / 2)
-        axes.text(i + 0.44, y, line, ha="center", va="center", fontsize=size, color=ink)
+    label = cell.winner.label
+    axes.text(i + 0.42, j + 0.52, CODES.get(label, label[:2]), color=ink_on(colour(label)), **style)
 
 
 def _entries(panel: Sequence[Cell]) -> list[list[Any]]:
-    """Entries of the legend by column: a heading and the methods of each side, and what empty cells mean."""
+    """Entries of the key by column: a heading and the methods of each side, and what empty cells mean."""
     methods = []
     for cell in panel:
         if cell.winner:
@@ -194,10 +236,31 @@ def _entries(panel: Sequence[Cell]) -> list[list[Any]]:
     columns: list[list[Any]] = []
     for (heading, explanation), labels in by_side(methods):
         title = rf"$\bf{{{heading.replace(' ', '~')}}}$"
-        patches = [Patch(facecolor=colour(label), label=label) for label in labels]
-        columns.append([Patch(facecolor="none", label=f"{title}\n{explanation}"), *patches])
-    nobody = Patch(facecolor=_NOBODY, edgecolor="0.7", label="no run measured gets there")
-    return [
-        *columns,
-        [nobody, Patch(facecolor=_UNKNOWN, label="below what the\nreference resolves")],
+        patches = [
+            Patch(facecolor=colour(label), label=f"{CODES.get(label, label[:2])}  {_short(label)}")
+            for label in labels
+        ]
+        columns.append(
+            [
+                Patch(facecolor="none", label=title),
+                Patch(facecolor="none", label=explanation),
+                *patches,
+            ]
+        )
+    empty = [
+        Patch(facecolor=_NOBODY, edgecolor="0.5", label="–  no run there"),
+        Patch(facecolor=_UNKNOWN, label="?  not known"),
     ]
+    # They stand under the shortest column, which leaves room for names.
+    shortest = min(columns, key=len, default=None)
+    if shortest is None:
+        return [empty]
+    shortest += empty
+    return columns
+
+
+def _short(label: str) -> str:
+    """A name as the key has room for it."""
+    return {"averaged": "first order", "averaged-spheroid": "first order"}.get(
+        label, label.replace("averaged-", "").replace("-", " ") if "averaged" in label else label
+    )

@@ -1,31 +1,76 @@
-"""The look of every solver and averaged form, the same in figures and on the site; pictures in few colours."""
+"""The look of all figures: sizes, ink, the solvers' colours in both themes, keys, captions; pictures in few colours.
 
+A figure is 838 pixels wide, as a page on GitHub shows it, and a phone shows it at 390: letters of 9.5
+points are then 9 pixels high. Words stand in ink; colours are lines, points and areas alone.
+"""
+
+import re
+import textwrap
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 from math import floor, inf, log10
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.markers import MarkerStyle
 from PIL import Image
 
+from polhode.harness.common.files import PartialFile
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.solvers.catalogue import SOLVERS
 
-GREY = "#C4C4C4"
-LOOKS: dict[str, tuple[str, Any]] = {
-    name: (colour, tuple(marker) if isinstance(marker, list) else marker)
-    for name, (colour, marker) in tomllib.loads(
+DPI = 150  # Pixels in an inch of a saved figure.
+WIDTH = 838 / DPI  # Inches.
+LETTERS = 9.5  # Points: all words and numbers.
+TITLE = 10.5  # Points: the title of a panel.
+INK = "#1B222C"
+SOFT = "#4A5361"  # Captions.
+GRID = "#D9DEE5"
+GREY = "#C4C4C4"  # What is not known.
+BEHIND = "#BDBDBD"  # What is shown, and not named.
+# Inches of a line of a caption, and letters that such a line holds.
+_CAPTION_LINE = 0.175
+_CAPTION_LETTERS = 82
+_RC = {
+    "font.size": LETTERS,
+    "axes.titlesize": TITLE,
+    "axes.labelsize": LETTERS,
+    "xtick.labelsize": LETTERS,
+    "ytick.labelsize": LETTERS,
+    "legend.fontsize": LETTERS,
+    "legend.title_fontsize": LETTERS,
+    "legend.frameon": False,
+    "figure.titlesize": TITLE,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.titlelocation": "left",
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+}
+# A light colour, a dark one, and a marker.
+LOOKS: dict[str, tuple[str, str, Any]] = {
+    name: (light, dark, tuple(marker) if isinstance(marker, list) else marker)
+    for name, (light, dark, marker) in tomllib.loads(
         Path(__file__).with_name("looks.toml").read_text("utf-8")
     ).items()
 }
 # Solvers and forms without a look of their own share a colour, and take these markers in turn. Some
 # are outside the catalogue.
-OTHER = "#6B3F1D"
+OTHER = ("#6B3F1D", "#C8A27E")
 _OTHER_MARKERS = ("X", (5, 1, 180), (3, 1, 0), (7, 1, 0))
+# From few to many, as of St or of errors: one hue, darker and darker.
+_RAMP = ("#8FC1E3", "#3D8BC4", "#175E96", "#0A3A63", "#061D33")
 # More colours, or nearer ones, only make a picture larger.
 _COLOURS = 128  # Colours of a picture at most.
 _LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
@@ -33,10 +78,16 @@ _LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or
 
 @dataclass(frozen=True)
 class Look:
-    """A colour and a marker of Matplotlib."""
+    """A colour on white, one on a dark ground, and a marker of Matplotlib."""
 
     colour: str
+    dark: str
     marker: Any
+
+    @property
+    def both(self) -> str:
+        """The colour of both themes, in CSS."""
+        return f"light-dark({self.colour}, {self.dark})"
 
     @property
     def outline(self) -> str:
@@ -55,14 +106,25 @@ def looks(names: Iterable[str]) -> dict[str, Look]:
     ordered = sorted(set(names), key=rank)
     markers = cycle(_OTHER_MARKERS)
     return {
-        name: Look(*LOOKS[name]) if name in LOOKS else Look(OTHER, next(markers))
+        name: Look(*LOOKS[name]) if name in LOOKS else Look(*OTHER, next(markers))
         for name in ordered
     }
 
 
 def colour(name: str) -> str:
-    """Colour of a solver or an averaged form."""
-    return LOOKS[name][0] if name in LOOKS else OTHER
+    """Colour of a solver or an averaged form on white."""
+    return LOOKS[name][0] if name in LOOKS else OTHER[0]
+
+
+def both_colours(name: str) -> str:
+    """Colour of a solver or an averaged form in both themes, in CSS."""
+    return looks([name])[name].both
+
+
+def ramp(count: int) -> list[str]:
+    """As many colours of one hue, from light to dark."""
+    places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int) if count > 1 else [2]
+    return [_RAMP[place] for place in places]
 
 
 def rank(name: str) -> tuple[int, str]:
@@ -83,6 +145,77 @@ def power(value: float) -> str:
         return f"{value:g}"
     factor = f"{value / 10.0**exponent:.3g}"
     return f"$10^{{{exponent}}}$" if factor == "1" else f"${factor}\\times10^{{{exponent}}}$"
+
+
+# --- panels ------------------------------------------------------------------------------------------
+
+
+def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
+    """A figure of the width of a page, `height` inches high, and its panels, shape (rows, columns)."""
+    with plt.rc_context(_RC):
+        figure, grid = plt.subplots(
+            rows, columns, figsize=(WIDTH, height), squeeze=False, layout="constrained", **options
+        )
+        for axes in grid.flat:
+            plain(axes)
+    return figure, grid
+
+
+def plain(axes: Axes) -> Axes:
+    """Axes in the house's style: a grid of major lines beneath, no frame above and at the right."""
+    axes.grid(visible=True, which="major", color=GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(colors=INK, labelsize=LETTERS)
+    for label in (axes.xaxis.label, axes.yaxis.label):
+        label.set_fontsize(LETTERS)
+        label.set_color(INK)
+    return axes
+
+
+def key(figure: Figure, handles: Sequence[Any], columns: int, **options: Any) -> Any:
+    """The key of all panels, on top of a figure."""
+    place: dict[str, Any] = {"loc": "outside upper left"}
+    style = {"frameon": False, "fontsize": LETTERS, "labelcolor": INK, "handlelength": 1.6}
+    style |= {"columnspacing": 1.2, "handletextpad": 0.5, "borderaxespad": 0.2}
+    return figure.legend(handles=handles, ncols=columns, **(place | style | options))
+
+
+def caption(figure: Figure, text: str) -> None:
+    """What was measured, where and how, in soft ink below all panels; the figure grows by it."""
+    lines = textwrap.wrap(text.replace(" %", "\N{NO-BREAK SPACE}%"), _CAPTION_LETTERS)
+    room = _CAPTION_LINE * len(lines) + 0.08
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + room)
+    bottom = room / (height + room)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(rect=(0, bottom, 1, 1 - bottom))  # pyright: ignore[reportCallIssue]
+    figure.text(
+        0.06 / width,
+        0.04 / (height + room),
+        "\n".join(lines),
+        fontsize=9,
+        color=SOFT,
+        va="bottom",
+        linespacing=1.25,
+    )
+
+
+def save(figure: Figure, folder: Path, name: str) -> None:
+    """Save a figure and close it."""
+    with PartialFile(folder / f"{name}.png", binary=True) as file:
+        figure.savefig(file, format="png", dpi=DPI)
+    plt.close(figure)
+
+
+def measured(lines: Sequence[str]) -> str:
+    """Processor and cores, from the lines by which a page says where it was measured; nothing if they do not."""
+    for line in lines:
+        found = re.search(r"^Measured (?:on|from) .*? on (.+?, \d+ cores)", line)
+        if found:
+            return found[1]
+    return ""
 
 
 def few_colours(image: Image.Image) -> Image.Image:

@@ -7,6 +7,7 @@ shares within a time: N. Hansen et al., COCO, Optim. Methods Softw. 36 (2021).
 
 from collections.abc import Sequence
 from itertools import cycle
+from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
@@ -16,43 +17,61 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 from matplotlib.transforms import offset_copy
 from scipy.optimize import isotonic_regression
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, where
-from polhode.harness.analysis.pareto import MAP_TARGETS as TARGETS, Method, costs, pareto_front
-from polhode.harness.common.files import PartialFile
-from polhode.harness.pages.figures.style import GREY, is_averaged, looks, power
+from polhode.harness.analysis.pareto import (
+    LEAST_GAIN,
+    MAP_TARGETS as TARGETS,
+    Method,
+    costs,
+    pareto_front,
+)
+from polhode.harness.common.text import percent, short
+from polhode.harness.pages.figures.style import (
+    BEHIND,
+    GREY,
+    INK,
+    LETTERS,
+    TITLE,
+    WIDTH,
+    caption,
+    is_averaged,
+    looks,
+    plain,
+    power,
+    save,
+)
 from polhode.harness.pages.tables import fill
 from polhode.harness.references.uncertainty import KNOWN, known
 from polhode.solvers.contract import Status
 
 # The band under the Pareto front.
-_FRONT = "#F7EFA6"
+_FRONT = "#F2E27A"
 _FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
 _FEW_LINES = 8
 # Names longer than this, in letters, break at the comma.
-_LONGEST_NAME = 24
+_LONGEST_NAME = 19
 UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # Runs beyond this error have failed, whatever their status; they stay in the table.
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
 _DASHES = ("-", "--", ":", "-.")
-# A page shows figures 800 pixels wide.
-_PANEL = (3.35, 2.9)  # Inches: width and height of a panel.
-_NAMES_WIDTH = 1.05  # Inches: width of the names beside a panel.
-_LEGEND = 0.75  # Inches: height of the legend below all panels.
-# Width of a figure of one panel, in inches: the legend needs it.
-_LEAST_WIDTH = 6.4
-# Numbers left of a panel that shares no axis.
-_TICKS = 0.4
-# Names beside a panel.
-_LETTERS = 8.5  # Points: their size.
-_NAME_SPACING = 10.5  # Points: the least distance between two lines of them.
-BEHIND = "#BDBDBD"
-_BEHIND_NAME = "behind the front"
+# Inches of a figure of panels.
+_LEFT = 0.72  # Numbers and label of the time.
+_NAMES_WIDTH = 1.5  # Names beside a panel.
+_ABOVE = 0.42  # Title of a panel, and runs without a result.
+_BELOW = 0.5  # Numbers and label of the error, below the lowest panel.
+_LEAST_HEIGHT = 1.0  # Of a panel.
+_MOST_DECADE = 0.42  # Width and height of a decade.
+_KEY_LINE = 0.2  # A line of the key.
+_KEY_LETTERS = 68  # Letters for which two columns of the key have room.
+_NAME_SPACING = 12.5  # Points: the least distance between two lines of names.
+_BEHIND_NAME = "nowhere on the front"
 # Factors over the time of the fastest method.
 _LARGEST_FACTOR = 1000.0  # The figure ends here.
 _NEAR = 2.0  # The sentence names the method that stays most often within this factor.
@@ -60,12 +79,31 @@ _NEAR = 2.0  # The sentence names the method that stays most often within this f
 NAMED = 7
 
 
+def conditions(runs: pd.DataFrame, machine: str, repeats: str = "fastest of up to 5") -> str:
+    """Tolerances, machine, repeats and their spread, as figures of times name them."""
+    tolerances = runs["tolerance"].dropna().astype(float)
+    parts = []
+    if len(tolerances):
+        loosest, tightest = short(float(tolerances.max())), short(float(tolerances.min()))
+        same = loosest == tightest
+        parts.append(f"Tolerance {loosest}." if same else f"Tolerances {loosest} to {tightest}.")
+    words = f"Times: warm runs, the {repeats}"
+    if "seconds_spread" in runs:
+        timed = where(runs, runs["seconds"].notna() & runs["seconds_spread"].notna())
+        shares = timed["seconds_spread"].astype(float) / timed["seconds"].astype(float)
+        if len(shares):
+            words += f", which vary by {percent(float(shares.median()))} in the median"
+    parts.append(f"{words}{f'; {machine}' if machine else ''}.")
+    return " ".join(parts)
+
+
 def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") -> Axes:
     """Draw cost against error of all runs of one scene; averaged forms by their cheapest runs and their model error.
 
-    A band lies under the Pareto front of the full forms' known runs; methods that are nowhere on it
-    stand behind, pale. Points within `KNOWN` times the reference's uncertainty are grey. Runs
-    without a result stand hollow along the upper edge, at their tolerance.
+    A band of stairs lies under the Pareto front of the full forms' known runs, on which a run counts
+    if it halves the error; methods that are nowhere on it stand behind, pale. Points within `KNOWN`
+    times the reference's uncertainty are grey. Runs without a result stand hollow along the upper
+    edge, at their tolerance.
 
     Parameters
     ----------
@@ -79,7 +117,8 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     forms = [str(form) for form in dict.fromkeys(done["form"])]
     full = [form for form in forms if not is_averaged(form)]
     reached = done["status"] == Status.REACHED_END
-    front = pareto_front(where(done, done["form"].isin(full) & known(done, error) & reached), error)
+    sure = where(done, done["form"].isin(full) & known(done, error) & reached)
+    front = pareto_front(sure, error, LEAST_GAIN)
     if len(front):
         band = {
             "color": _FRONT,
@@ -87,7 +126,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             "solid_joinstyle": "round",
             "zorder": 0.5,
         }
-        axes.plot(*_points(front, error), linewidth=7, label=_FRONT_NAME, **band)
+        axes.plot(*_stairs(*_points(front, error)), linewidth=6, label=_FRONT_NAME, **band)
     leading = set(zip(front["solver"], front["form"], strict=True))
     for solver, look in looks(runs["solver"]).items():
         for form, dash in zip(full, cycle(_DASHES)):
@@ -120,7 +159,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
                 )
     axes.set(xscale="log", yscale="log")
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
+    plain(axes)
     _without_result(axes, runs)
     # Over more than a decade, so that a power of ten names one.
     low, high = axes.get_ylim()
@@ -131,6 +170,11 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
 
 def _points(runs: pd.DataFrame, error: str) -> tuple[np.ndarray, np.ndarray]:
     return runs[error].to_numpy(float), runs["seconds"].to_numpy(float)
+
+
+def _stairs(errors: np.ndarray, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The line along which an error costs as much as the next run that is more accurate."""
+    return np.repeat(errors, 2)[:-1], np.repeat(seconds, 2)[1:]
 
 
 def _grey_out(axes: Axes, runs: pd.DataFrame, error: str, marker: Any, size: float) -> None:
@@ -171,14 +215,16 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
 
 
 def name_lines(axes: Axes, few: int = 0) -> None:
-    """Write each line's name beside the panel, near where it ends.
+    """Write each line's name beside the panel in ink, after its marker, near where it ends.
 
     A panel of more than `few` lines shows pale ones in grey, without markers or names.
     """
     axes.get_ylim()  # Limits that follow from the data are set once they are asked for.
+    figure: Any = axes.figure
     # In points, which a picture's resolution does not change.
-    scale = axes.figure.dpi / 72
+    scale = figure.dpi / 72
     ends = []
+    named = set()
     lines = axes.get_lines()
     many = len([line for line in lines if not str(line.get_label()).startswith("_")]) > few
     for line in lines:
@@ -191,33 +237,32 @@ def name_lines(axes: Axes, few: int = 0) -> None:
         ):
             end = points[-1]
             name = label.replace(", ", ",\n") if len(label) > _LONGEST_NAME else label
+            named.add(label.partition(", ")[0])
             ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
+    for line in lines:
+        solver, _, what = str(line.get_label()).removeprefix("_").partition(": ")
+        if many and what == "no result" and solver not in named:
+            line.set(color=BEHIND)
     ends.sort(key=lambda entry: entry[0])
     box = axes.get_window_extent()
     # Names move as little as keeps them apart, in order and beside the panel.
     rooms = np.array([_NAME_SPACING * (1 + name.count("\n")) for *_, name in ends])
     middles = np.cumsum(rooms) - rooms / 2
-    lowest = box.y0 / scale - _NAME_SPACING / 2
-    highest = box.y1 / scale + _NAME_SPACING / 2 - rooms.sum()
+    lowest = box.y0 / scale - 1.5 * _NAME_SPACING
+    highest = max(lowest, box.y1 / scale + 1.5 * _NAME_SPACING - rooms.sum())
     free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
-        style = {
-            "fontsize": _LETTERS,
-            "color": line.get_color(),
-            "fontweight": "bold",
-            "va": "center",
-        }
         # From the name's left edge, lest it cross the names beside it.
         arrow = {
             "arrowstyle": "-",
             "color": BEHIND,
             "lw": 0.4,
-            "shrinkA": 0,
+            "shrinkA": 12,
             "shrinkB": 2,
             "relpos": (0, 0.5),
         }
-        place = (box.x1 / scale + 8, height)
+        place = (box.x1 / scale + 20, height)
         axes.annotate(
             name,
             end,
@@ -225,89 +270,141 @@ def name_lines(axes: Axes, few: int = 0) -> None:
             textcoords="figure points",
             arrowprops=arrow,
             annotation_clip=False,
-            **style,
+            fontsize=LETTERS,
+            color=INK,
+            va="center",
+            linespacing=1.0,
         )
+        spot = np.array([place[0] - 7, height]) * scale / figure.bbox.size
+        style = {"color": line.get_color(), "marker": line.get_marker(), "markersize": 6}
+        mark = Line2D([spot[0]], [spot[1]], transform=figure.transFigure, **style)
+        if mark.get_marker() in ("", "None", None):
+            mark = Line2D(
+                [spot[0] - 5 * scale / figure.bbox.width, spot[0] + 5 * scale / figure.bbox.width],
+                [spot[1]] * 2,
+                transform=figure.transFigure,
+                color=line.get_color(),
+                linewidth=line.get_linewidth(),
+            )
+        figure.add_artist(mark)
 
 
-def work_precision_panels(records: pd.DataFrame, error: str, label: str) -> Figure:
-    """One panel of `work_precision` per St, on the same axes."""
-    return panels(
-        [(f"St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)], error, label
-    )
+def work_precision_panels(
+    records: pd.DataFrame, error: str, label: str, *, scene: str = "", note: str = ""
+) -> Figure:
+    """One panel of `work_precision` per St, on the same axes; `note` stands below them."""
+    before = f"{scene}, " if scene else ""
+    groups = [(f"{before}St = {power(stokes)}", runs) for stokes, runs in by_stokes(records)]
+    return panels(groups, error, label, note=note)
 
 
 def panels(
-    groups: Sequence[tuple[str, pd.DataFrame]], error: str, label: str, *, alike: bool = True
+    groups: Sequence[tuple[str, pd.DataFrame]],
+    error: str,
+    label: str,
+    *,
+    alike: bool = True,
+    note: str = "",
 ) -> Figure:
-    """One panel of `work_precision` for each title and its runs, with one legend; `alike` ones share their axes."""
-    columns = 2 if len(groups) > 1 else 1
-    lines = -(-len(groups) // columns)
-    between = _NAMES_WIDTH + (0.0 if alike else _TICKS)
-    size = max((_PANEL[0] + between) * columns, _LEAST_WIDTH), _PANEL[1] * lines + _LEGEND
-    figure, grid = plt.subplots(
-        lines, columns, figsize=size, sharex=alike, sharey=alike, squeeze=False
-    )
-    for axes, (title, runs) in zip(grid.flat, groups, strict=False):
-        # Those that a panel shows, more accurate to the right.
-        errors = (
-            (pd.concat([group_runs for _, group_runs in groups]) if alike else runs)[error]
-            .dropna()
-            .to_numpy(float)
+    """Panels of `work_precision` below each other, for each title and its runs; `alike` ones share their axes.
+
+    Decades of the error are as long as those of the time. The key stands on top, `note` below.
+    """
+    everything = pd.concat([runs for _, runs in groups])
+    limits = []
+    for _, runs in groups:
+        shown = everything if alike else runs
+        limits.append(
+            (_decades(shown[error], LARGEST_ERROR), _decades(shown["seconds"], np.inf, least=1))
         )
-        errors = errors[(errors > 0) & (errors < LARGEST_ERROR)]
-        if errors.size:
-            axes.set_xlim(errors.max() * 3, errors.min() / 3)
+    width = WIDTH - _LEFT - _NAMES_WIDTH
+    decade = min(min(width / (high - low) for (low, high), _ in limits), _MOST_DECADE)
+    heights = [max(_LEAST_HEIGHT, decade * (top - bottom)) for _, (bottom, top) in limits]
+    drawing = plt.figure(figsize=(WIDTH, 1.0))
+    grid = [drawing.add_subplot() for _ in groups]
+    for axes, (title, runs), ((low, high), (bottom, top)), height in zip(
+        grid, groups, limits, heights, strict=True
+    ):
+        axes.set_xlim(10.0**high, 10.0**low)
         work_precision(axes, runs, error)
-        axes.set_title(title, fontsize=11, loc="left", pad=15)
-    for axes in grid.flat[len(groups) :]:
-        axes.set_visible(False)
-    for column in grid.T:
-        lowest = [axes for axes in column if axes.get_visible()][-1]
-        lowest.set_xlabel(f"{label}, smaller to the right")
-        lowest.tick_params(labelbottom=True)
-    for axes in grid[:, 0]:
-        axes.set_ylabel("wall time of a warm run, s")
-    width, height = size
-    margins = {
-        "left": 0.65 / width,
-        "right": 1 - _NAMES_WIDTH / width,
-        "bottom": (_LEGEND + 0.5) / height,
-    }
-    figure.subplots_adjust(
-        **margins,
-        top=1 - 0.45 / height,
-        wspace=between / (_PANEL[0] - 0.65),
-        hspace=0.28 if alike else 0.4,
-    )
-    for axes in grid.flat[: len(groups)]:
+        # A panel that is lower than its names is filled up with empty decades.
+        axes.set_ylim(10.0**bottom, 10.0 ** max(top, bottom + height / decade))
+        axes.set_title(title, fontsize=TITLE, loc="left", pad=13, color=INK)
+        axes.xaxis.set_major_locator(LogLocator(100.0 if high - low > 7 else 10.0, numticks=30))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_major_locator(LogLocator(10.0, numticks=30))
+        axes.set_ylabel("time, s", fontsize=LETTERS, color=INK)
+    grid[-1].set_xlabel(f"{label}, smaller to the right", fontsize=LETTERS, color=INK)
+    handles = _key_of(grid)
+    half = ceil(len(handles) / 2)
+    parts = (handles[:half], handles[half:])
+    letters = [max(len(str(handle.get_label())) for handle in part) for part in parts if part]
+    columns = 2 if sum(letters) <= _KEY_LETTERS else 1
+    key_height = _KEY_LINE * ceil(len(handles) / columns) + 0.06
+    below = [_BELOW if not alike or axes is grid[-1] else 0.22 for axes in grid]
+    total = key_height + sum(heights) + _ABOVE * len(grid) + sum(below)
+    drawing.set_size_inches(WIDTH, total)
+    top_edge = total - key_height
+    for axes, ((low, high), _), height, room in zip(grid, limits, heights, below, strict=True):
+        top_edge -= _ABOVE + height
+        box = (_LEFT / WIDTH, top_edge / total, decade * (high - low) / WIDTH, height / total)
+        axes.set_position(box)
+        top_edge -= room
+    _write_key(drawing, handles, columns)
+    if note:
+        _note(drawing, grid, note)
+    for axes in grid:
         name_lines(axes, _FEW_LINES)
-    legend = {}
-    for axes in grid.flat:
+    return drawing
+
+
+def _decades(values: pd.Series, most: float, least: int = 0) -> tuple[float, float]:
+    """Whole powers of ten around positive values up to `most`; more than `least` decades apart."""
+    numbers = values.dropna().to_numpy(float)
+    numbers = numbers[(numbers > 0) & (numbers < most)]
+    if not numbers.size:
+        return -1.0, 1.0
+    low = floor(log10(float(numbers.min())) - 0.02)
+    return low, max(ceil(log10(float(numbers.max())) + 0.02), low + least + 1)
+
+
+def _key_of(grid: Sequence[Axes]) -> list[Any]:
+    """Entries of the key: bands, averaged forms, and what grey and hollow mean."""
+    entries = {}
+    for axes in grid:
         for line, name in zip(*axes.get_legend_handles_labels(), strict=True):
             if "\n" in name or name == _FRONT_NAME:
-                legend[name.replace("\n", " ")] = line
-    legend[_BEHIND_NAME] = Line2D([], [], color=BEHIND)
-    legend["hollow: no result, at that tolerance"] = Line2D(
+                entries[name.replace("\n", " ")] = line
+    entries[_BEHIND_NAME] = Line2D([], [], color=BEHIND)
+    entries["hollow, above: no result"] = Line2D(
         [], [], marker="o", fillstyle="none", color="0.4", lw=0
     )
-    style = {
-        "frameon": False,
-        "fontsize": 8.5,
-        "columnspacing": 1.0,
-        "handlelength": 1.5,
-        "ncols": columns + 1,
-    }
-    figure.legend(
-        [*legend.values()], [*legend], loc="lower left", bbox_to_anchor=(0.01, 0.0), **style
+    named = []
+    for name, line in entries.items():
+        handle = Line2D([], [], color=line.get_color(), linestyle=line.get_linestyle())
+        handle.update_from(line)
+        handle.set_label(name)
+        named.append(handle)
+    return named
+
+
+def _write_key(drawing: Figure, handles: Sequence[Any], columns: int) -> None:
+    style = {"frameon": False, "fontsize": LETTERS, "labelcolor": INK, "columnspacing": 1.4}
+    style |= {"handlelength": 1.6, "borderaxespad": 0.2, "labelspacing": 0.35}
+    drawing.legend(
+        handles=handles, loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=columns, **style
     )
-    return figure
 
 
-def save(figure: Figure, folder: Path, name: str) -> None:
-    """Save a figure and close it."""
-    with PartialFile(folder / f"{name}.png", binary=True) as file:
-        figure.savefig(file, format="png", dpi=150)
-    plt.close(figure)
+def _note(drawing: Figure, grid: Sequence[Axes], note: str) -> None:
+    """Write a note below the panels, which keep their sizes."""
+    _, before = drawing.get_size_inches()
+    boxes = [axes.get_position() for axes in grid]
+    caption(drawing, note)
+    _, after = drawing.get_size_inches()
+    for axes, box in zip(grid, boxes, strict=True):
+        bottom = box.y0 * before + after - before
+        axes.set_position((box.x0, bottom / after, box.width, box.height * before / after))
 
 
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
@@ -324,13 +421,17 @@ def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
 
 
 def profile_lines(
-    runs: pd.DataFrame, folder: Path, name: str = "profiles", title: str = "Robust or fast"
+    runs: pd.DataFrame,
+    folder: Path,
+    name: str = "profiles",
+    title: str = "Robust or fast",
+    note: str = "",
 ) -> list[str]:
     """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
     seconds = times(runs)
     if seconds.empty:
         return []
-    save(profiles(seconds), folder, name)
+    save(profiles(seconds, note), folder, name)
     return [
         fill(
             "profiles",
@@ -362,9 +463,11 @@ def sentence(seconds: pd.DataFrame) -> str:
     return fill("profiles-sentence", count=len(seconds), first=first, surest=surest, **shares)
 
 
-def profiles(seconds: pd.DataFrame) -> Figure:
-    """The share of problems solved within a factor of the fastest, and within a time."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(9.8, 4.0), sharey=True)
+def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
+    """The share of problems solved within a factor of the fastest, and within a time; `note` stands below."""
+    height = 4.6
+    figure = plt.figure(figsize=(WIDTH, height))
+    grid = [figure.add_subplot(2, 1, place) for place in (1, 2)]
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     fastest, longest = (
         float(end)
@@ -374,29 +477,111 @@ def profiles(seconds: pd.DataFrame) -> Figure:
     named = set(standing.sort_values(ascending=False).index[:NAMED])
     for name, look in looks(map(str, seconds)).items():
         for axes, values, end in (
-            (left, ratios[name], _LARGEST_FACTOR),
-            (right, seconds[name], longest * 1.1),
+            (grid[0], ratios[name], _LARGEST_FACTOR),
+            (grid[1], seconds[name], longest * 1.1),
         ):
             points = np.sort(values.dropna().to_numpy(float))
             points = points[points <= end]
             shares = np.arange(1, len(points) + 1) / len(seconds)
             points = np.append(points, end)
             shares = np.append(shares, shares[-1] if len(shares) else 0.0)
-            style = {} if name in named else {"alpha": 0.5, "zorder": 1}
-            axes.step(
-                points, shares, where="post", color=look.colour, linewidth=1.6, label=name, **style
-            )
-    left.set(xlim=(1, _LARGEST_FACTOR), ylim=(0, 1.02))
-    right.set_xlim(fastest / 1.1, longest * 1.1)
+            style: dict[str, Any] = {"color": look.colour, "linewidth": 1.8}
+            if name not in named:
+                style = {"color": BEHIND, "linewidth": 0.8, "alpha": 0.5, "zorder": 1}
+            axes.step(points, shares, where="post", label=name, **style)
+    grid[0].set_xlim(1, _LARGEST_FACTOR)
+    grid[1].set_xlim(fastest / 1.1, longest * 1.1)
     for axes, label in (
-        (left, "time over that of the fastest"),
-        (right, "wall time of a warm run, s"),
+        (grid[0], "time over that of the fastest"),
+        (grid[1], "wall time of a warm run, s"),
     ):
         axes.set_xscale("log")
-        axes.set_xlabel(label, fontsize=11)
-        axes.grid(True, linewidth=0.4, alpha=0.5)
-    left.set_ylabel("share of the problems solved", fontsize=11)
-    figure.subplots_adjust(left=0.07, right=0.8, bottom=0.14, top=0.97, wspace=0.74)
-    for axes in (left, right):
+        axes.set_ylim(0, 1.02)
+        axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
+        axes.set_xlabel(label)
+        axes.set_title(f"Share of {len(seconds)} problems solved", fontsize=TITLE, loc="left")
+        plain(axes)
+    figure.subplots_adjust(
+        left=0.55 / WIDTH, right=1 - _NAMES_WIDTH / WIDTH, bottom=0.1, top=0.94, hspace=0.55
+    )
+    if note:
+        _note(figure, grid, note)
+    for axes in grid:
         name_lines(axes)
+    return figure
+
+
+def heat_map(
+    ratios: pd.DataFrame, titles: Sequence[str], note: str = "", most: float = 100.0
+) -> Figure:
+    """Time over that of the fastest: a row for each problem, a column for each solver, a panel for each title.
+
+    `ratios` has the titles' places as its outer level of rows. Numbers stand where a solver is
+    within 10 times the fastest; white: no run gets there.
+    """
+    names = [str(name) for name in ratios]
+    rows = [str(row) for row in ratios.index.get_level_values(1).unique()]
+    left, top, bottom = 1.25, 0.32, 0.95
+    cell = (WIDTH - left - 0.05) / len(names)
+    height = 0.19
+    panel = height * len(rows)
+    total = (panel + top) * len(titles) + bottom + 0.5
+    figure = plt.figure(figsize=(WIDTH, total))
+    shades = plt.get_cmap("YlOrBr")
+    edge = total - 0.5
+    grid = []
+    for place, title in zip(ratios.index.get_level_values(0).unique(), titles, strict=True):
+        edge -= top + panel
+        axes = figure.add_axes(
+            (left / WIDTH, edge / total, cell * len(names) / WIDTH, panel / total)
+        )
+        grid.append(axes)
+        values = ratios.loc[place].reindex(index=rows).to_numpy(float)
+        axes.pcolormesh(
+            np.log10(values),
+            cmap=shades,
+            vmin=0,
+            vmax=log10(most),
+            edgecolor="white",
+            linewidth=0.6,
+        )
+        for (i, j), value in np.ndenumerate(values):
+            if value < 9.95:
+                text = "1" if value < 1.05 else f"{value:.2g}"
+                style = {"fontsize": 8, "weight": "bold" if value < 1.05 else "normal"}
+                axes.text(j + 0.5, i + 0.5, text, ha="center", va="center", color=INK, **style)
+        axes.set_title(
+            title, fontsize=TITLE, loc="left", color=INK, pad=4, x=-left / (cell * len(names))
+        )
+        axes.set_ylim(len(rows), 0)
+        axes.set_yticks(np.arange(len(rows)) + 0.5, rows, fontsize=9, color=INK)
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+        axes.xaxis.set_major_locator(FixedLocator([]))
+    grid[-1].set_xticks(
+        np.arange(len(names)) + 0.5, names, fontsize=9, color=INK, rotation=90, va="top"
+    )
+    steps = [1, 2, 5, 10, 30, 100]
+    handles = [
+        Patch(facecolor=shades(log10(step) / log10(most)), label=f"{step}") for step in steps
+    ]
+    handles[-1].set_label(f"{steps[-1]} and more")
+    handles.append(Patch(facecolor="white", edgecolor="0.7", label="never"))
+    figure.legend(
+        handles=handles,
+        ncols=len(handles),
+        loc="upper left",
+        frameon=False,
+        fontsize=9,
+        labelcolor=INK,
+        handlelength=1.0,
+        columnspacing=0.9,
+        handletextpad=0.4,
+        borderaxespad=0.1,
+        title="Time over that of the fastest",
+        title_fontsize=9,
+        alignment="left",
+    )
+    if note:
+        _note(figure, grid, note)
     return figure

@@ -164,3 +164,18 @@ def test_scenes_are_told_of_one_by_one():
         "one: For a slow error of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
         "two: For a slow error of 0.01 an averaged form is the cheapest from St = 100 on, the smallest measured.",
     ]
+
+
+def test_a_lead_within_the_spread_of_the_two_runs_is_a_tie():
+    runs = frame(
+        [
+            run("taylor", 1.0, 1e-9, seconds_spread=0.4),
+            run("dop853", 1.39, 1e-9, seconds_spread=0.01),
+            run("radau", 1.41, 1e-9, seconds_spread=0.01),
+            run("lsoda", 1.6, 1e-9, seconds_spread=0.7),
+        ]
+    )
+    winner = cheapest(runs, 1e-6)
+    assert winner is not None
+    assert winner[0]["solver"] == "taylor"
+    assert [method.solver for method in winner[1]] == ["dop853", "lsoda"]

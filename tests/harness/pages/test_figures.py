@@ -10,10 +10,11 @@ import pytest
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.analysis.pareto import pareto_front
-from polhode.harness.pages.figures.style import GREY, power
+from polhode.harness.pages.figures.style import GREY, INK, SOFT, colour, power
 from polhode.harness.pages.figures.work_precision import (
     BEHIND,
     UNKNOWN_LABEL,
+    conditions,
     save,
     work_precision,
     work_precision_panels,
@@ -22,6 +23,7 @@ from polhode.solvers.catalogue import SOLVERS
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.colors import to_hex
 from matplotlib.text import Text
 
 
@@ -92,6 +94,15 @@ def test_pareto_front():
     assert list(front["slow_error"]) == [1.0, 1e-2, 1e-4, 1e-9]
 
 
+def test_a_run_counts_on_the_front_if_it_halves_the_error():
+    """Else rounding lets a run of 0.77 s lead beside one of 76 µs."""
+    runs = pd.DataFrame(
+        {"slow_error": [1e-6, 1.64e-13, 1.4e-13, 0.8e-13], "seconds": [1e-5, 76e-6, 0.77, 1.0]}
+    )
+    assert pareto_front(runs)["seconds"].tolist() == [1e-5, 76e-6, 0.77, 1.0]
+    assert pareto_front(runs, gain=2.0)["seconds"].tolist() == [1e-5, 76e-6, 1.0]
+
+
 def test_pareto_front_against_brute_force():
     generator = np.random.default_rng(5)
     runs = pd.DataFrame({"seconds": generator.random(60), "slow_error": generator.random(60)})
@@ -150,7 +161,9 @@ def test_the_legend_lies_within_the_picture():
 def test_the_pareto_front_of_the_full_forms_is_drawn_beneath_all(axes):
     lines = {line.get_label(): line for line in work_precision(axes, frame(RECORDS)).get_lines()}
     front = lines.pop("Pareto front")
-    assert np.column_stack([*front.get_data()]).tolist() == [[1e-2, 0.05], [1e-4, 0.1], [1e-8, 0.2]]
+    # Stairs: up to a run's error it costs as much as that run.
+    corners = [[1e-2, 0.05], [1e-2, 0.1], [1e-4, 0.1], [1e-4, 0.2], [1e-8, 0.2]]
+    assert np.column_stack([*front.get_data()]).tolist() == corners
     assert all(front.get_zorder() < line.get_zorder() for line in lines.values())
 
 
@@ -191,7 +204,7 @@ def test_every_line_of_the_front_is_named_beside_its_panel_and_no_two_names_meet
     monkeypatch.syspath_prepend(Path(__file__).parents[3] / "docs" / "examples")
     long = "own_solver:ClassicalRungeKutta"
     front = [
-        run(name, 1e-4, 0.06 + 1e-4 * i, 5e-3 / 1.2**i, form=form)
+        run(name, 1e-4, 0.06 + 1e-4 * i, 5e-3 / 2.2**i, form=form)
         for i, name in enumerate([*[*SOLVERS][:8], long])
         for form in ("quaternion", "own_form:Directions" if name == long else "euler-angles")
     ]
@@ -243,13 +256,53 @@ def test_one_panel_per_st(tmp_path: Path, numbers: tuple[float, ...], visible: i
         for axes in panels
         if axes.get_xlabel() and axes.xaxis.get_ticklabels()[0].get_visible()
     ]
-    assert named == panels[-2:], "the lowest panel of every column names its axis"
+    assert named == panels[-1:], "the lowest panel names the axis"
     low, high = panels[0].get_xlim()
     assert low > 2e-2 > 1e-8 > high, "more accurate to the right"
     save(figure, tmp_path, "picture")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["picture.png"]
     assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
     assert figure.number not in plt.get_fignums()
+
+
+def test_decades_of_error_and_time_are_as_long():
+    records = [
+        {**record, "scene": {"stokes": stokes}} for stokes in (1e2, 1e3) for record in RECORDS
+    ]
+    figure = work_precision_panels(frame(records), "slow_error", "slow error", note="Some words.")
+    figure.canvas.draw()
+    for axes in figure.axes:
+        box = axes.get_window_extent()
+        (low, high), (bottom, top) = (
+            np.log10(sorted(limits())) for limits in (axes.get_xlim, axes.get_ylim)
+        )
+        assert box.width / (high - low) == pytest.approx(box.height / (top - bottom), rel=1e-6)
+    plt.close(figure)
+
+
+def test_words_stand_in_ink_beside_a_marker_in_the_solvers_colour():
+    figure = work_precision_panels(frame(RECORDS), "slow_error", "slow error", scene="paper")
+    (panel,) = figure.axes
+    names = [text for text in panel.texts if text.get_text() in SOLVERS]
+    assert names
+    texts = [*figure.texts, *panel.texts, *figure.legends[0].get_texts(), panel.xaxis.label]
+    assert {to_hex(text.get_color()).upper() for text in texts} <= {INK, SOFT}
+    marks = {to_hex(line.get_color()).upper() for line in figure.artists}
+    assert {colour(text.get_text()) for text in names} <= marks
+    assert panel.get_title(loc="left").startswith("paper, St = ")
+    plt.close(figure)
+
+
+def test_what_was_measured_is_said_below_the_panels():
+    table = frame(RECORDS).assign(seconds_spread=lambda runs: 0.1 * runs["seconds"])
+    words = conditions(table, "A CPU, 2 cores")
+    assert words == (
+        "Tolerances 1e-4 to 1e-8. Times: warm runs, the fastest of up to 5, which vary by 10 % in the "
+        "median; A CPU, 2 cores."
+    )
+    figure = work_precision_panels(table, "slow_error", "slow error", note=words)
+    assert " ".join(figure.texts[-1].get_text().split()) == " ".join(words.split())
+    plt.close(figure)
 
 
 def test_a_study_in_which_every_run_failed_is_drawn_empty(tmp_path: Path):

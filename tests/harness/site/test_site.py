@@ -159,7 +159,7 @@ def test_lines_join_runs_in_the_order_of_their_tolerances(tmp_path: Path, site_r
 def test_looks_are_those_of_the_figures(site_pages: dict[str, str]):
     solvers = data_of(site_pages["cost"], "cost-data")["solvers"]
     for name, look in looks(solvers).items():
-        assert (solvers[name]["color"], solvers[name]["mark"]) == (look.colour, look.outline)
+        assert (solvers[name]["color"], solvers[name]["mark"]) == (look.both, look.outline)
 
 
 def test_the_map_shows_the_cells_of_the_report(site_pages: dict[str, str], site_reports: Path):

@@ -1,17 +1,31 @@
-"""One look for every solver, told apart by all eyes."""
+"""One look for every solver, told apart by all eyes, on white and on a dark ground."""
 
 from itertools import combinations
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from PIL import Image
 
-from polhode.harness.analysis.pareto import Method
-from polhode.harness.pages.figures.style import LOOKS, OTHER, colour, looks, rank
-from polhode.harness.studies.study import read_study
+from polhode.harness.pages.figures import style
+from polhode.harness.pages.figures.map_picture import CODES, ink_on
+from polhode.harness.pages.figures.style import (
+    INK,
+    LOOKS,
+    OTHER,
+    SOFT,
+    both_colours,
+    caption,
+    looks,
+    measured,
+    panels,
+    ramp,
+    rank,
+    save,
+)
 from polhode.solvers.catalogue import SOLVERS
 
-# Linear sRGB as a protanope and a deuteranope see it (Machado, Oliveira and Fernandes 2009,
-# severity 1).
+# Linear sRGB as colour-blind eyes see it (Machado, Oliveira and Fernandes 2009, severity 1).
 EYES = {
     "usual": np.eye(3),
     "protanopia": [
@@ -24,46 +38,165 @@ EYES = {
         [0.280085, 0.672501, 0.047413],
         [-0.011820, 0.042940, 0.968881],
     ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.303900],
+    ],
 }
-# Linear sRGB to cones, and the cones' cube roots to Oklab, in which distances are those that the
-# eye sees.
-CONES = [
-    [0.4122214708, 0.5363325363, 0.0514459929],
-    [0.2119034982, 0.6806995451, 0.1073969566],
-    [0.0883024619, 0.2817188376, 0.6299787005],
+XYZ = [
+    [0.4124564, 0.3575761, 0.1804375],
+    [0.2126729, 0.7151522, 0.0721750],
+    [0.0193339, 0.1191920, 0.9503041],
 ]
-OKLAB = [
-    [0.2104542553, 0.7936177850, -0.0040720468],
-    [1.9779984951, -2.4285922050, 0.4505937099],
-    [0.0259040371, 0.7827717662, -0.8086757660],
-]
-# Black and white are 1 apart; cyrk-vern8 and averaged-second-order were 0.02 apart once.
-LEAST = 0.09
+WHITE = [0.95047, 1.0, 1.08883]
+# Grounds of pages and figures.
+GROUNDS = {"light": ("#FFFFFF",), "dark": ("#14181E", "#131416")}
+LEAST_DISTANCE = 10.0  # CIEDE2000.
+LEAST_CONTRAST = 3.0  # Of lines and points.
+LEAST_TEXT_CONTRAST = 4.5
 
 
-def seen(colour: str, eye: str) -> np.ndarray:
-    """A colour in Oklab, as an eye sees it."""
+def linear(colour: str) -> np.ndarray:
     values = np.array([int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    return np.array(OKLAB) @ np.cbrt(np.array(CONES) @ np.clip(np.array(EYES[eye]) @ linear, 0, 1))
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-@pytest.mark.parametrize("eye", EYES)
-def test_methods_of_the_map_are_told_apart_by_colour_alone(eye: str):
-    study = read_study(None, "regimes")
-    labels = {Method(form, solver).label for form in study.forms for solver in study.solvers}
-    labels |= {"cvode-adams", "ida", "cyrk-vern7"}
-    colours = {colour(label) for label in labels}
-    assert len(colours) == len(labels) - 1, "both forms averaged to first order share one"
-    assert (
-        min(np.linalg.norm(seen(a, eye) - seen(b, eye)) for a, b in combinations(colours, 2))
-        > LEAST
+def contrast(one: str, other: str) -> float:
+    """Of WCAG."""
+    first, second = (float(np.dot([0.2126, 0.7152, 0.0722], linear(c))) for c in (one, other))
+    return (max(first, second) + 0.05) / (min(first, second) + 0.05)
+
+
+def lab(colour: str, eye: str) -> np.ndarray:
+    """A colour in CIELAB, as an eye sees it."""
+    seen = np.clip(np.array(EYES[eye]) @ linear(colour), 0, 1)
+    x, y, z = (np.array(XYZ) @ seen) / WHITE
+    f = [np.cbrt(v) if v > 216 / 24389 else (24389 / 27 * v + 16) / 116 for v in (x, y, z)]
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def distance(one: np.ndarray, other: np.ndarray) -> float:
+    """CIEDE2000, by Sharma, Wu and Dalal (2005)."""
+    mean = (np.hypot(*one[1:]) + np.hypot(*other[1:])) / 2
+    stretch = 1 + 0.5 * (1 - np.sqrt(mean**7 / (mean**7 + 25.0**7)))
+    chroma = [np.hypot(stretch * c[1], c[2]) for c in (one, other)]
+    hue = [np.degrees(np.arctan2(c[2], stretch * c[1])) % 360 for c in (one, other)]
+    grey = chroma[0] * chroma[1] == 0
+    turn = 0.0 if grey else (hue[1] - hue[0] + 180) % 360 - 180
+    between = hue[0] + hue[1] if grey else (hue[0] + turn / 2) % 360
+    light, middle = (one[0] + other[0]) / 2, sum(chroma) / 2
+
+    def cosine(degrees: float) -> float:
+        return float(np.cos(np.radians(degrees)))
+
+    t = 1 - 0.17 * cosine(between - 30) + 0.24 * cosine(2 * between)
+    t += 0.32 * cosine(3 * between + 6) - 0.2 * cosine(4 * between - 63)
+    rotation = 2 * np.sqrt(middle**7 / (middle**7 + 25.0**7))
+    rotation *= -np.sin(np.radians(60 * np.exp(-(((between - 275) / 25) ** 2))))
+    parts = (
+        (other[0] - one[0]) / (1 + 0.015 * (light - 50) ** 2 / np.sqrt(20 + (light - 50) ** 2)),
+        (chroma[1] - chroma[0]) / (1 + 0.045 * middle),
+        2
+        * np.sqrt(chroma[0] * chroma[1])
+        * np.sin(np.radians(turn / 2))
+        / (1 + 0.015 * middle * t),
     )
+    return float(np.sqrt(sum(p**2 for p in parts) + rotation * parts[1] * parts[2]))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "expected"),
+    [
+        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
+        ((50, -1, 2), (50, 0, 0), 2.3669),
+        ((50, 2.5, 0), (56, -27, -3), 31.9030),
+        ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+        ((90.8027, -2.0831, 1.4410), (91.1528, -1.6435, 0.0447), 1.4441),
+    ],
+)
+def test_the_distance_is_that_of_its_authors_table(one, other, expected):
+    assert distance(np.array(one), np.array(other)) == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("theme", GROUNDS)
+@pytest.mark.parametrize("eye", EYES)
+def test_any_two_solvers_are_told_apart_by_colour_alone(eye: str, theme: str):
+    """All of them, so those that share a figure too."""
+    place = ("light", "dark").index(theme)
+    colours = {look[place] for look in LOOKS.values()}
+    assert len(colours) == len(LOOKS) - 1, "both forms averaged to first order share one"
+    seen = {colour: lab(colour, eye) for colour in colours}
+    apart = {(a, b): distance(seen[a], seen[b]) for a, b in combinations(colours, 2)}
+    assert min(apart.values()) >= LEAST_DISTANCE, min(apart, key=apart.__getitem__)
+
+
+@pytest.mark.parametrize("theme", GROUNDS)
+def test_lines_stand_out_from_their_ground(theme: str):
+    place = ("light", "dark").index(theme)
+    for name, look in [*LOOKS.items(), ("others", (*OTHER, "X"))]:
+        for ground in GROUNDS[theme]:
+            assert contrast(look[place], ground) >= LEAST_CONTRAST, name
+
+
+def test_every_solver_has_a_look():
+    assert set(SOLVERS) <= set(LOOKS)
+    assert set(LOOKS) <= set(CODES)
+
+
+def test_words_stand_out():
+    for ink in (INK, SOFT):
+        assert contrast(ink, "#FFFFFF") >= LEAST_TEXT_CONTRAST
+    for light, _, _ in LOOKS.values():
+        ink = {"white": "#FFFFFF", "black": "#000000"}[ink_on(light)]
+        assert contrast(ink, light) >= LEAST_TEXT_CONTRAST
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_an_ordered_ramp_goes_from_light_to_dark(count: int):
+    lightness = [lab(colour, "usual")[0] for colour in ramp(count)]
+    assert len(set(ramp(count))) == count
+    assert lightness == sorted(lightness, reverse=True)
+
+
+def test_the_site_gets_both_colours():
+    light, dark, _ = LOOKS["taylor"]
+    assert both_colours("taylor") == f"light-dark({light}, {dark})"
+
+
+def test_a_figure_is_as_wide_as_a_page_and_its_caption_lies_within(tmp_path):
+    figure, grid = panels(1, 2, 2.0)
+    grid[0, 0].plot([1, 2], [1, 2])
+    words = (
+        "Tolerances 0.01 to 1e-14. Times: warm runs, the fastest of up to 5, which vary by 29 %."
+    )
+    caption(figure, f"{words} {words}")
+    figure.canvas.draw()
+    box, page = figure.texts[0].get_window_extent(), figure.bbox
+    assert page.x0 <= box.x0 <= box.x1 <= page.x1
+    lowest = min(axes.get_tightbbox().y0 for axes in grid.flat)
+    assert page.y0 <= box.y0 <= box.y1 <= lowest
+    save(figure, tmp_path, "picture")
+    with Image.open(tmp_path / "picture.png") as image:
+        assert image.width == 838
+    plt.close(figure)
+
+
+def test_letters_are_nine_pixels_on_a_phone():
+    """At 390 pixels in width."""
+    assert style.LETTERS / 72 * style.DPI * 390 / 838 >= 9
+
+
+def test_where_a_page_was_measured_is_read_from_it():
+    lines = ["Made by `polhode bench`.", "Measured on 2026-11-24 on A CPU, 2 cores, Linux, Python."]
+    assert measured(lines) == "A CPU, 2 cores"
+    assert measured(["Measured from 2026-11-22 to 2026-11-24 on B, 16 cores, x."]) == "B, 16 cores"
+    assert measured(["Nothing."]) == ""
 
 
 def test_every_solver_has_a_marker_of_its_own_everywhere():
     assert len({look.marker for look in looks(SOLVERS).values()}) == len(SOLVERS)
-    markers = {LOOKS[name][1] for name in SOLVERS if name in LOOKS}
+    markers = {LOOKS[name][2] for name in SOLVERS if name in LOOKS}
     assert not markers & {"*", "X", "x"}, (
         "stars are averaged forms, crosses solvers without a look of their own"
     )
@@ -72,7 +205,7 @@ def test_every_solver_has_a_marker_of_its_own_everywhere():
 def test_others_get_markers_in_turn_and_stand_last():
     found = looks(["own:B", "own:A", "exact", "taylor"])
     assert list(found) == ["taylor", "exact", "own:A", "own:B"]
-    assert found["own:A"].colour == found["own:B"].colour == OTHER
+    assert found["own:A"].colour == found["own:B"].colour == OTHER[0]
     assert found["own:A"].marker != found["own:B"].marker
     assert rank("taylor") < rank("quaternion") < rank("own:A")
 

@@ -1,0 +1,189 @@
+"""Figures of ensembles: orientation and arrivals of one shape, from the tables beside its page; speed."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from scipy.optimize import isotonic_regression
+
+from polhode.harness.common.text import short
+from polhode.harness.pages.figures.style import (
+    INK,
+    LETTERS,
+    TITLE,
+    caption,
+    key,
+    panels,
+    plain,
+    power,
+    ramp,
+)
+
+_DASHES = ("-", "--", ":")
+# In standard deviations: 95 % of a normal variable lie within this distance of its mean.
+_STANDARD = 1.96
+# Of the height of a panel: the least distance between two names.
+_NAME_SPACING = 0.09
+_COMPONENTS = ("xx", "yy", "zz")
+_SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
+_SPEED_COLOURS = ("#175E96", "#B8500B")
+
+
+def last_axis(axes: Sequence[float]) -> str:
+    """Which of the body's axes p is, in words."""
+    a, b, c = axes
+    length = "longest" if c > max(a, b) else "shortest" if c < min(a, b) else "last"
+    return f"symmetry axis, {length}" if a == b else f"{length} axis"
+
+
+def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
+    """Orientation, or L where there is none, and arrivals of one shape against time, a colour for each St.
+
+    `tables` holds the rows of one shape by the stem of their file: `moments`, `slow`,
+    `distributions`, `arrivals`. Bands hold 95 %.
+    """
+    some = next(table for table in tables.values() if len(table))
+    axes = [float(some[name].iloc[0]) for name in "abc"]
+    numbers = sorted({float(stokes) for stokes in tables["distributions"]["stokes"]})
+    shades = dict(zip(numbers, ramp(2 * len(numbers))[1::2], strict=True))
+    # Without a finite St above 0 there is no slow time.
+    slow = all(0 < stokes < np.inf for stokes in numbers)
+    drawing, grid = panels(1, 2, 3.1)
+    oriented = len(tables.get("moments", ())) > 0
+    _means(grid[0, 0], tables["moments" if oriented else "slow"], shades, slow, oriented)
+    _arrivals(grid[0, 1], tables.get("arrivals", pd.DataFrame()), shades, slow)
+    _histogram(grid[0, 1], tables["distributions"], shades)
+    shape = " : ".join(map(short, axes))
+    what = f"p: {last_axis(axes)}" if oriented else "Means of L"
+    grid[0, 0].set_title(what, fontsize=TITLE, loc="left", color=INK)
+    for axis in grid.flat:
+        axis.set_xlabel("slow time $t_2 = t/\\mathrm{St}$" if slow else "time, inverse shear rates")
+    handles = [
+        Line2D([], [], color=shade, linewidth=2, label=f"{shape}, St = {power(stokes)}")
+        for stokes, shade in shades.items()
+    ]
+    key(drawing, handles, 2)
+    if note:
+        caption(drawing, note)
+    return drawing
+
+
+def _unit(stokes: float, slow: bool) -> float:
+    return stokes if slow else 1.0
+
+
+def _means(
+    axes: Axes, table: pd.DataFrame, shades: Mapping[float, str], slow: bool, oriented: bool
+) -> None:
+    """Mean squares of the direction of the last axis, the shortest of a triaxial shape; else means of L."""
+    column, components = ("moment", _COMPONENTS) if oriented else ("variable", _SLOW)
+    if oriented:
+        table = table[table["body_axis"] == table["body_axis"].max()]
+    ends = []
+    for component, dash in zip(components, _DASHES, strict=True):
+        own = table[table[column] == component]
+        for stokes, line in own.groupby("stokes"):
+            stokes = float(str(stokes))
+            times = line["time"].to_numpy(float) / _unit(stokes, slow)
+            mean = line["mean"].to_numpy(float)
+            band = _STANDARD * line["standard_error"].to_numpy(float)
+            axes.plot(times, mean, color=shades[stokes], ls=dash, linewidth=1.6)
+            axes.fill_between(
+                times, mean - band, mean + band, color=shades[stokes], alpha=0.2, linewidth=0
+            )
+        letter = component[-1] if oriented else component[1]
+        name = f"$p_{letter}^2$" if oriented else f"$L_{letter}$"
+        ends.append((float(own.groupby("stokes")["mean"].last().mean()), name))
+    axes.set_ylabel("mean square of p" if oriented else "mean of L over $I_{max}$")
+    _name(axes, ends)
+
+
+def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
+    """Write names at the right edge at these heights, no two on each other."""
+    low, high = axes.get_ylim()
+    ordered = sorted(ends)
+    places = np.array([(y - low) / (high - low) for y, _ in ordered])
+    steps = _NAME_SPACING * np.arange(len(ordered))
+    heights = isotonic_regression(places - steps).x + steps if len(ordered) else places
+    for (_, name), height in zip(ordered, heights, strict=True):
+        axes.text(
+            1.02, height, name, transform=axes.transAxes, va="center", color=INK, fontsize=LETTERS
+        )
+
+
+def _arrivals(axes: Axes, table: pd.DataFrame, shades: Mapping[float, str], slow: bool) -> None:
+    axes.set_ylim(0, 1.03)
+    axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
+    axes.set_ylabel("share of the particles")
+    if not len(table):
+        axes.set_title("No attractor is named", fontsize=TITLE, loc="left", color=INK)
+        return
+    names = list(dict.fromkeys(table["attractor"]))
+    for (stokes, attractor), line in table.groupby(["stokes", "attractor"], sort=False):
+        stokes = float(str(stokes))
+        times = line["time"].to_numpy(float) / _unit(stokes, slow)
+        dash = _DASHES[names.index(attractor) % len(_DASHES)]
+        shade = shades[stokes]
+        axes.plot(times, line["fraction"].to_numpy(float), color=shade, ls=dash, linewidth=1.6)
+        low, high = line["low"].to_numpy(float), line["high"].to_numpy(float)
+        axes.fill_between(times, low, high, color=shade, alpha=0.2, linewidth=0)
+    signs = ("—", "- -", "···")
+    words = [
+        f"{sign + ' ' if len(names) > 1 else ''}{name}"
+        for sign, name in zip(signs, names, strict=False)
+    ]
+    title = f"About the {', '.join(words)}"
+    axes.set_title(title, fontsize=TITLE, loc="left", color=INK)
+
+
+def _histogram(axes: Axes, table: pd.DataFrame, shades: Mapping[float, str]) -> None:
+    """Histograms of L_z at the start and at the end, as an inset."""
+    inset = axes.inset_axes((0.47, 0.16, 0.34, 0.46))
+    own = table[table["variable"] == "Lz/Imax"]
+    for stokes, line in own.groupby("stokes"):
+        for time, dash in ((line["time"].min(), ":"), (line["time"].max(), "-")):
+            rows = line[
+                (line["time"] == time) & np.isfinite(line["low"]) & np.isfinite(line["high"])
+            ]
+            edges = [*rows["low"], rows["high"].iloc[-1]]
+            share = rows["particles"].to_numpy(float) / max(float(rows["particles"].sum()), 1.0)
+            inset.stairs(share, edges, color=shades[float(str(stokes))], ls=dash, linewidth=1.2)
+    inset.set_yscale("log")
+    inset.set_ylim(5e-4, 1.2)
+    inset.set_yticks([1e-3, 1e-1], ["0.1 %", "10 %"])
+    inset.minorticks_off()
+    inset.set_title("$L_z$, start dotted", fontsize=9, color=INK, loc="left", pad=2)
+    plain(inset)
+    inset.tick_params(labelsize=8.5)
+    inset.yaxis.tick_right()
+    inset.spines["right"].set_visible(True)
+    inset.spines["left"].set_visible(False)
+
+
+def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
+    """Particles per second against the largest error, a colour for each shape."""
+    figure, grid = panels(1, 1, 2.9)
+    axes = grid[0, 0]
+    shapes = pd.DataFrame(rows).groupby("shape", sort=False)
+    handles = []
+    for (shape, some), shade in zip(shapes, _SPEED_COLOURS, strict=False):
+        for whose, marker, dash, name in (
+            ("", "o", "-", "equal steps"),
+            ("taylor_", "s", ":", "Taylor's lanes"),
+        ):
+            style: dict[str, Any] = {"color": shade, "marker": marker, "ls": dash, "markersize": 6}
+            label = f"{name}, {shape}"
+            axes.loglog(some[f"{whose}error"], some[f"{whose}per_second"], **style)
+            handles.append(Line2D([], [], label=label, **style))
+    axes.set(xlabel="largest error of the whole state", ylabel="particles/(s · core)")
+    # Decades of both axes are as long.
+    axes.set_aspect("equal")
+    axes.set_ylim(1e4, 1e6)
+    key(figure, handles, 2)
+    if note:
+        caption(figure, note)
+    return figure

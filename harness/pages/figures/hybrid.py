@@ -1,0 +1,110 @@
+"""The figure of the form `hybrid`: how errors keep to those requested, and how fast it is."""
+
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from polhode.harness.pages.figures.style import INK, TITLE, WIDTH, caption, key, plain, power, ramp
+
+# Ratios below this stand at the edge.
+_LEAST_RATIO = 1e-3
+_BODIES = {"spheroids": "-", "triaxial": "--"}
+
+
+def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
+    """Empirical distributions: error over the one requested, by that and St; speed over the full solvers, by St.
+
+    `runs` has `stokes`, `error`, `slow` and `uncertainty`, `speeds` has `stokes`, `bodies` and
+    `gain`. Runs whose error is above the one requested, and above the reference's uncertainty, are
+    circled.
+    """
+    requested = sorted(runs["error"].unique(), reverse=True)
+    numbers = sorted({*runs["stokes"], *speeds["stokes"]})
+    shades = dict(zip(numbers, ramp(len(numbers)), strict=True))
+    drawing = plt.figure(figsize=(WIDTH, 4.7), layout="constrained")
+    grid = drawing.add_gridspec(2, max(1, len(requested)))
+    first: Axes | None = None
+    for place, error in enumerate(requested):
+        axes = drawing.add_subplot(grid[0, place], sharey=first)
+        first = first or axes
+        _errors(axes, runs[runs["error"] == error], shades)
+        axes.set_title(f"Error {power(error)}", fontsize=TITLE, loc="left", color=INK)
+        if place:
+            axes.tick_params(labelleft=False)
+        else:
+            _shares(axes, "share of the runs")
+    speed = drawing.add_subplot(grid[1, :])
+    _speeds(speed, speeds, shades)
+    handles = [
+        Line2D([], [], color=shade, linewidth=2, label=f"St = {power(stokes)}")
+        for stokes, shade in shades.items()
+    ]
+    handles.append(
+        Line2D([], [], marker="o", fillstyle="none", color=INK, linewidth=0, label="missed")
+    )
+    key(drawing, handles, 3)
+    if note:
+        caption(drawing, note)
+    return drawing
+
+
+def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
+    for stokes, own in runs.groupby("stokes"):
+        allowed = own[["error", "uncertainty"]].max(axis=1)
+        ratios = np.sort((own["slow"] / allowed).dropna().to_numpy(float))
+        shares = np.arange(1, len(ratios) + 1) / len(own)
+        ratios = np.maximum(ratios, _LEAST_RATIO)
+        axes.step(ratios, shares, where="post", color=shades[float(str(stokes))], linewidth=1.8)
+        missed = ratios > 1
+        style = {"marker": "o", "markersize": 6, "fillstyle": "none", "linewidth": 0}
+        axes.plot(ratios[missed], shares[missed], color=INK, zorder=3, **style)
+    axes.axvline(1.0, color=INK, linewidth=1.0)
+    axes.set_xscale("log")
+    axes.set_xlim(_LEAST_RATIO, 30)
+    axes.set_xticks([1e-2, 1], ["0.01", "1"])
+    axes.set_xlabel("measured over allowed")
+    plain(axes)
+
+
+def _speeds(axes: Axes, speeds: Any, shades: dict[float, str]) -> None:
+    drawn = speeds.dropna(subset=["gain"])
+    for (stokes, bodies), own in drawn.groupby(["stokes", "bodies"]):
+        gains = np.sort(own["gain"].to_numpy(float))[::-1]
+        shares = np.arange(1, len(gains) + 1) / len(gains)
+        dash = _BODIES.get(str(bodies), "-")
+        axes.step(
+            np.append(gains, gains[-1:]),
+            np.append(shares, 1.0)[: len(gains) + 1],
+            where="pre",
+            color=shades[float(str(stokes))],
+            linestyle=dash,
+            linewidth=1.8,
+        )
+        # Bodies of the two kinds are named at other heights, lest the names meet.
+        height = 0.12 if dash == "-" else 0.62
+        axes.annotate(
+            f"{bodies}, {power(float(str(stokes)))}",
+            (float(np.quantile(gains, 1 - height)), height),
+            xytext=(5, 0),
+            textcoords="offset points",
+            va="center",
+            color=INK,
+        )
+    axes.axvline(1.0, color=INK, linewidth=1.0)
+    axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    axes.set_xlim(min(low, 0.7), 6 * high)
+    axes.set_xlabel("at least so many times as fast as the faster of the full solvers")
+    axes.set_title("Speed at equal error", fontsize=TITLE, loc="left", color=INK)
+    _shares(axes, "share of the bodies")
+    plain(axes)
+
+
+def _shares(axes: Axes, words: str) -> None:
+    axes.set_ylim(0, 1.03)
+    axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
+    axes.set_ylabel(words)
