@@ -65,7 +65,7 @@ def test_pages_load_nothing_and_link_to_each_other_alone(site_pages: dict[str, s
         "data:,",
     }
     pages |= {path.name for path in Path(markup.__file__).parent.glob("*.[cj]s*")}
-    pages |= {link for link in links if re.fullmatch(r"figures/regimes-\w+\.webp", link)}
+    pages |= {link for link in links if re.fullmatch(r"figures/regimes-[\w-]+\.webp", link)}
     questions = {link for link in links if link.startswith("#particle=")}
     runs = {link for link in links if link.startswith("cost.html#scene=hard-cases: ")}
     assert (name == "index", name == "hard-cases") == (bool(questions), bool(runs))
