@@ -15,16 +15,7 @@ from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.flows import measure
-from polhode.harness.pages.figures.style import (
-    INK,
-    LETTERS,
-    TITLE,
-    caption,
-    key,
-    panels,
-    ramp,
-    save,
-)
+from polhode.harness.pages.figures.style import INK, TITLE, caption, key, panels, ramp, save
 from polhode.harness.pages.tables import fill
 
 _TITLE = "Linear flows other than simple shear"
@@ -159,8 +150,10 @@ def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
     handles = [
         Line2D([], [], color=INK, marker="o", markersize=4, linewidth=0, label="measured"),
         Line2D([], [], color=INK, linewidth=1.3, label="theory; at the right a fourth power"),
-        Line2D([], [], color=INK, linewidth=0.8, linestyle=":", label="threshold of turning"),
     ]
+    ratios = [float(str(ratio)) for ratio, _ in orbits.groupby("ratio")]
+    for ratio, shade in zip(ratios, ramp(len(ratios)), strict=True):
+        handles.append(Line2D([], [], color=shade, linewidth=2, label=f"κ = {ratio:g}"))
     key(drawn, handles, 3, columnspacing=0.8)
     if note:
         caption(drawn, note)
@@ -169,7 +162,6 @@ def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
 
 def _draw_periods(axes: Axes, orbits: Any) -> None:
     groups = list(orbits.groupby("ratio"))
-    names = []
     for (ratio, own), shade in zip(groups, ramp(len(groups)), strict=True):
         kappa = float(str(ratio))
         strain = abs(measure.anisotropy(kappa))
@@ -180,23 +172,6 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
         closed = own[np.isfinite(own["theory"])]
         axes.plot(closed["alpha"], closed["period"], "o", color=shade, markersize=4)
         axes.axvline(threshold, color=shade, linewidth=0.8, linestyle=":")
-        # Lines are named where they leave the panel.
-        top = next((a for a, value in zip(alphas, theory, strict=True) if value > 100), threshold)
-        names.append((float(top), f"{kappa:g}"))
-    names.sort()
-    for place, (top, name) in enumerate(names):
-        near = [other for other, _ in names[place + 1 : place + 2] if other - top < 0.08]
-        after = place > 0 and top - names[place - 1][0] < 0.08
-        side = "right" if near else "left" if after else "center"
-        axes.annotate(
-            name,
-            (top, 100.0),
-            xytext=({"right": 2, "left": -2, "center": 0}[side], 3),
-            textcoords="offset points",
-            ha=side,
-            color=INK,
-            fontsize=LETTERS,
-        )
     axes.set_yscale("log")
     axes.set_ylim(5.0, 100.0)
     axes.set_yticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
@@ -204,7 +179,7 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
     axes.set_xlim(-1.0, 0.6)
     axes.set_xlabel("α of u = (y, αx, 0): -1 rotates, 0 shears")
     axes.set_ylabel("period of the axis, 1/γ̇")
-    axes.set_title("Spheroids of aspect ratio κ =", loc="left", fontsize=TITLE, pad=16)
+    axes.set_title("Axis ratio κ; dotted: threshold", loc="left", fontsize=TITLE)
 
 
 def _draw_orders(axes: Axes, orders: Any) -> None:
@@ -215,4 +190,4 @@ def _draw_orders(axes: Axes, orders: Any) -> None:
     axes.loglog(spacing, promise, "-", color=INK, linewidth=1.0)
     axes.set_xlabel("spacing of knots, 1/γ̇")
     axes.set_ylabel("error of L over $I_{max}$")
-    axes.set_title("Along a track", loc="left", fontsize=TITLE, pad=16)
+    axes.set_title("Along a track", loc="left", fontsize=TITLE)

@@ -144,6 +144,8 @@ if (typeof document !== "undefined") (() => {
   function draw(found, St, allowed) {
     answer.replaceChildren();
     const alone = found.answers.length === 1;
+    // The fields are not printed: the question stands in words.
+    made("p", { className: "note", textContent: `For ${data.wants[want.value]} of the ${data.particles[particle.value]}: St = ${short(St)}, error at most ${short(allowed)}.` }, answer);
     if (!alone) made("p", { textContent: `St = ${short(St)} lies between two that were measured:` }, answer);
     for (const one of found.answers) {
       const first = made("p", { className: "first" }, answer);
@@ -196,6 +198,28 @@ if (typeof document !== "undefined") (() => {
       } catch {
         getSelection().selectAllChildren(line.firstChild);
       }
+    });
+  }
+
+  // One stop of the tab key for each map; arrows go from cell to cell.
+  for (const table of document.querySelectorAll(".map")) {
+    const rows = [...table.tBodies[0].rows].map((row) => [...row.cells].slice(1).map((cell) => cell.querySelector("a")));
+    const links = rows.flat().filter(Boolean);
+    links.forEach((link, i) => (link.tabIndex = i ? -1 : 0));
+    table.addEventListener("focusin", (event) => {
+      if (links.includes(event.target)) links.forEach((link) => (link.tabIndex = link === event.target ? 0 : -1));
+    });
+    table.addEventListener("keydown", (event) => {
+      const [down, right] = { ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowDown: [1, 0], ArrowUp: [-1, 0] }[event.key] ?? [0, 0];
+      let row = rows.findIndex((own) => own.includes(document.activeElement));
+      if (row < 0 || !(down || right)) return;
+      event.preventDefault();
+      let column = rows[row].indexOf(document.activeElement);
+      do {
+        row += down;
+        column += right;
+      } while (rows[row] && column in rows[row] && !rows[row][column]);
+      rows[row]?.[column]?.focus();
     });
   }
 

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from scipy.optimize import isotonic_regression
 
 from polhode.harness.common.text import short
@@ -108,7 +109,9 @@ def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
     ordered = sorted(ends)
     places = np.array([(y - low) / (high - low) for y, _ in ordered])
     steps = _NAME_SPACING * np.arange(len(ordered))
-    heights = isotonic_regression(places - steps).x + steps if len(ordered) else places
+    free = isotonic_regression(places - steps).x if len(ordered) else places
+    # Within the panel's height.
+    heights = np.clip(free, 0.03, 0.97 - _NAME_SPACING * (len(ordered) - 1)) + steps
     for (_, name), height in zip(ordered, heights, strict=True):
         axes.text(
             1.02, height, name, transform=axes.transAxes, va="center", color=INK, fontsize=LETTERS
@@ -154,6 +157,7 @@ def _histogram(axes: Axes, table: pd.DataFrame, shades: Mapping[float, str]) -> 
             inset.stairs(share, edges, color=shades[float(str(stokes))], ls=dash, linewidth=1.2)
     inset.set_yscale("log")
     inset.set_ylim(5e-4, 1.2)
+    inset.xaxis.set_major_locator(MaxNLocator(2))
     inset.set_yticks([1e-3, 1e-1], ["0.1 %", "10 %"])
     inset.minorticks_off()
     inset.set_title("$L_z$, start dotted", fontsize=9, color=INK, loc="left", pad=2)

@@ -74,6 +74,8 @@ _RAMP = ("#8FC1E3", "#3D8BC4", "#175E96", "#0A3A63", "#061D33")
 # More colours, or nearer ones, only make a picture larger.
 _COLOURS = 128  # Colours of a picture at most.
 _LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
+_GREY_RANGE = 2  # Of 255: red, green and blue of a grey differ by no more.
+_GREY_STEP = 6  # Of 255: the difference of two greys.
 
 
 @dataclass(frozen=True)
@@ -219,13 +221,25 @@ def measured(lines: Sequence[str]) -> str:
 
 
 def few_colours(image: Image.Image) -> Image.Image:
-    """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift."""
+    """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift.
+
+    Greys stay grey: a pane that is not quite white would else take on a tint.
+    """
     counted: Any = image.getcolors(image.width * image.height)
     left = np.array([colour for _, colour in sorted(counted, reverse=True)])
     chosen = []
     while len(left) and len(chosen) < _COLOURS:
-        chosen.append(left[0])
-        left = left[np.max(np.abs(left - left[0]), axis=1) >= _LEAST_DIFFERENCE]
+        first = left[0]
+        chosen.append(first)
+        # A grey makes room for other greys alone, in small steps.
+        grey = np.ptp(left, axis=1) <= _GREY_RANGE
+        distance = np.max(np.abs(left - first), axis=1)
+        if np.ptp(first) <= _GREY_RANGE:
+            near = grey & (distance < _GREY_STEP)
+        else:
+            near = ~grey & (distance < _LEAST_DIFFERENCE)
+        near[0] = True
+        left = left[~near]
     palette = Image.new("P", (1, 1))
     palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
     return image.quantize(palette=palette, dither=Image.Dither.NONE)

@@ -16,6 +16,7 @@ from polhode.harness.pages.figures.style import (
     SOFT,
     both_colours,
     caption,
+    few_colours,
     looks,
     measured,
     panels,
@@ -180,6 +181,20 @@ def test_a_figure_is_as_wide_as_a_page_and_its_caption_lies_within(tmp_path):
     with Image.open(tmp_path / "picture.png") as image:
         assert image.width == 838
     plt.close(figure)
+
+
+def test_panes_that_are_not_quite_white_stay_grey():
+    """Beside thousands of shades of pink and blue, among which one is nearer to them than white is."""
+    generator = np.random.default_rng(2)
+    pixels = np.full((200, 200, 3), 255, dtype=np.uint8)
+    pixels[:90] = (242, 242, 242)
+    pixels[150:, :, 0] = generator.integers(225, 256, size=(50, 200))
+    pixels[150:, :, 1] = generator.integers(215, 240, size=(50, 200))
+    pixels[150:, :, 2] = generator.integers(225, 256, size=(50, 200))
+    drawn = np.asarray(few_colours(Image.fromarray(pixels)).convert("RGB")).astype(int)
+    assert np.abs(drawn[:90] - 242).max() <= 3
+    assert np.ptp(drawn[:90], axis=2).max() <= 2
+    assert (drawn[90:150] == 255).all()
 
 
 def test_letters_are_nine_pixels_on_a_phone():

@@ -1,0 +1,198 @@
+"""Pictures of pages: distributions, heat maps and ensembles show the rows that they are drawn from."""
+
+from pathlib import Path
+from shutil import copytree
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+import pytest
+from commandline import Run
+from PIL import Image
+
+from polhode.harness.pages.figures.ensembles import last_axis, picture, speeds
+from polhode.harness.pages.figures.hybrid import errors_and_speed
+from polhode.harness.pages.figures.work_precision import heat_map
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+
+REPORTS = Path(__file__).parents[4] / "reports"
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def circles(axes) -> list[list[float]]:
+    """Points that are circled."""
+    lines = [line for line in axes.get_lines() if line.get_fillstyle() == "none"]
+    return [point for line in lines for point in np.asarray(line.get_xydata()).tolist()]
+
+
+def test_runs_of_hybrid_beyond_the_error_allowed_are_circled():
+    runs = pd.DataFrame(
+        [
+            {"stokes": 1e5, "error": 1e-6, "slow": 5e-7, "uncertainty": 1e-9},
+            {"stokes": 1e5, "error": 1e-6, "slow": 2e-6, "uncertainty": 1e-9},
+            # Within what the reference knows.
+            {"stokes": 1e5, "error": 1e-6, "slow": 3e-6, "uncertainty": 4e-6},
+            {"stokes": 1e6, "error": 1e-6, "slow": 1e-12, "uncertainty": 1e-9},
+        ]
+    )
+    gains = pd.DataFrame(
+        [
+            {"stokes": 1e6, "bodies": bodies, "gain": gain}
+            for bodies, gain in (("spheroids", 80.0), ("spheroids", 90.0), ("triaxial", 2.0))
+        ]
+    )
+    figure = errors_and_speed(runs, gains, "Made here.")
+    errors, speed = figure.axes
+    assert circles(errors) == [[pytest.approx(2.0), pytest.approx(1.0)]]
+    assert errors.get_title(loc="left") == "Error $10^{-6}$"
+    names = {text.get_text() for text in speed.texts}
+    assert names == {"spheroids, $10^{6}$", "triaxial, $10^{6}$"}
+    assert "Made here." in figure.texts[-1].get_text()
+    shades = {line.get_color() for line in errors.get_lines() if line.get_drawstyle() != "default"}
+    assert len(shades) == 2, "a colour for each St"
+
+
+def test_a_heat_map_shows_the_ratio_to_the_fastest():
+    index = pd.MultiIndex.from_product([[1e-3, 1e-6], ["one", "two"]])
+    ratios = pd.DataFrame(
+        {"taylor": [1.0, 3.0, 1.0, np.nan], "radau": [2.5, 1.0, 40.0, 1.0]}, index=index
+    )
+    figure = heat_map(ratios, ["loose", "tight"], "Made here.")
+    loose, tight = figure.axes
+    assert [axes.get_title(loc="left") for axes in (loose, tight)] == ["loose", "tight"]
+    texts = {text.get_position(): text.get_text() for text in loose.texts}
+    assert texts == {(0.5, 0.5): "1", (1.5, 0.5): "2.5", (0.5, 1.5): "3", (1.5, 1.5): "1"}
+    texts = {text.get_position(): text.get_text() for text in tight.texts}
+    # 40 times as long is a colour alone, what no run reaches is white.
+    assert texts == {(0.5, 0.5): "1", (1.5, 1.5): "1"}
+    assert np.ma.getmaskarray(tight.collections[0].get_array())[1, 0] or np.isnan(
+        tight.collections[0].get_array()[1, 0]
+    )
+    assert [label.get_text() for label in tight.get_xticklabels()] == ["taylor", "radau"]
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ((1, 1, 2), "symmetry axis, longest"),
+        ((1, 1, 0.5), "symmetry axis, shortest"),
+        ((1, 0.8, 0.5), "shortest axis"),
+        ((1, 0.5, 0.8), "last axis"),
+    ],
+)
+def test_which_axis_p_is(axes: tuple[float, ...], words: str):
+    assert last_axis(axes) == words
+
+
+def tables(stokes: tuple[float, ...] = (500.0, 5000.0)) -> dict[str, pd.DataFrame]:
+    """Rows of a spheroid's files, at two times."""
+    shape = {"a": 1.0, "b": 1.0, "c": 2.0}
+    moments, distributions, arrivals = [], [], []
+    for number in stokes:
+        for time in (0.0, 0.5 * number):
+            row = shape | {"stokes": number, "time": time}
+            arrivals.append(
+                row
+                | {"attractor": "equatorial axis"}
+                | {"fraction": time / number, "low": 0.0, "high": 1.0}
+            )
+            for moment, mean in (("xx", 0.5), ("yy", 0.5), ("zz", time / number), ("xy", 9.0)):
+                moments.append(
+                    row | {"body_axis": 3, "moment": moment, "mean": mean, "standard_error": 0.01}
+                )
+            distributions += [
+                row | {"variable": "Lz/Imax", "low": low, "high": low + 0.1, "particles": count}
+                for low, count in ((-0.5, 30), (-0.4, 10))
+            ]
+    return {
+        "moments": pd.DataFrame(moments),
+        "slow": pd.DataFrame(),
+        "distributions": pd.DataFrame(distributions),
+        "arrivals": pd.DataFrame(arrivals),
+    }
+
+
+def test_a_shape_is_drawn_from_its_tables_with_direct_names():
+    figure = picture(tables(), "Made here.")
+    means, arrived = figure.axes
+    assert means.get_title(loc="left") == "p: symmetry axis, longest"
+    assert {text.get_text() for text in means.texts} == {"$p_x^2$", "$p_y^2$", "$p_z^2$"}
+    places = sorted(text.get_position()[1] for text in means.texts)
+    assert min(np.diff(places)) >= 0.09 - 1e-9, "no two names on each other"
+    assert len(means.get_lines()) == 6, "three components at two St"
+    assert arrived.get_title(loc="left") == "About the equatorial axis"
+    assert max(np.max(line.get_xdata()) for line in arrived.get_lines()) == pytest.approx(0.5)
+    (inset,) = arrived.child_axes
+    shares = inset.patches[0].get_data().values
+    np.testing.assert_allclose(shares, [0.75, 0.25])
+    keys = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert keys == ["1 : 1 : 2, St = 500", r"1 : 1 : 2, St = $5\times10^{3}$"]
+
+
+def test_without_orientations_means_of_l_are_drawn():
+    given = tables((1000.0,))
+    rows = given["moments"].rename(columns={"moment": "variable"})
+    rows["variable"] = rows["variable"].map({"xx": "Lx/Imax", "yy": "Ly/Imax", "zz": "Lz/Imax"})
+    figure = picture(given | {"moments": pd.DataFrame(), "slow": rows, "arrivals": pd.DataFrame()})
+    means, arrived = figure.axes
+    assert means.get_title(loc="left") == "Means of L"
+    assert {text.get_text() for text in means.texts} == {"$L_x$", "$L_y$", "$L_z$"}
+    assert arrived.get_title(loc="left") == "No attractor is named"
+
+
+def test_speeds_stand_on_square_decades():
+    rows = [
+        {"shape": "1 : 1 : 2", "error": 1e-6, "per_second": 1e5}
+        | {"taylor_error": 1e-6, "taylor_per_second": 2e4}
+    ]
+    figure = speeds(rows)
+    (axes,) = figure.axes
+    assert axes.get_aspect() == 1.0
+    drawn = [np.asarray(line.get_xydata()).tolist() for line in axes.get_lines()]
+    assert drawn == [[[1e-6, 1e5]], [[1e-6, 2e4]]]
+
+
+@pytest.mark.skipif(not REPORTS.is_dir(), reason="no committed pages here")
+@pytest.mark.parametrize(
+    ("words", "name", "drawn"),
+    [
+        (("sweep",), "sweep", ("shape-1", "shape-2", "shape-3")),
+        (("throughput",), "sweep", ("throughput",)),
+        (("validate",), "pick", ("choices",)),
+        (("equal-error",), "solvers", ("slow",)),
+        (("bench", "--problems"), "problems", ("work-precision", "profiles")),
+    ],
+)
+def test_pages_are_written_anew_from_their_data(
+    here: Run, tmp_path: Path, words: tuple[str, ...], name: str, drawn: tuple[str, ...]
+):
+    folder = tmp_path / "copy"
+    copytree(REPORTS / name, folder)
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for picture_name in drawn:
+        (folder / f"{picture_name}.png").unlink()
+    done = here(*words, "--page-only", "--out", folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    for path in folder.iterdir():
+        if path.suffix != ".png":
+            assert path.read_bytes() == before[path.name], path.name
+    for picture_name in drawn:
+        with Image.open(folder / f"{picture_name}.png") as image:
+            assert image.width == 838
+
+
+@pytest.mark.parametrize(
+    "words", [("sweep",), ("throughput",), ("validate",), ("equal-error",), ("bench", "--problems")]
+)
+def test_without_data_no_page_is_written_anew(here: Run, tmp_path: Path, words: tuple[str, ...]):
+    done = here(*words, "--page-only", "--out", tmp_path / "none")
+    assert done.returncode == 2
+    assert "no such file, expected" in done.stderr
+    assert done.stderr.count("\n") == 1
