@@ -11,6 +11,7 @@ import numpy as np
 from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.text import in_full
 from polhode.harness.events import Event, as_events
+from polhode.harness.studies.own_problem import check_jacobian, moved_start
 from polhode.harness.studies.setups import users_times
 from polhode.models.own_function import INTO_A_CLOSURE, OwnField, in_one_line
 from polhode.models.problem import Problem
@@ -106,7 +107,8 @@ def solve_ivp(
     -------
     scipy.optimize.OptimizeResult
         With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev,
-        status, message, success. The message says if the function ran as plain Python.
+        status, message, success. The message says if the function ran as plain Python, if
+        algebraic equations moved the start, and if rtol allows errors as large as the solution.
 
     Raises
     ------
@@ -141,6 +143,7 @@ def solve_ivp(
         jacobian=jac if jacobian is None else jacobian,
         **structure,
     )
+    check_jacobian(problem)
     if isinstance(method, str):
         method = _SCIPYS_NAMES.get(method, method)
     solver = find_solver(_default_method(problem) if method is None else method)
@@ -157,9 +160,10 @@ def solve_ivp(
     times = requested
     if before or behind:
         times = np.concatenate([[0.0] * before, requested, [problem.end] * behind])
-    note = ""
+    notes = [_on_rtol(rtol)]
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
+        notes.append(note)
     limits = {"max_steps": max_steps, "max_seconds": max_seconds}
     steps = {"max_step": max_step, "first_step": first_step}
     d = len(y0)
@@ -173,7 +177,9 @@ def solve_ivp(
         # By default the event is the last row, as in SciPy.
         extra = t_eval is not None and run.times[-1] not in requested
     shown = slice(int(before), -1 if extra else None)
-    message = "a terminal event happened" if ended else _words(run, note)
+    notes.append(moved_start(problem, run.states, rtol, 0.0 if atol is None else atol))
+    message = "a terminal event happened" if ended else _words(run)
+    message = "; ".join(filter(None, [message, *notes]))
     if run.problem.plain:
         message += "; plain Python"
     scipy_status = 0 if run.success else -1
@@ -261,9 +267,15 @@ def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.nd
     return run.sol(direction * (np.asarray(t) - began))[:d]
 
 
-def _words(run: Solution, note: str) -> str:
+def _words(run: Solution) -> str:
     reason = f" ({run.message})" if run.message else ""
-    return run.status.meaning + reason + (f"; {note}" if note else "")
+    return run.status.meaning + reason
+
+
+def _on_rtol(rtol: float | Sequence[float]) -> str:
+    """What is said of a relative tolerance that allows anything."""
+    largest = float(np.max(rtol))
+    return f"rtol = {largest:g} allows errors as large as the solution" if largest >= 1 else ""
 
 
 def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:

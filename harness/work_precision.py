@@ -27,6 +27,7 @@ from polhode.harness.ivp import atol_of, check_samples
 from polhode.harness.references.any_problem import OwnReference, reference_of
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.uncertainty import least_known
+from polhode.harness.studies.own_problem import check_jacobian, moved_start
 from polhode.harness.studies.runner import COMPILATION, how_failed
 from polhode.harness.studies.setups import FUNCTION, Setup, as_setups, run_function, users_times
 from polhode.models.libraries import need
@@ -269,6 +270,7 @@ class WorkPrecision:
         setups = as_setups(self.solvers, self.one)
         if any(setup.solver for setup in setups):
             check_field(self.one)
+            check_jacobian(self.one)
         with Progress(self.quiet) as progress:
             loosest = max(self.tolerances)
             compiled = [
@@ -439,6 +441,9 @@ class WorkPrecision:
                 status = Status.FALSE_SUCCESS
                 error = None
                 message = f"off by {apart:.2g} of the state's size"
+        if status.success and setup.solver is not None:
+            allowed = tolerance * np.max(np.abs(self.one.start)) if atol is None else atol
+            message = message or moved_start(self.one, first.states, tolerance, allowed)
         timing = None
         if status.success and first.seconds <= self.max_seconds:
             timing = _timed(run)

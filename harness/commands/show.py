@@ -197,7 +197,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.harness.answers.rules import simplest
     from polhode.harness.api import solve
     from polhode.harness.common.files import PartialFile
-    from polhode.harness.pages.figures.motion import tumbling
+    from polhode.harness.pages.figures.motion import off_plane, tumbling
     from polhode.harness.references.rotations import rotations
     from polhode.models.scene import SlowStart
     from polhode.models.scenes import find_scene
@@ -232,4 +232,8 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")
         with PartialFile(out, binary=True) as file:
             tumbling(solution).savefig(file, format=out.suffix[1:], dpi=160)
+    flow = solution.scene.flow
+    if flow is not None and off_plane(flow, solution.times):
+        words = "the arrows show the flow at z = 0; its gradient along z (A13, A23, A33) is not drawn"
+        click.echo(f"note: {words}", err=True)
     click.echo(f"{out}")

@@ -18,7 +18,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.style import looks
-from polhode.harness.pages.figures.work_precision import panels, save, work_precision
+from polhode.harness.pages.figures.work_precision import NO_RESULT, panels, save, work_precision
 from polhode.solvers.contract import Status
 
 
@@ -39,6 +39,7 @@ def _as_scenes(frame: pd.DataFrame) -> pd.DataFrame:
 def draw(axes: Axes, frame: pd.DataFrame, study: Any) -> Axes:
     """Wall time against error of a study's rows."""
     work_precision(axes, _as_scenes(frame))
+    _name_failures(axes)
     axes.xaxis.set_inverted(True)
     kind = "relative" if study.relative else "absolute"
     words = {"max": "largest", "final": "final", "L2": "root mean square"}[study.error]
@@ -48,6 +49,16 @@ def draw(axes: Axes, frame: pd.DataFrame, study: Any) -> Axes:
     )
     axes.set_title(title(study), fontsize=11, loc="left", pad=15)
     return axes
+
+
+def _name_failures(axes: Axes) -> None:
+    """Give a legend the hollow marker of each solver that has runs without a result, once."""
+    named = set()
+    for line in axes.get_lines():
+        label = str(line.get_label())
+        if label.endswith(NO_RESULT) and label not in named:
+            named.add(label)
+            line.set_label(label.removeprefix("_"))
 
 
 def draw_over(axes: Axes, frame: pd.DataFrame, study: Any, target: float) -> Axes:

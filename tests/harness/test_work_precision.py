@@ -416,3 +416,26 @@ def test_functions_are_families_of_their_own():
 
     study = WorkPrecision(problem, {"a": exact, "b": other}, tolerances=(1e-5,), quiet=True)
     assert list(study.best()["solver"]) == ["a", "b"]
+
+
+def test_a_run_without_a_result_looks_hollow_and_is_in_the_legend():
+    import matplotlib.pyplot as plt
+
+    def broken(f, span, y0, t_eval, rtol, atol):
+        raise RuntimeError("no")
+
+    problem = Problem.from_function(lambda t, y: [-y[0]], [1.0], 1.0)
+    study = WorkPrecision(problem, ["taylor", broken], (1e-3, 1e-6), quiet=True)
+    figure, axes = plt.subplots(dpi=300)
+    study.plot(axes)
+    labels = axes.get_legend_handles_labels()[1]
+    assert labels.count("broken: no result") == 1
+    line = next(line for line in axes.get_lines() if line.get_label() == "broken: no result")
+    figure.canvas.draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())[..., :3]
+    right, up = line.get_transform().transform(line.get_xydata())[0]
+    middle = picture[len(picture) - 1 - round(up), round(right)]
+    around = picture[len(picture) - 1 - round(up) :][:20, round(right) - 20 : round(right) + 20]
+    plt.close(figure)
+    assert middle.min() == 255, "the middle of the marker is filled"
+    assert around.min() < 128, "there is no marker"

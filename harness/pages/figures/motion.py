@@ -78,6 +78,11 @@ def tumbling(solution: SceneSolution) -> Figure:
     return drawing
 
 
+def off_plane(flow: Flow, times: np.ndarray) -> bool:
+    """Whether the gradient along z, of which `body` draws nothing, is not zero at all times."""
+    return any(np.any(np.asarray(flow.gradient_at(float(time)))[:, 2]) for time in times)
+
+
 def body(
     axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray, gradient: np.ndarray = _SHEAR
 ) -> Axes:

@@ -57,6 +57,8 @@ _FEW_LINES = 8
 # Names longer than this, in letters, break at the comma.
 _LONGEST_NAME = 19
 UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
+# The end of the labels of solvers that have runs without a result.
+NO_RESULT = ": no result"
 # Runs beyond this error have failed, whatever their status; they stay in the table.
 LARGEST_ERROR = 10.0
 # One per full form, where a scene is solved in several.
@@ -199,17 +201,19 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
             style = {
                 "marker": look.marker,
                 "color": look.colour,
-                "markersize": 4,
+                # Large and thin enough for the hollow to show, within a cross too.
+                "markersize": 7,
+                "markeredgewidth": 0.8,
                 "fillstyle": "none",
                 "linewidth": 0,
             }
-            place = offset_copy(axes.get_xaxis_transform(), figure, 6 * i, 6, units="points")
+            place = offset_copy(axes.get_xaxis_transform(), figure, 8 * i, 7, units="points")
             axes.plot(
                 [tolerance],
                 [1.0],
                 transform=place,
                 clip_on=False,
-                label=f"_{solver}: no result",
+                label=f"_{solver}{NO_RESULT}",
                 **style,
             )
 

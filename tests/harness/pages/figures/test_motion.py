@@ -68,3 +68,29 @@ def test_the_command_writes_a_picture_or_refuses(here: Run, tmp_path: Path):
         assert (done.returncode, done.stdout) == (2, "")
         assert words in done.stderr
     assert not list(tmp_path.glob("x.*"))
+
+
+FLOW = """stokes = 1.0
+time = 5.0
+[shape]
+semi_axes = [1.0, 0.8, 0.5]
+[start]
+euler_angles = [1.0, 0.5, 0.2]
+euler_rates = [0.1, 0.2, 0.3]
+[flow]
+gradient = [[{}, 1.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, {}]]
+"""
+
+
+@pytest.mark.parametrize(("stretching", "said"), [(0.5, True), (0.0, False)])
+def test_what_the_arrows_do_not_show_of_a_flow_is_said(
+    here: Run, tmp_path: Path, stretching: float, said: bool
+):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(FLOW.format(-stretching, stretching), encoding="utf-8")
+    done = here("draw", scene, "--out", tmp_path / "a.png")
+    assert done.returncode == 0, done.stderr
+    note = (
+        "note: the arrows show the flow at z = 0; its gradient along z (A13, A23, A33) is not drawn"
+    )
+    assert done.stderr.splitlines() == [note] * said

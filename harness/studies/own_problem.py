@@ -1,0 +1,54 @@
+"""What is checked and said of a problem that a user states: its Jacobian, and a start that was moved."""
+
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.common.text import short
+from polhode.models.own_function import OwnField, in_one_line
+from polhode.models.problem import Problem
+
+
+def check_jacobian(problem: Problem) -> None:
+    """Raise ValueError unless the user's Jacobian, where it is a function, is a matrix at the start."""
+    field = problem.field
+    structure = field.structure if isinstance(field, OwnField) else None
+    if structure is None or not callable(structure.jacobian):
+        return
+    assert isinstance(field, OwnField)
+    start = np.array(problem.start[: problem.dimension - problem.timed])
+    shape = (len(start), len(start))
+    time = float(field.time_at(0.0))
+    expected = f"expected a function (t, y) that returns a matrix of shape {shape}"
+    try:
+        with np.errstate(all="ignore"):
+            matrix: Any = structure.jacobian(time, start, *problem.field_parameters)
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise ValueError(f"jacobian: got {reason:.150} at the start, {expected}") from error
+    if not hasattr(matrix, "tocsc"):
+        try:
+            matrix = np.array(matrix, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"jacobian: got {in_one_line(matrix)}, {expected}") from None
+    if matrix.shape != shape:
+        raise ValueError(f"jacobian: got shape {matrix.shape}, {expected}")
+
+
+def moved_start(problem: Problem, states: np.ndarray, rtol: Any, atol: Any) -> str:
+    """How algebraic equations have moved the start, beyond the tolerance; empty if they have not.
+
+    `states`, shape (n, d), begin at the start of the run.
+    """
+    if problem.parameters is not None or not len(states):
+        return ""
+    given = np.array(problem.start[: problem.dimension - problem.timed])
+    start = states[0, : len(given)]
+    allowed = np.asarray(rtol) * np.abs(given) + np.asarray(atol)
+    moved = np.flatnonzero(np.abs(start - given) > allowed)
+    if not len(moved):
+        return ""
+    largest = moved[np.argmax(np.abs(start - given)[moved])]
+    others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
+    change = f"y[{largest}] from {short(float(given[largest]))} to {short(float(start[largest]))}{others}"
+    return f"the start was moved to meet the algebraic equations: {change}"
