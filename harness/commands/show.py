@@ -234,6 +234,8 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
             tumbling(solution).savefig(file, format=out.suffix[1:], dpi=160)
     flow = solution.scene.flow
     if flow is not None and off_plane(flow, solution.times):
-        words = "the arrows show the flow at z = 0; its gradient along z (A13, A23, A33) is not drawn"
+        words = (
+            "the arrows show the flow at z = 0; its gradient along z (A13, A23, A33) is not drawn"
+        )
         click.echo(f"note: {words}", err=True)
     click.echo(f"{out}")
