@@ -170,7 +170,7 @@ class Flow:
     def numbers(self) -> tuple[float, ...]:
         """Half the vorticity h₁, h₂, h₃ and the strain S₁₁ - S₃₃, S₂₂ - S₃₃, S₂₃, S₃₁, S₁₂, as fields take them.
 
-        Of a track they are those at t = 0.
+        A track has its numbers at t = 0.
         """
         if self.varies:
             return tuple(float(number[0]) for number in self.numbers_at(np.zeros(1)))
@@ -180,14 +180,14 @@ class Flow:
     def rate(self) -> float:
         """Half the gradient's norm: how fast the flow turns bodies, in rad per unit of time; ½ in simple shear.
 
-        Of a track it is the largest one at its knots.
+        A track has the largest rate at its knots.
         """
         matrices = np.array(self.gradients or (self.gradient,))
         return 0.5 * float(np.max(np.linalg.norm(matrices, axis=(1, 2))))
 
 
 def _listed(given: Any) -> list[Any]:
-    """What a sequence holds; ValueError of anything else."""
+    """The items of a sequence; ValueError for anything else."""
     try:
         return list(given)
     except TypeError:

@@ -14,7 +14,7 @@ from polhode.models.scene import BodyStart, EulerStart, Scene, SlowStart
 Orientation = Literal["full", "axis", "none"]
 
 
-# What a start by L and E alone lacks where no averaged form takes it.
+# The refusal of a start by L and E alone that no averaged form takes.
 _WAY_OUT = "give a start with angles or a quaternion"
 
 
@@ -59,7 +59,7 @@ class Form(ABC):
     state: ClassVar[tuple[str, ...]]
     orientation: ClassVar[Orientation]
     averaged: ClassVar[bool] = False
-    # Whether its equations hold in every linear flow; those of other forms are derived for shear.
+    # Whether its equations hold in every linear flow; all others are derived for shear.
     any_flow: ClassVar[bool] = False
     # Costs more than the quaternion form, for the same errors or, near a pole of its angles, larger
     # ones.
@@ -92,7 +92,7 @@ class Form(ABC):
         return scene.slow_time
 
     def orientation_of(self, scene: Scene) -> Orientation:
-        """What `observe` gives of a scene's orientation: the rotation matrix, the symmetry axis' row of it, or none."""
+        """The orientation that `observe` gives: the rotation matrix, its row of the symmetry axis, or none."""
         return self.orientation
 
     def state_of(self, scene: Scene) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ import sys
 from functools import cache
 from importlib.util import find_spec
 
-# What pip installs, where the import has another name.
+# Names for pip of libraries that are imported by another name.
 _PACKAGES = {
     "CyRK": "cyrk",
     "PIL": "'polhode[figures]'",
@@ -31,7 +31,7 @@ def installed(library: str) -> bool:
     try:
         return find_spec(library) is not None
     except ModuleNotFoundError:
-        # Of a part, when the whole is missing.
+        # A part cannot be found where the whole is missing.
         return False
 
 

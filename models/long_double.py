@@ -1,4 +1,4 @@
-"""What NumPy's long double is on this machine."""
+"""NumPy's long double on this machine: its kind and precision."""
 
 import numpy as np
 

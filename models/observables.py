@@ -69,7 +69,7 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
 
 def angular_velocity(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
     """ω in space axes, shape (n, 3), of L and the rotation matrix; NaN where they leave it open."""
-    # Of a spheroid the symmetry axis' row is enough, of a sphere L.
+    # A spheroid needs its symmetry axis' row alone, a sphere L alone.
     momentum = observables.angular_momentum
     rotation = observables.rotation
     inertia = np.array(ellipsoid.inertia)

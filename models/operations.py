@@ -14,7 +14,7 @@ def _by_math(name: str, *arguments: float) -> float:
     return getattr(math, name)(*arguments)
 
 
-# What NumPy calls functions that `math` calls otherwise.
+# NumPy's names of functions that `math` calls otherwise.
 NUMPY_NAMES = {
     "asin": "arcsin",
     "acos": "arccos",

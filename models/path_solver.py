@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class PathSolver(Protocol):
-    """What `polhode.solvers.following.followed` is."""
+    """The kind of function that `polhode.solvers.following.followed` is."""
 
     def __call__(
         self, problem: "Problem", tolerance: float, points: int

@@ -251,7 +251,7 @@ class Problem:
 
     @property
     def field_parameters(self) -> Floats:
-        """What the field receives, in the explicit form or, where there is none, in the mass form."""
+        """The field's parameters in the explicit form or, if there is none, in the mass form."""
         if self.parameters is None:
             return self.mass_form.parameters if self.mass_form else ()
         return self.parameters

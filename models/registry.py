@@ -33,7 +33,7 @@ def near(word: str, names: Iterable[str]) -> str | None:
 
 
 class Question(UserWarning):
-    """What is legal, and surely not meant."""
+    """A warning of something that is legal, and surely not meant."""
 
 
 class NotFoundError(ValueError):
@@ -132,14 +132,14 @@ class Catalogue(dict[str, str], Generic[T]):
 
 @spent_on("import")
 def imported(target: str):
-    """What a "module:attribute" names."""
+    """The object that a "module:attribute" names."""
     module, _, attribute = target.partition(":")
     return getattr(import_module(module), attribute)
 
 
 def plug_ins(kind: str) -> dict[str, str]:
-    """What installed packages add, name → "module:attribute": their entry points of the group "polhode.KIND"."""
-    # Where none declares any, as is usual, `importlib.metadata` and its 0.05 s are spared.
+    """Entry points of installed packages in the group "polhode.KIND": name → "module:attribute"."""
+    # Usually no package declares any, which is found out without the 0.05 s of `importlib.metadata`.
     if not _declared():
         return {}
     from importlib.metadata import entry_points

@@ -165,7 +165,7 @@ class Scene:
                 f"time: got {self.time} at St = {self.stokes}, expected a finite t/St above 0"
             )
         if isinstance(self.start, SlowStart):
-            # Of any rotation L² / 2E lies between the extreme moments of inertia.
+            # L² / 2E of any rotation lies between the extreme moments of inertia.
             momentum = hypot(*self.start.angular_momentum)
             twice_energy = 2 * self.start.energy
             low = min(self.ellipsoid.inertia)

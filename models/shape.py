@@ -18,10 +18,9 @@ _CARLSON_SPREAD = 1 / 400
 
 
 def require_numbers(name: str, given: Any, count: int = 0) -> None:
-    """Raise ValueError unless these are so many real numbers of double precision or, without a count, this is one."""
+    """Raise ValueError unless these are `count` real numbers of double precision or, without a count, one number."""
     with suppress(OverflowError, TypeError, LookupError):
-        # By index, as they are read later on: those of a set have none, those of an iterator are
-        # read once.
+        # By index, as they are read later on: sets have no index, and iterators are read once.
         found = [given[i] for i in range(len(given))] if count else [given]
         if len(found) == max(1, count) and all(map(_is_number, found)):
             return

@@ -32,7 +32,7 @@ class _Block(ContextDecorator):
         seconds[self._work] += perf_counter() - self._began - inside
 
     def _recreate_cm(self) -> "_Block":
-        # What decorates a function begins anew at each call, in each thread.
+        # A decorated function gets a new block at each call, in each thread.
         return _Block(self._work)
 
 

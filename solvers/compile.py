@@ -93,7 +93,7 @@ def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Call
 
 @once()
 def denominators(factory: Factory, dimension: int, parameters: int) -> tuple[Callback, int] | None:
-    """What the field divides by, as ``callback(y, p, out)``, and how many numbers that is; None if there are none."""
+    """The field's divisors as ``callback(y, p, out)``, and their number; None if it has none."""
     lines = trace(factory, dimension, parameters)
     kept = [line for line in lines.splitlines() if "%out" not in line]
     divisors = sorted({name for line in kept for name in _DIVISION.findall(line)})

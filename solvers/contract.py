@@ -36,7 +36,7 @@ _MAX_STEPS_AHEAD = 1e8
 # Steps have shrunk that are shorter than this share of those before.
 _SHRUNK = 0.1
 
-# What a choice of back end or Jacobian needs besides the solver's own library.
+# Libraries that a choice of back end or Jacobian needs besides the solver's own.
 _NEEDS = {"compiled": "llvmlite", "numba": "llvmlite", "exact": "llvmlite"}
 
 
@@ -61,7 +61,7 @@ class Status(StrEnum):
 
     @property
     def meaning(self) -> str:
-        """What it means and what usually causes it."""
+        """Its meaning and usual causes."""
         return _meanings()[self]
 
 
@@ -111,11 +111,11 @@ class Settings:
     # Who evaluates the right-hand side: machine code without Python in the loop, machine code
     # called from Python (named after numba, which made it once), or plain Python.
     backend: Backend
-    # Of implicit solvers: by automatic differentiation of the vector field, or by the library's
-    # finite differences.
+    # How implicit solvers get it: by automatic differentiation of the vector field, or by the
+    # library's finite differences.
     jacobian: Jacobian = "exact"
     count: bool = False  # right-hand sides; costs time, so that timed runs leave it off
-    # Absolute tolerance: a number, or one per component; by default that of `rtol`.
+    # Absolute tolerance: a number, or one per component; by default `rtol`.
     atol: float | tuple[float, ...] | None = None
     max_step: float = inf  # largest step, in the problem's time
     first_step: float | None = None  # by default the library's guess
@@ -144,9 +144,9 @@ class Settings:
 
 @dataclass
 class Record:
-    """Where a solver writes a segment of a run, row by row, so that finished rows are never lost."""
+    """The rows of a segment of a run, which a solver fills one by one, so that finished ones are never lost."""
 
-    times: np.ndarray  # requested, shape (n,), increasing; the first one is that of `rows[0]`
+    times: np.ndarray  # requested, shape (n,), increasing; `rows[0]` lies at the first one
     rows: (
         np.ndarray
     )  # states, shape (n, d); the first row is the start, the solver fills the others
@@ -267,7 +267,7 @@ NO_RATES: Outcome = Status.NON_FINITE, "rates at the start are no numbers"
 
 
 def change(parameters: Any, count: int, record: Record) -> None:
-    """Give the last of so many parameters, in an array or a list, the values of a record, if it has any."""
+    """Give the last ones of `count` parameters, in an array or a list, the values of a record, if it has any."""
     if record.changed is not None:
         parameters[count - len(record.changed) : count] = record.changed
 
@@ -339,7 +339,7 @@ class Solver(ABC):
     error_constant: ClassVar[float]
     # Tolerances that may differ, from each other ("atol") and by components ("rtol vector").
     tolerances: ClassVar[tuple[str, ...]] = ()
-    # Of `max_step` and `first_step`, those that the library has.
+    # Which of `max_step` and `first_step` the library has.
     limits: ClassVar[tuple[str, ...]] = ()
     # Whether it takes the parameters of its record, where these change on the way.
     takes_parameter_table: ClassVar[bool] = False
@@ -362,7 +362,7 @@ class Solver(ABC):
 
     @property
     def why_not(self) -> str | None:
-        """What is missing and how to install it; None if nothing is."""
+        """The library that is missing and how to install it; None if none is."""
         if not installed(self.library):
             return f"{self.package} is not installed: pip install {self.package}"
         for library in self.also_needs:
@@ -376,7 +376,7 @@ class Solver(ABC):
 
     @property
     def note(self) -> str | None:
-        """What is to be said of it although it is installed."""
+        """A remark for the list of solvers, although it is installed; None without one."""
         return None
 
     def load(self) -> None:
@@ -432,7 +432,7 @@ class Solver(ABC):
             )
 
     def lacks(self, choice: str) -> str | None:
-        """What a back end or Jacobian needs that is not there."""
+        """How to install what a back end or Jacobian lacks; None if nothing."""
         needed = self.choices_need.get(choice)
         return (
             f"{needed!r} installed: pip install {needed}"

@@ -59,7 +59,7 @@ _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which a solution that is looked at beforehand is given up.
 _MOST_STEPS = 2000
 _MAX_RAM_MB = 2000
-# Of rates over what is tolerated, with a square below infinity.
+# Largest rate over the tolerated error: its square is below infinity.
 _LARGEST_NORM = 1.3e154
 
 # CyrkErrorCodes of the library's c_common.hpp.
@@ -76,7 +76,7 @@ _WITH_JACOBIAN = (
     "RS5_IcSaIcEEmmbS8_S2_RS5_I5EventSaISD_EES8_S8_ddbS4_"
 )
 
-# What ctypes has no name of its own for.
+# A type that ctypes has no name for.
 _TYPES = {"nothing": None, "doubles": ctypes.POINTER(ctypes.c_double)}
 # The function that the library calls: rates, time, state and parameters.
 _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
@@ -321,7 +321,7 @@ class Call:
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been checked"
-        # The pointer to the result, and vectors of 24 bytes; that of events is empty. One array of
+        # The pointer to the result, and vectors of 24 bytes, the one of events empty. One array of
         # numbers costs less than objects of ctypes: 4 µs of the 50 that the shortest runs take.
         passed = np.array(
             [
@@ -448,7 +448,7 @@ def _interpolated(
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
-    """So many times of a solution or more, dense where its steps are, and its states there, as far as it goes."""
+    """At least `points` times of a solution, dense where its steps are, and its states there, as far as it goes."""
     call = Vern7()._call(problem, Settings(tolerance, "compiled"), np.empty(0))
     start = np.array(problem.start)
     library = call.library

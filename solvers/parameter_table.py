@@ -31,7 +31,7 @@ class _Cut:
 
 
 def _cut(table: ParameterTable, record: Record) -> _Cut:
-    """Where a record is to be cut, in the direction of its times, which may go back."""
+    """The intervals of a record, in the direction of its times, which may go back."""
     times = record.times
     begin = float(times[0])
     end = float(times[-1])

@@ -46,7 +46,7 @@ _lsoda_lock = RLock()
 
 
 def _lock_of(method: str) -> AbstractContextManager[Any]:
-    """What keeps runs of a method apart that share memory: LSODA's Fortran, before SciPy 1.17, is not reentrant."""
+    """A lock for methods whose runs share memory: LSODA's Fortran, before SciPy 1.17, is not reentrant."""
     if method != "LSODA":
         return nullcontext()
     from scipy.integrate import _ode
@@ -148,7 +148,7 @@ class ScipySolver(Solver):
         return fun, options, [values, parameters]
 
     def _jacobian_options(self, problem: Problem) -> dict[str, Any]:
-        """What the user knows of the Jacobian, as SciPy's classes take it."""
+        """The user's Jacobian, pattern or bands, as SciPy's classes take them."""
         jacobian = jacobian_of(problem)
         options = {}
         if self.method == "LSODA":

@@ -170,7 +170,7 @@ class Run:
         )
 
     def _record(self, segment: Segment, end: float, deadline: float, steps: int) -> Record:
-        """Where the solver writes: among the run's rows where the segment's are those, else in rows of its own."""
+        """The record for the solver: the run's own rows where the segment has these, else rows of its own."""
         first = self.done - 1
         last = int(self.times.searchsorted(end, side="right")) - 1
         unit = segment.problem.time_unit / self.problem.time_unit
@@ -237,7 +237,7 @@ def _crash(error: Exception, solver: str) -> Outcome:
 
 
 def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
-    """What an integrator returns; an exception, rows that are not there, or another result are a crash."""
+    """Status and message of an integrator; an exception, missing rows, or another result are a crash."""
     try:
         outcome: Any = integrate(record)
     except EventFailedError:

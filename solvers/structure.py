@@ -10,7 +10,7 @@ from polhode.models.structure import Structure, in_run_time
 
 
 def structure_of(problem: Problem) -> Structure | None:
-    """What is known of a problem's Jacobian; None of problems that are no user's."""
+    """The structure of a user's problem's Jacobian; None for other problems."""
     return problem.field.structure if isinstance(problem.field, OwnField) else None
 
 

@@ -235,7 +235,7 @@ class Bound:
             integrator.pars[behind + self.timed] = self.pace
 
     def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """What the integrator's rows mean, shape (n, d)."""
+        """States of the problem that the integrator's rows stand for, shape (n, d)."""
         if self.units is None:
             return rows
         rows = rows * self.units.astype(rows.dtype)
@@ -276,9 +276,9 @@ def _own_units(
 def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
     """Go on from the last row filled, in units of state and time that follow the run.
 
-    The n-th coefficient of a Taylor series is about the state times the n-th power of its rate,
-    which for n of 20 leaves the range of double precision where rates are very large or small. In
-    units of the state's own size and of the time in which it changes, none does. Each chunk of
+    The n-th coefficient of a Taylor series is about the state times the n-th power of its rate. At
+    n = 20 it leaves the range of double precision where rates are very large or small. In units of
+    the state's own size and of the time in which it changes, none does. Each chunk of
     steps has its units. The tolerance is relative where the state is below its units: an absolute
     one would let a step leave the series' radius there.
     """

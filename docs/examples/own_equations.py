@@ -32,7 +32,7 @@ def chemistry(axes, names):
 
 
 def front(axes, names):
-    """Profiles at the times asked for."""
+    """Profiles at the requested times."""
     run = names["front"]
     for time, profile in zip(run.t, run.y.T, strict=True):
         axes.plot(names["x"], profile, label=f"t = {time:g}")

@@ -31,7 +31,8 @@ _MAX_STEPS = 300_000
 _EXACT_TOLERANCE = 1e-12
 # Rotations in a damping time from which on there is something to average over.
 _LEAST_TURNS = 0.3
-# Ratio of the tolerances of a second run in segments and the run: it has fewer and narrower windows.
+# Ratio of the tolerances of a second run in segments and the run: it has fewer and shorter full
+# segments.
 _LOOSER_SEGMENTS = 10.0
 
 

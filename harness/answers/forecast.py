@@ -45,7 +45,7 @@ _FORECAST_GROWTH = 0.1
 
 @dataclass(frozen=True)
 class RacedSegment:
-    """What methods are raced on: the scene itself, its surrogate at a smaller St, or its beginning."""
+    """The scene that methods are raced on: the scene itself, its surrogate at a smaller St, or its beginning."""
 
     scene: Scene
     kind: str  # "scene", "surrogate" or "beginning"

@@ -225,7 +225,7 @@ class _Remembering(Runner):
 
 
 class _Segment:
-    """What methods are raced on, and a confirmed run of it, the reference."""
+    """The segment that methods are raced on, and a confirmed run of it, the reference."""
 
     def __init__(self, raced: RacedSegment, usual: Method, error: float, want: str) -> None:
         self.raced = raced
@@ -450,7 +450,7 @@ class _Race:
         tolerance = first_tolerance(self.scene, method, self.error, self.want)
         hybrid = method.form.name == "hybrid"
         if hybrid:
-            # Few windows cost little: what they confirm is tried before more of them.
+            # Few full segments cost little: a loose tolerance, which has few, is tried first.
             tolerance *= _HYBRID_LOOSER
         tolerance = _rounded(method, tolerance)
         follows = method.solver.many_periods or hybrid

@@ -26,7 +26,7 @@ _ROUNDED_SHARE = 0.1
 _SPLITTING_FROM = 300.0
 # St from which on a run is averaged where that is cheaper.
 _HYBRID_FROM = 1e4
-# The least error that `hybrid` is tried for: at tighter ones its windows cover the run.
+# The least error that `hybrid` is tried for: at tighter ones its full segments cover the run.
 _HYBRID_LEAST_ERROR = 3e-9
 # Steps of a full run that cost as much as the second-order tables of a triaxial shape.
 _STEPS_OF_TABLES = 600_000

@@ -332,21 +332,21 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
     """Gradients of scenes at times within a step: each entry by SciPy's spline of the nine."""
     from scipy.interpolate import CubicSpline
 
-    pieces = np.zeros((len(scenes), _RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
+    cubics = np.zeros((len(scenes), _RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
     for i, scene in enumerate(scenes):
         flow = scene.flow
         assert flow is not None
         if flow.varies:
             spline = CubicSpline(np.array(flow.knots), np.array(flow.gradients))
-            pieces[i] = np.moveaxis(spline.c[::-1], 1, 0)
+            cubics[i] = np.moveaxis(spline.c[::-1], 1, 0)
         else:
-            pieces[i, :, 0] = flow.gradient
+            cubics[i, :, 0] = flow.gradient
     widths = np.array([scene.time for scene in scenes], dtype=np.longdouble) / _RUN_KNOTS
 
     def gradient(time: np.ndarray, step: int) -> np.ndarray:
         knot = step * _RUN_KNOTS // _RUN_STEPS
         since = (time - knot * widths)[:, None, None]
-        c = pieces[:, knot]
+        c = cubics[:, knot]
         return c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
 
     return gradient

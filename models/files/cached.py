@@ -51,8 +51,8 @@ def _base_folder(library: str) -> Path:
 def why_untrusted(folder: Path) -> str | None:
     """Why someone else may write in a folder, or replace it; None if nobody else may.
 
-    The folder must belong to the user, each folder above it to the user or to root. Of these others
-    may write in those alone whose sticky bit keeps them from what is not theirs, such as ``/tmp``.
+    The folder must belong to the user, each folder above it to the user or to root. Others
+    may write only in folders with a sticky bit, such as ``/tmp``, which protects foreign files.
     """
     if not hasattr(os, "geteuid"):
         return None
@@ -66,7 +66,7 @@ def _why_untrusted(folder: Path, links: int) -> str | None:
         try:
             status = path.lstat()
         except OSError:
-            # What does not exist yet is made by the user.
+            # It does not exist yet: the user makes it.
             return None
         owners = (user,) if path == folder else (user, 0)
         if status.st_uid not in owners:

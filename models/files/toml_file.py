@@ -83,7 +83,7 @@ def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
 
 
 def _advice(model: type[BaseModel], above: list[int | str], key: str, keys: list[str]) -> str:
-    """What an unknown key is likely to be: one of another table, or a misspelt one."""
+    """A guess at what an unknown key means: one of another table, or a misspelt one."""
     if above and key in model.model_fields:
         return f" ({key} belongs above the first [table], not under [{above[0]}])"
     for name, field in model.model_fields.items():

@@ -139,7 +139,7 @@ class Averaged(Form):
         in_body = scene.initial.rotation[0] @ scene.initial.angular_momentum[0]
         in_body = in_body / np.abs(in_body).max()
         shares = in_body**2 / np.sum(in_body**2)
-        # Of a start by L and E alone the axis is not known: no comparison with NaN holds.
+        # A start by L and E alone has no axis, but NaN, with which no comparison holds.
         if 1 - shares[scene.ellipsoid.order[1]] < _SEPARATRIX_WIDTH:
             raise self.refuse(
                 "the start rotates about the middle axis, and lingers there", "quaternion"

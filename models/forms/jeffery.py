@@ -115,7 +115,7 @@ class JefferyOrbit:
         kappa = self.aspect_ratio
         sine = np.sin(rest)
         cosine = np.cos(rest)
-        # Of half turns four leave a quaternion as it is.
+        # Four half turns leave a quaternion as it is.
         phi = -(np.mod(turns, 4) * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
         angles = theta, phi, self._spin(turns, sine, cosine)

@@ -71,7 +71,7 @@ class AlongTrack:
 def in_its_flow(
     scene: Scene, in_shear: Factory, in_any_flow: Factory, others: int
 ) -> tuple[Factory, Floats, ParameterTable | None]:
-    """The field that a scene needs, the parameters of its flow behind so many others, and how these change."""
+    """The field for a scene's flow, the flow's parameters, which stand behind `others` more, and how they change."""
     flow = scene.flow
     if flow is None:
         return in_shear, (), None

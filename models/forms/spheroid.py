@@ -1,4 +1,4 @@
-"""What the forms of a spheroid share: its symmetry axis, two moments of inertia, two damping rates."""
+"""Shared by the forms of a spheroid: its symmetry axis, two moments of inertia, two damping rates."""
 
 from dataclasses import dataclass
 

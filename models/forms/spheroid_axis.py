@@ -122,7 +122,7 @@ _COSINE = (
 
 
 def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
-    """What `rotation` needs to know: the time."""
+    """Constants of `rotation`: the time."""
     return (h,)
 
 
@@ -162,7 +162,7 @@ def rotation(ops: Operations) -> Field:
 
 
 def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
-    """What `relaxation` needs to know: how much of the way L goes along and across p̂ in a time h."""
+    """Constants of `relaxation`: the shares of its way that L goes along and across p̂ in a time h."""
     to_axial_spin = 1 + p[4]
     across = -ops.expm1(-p[1] * p[2] * h)
     along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
@@ -189,7 +189,7 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
         half = c[1]
         strain = c[2]
         at = y if before is None else before
-        # What comes last, p_z, is multiplied and added at once.
+        # The last factor, p_z, is multiplied and added in one instruction.
         axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5])
         return (
             (gx - across * lx) + (c[5] * pz + axial) * px,
@@ -202,7 +202,7 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
 
 
 def relaxation_constants_in_any_flow(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
-    """What `relaxation_in_any_flow` needs to know: shares of L's way, alone and times h and Λ S."""
+    """Constants of `relaxation_in_any_flow`: shares of L's way, alone and times h and Λ S."""
     to_axial_spin = 1 + p[4]
     across = -ops.expm1(-p[1] * p[2] * h)
     along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)

@@ -48,7 +48,7 @@ class Hybrid(Form):
             raise self.refuse(f"{long}, expected at most {_LONGEST:.1e}", "")
 
     def problem(self, scene: Scene) -> Problem:
-        """Initial value problem in time t: that of the full equations, run by a plan of segments."""
+        """Initial value problem in time t: the full equations, run by a plan of segments."""
         self.check(scene)
         full = find_form(full_form(scene)).problem(scene)
         return replace(full, name=self.name, parts=None, next_segment=HybridPlan(scene, full))

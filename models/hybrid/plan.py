@@ -74,8 +74,8 @@ class HybridPlan:
     """The plan of a scene's run; its states belong to the form of the full equations.
 
     `full` are the full equations. `segments` were foreseen at the time `since` from the run's
-    state then. The segments before have taken `spent` of the requested error, those of the full equations
-    among them `spent_full`.
+    state then. The segments before have taken `spent` of the requested error, of which full segments took
+    `spent_full`.
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""What a classical test problem is."""
+"""A classical test problem: equations, start, published end."""
 
 from dataclasses import dataclass
 

@@ -74,7 +74,7 @@ _RATE_Y, _RATE_ALPHA, _RATE_ALONG, _RATE_ACROSS = range(4)
 
 
 class _Part(NamedTuple):
-    """What one tensor adds to one rate: a Fourier series in α times e^(ik₂β) and c or c*."""
+    """The part of a rate that one tensor makes: a Fourier series in α times e^(ik₂β) and c or c*."""
 
     rate: int
     tensor: int
@@ -125,8 +125,7 @@ _PARTS = _parts()
 _Y = slice(0, 6)
 _ALONG = slice(12, 18)
 _ACROSS = slice(18, 27)
-# Of each part, shape (27,): k₂, 1 or i, and the index of its c; the conjugates of c stand behind
-# the six.
+# k₂, 1 or i, and the index of c of each part, shape (27,); the conjugates of c stand behind the six.
 _K2 = np.array([part.k2 for part in _PARTS])
 _UNIT = np.array([part.unit for part in _PARTS])
 _SOURCE = np.array([part.tensor + len(_TURNS) * part.conjugate for part in _PARTS])

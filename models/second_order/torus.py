@@ -194,7 +194,7 @@ def polhode_rates(
 ) -> tuple[Array, Array]:
     """Rates of y and α in slow time that a torque in body axes makes, at l = `size`.
 
-    `slope` is dh/dy, `beyond` (1/I - h) z, and `changes` are those of z per α and per y.
+    `slope` is dh/dy, `beyond` is (1/I - h) z, and `changes` are ∂z/∂α and ∂z/∂y.
     """
     dz, yz = changes
     # h' = 2(ω·τ - h L·τ)/l², and the rest of the change of z, τ/l across it, is along the polhode.

@@ -15,7 +15,7 @@ import numpy as np
 
 from polhode.solvers.machine_code.llvm import compile_file
 
-# What the function knows of Python and of NumPy.
+# Constants of Python's and NumPy's C interface.
 _KNOWN = {"head": object.__basicsize__, "native": ord("="), "double": np.dtype(float).num}
 _KNOWN |= {"ndarray": id(np.ndarray), "type_error": id(TypeError), "none": id(None)}
 # C-contiguous and aligned; writeable as well

@@ -1,6 +1,6 @@
 """CVODE and IDA through scikit-sundae: Python calls the field, the Jacobian and every row, over the very same steps.
 
-Whatever a callback raises ends a run, Ctrl-C among it, with its rows kept. A step too small to
+An exception in a callback, Ctrl-C too, ends a run and leaves its rows. A step too small to
 advance the time is no error to the library: it "will continue anyway". Here it is.
 """
 
@@ -49,7 +49,7 @@ class _OthersAlone:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """What this thread prints goes nowhere; other threads print as ever."""
+    """Discard what this thread prints; other threads print as ever."""
     with _lock:
         if not isinstance(sys.stdout, _OthersAlone):
             sys.stdout = _OthersAlone(sys.stdout)
@@ -140,7 +140,7 @@ class Callbacks:
             self.library = library(residual if self.implicit else field, **options)
 
     def start(self, record: Record) -> tuple[np.ndarray, ...]:
-        """What a run starts from: the state, and IDA's rates besides."""
+        """The start of a run: the state, and IDA's rates besides."""
         if not self.implicit:
             return (record.start,)
         if self.mass.ndim == 2:

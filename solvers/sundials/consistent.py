@@ -1,7 +1,8 @@
 """Consistent starts of equations ``M y' = f(t, y)`` whose mass matrix is singular, of index 1.
 
-What M knows of the state stays as it is. The rest follows from the algebraic equations, by Newton's method; the slope
-solves the differential equations and the derivative of the algebraic ones.
+The part of the state that M sees stays as it is. The rest follows from the algebraic equations, by
+Newton's method; the slope solves the differential equations and the derivative of the algebraic
+ones.
 """
 
 from collections.abc import Callable

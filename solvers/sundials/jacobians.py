@@ -1,4 +1,4 @@
-"""What a user knows of a Jacobian, as scikit-sundae takes it: its linear solver, its pattern, its entries."""
+"""The user's Jacobian, as scikit-sundae takes it: its linear solver, its pattern, its entries."""
 
 from typing import Any
 
@@ -12,12 +12,12 @@ from polhode.solvers.sundials.consistent import full
 # Step of differences over the size of a component, and the least size.
 _DIFFERENCE = float(np.sqrt(np.finfo(float).eps))
 _TINY = 1e-30
-# scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB of so many components.
+# scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB for this many components.
 _MAX_FULL = 1000
 
 
 def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
-    """Options of scikit-sundae's classes; with a mass, those of IDA's residual."""
+    """Options of scikit-sundae's classes; with a mass, for IDA's residual."""
     jacobian = jacobian_of(problem)
     bands = bands_of(problem)
     if mass is not None and mass.ndim == 2:

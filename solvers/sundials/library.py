@@ -25,7 +25,7 @@ FAILURES = {
 }
 # The version whose functions are called here.
 MAJOR = 7
-# What functions return that do not return a code, negative where they fail.
+# Types of functions' results that are no code, which is negative where they fail.
 _MAKERS = ("N_VMake_Serial", "SUNDenseMatrix", "SUNLinSol_Dense", "CVodeCreate", "IDACreate")
 _SILENT = ("N_VSetArrayPointer", "N_VDestroy", "SUNMatDestroy", "CVodeFree", "IDAFree")
 
@@ -93,7 +93,7 @@ def _major_version(library: Sundials) -> int:
 
 
 def posed(problem: Problem, implicit: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Masses and parameters of the equations: those of the mass form where they are implicit and there is one."""
+    """Masses and parameters of the equations: by the mass form if they are implicit and there is one."""
     form = problem.mass_form if implicit else None
     mass = np.array(form.mass) if form else np.ones(problem.dimension)
     return mass, np.array(form.parameters) if form else parameter_array(problem)

@@ -24,7 +24,7 @@ MULTISTEP = ("bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida", "cyrk-lsoda", "c
 SLOW = dict.fromkeys(
     ("oregonator", "oscillators", "lorenz", "pleiades", "kepler", "arenstorf"), ("radau", "bdf")
 )
-# Thousands of steps by the interpreter's pace, of problems that all their compiled twins solve.
+# Thousands of steps by the interpreter's pace, of problems that all their compiled counterparts solve.
 LONG = {
     "stiff-van-der-pol": ("radau", "bdf"),
     "van-der-pol": ("radau",),

@@ -104,13 +104,13 @@ def _stiff_spheroid(stokes: float) -> Problem:
 @needs_the_entry
 @pytest.mark.parametrize("stokes", [1e-4, 1e-8])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-9])
-def test_radau_takes_the_steps_of_its_twin(stokes: float, tolerance: float):
+def test_radau_takes_the_steps_of_scipys(stokes: float, tolerance: float):
     problem = _stiff_spheroid(stokes)
     found = solve(problem, "cyrk-radau", tolerance)
     assert found.success
     # SciPy's Radau takes 159 to 857 steps, with the same exact Jacobian.
-    twin = {1e-6: 160, 1e-8: 485, 1e-9: 855}[tolerance]
-    assert found.work.steps == pytest.approx(twin, rel=0.05)
+    steps = {1e-6: 160, 1e-8: 485, 1e-9: 855}[tolerance]
+    assert found.work.steps == pytest.approx(steps, rel=0.05)
 
 
 @needs_the_entry

@@ -9,7 +9,7 @@ from polhode.solvers.contract import SolverNotValidError
 from polhode.solvers.solve import solve
 
 TOLERANCES = 10.0 ** -np.arange(4.0, 10.5)
-# These take their time, and their compiled twins go all the way.
+# These take their time, and their compiled counterparts go all the way.
 SHORTENED = ("radau", "bdf", "lsoda")
 # Below this the reference's and double precision's own errors take part.
 FLOOR = 2e-12
@@ -44,7 +44,7 @@ def takes_too_long(run: Run, name: str) -> bool:
 )
 def test_error_follows_the_tolerance(run: Run, name: str):
     if takes_too_long(run, name):
-        pytest.skip("the compiled twin does")
+        pytest.skip("the compiled counterpart does")
     try:
         solver(name).check(run.problem)
     except SolverNotValidError as refusal:

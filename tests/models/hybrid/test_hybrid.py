@@ -158,7 +158,7 @@ def test_the_full_equations_take_over_where_no_slow_state_is_found(monkeypatch: 
     assert 0 < segment.end < 1e3
 
 
-def test_windows_narrow_as_the_stokes_number_grows():
+def test_full_segments_shorten_as_the_stokes_number_grows():
     shares = []
     for stokes in (1e5, 1e6, 1e7):
         solution = run(replace(CROSSING, stokes=stokes, time=0.2 * stokes), 1e-4)
@@ -244,7 +244,7 @@ def test_it_refuses_what_it_does_not_describe():
 
 
 @pytest.mark.parametrize("time", [1e16, 1e300])
-def test_runs_whose_windows_times_cannot_tell_apart_are_refused(time: float):
+def test_runs_whose_segments_times_cannot_tell_apart_are_refused(time: float):
     """Such a run would not end: its segments would not even begin to move."""
     with pytest.raises(
         FormNotValidError,
@@ -279,8 +279,8 @@ def test_any_scene_runs_or_is_refused_at_once(axes, stokes, slow, angles, rates,
 
 
 @given(st.lists(st.tuples(st.floats(1e-4, 1e-1), st.floats(1.0, 1e3)), min_size=1, max_size=8))
-def test_windows_take_their_share_of_the_error_together(windows: list[tuple[float, float]]):
-    ahead = [PlannedSegment(0.0, lasts, False, turned=lasts * weight) for lasts, weight in windows]
+def test_full_segments_take_their_share_of_the_error_together(lengths: list[tuple[float, float]]):
+    ahead = [PlannedSegment(0.0, lasts, False, turned=lasts * weight) for lasts, weight in lengths]
     spent_full = 0.0
     for i, each in enumerate(ahead):
         own, cost = full_tolerance(ahead[i:], 1e5, 1e-8, spent_full)

@@ -348,7 +348,7 @@ def test_no_rows_have_no_observables(axes):
     assert (found.slow.shape, found.rotation.shape) == ((0, 4), (0, 3, 3))
 
 
-def test_windows_narrow_with_the_error_allowed_and_meet():
+def test_full_segments_shorten_with_the_error_allowed_and_meet():
     scene, widths = Scene(PAPER, 1e6, BodyStart(POSE, (0.6, 0.5, 0.5)), 1e5), []
     for budget in (1e-4, 1e-7, 1e-8):
         segments = outline(scene, budget).segments
