@@ -277,6 +277,19 @@ def test_every_python_that_is_claimed_is_tested():
         assert set(words.split()) <= {*PYTHONS, *ENDS, "extras"}
 
 
+def test_polhode_is_imported_beside_a_clone_of_its_name(tmp_path: Path):
+    """A folder without `__init__.py` would be found first, as a package of nothing, but for a line in a .pth file."""
+    if not (Path(sysconfig.get_path("purelib")) / "polhode-clone.pth").is_file():
+        pytest.skip("this environment was not made by `make setup`, which adds the line")
+    (tmp_path / "polhode" / "models").mkdir(parents=True)
+    words = [sys.executable, "-c", "import polhode; polhode.solve; print(polhode.__file__)"]
+    done = subprocess.run(
+        words, cwd=tmp_path, env=BARE, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert Path(done.stdout.strip()).name == "__init__.py"
+
+
 def test_the_command_is_declared():
     assert PROJECT["project"]["scripts"] == {"polhode": "polhode.harness.cli:main"}
 
