@@ -113,9 +113,13 @@ class Answer(NamedTuple):
 def python(
     library: str, folder: Path, *words: str, seconds: float = 600.0, narrow: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Python in a folder, without a library, as if it were not installed; narrow, with a long double that is double."""
+    """Python in a folder, without a library, as if it were not installed; narrow, with a long double that is double.
+
+    Several libraries are joined by +.
+    """
     path = os.pathsep.join([str(HIDING), *filter(None, [os.environ.get("PYTHONPATH")])])
-    hidden = {"PYTHONPATH": path, "WITHOUT": f"{library},{LIBRARIES[library]}"}
+    names = [f"{name},{LIBRARIES[name]}" for name in library.split("+")]
+    hidden = {"PYTHONPATH": path, "WITHOUT": ",".join(names)}
     if narrow:
         # What is cached here was computed in extended precision.
         hidden |= {"NARROW": "1", "POLHODE_CACHE": str(folder / "narrow")}

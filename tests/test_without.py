@@ -17,6 +17,7 @@ from hidden import (
     not_installed,
     python,
 )
+from versions.tools import SMOKE, answers_of
 
 from polhode.models.libraries import KNOWN_LIBRARIES
 
@@ -215,6 +216,21 @@ def test_where_long_double_is_double_all_else_works(library: str, tmp_path: Path
     assert statuses["splitting-extended"] == "adapter_missing"
     assert "crashed" not in statuses.values()
     assert 0 < high < 1e-6
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        pytest.param("heyoka", id="macOS-ARM-and-Windows"),
+        pytest.param("CyRK+heyoka", id="macOS-x86-64"),
+        pytest.param("CyRK+sksundae", id="Linux-ARM"),
+    ],
+)
+def test_what_users_call_works_with_the_libraries_of_a_platform(missing: str, tmp_path: Path):
+    done = python(missing, tmp_path, str(SMOKE), "answers", narrow=True)
+    steps = answers_of(done.stdout)
+    assert list(steps) == ["solve", "pick", "solve_ivp", "WorkPrecision"], done.stderr
+    assert [step for step, answer in steps.items() if "numbers" not in answer] == []
 
 
 def test_references_in_double_keep_their_stated_uncertainty(tmp_path: Path):

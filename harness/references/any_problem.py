@@ -20,7 +20,7 @@ from polhode.models.problem import Problem
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve
-from polhode.solvers.taylor import Bound
+from polhode.solvers.taylor import Bound, extends_precision
 
 # Steps into which a whole run is divided at least, by the method that looks for pulses.
 _LEAST_STEPS = 10_000
@@ -113,6 +113,8 @@ def _by_taylor(
     taylor = find_solver("taylor")
     if not taylor.available:
         raise ReferenceFailedError(str(taylor.why_not))
+    if not extends_precision():
+        raise ReferenceFailedError("long double is not x86's of 80 bits here")
     taylor.check(problem)
     units = np.full(problem.dimension, _size(problem))
     runs = []
