@@ -34,8 +34,8 @@ SAYINGS = {
         r"St = (?P<explicit_from>\S+) to (?P<explicit_to>\S+) \(by (?P<explicit_lead>\S+) × ",
     ),
     "reports/accuracy/README.md": (
-        r'for the spheroid" means, at that St, a slow error between (?P<spheroid_best>\S+) '
-        r"\(.*?\) and (?P<spheroid_worst>\S+) \(",
+        r"an error of L and E below (?P<prolate_half>\S+) in half of \d+ bodies of kind prolate",
+        r"an error of L and E below (?P<oblate_half>\S+) in half of \d+ bodies of kind oblate",
     ),
     "reports/solvers/README.md": (
         r"\| 100 +\| dop853 +\|.*\| +(?P<dop853_python>\S+) \| +\S+ \|\n",

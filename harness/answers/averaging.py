@@ -2,8 +2,9 @@
 
 First-order averaging errs like 1/St, and like 1/√St once a run crosses L² = 2EI₂. A surrogate, the
 same slow motion at a smaller St, is followed by the full equations as well; its error is scaled to
-the scene's own St by these powers, never by larger ones. Second order, and the segments of `hybrid`,
-state errors of their own, from the size of the terms left out.
+the scene's own St by these powers, as measured over random bodies (`averaging_laws.py`), never by
+larger ones. Second order, and the segments of `hybrid`, state errors of their own, from the size of
+the terms left out.
 """
 
 from dataclasses import replace
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness.answers.averaging_laws import power
 from polhode.harness.answers.rules import EXPLICIT, Method, first_available, full_method, rotations
 from polhode.harness.answers.runs import Run, Runner
 from polhode.harness.answers.statement import Difference, difference
@@ -117,8 +119,8 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
     if not full.success:
         raise NotKnownError(f"the surrogate's run ended with {full.solution.status}")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
-    power = sqrt(ratio) if crosses(scene, exact.observables) else ratio
-    return apart.slow * power, surrogate.stokes
+    crossing = crosses(scene, exact.observables)
+    return apart.slow * ratio ** power("first order", crossing), surrogate.stokes
 
 
 def crosses(scene: Scene, observables: Observables) -> bool:

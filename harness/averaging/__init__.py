@@ -1,1 +1,1 @@
-"""How good averaging is, to first and second order: three studies; imports `api`."""
+"""How good averaging is, over random bodies, and of second order and `hybrid` in more depth; imports `api`."""

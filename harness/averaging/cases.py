@@ -1,10 +1,8 @@
-"""The bodies and starts that the studies of averaging follow: the paper's, and the second order's."""
+"""The bodies and starts that the study of second order follows."""
 
 import tomllib
 from dataclasses import dataclass
-from math import pi
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
@@ -12,11 +10,6 @@ from polhode.models import scenes
 from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
-
-# St of the paper's cases. A run over T = 5e5 in long double takes half a minute: only the paper's
-# own figures are followed to further St.
-_STOKES = (1e2, 10**2.5, 1e3, 10**3.5, 1e4, 1e5)
-FIRST_LOOK_STOKES = 1e3  # Largest St of a first look.
 
 _AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 _GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
@@ -43,11 +36,6 @@ class Subject:
     stokes: tuple[float, ...]
 
     @property
-    def family(self) -> str:
-        """The paper's name for the shape: "spheroid" or "ellipsoid"."""
-        return "ellipsoid" if Ellipsoid(self.semi_axes).kind == "triaxial" else "spheroid"
-
-    @property
     def axes(self) -> str:
         """The semi-axes as a:b:c."""
         return ":".join(f"{axis:g}" for axis in self.semi_axes)
@@ -55,22 +43,6 @@ class Subject:
     def scene(self, stokes: float) -> Scene:
         """The case at one St."""
         return Scene(Ellipsoid(self.semi_axes), stokes, self.start, self.slow_time * stokes)
-
-
-def paper_cases() -> list[Subject]:
-    """The paper's cases: its two starts of each shape, and one start of each phase plane."""
-    cases = []
-    for name, row in _TABLES["paper"].items():
-        scene = scenes.named_scene(row["scene"])
-        stokes = (*_STOKES, *row.get("further", ()))
-        cases.append(
-            Subject(name, scene.ellipsoid.semi_axes, cast("EulerStart", scene.start), 0.5, stokes)
-        )
-    for name, (a, b, c) in _TABLES["planes"].items():
-        body = Ellipsoid((a, b, c))
-        start = scenes.aligned_start(body, -max(body.inertia), pi / 4)
-        cases.append(Subject(f"phase plane {name}", (a, b, c), start, 0.5, _STOKES))
-    return cases
 
 
 def _case(

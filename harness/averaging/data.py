@@ -3,60 +3,15 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from math import nan
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record, read_table, write_table
-from polhode.models.rotation import Triple
 
-VARIABLES = ("Lx", "Ly", "Lz", "E")
-Each = tuple[float, float, float, float]
 # When and where a study was measured, and of how many runs each time is the fastest.
 _TIMED = "timed.json"
-
-
-@dataclass(frozen=True)
-class AveragingErrors:
-    """Errors of one averaged form at one St: maxima along the run, over I_max, in L_x, L_y, L_z and E."""
-
-    subject: str
-    family: str
-    form: str
-    semi_axes: Triple
-    stokes: float
-    until: float  # slow time to which the form follows the case
-    model: Each  # of the form's exact solution against the certified full one
-    solver: Each  # of the form solved as a user would against its exact solution
-    uncertainty: float  # of the full reference
-    pieces: int  # of the reference's certificate
-
-    model_error = property(
-        lambda row: max(row.model), doc="The slow error: the largest of the four."
-    )
-    solver_error = property(lambda row: max(row.solver), doc="The largest of the four.")
-
-
-@dataclass(frozen=True)
-class Absent:
-    """Why an averaged form has no errors for a case at one St."""
-
-    subject: str
-    family: str
-    form: str
-    stokes: float
-    reason: str
-
-
-@dataclass(frozen=True)
-class PaperStudy:
-    """Both orders in the paper's cases, and where there are no errors."""
-
-    errors: Sequence[AveragingErrors]
-    absent: Sequence[Absent]
-    timed: dict[str, Record]
 
 
 @dataclass(frozen=True)
@@ -121,32 +76,20 @@ class SecondOrderStudy:
     timed: dict[str, Record]
 
 
-_HEAD = ("case", "family", "form")
-# Columns of tables that are named otherwise than the fields of their rows.
-_COLUMNS = {
-    AveragingErrors: (
-        *(*_HEAD, "a", "b", "c", "St", "slow_time"),
-        *map("_".join, product(("model", "solver"), VARIABLES)),
-        *("reference_uncertainty", "pieces"),
-    ),
-    Absent: (*_HEAD, "St", "reason"),
-}
 Study = TypeVar("Study")
 
 
 def write_study(study: Any, folder: Path) -> None:
     """Write each of a study's tables into a folder, and `timed.json`."""
     for name, kind in _tables(type(study)).items():
-        write_table(folder / f"{name}.csv", kind, getattr(study, name), _COLUMNS.get(kind, ()))
+        write_table(folder / f"{name}.csv", kind, getattr(study, name))
     write_file(folder / _TIMED, json.dumps(study.timed, indent=2) + "\n", summed=True)
 
 
 def read_study(kind: type[Study], folder: Path) -> Study:
     """Read what `write_study` wrote; raises ValueError where a table is missing, OSError where `timed.json` is."""
     rows = _tables(kind).items()
-    tables = {
-        name: read_table(folder / f"{name}.csv", row, _COLUMNS.get(row, ())) for name, row in rows
-    }
+    tables = {name: read_table(folder / f"{name}.csv", row) for name, row in rows}
     study_kind: Any = kind
     return study_kind(**tables, timed=json.loads(read_file(folder / _TIMED)))
 

@@ -8,6 +8,7 @@ import os
 from dataclasses import asdict, replace
 from functools import partial
 from importlib import import_module
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -40,9 +41,9 @@ _PAGES = {
 }
 # Parts of `accuracy` by order: repeated from `averaging.second_order` and `averaging.hybrid`, so that
 # `--help` needs no numerics.
-ACCURACY_PARTS = {"1": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
+ACCURACY_PARTS = {"all": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 # Folder of the page of each order, unless --out names one.
-_FOLDERS = {"1": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
+_FOLDERS = {"all": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
 
 
 @command(needs=_PAGE_LIBRARIES)
@@ -311,7 +312,10 @@ def paper(
 
 @command(needs=_PAGE_LIBRARIES)
 @click.option(
-    "--order", type=click.Choice(list(_FOLDERS)), default="1", help="What is measured of averaging."
+    "--order",
+    type=click.Choice(list(_FOLDERS)),
+    default="all",
+    help="What is measured of averaging: all forms over random bodies, or one alone in more depth.",
 )
 @click.option(
     "--out",
@@ -322,7 +326,7 @@ def paper(
 @click.option(
     "--quick",
     is_flag=True,
-    help="St up to 1000 or a few cases alone: a look, by default in FOLDER-quick.",
+    help="Few bodies at few St, or a few cases: a look, by default in FOLDER-quick.",
 )
 @click.option(
     "--part",
@@ -331,6 +335,20 @@ def paper(
 )
 @click.option(
     "--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out."
+)
+@click.option("--resume", is_flag=True, help="Keep the bodies that are measured; measure the rest.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0),
+    help="Begin with no further body after this time; --resume goes on.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    help="Processes; by default one per core, 0 for this one alone.",
+)
+@click.option(
+    "--fit", is_flag=True, help="Let solve, pick and sweeps use the laws that the data show."
 )
 @options.quiet
 def accuracy(
@@ -341,23 +359,9 @@ def accuracy(
     part: str | None,
     page_only: bool,
     quiet: bool,
+    **how: Any,
 ) -> None:
-    """Measure the averaged forms' errors in L_x, L_y, L_z and E against full solutions."""
-    from polhode.harness.averaging.data import PaperStudy, SecondOrderStudy, read_study
-    from polhode.harness.averaging.hybrid import Study as HybridStudy, measure as measure_hybrid
-    from polhode.harness.averaging.measure import measure_all
-    from polhode.harness.averaging.second_order import measure_study
-    from polhode.harness.pages.averaging import first_order, hybrid, second_order
-    from polhode.harness.references.reference import ReferenceFailedError
-
-    pages: dict[str, Any] = {"1": first_order, "2": second_order, "hybrid": hybrid}
-    kinds: dict[str, Any] = {"1": PaperStudy, "2": SecondOrderStudy, "hybrid": HybridStudy}
-    measures: dict[str, Any] = {
-        "1": lambda *_, **how: measure_all(**how),
-        "2": measure_study,
-        "hybrid": measure_hybrid,
-    }
-    page = pages[order]
+    """Measure the averaged forms' errors against full solutions, over random bodies and starts."""
     out = out or options.usual(_FOLDERS[order], quick)
     with bad_input():
         if quick + bool(part) + page_only > 1:
@@ -369,21 +373,86 @@ def accuracy(
             raise ValueError(
                 f"--part: got --order {order}, expected --order {fitting} for {part!r}"
             )
-        results: Any = read_study(kinds[order], out) if part or page_only else None
+        for name, value in how.items():
+            if order != "all" and value not in (None, False):
+                raise ValueError(f"--{name}: got it with --order {order}, expected --order all")
+    if order == "all":
+        _random_bodies(out, as_json, quick, page_only, quiet, **how)
+    else:
+        _one_form(order, out, as_json, quick, part, page_only, quiet)
+
+
+def _random_bodies(
+    out: Path,
+    as_json: bool,
+    quick: bool,
+    page_only: bool,
+    quiet: bool,
+    resume: bool,
+    seconds: float | None,
+    workers: int | None,
+    fit: bool,
+) -> None:
+    """All averaged forms over random bodies."""
+    from polhode.harness.averaging import random_study
+    from polhode.harness.averaging.laws import laws_of, write_laws
+    from polhode.harness.pages.averaging import random_bodies
+
+    with bad_input():
+        old = None
+        if page_only or (resume and (out / "references.csv").exists()):
+            old = random_study.read_data(out)
+        make_folder(out)
+    data = old
+    if not page_only:
+        todo = random_study.tasks(random_study.QUICK_BODIES if quick else random_study.BODIES)
+        with stored(out, resume, what="bodies") as store:
+            data = random_study.run(
+                store,
+                todo,
+                old,
+                workers=os.cpu_count() or 1 if workers is None else workers,
+                seconds=inf if seconds is None else seconds,
+                quiet=quiet,
+            )
+        if data.references.empty:
+            raise RunFailed("--seconds: no body was finished, expected more time")
+    assert data is not None
+    random_bodies.write_page(data, out, "polhode accuracy" + " --quick" * quick)
+    if fit:
+        write_laws(laws_of(random_study.read_data(out)))
+    click.echo(to_json(random_bodies.as_json(data)) if as_json else random_bodies.as_text(data))
+    click.echo(str(out / "README.md"), err=True)
+
+
+def _one_form(
+    order: str,
+    out: Path,
+    as_json: bool,
+    quick: bool,
+    part: str | None,
+    page_only: bool,
+    quiet: bool,
+) -> None:
+    """Second order, or `hybrid`, in more depth."""
+    from polhode.harness.averaging.data import SecondOrderStudy, read_study
+    from polhode.harness.averaging.hybrid import Study as HybridStudy, measure as measure_hybrid
+    from polhode.harness.averaging.second_order import measure_study
+    from polhode.harness.pages.averaging import hybrid, second_order
+    from polhode.harness.references.reference import ReferenceFailedError
+
+    page: Any = {"2": second_order, "hybrid": hybrid}[order]
+    measure: Any = {"2": measure_study, "hybrid": measure_hybrid}[order]
+    kind: Any = {"2": SecondOrderStudy, "hybrid": HybridStudy}[order]
+    with bad_input():
+        results: Any = read_study(kind, out) if part or page_only else None
         make_folder(out)
     try:
-        results = (
-            results if page_only else measures[order](results, part or "", quick=quick, quiet=quiet)
-        )
+        results = results if page_only else measure(results, part or "", quick=quick, quiet=quiet)
     except ReferenceFailedError as error:
         raise RunFailed(str(error)) from None
-    page.write_page(
-        results, out, "polhode accuracy" + f" --order {order}" * (order != "1") + " --quick" * quick
-    )
-    if as_json:
-        click.echo(to_json(page.as_json(results) if order == "1" else asdict(results)))
-    else:
-        click.echo(page.as_text(results) if order == "1" else "\n".join(page.findings(results)))
+    page.write_page(results, out, f"polhode accuracy --order {order}" + " --quick" * quick)
+    click.echo(to_json(asdict(results)) if as_json else "\n".join(page.findings(results)))
     click.echo(str(out / "README.md"), err=True)
 
 

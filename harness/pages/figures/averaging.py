@@ -1,4 +1,4 @@
-"""Figures of averaging: errors against St beside the slopes promised; errors and speed of the form `hybrid`."""
+"""Figures of averaging: errors against St, by case or as bands; errors and speed of the form `hybrid`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,10 +8,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from polhode.harness.pages.figures.style import colour, power as power_of
 
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
+_CROSSING_COLOURS = {False: "#0072B2", True: "#D55E00"}
 _ORDER_NAMES = {1: "first order", 2: "second order"}
 _SIZE = (8.0, 4.2)  # Inches: two panels beside each other.
 
@@ -49,6 +51,50 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
         axes.set_xlabel("Stokes number St", fontsize=11)
         axes.grid(True, linewidth=0.4, alpha=0.5)
     row[0].set_ylabel(label, fontsize=11)
+    return figure
+
+
+@dataclass(frozen=True)
+class Band:
+    """Errors at St, by an order of averaging: what 2.5 %, half and 97.5 % of the bodies stay below."""
+
+    order: str
+    crosses: bool
+    stokes: Sequence[float]
+    low: Sequence[float]
+    middle: Sequence[float]
+    high: Sequence[float]
+
+
+def bands(panels: Mapping[str, Sequence[Band]]) -> Figure:
+    """A panel for each title, bands in one colour for bodies that cross L² = 2EI₂ and one for the others."""
+    rows = -(-len(panels) // 2)
+    figure, grid = plt.subplots(
+        rows, 2, figsize=(8.0, 2.5 * rows), sharex=True, sharey=True, layout="constrained"
+    )
+    for axes, (title, panel) in zip(grid.flat, panels.items(), strict=False):
+        for band in panel:
+            shade = _CROSSING_COLOURS[band.crosses]
+            first = band.order == "first order"
+            axes.fill_between(band.stokes, band.low, band.high, color=shade, alpha=0.2, linewidth=0)
+            axes.loglog(
+                band.stokes, band.middle, "-" if first else "--", color=shade, linewidth=1.6
+            )
+        axes.set_title(title, loc="left", fontsize=11)
+        axes.grid(True, linewidth=0.4, alpha=0.5)
+    for axes in grid.flat[len(panels) :]:
+        axes.set_visible(False)
+    for axes in grid[-1]:
+        axes.set_xlabel("Stokes number St", fontsize=11)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("error", fontsize=11)
+    grid[0, 0].set_ylim(1e-10, 3.0)
+    handles = [
+        Line2D([], [], color=_CROSSING_COLOURS[False], label="first order, does not cross"),
+        Line2D([], [], color=_CROSSING_COLOURS[False], ls="--", label="second order"),
+        Line2D([], [], color=_CROSSING_COLOURS[True], label="first order, crosses L² = 2EI₂"),
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=3, fontsize=10, frameon=False)
     return figure
 
 

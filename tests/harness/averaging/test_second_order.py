@@ -145,7 +145,7 @@ def test_one_part_is_measured_and_the_others_stay(monkeypatch):
 
 def test_the_commands_parts_are_the_studys():
     assert ACCURACY_PARTS == {
-        "1": (),
+        "all": (),
         "2": second_order.SECOND_ORDER_PARTS,
         "hybrid": hybrid.HYBRID_PARTS,
     }
@@ -178,7 +178,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
     assert "--quick, --part, --page-only: got several" in told(
         "--order", "2", "--page-only", "--part", "cost"
     )
-    assert "--part: got --order 1, expected --order 2" in told("--part", "cost")
+    assert "--part: got --order all, expected --order 2" in told("--part", "cost")
     assert "--part: got --order 2, expected --order hybrid" in told(
         "--order", "2", "--part", "speed"
     )

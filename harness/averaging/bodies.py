@@ -1,0 +1,208 @@
+"""Random bodies and starts by kind: body i of a kind is the same for ever."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from math import inf, nan, sqrt
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from polhode.models.catalogue import averaged_form, form as find_form
+from polhode.models.form import FormNotValidError
+from polhode.models.rotation import Triple
+from polhode.models.scene import BodyStart, Scene
+from polhode.models.second_order.outline import outline
+from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import available_like
+from polhode.solvers.solve import solve
+
+KINDS = {
+    "prolate": "spheroid, long along its axis",
+    "oblate": "spheroid, flat along its axis",
+    "near-spheroidal": "two semi-axes that differ by 0.1 to 5 %",
+    "stays": "triaxial, on one side of L² = 2EI₂, no strong resonance",
+    "resonance": "triaxial, on one side of L² = 2EI₂, through a strong resonance",
+    "crosses": "triaxial, across L² = 2EI₂",
+    "rest": "any shape, from rest",
+    "settled": "any shape, near its steady rotation about the vorticity",
+}
+LONGEST = 1.0  # Slow time of a run.
+_SEED = 20261127
+_LEAST_AXIS = 0.15  # Over the longest one.
+_LARGEST_RATIO = 0.95  # Of two semi-axes that count as different.
+_NEAR_EXPONENTS = (
+    -3.0,
+    -1.3,
+)  # log₁₀ of the relative difference of two semi-axes that hardly differ.
+_DISTURBED_EXPONENTS = (
+    -3.0,
+    -1.0,
+)  # log₁₀ of tilt in rad and of spin that a settled body has left.
+# A resonance is strong if its kick to L is at least this over √St, over I_max.
+STRONG_KICK = 0.01
+_KICK_STOKES = 1e6  # St at which kicks are looked up: they fall like 1/√St.
+_PATH_SAMPLES = 2001  # Of the first-order path, on which crossings are looked for.
+_PATH_TOLERANCE = 1e-10
+_DIGITS = 6  # Of all drawn numbers: a body is what its row in the table says.
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body and its start: semi-axes, quaternion, body angular velocity in shear rates."""
+
+    kind: str
+    body: int
+    semi_axes: Triple
+    quaternion: tuple[float, float, float, float]
+    spin: Triple
+    crossing: float  # slow time at which the first-order path meets L² = 2EI₂, NaN if it does not
+    kick: float  # √St times the strongest kick of a resonance up to there, over I_max; NaN: not looked up
+
+    @property
+    def crosses(self) -> bool:
+        """Whether it crosses L² = 2EI₂ within the study's slow time."""
+        return self.crossing < inf
+
+    def scene(self, stokes: float, slow_time: float = LONGEST) -> Scene:
+        """Its scene at one St, up to a slow time."""
+        start = BodyStart(self.quaternion, self.spin)
+        return Scene(Ellipsoid(self.semi_axes), stokes, start, slow_time * stokes)
+
+
+@cache
+def drawn(kind: str, number: int) -> Body:
+    """The body of that number of a kind: the first of its own random sequence that belongs to the kind."""
+    draw = np.random.default_rng([_SEED, [*KINDS].index(kind), number])
+    for body in _candidates(kind, number, draw):
+        if _belongs(body):
+            return body
+    raise AssertionError("the sequence of candidates has no end")
+
+
+def _candidates(kind: str, number: int, draw: np.random.Generator) -> Iterator[Body]:
+    axes_of = _AXES.get(kind, _any)
+    start_of = _STARTS.get(kind, _isotropic)
+    while True:
+        axes = axes_of(draw)
+        a, b, c = _rounded(draw.permutation(axes / axes.max()))
+        quaternion, spin = start_of(draw, Ellipsoid((a, b, c)))
+        w, x, y, z = _rounded(quaternion)
+        omega_1, omega_2, omega_3 = _rounded(spin)
+        start = (w, x, y, z), (omega_1, omega_2, omega_3)
+        body = Body(kind, number, (a, b, c), *start, crossing=nan, kick=nan)
+        body = replace(body, crossing=_crossing(body))
+        if kind in ("stays", "resonance") and not body.crosses:
+            body = replace(body, kick=_strongest_kick(body))
+        yield body
+
+
+def _belongs(body: Body) -> bool:
+    if body.kind == "crosses":
+        return body.crosses
+    if body.kind == "stays":
+        return body.kick < STRONG_KICK
+    if body.kind == "resonance":
+        return body.kick >= STRONG_KICK
+    return True
+
+
+def _crossing(body: Body) -> float:
+    """Slow time at which the first-order path meets L² = 2EI₂; NaN if it does not, or there is no path."""
+    scene = body.scene(_KICK_STOKES)
+    if scene.ellipsoid.kind != "triaxial":
+        return nan
+    form = find_form(averaged_form(scene))
+    try:
+        problem = form.problem(scene)
+    except FormNotValidError:
+        return nan
+    times = np.linspace(0.0, problem.end, _PATH_SAMPLES)
+    run = solve(problem, available_like("cyrk-vern8"), _PATH_TOLERANCE, times)
+    observables = form.observe(scene, run.states)
+    middle = scene.ellipsoid.inertia[scene.ellipsoid.order[1]]
+    excess = (observables.angular_momentum**2).sum(axis=1) - 2 * middle * observables.energy
+    other_side = np.flatnonzero(excess * excess[0] < 0)
+    return float(times[other_side[0]]) if len(other_side) else nan
+
+
+def _strongest_kick(body: Body) -> float:
+    """√St times the strongest kick of a resonance on the first-order path, over I_max."""
+    kicks = outline(body.scene(_KICK_STOKES)).kicks
+    strongest = max((kick.size for kick in kicks), default=0.0)
+    return float(f"{sqrt(_KICK_STOKES) * strongest:.3g}")
+
+
+def _log_uniform(
+    draw: np.random.Generator, low: float, high: float, size: int | None = None
+) -> np.ndarray:
+    return np.exp(draw.uniform(np.log(low), np.log(high), size))
+
+
+def _prolate(draw: np.random.Generator) -> np.ndarray:
+    across = _log_uniform(draw, _LEAST_AXIS, _LARGEST_RATIO)
+    return np.array([across, across, 1.0])
+
+
+def _oblate(draw: np.random.Generator) -> np.ndarray:
+    return np.array([1.0, 1.0, _log_uniform(draw, _LEAST_AXIS, _LARGEST_RATIO)])
+
+
+def _near(draw: np.random.Generator) -> np.ndarray:
+    axes = _prolate(draw) if draw.random() < 0.5 else _oblate(draw)
+    axes[0] *= 1 - 10 ** draw.uniform(*_NEAR_EXPONENTS)
+    return axes
+
+
+def _triaxial(draw: np.random.Generator) -> np.ndarray:
+    while True:
+        axes = np.sort(_log_uniform(draw, _LEAST_AXIS, 1.0, 3))
+        if np.max(axes[:-1] / axes[1:]) <= _LARGEST_RATIO:
+            return axes
+
+
+def _any(draw: np.random.Generator) -> np.ndarray:
+    """Half of them triaxial, a quarter of each kind of spheroid."""
+    shapes = (_triaxial, _triaxial, _prolate, _oblate)
+    return shapes[draw.integers(len(shapes))](draw)
+
+
+_AXES: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
+    "prolate": _prolate,
+    "oblate": _oblate,
+    "near-spheroidal": _near,
+    "stays": _triaxial,
+    "resonance": _triaxial,
+    "crosses": _triaxial,
+}
+
+
+def _isotropic(draw: np.random.Generator, _: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
+    """Isotropic orientation, and three standard normals of angular velocity."""
+    quaternion = draw.normal(size=4)
+    return quaternion / np.linalg.norm(quaternion), draw.normal(size=3)
+
+
+def _rest(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
+    """Isotropic orientation, at rest."""
+    quaternion, _ = _isotropic(draw, ellipsoid)
+    return quaternion, np.zeros(3)
+
+
+def _settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
+    """The shortest axis along the vorticity, and half the shear rate about it, both a little off."""
+    amount = 10 ** draw.uniform(*_DISTURBED_EXPONENTS)
+    shortest = np.eye(3)[ellipsoid.order[2]]
+    spin = -0.5 * shortest + amount * draw.normal(size=3)
+    turned = Rotation.align_vectors([[0.0, 0.0, 1.0]], [shortest])[0]
+    about = Rotation.from_rotvec([0.0, 0.0, draw.uniform(0, 2 * np.pi)])
+    tilt = Rotation.from_rotvec(amount * draw.normal(size=3))
+    x, y, z, w = (tilt * about * turned).as_quat()
+    return np.array([w, x, y, z]), spin
+
+
+_STARTS = {"rest": _rest, "settled": _settled}
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.{_DIGITS}g}") for value in values]

@@ -1,0 +1,99 @@
+"""What `solve`, `pick` and sweeps take from the study of averaging over random bodies, by name."""
+
+import json
+from math import isnan, log10
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.answers.averaging_laws import LAWS_FILE
+from polhode.harness.averaging.random_study import SLOW_TIMES, Data, Frame
+from polhode.harness.averaging.shares import (
+    CROSSING,
+    FIRST,
+    KNOWN,
+    LARGEST_ERROR,
+    LEAST_BODIES,
+    SECOND,
+    SHARES,
+    TARGETS,
+    THEORY,
+    all_times,
+    at,
+    kinds_in,
+    needed,
+)
+from polhode.harness.common.files import write_file
+from polhode.harness.common.fits import median_interval
+
+# Laws by name: of an order, and whether its bodies cross L² = 2EI₂.
+NAMES = {FIRST: (FIRST, False), f"{FIRST}, crossing": (FIRST, True), SECOND: (SECOND, False)}
+# An exponent is measured over the last ratio of St this large that has enough bodies.
+_RATIO = 10.0
+# St from which on an error's multiple of 1/St or 1/St² is taken.
+_SETTLED_FROM = 1e4
+
+
+def laws_of(data: Data) -> dict[str, Any]:
+    """Exponents of St, errors times their power of St, and the St from which errors are met, by kind."""
+    runs = at(data, SLOW_TIMES[-1])
+    # Kicks of resonances fall more slowly than second order's own error.
+    runs = runs[(runs["order"] == FIRST) | (runs["kind"] != "resonance")]
+    laws: dict[str, Any] = {"exponents": {}, "measured": {}, "few": {}, "most": {}}
+    for name, (order, crosses) in NAMES.items():
+        theory = CROSSING if crosses else THEORY[order]
+        own = runs[(runs["order"] == order) & (runs["crosses"] == crosses)]
+        measured = _measured(own)
+        laws["measured"][name] = measured
+        # Where errors fall more slowly than theory says, what was measured counts.
+        slower = measured is not None and measured["low"] > theory
+        laws["exponents"][name] = measured["high"] if measured and slower else theory
+    every = all_times(data)
+    for order, theory in THEORY.items():
+        own = every[(every["order"] == order) & (every["stokes"] >= _SETTLED_FROM)]
+        own = own[own["slow"] < LARGEST_ERROR]
+        if len(own):
+            multiples = own["slow"] * own["stokes"] ** -theory
+            whole = own["slow_time"] == SLOW_TIMES[-1]
+            laws["few"][order] = _rounded(float(np.quantile(multiples, 1 - SHARES[-1])))
+            laws["most"][order] = _rounded(float(np.quantile(multiples[whole], SHARES[-1])))
+    runs = at(data, SLOW_TIMES[-1])
+    laws["from"] = {}
+    for order in THEORY:
+        laws["from"][order] = {}
+        for kind in kinds_in(runs):
+            ends = {}
+            for target in TARGETS:
+                both = [needed(runs, kind, order, share, target) for share in SHARES]
+                ends[f"{target:g}"] = [
+                    None if isnan(stokes) else _rounded(stokes) for stokes, _ in both
+                ]
+            laws["from"][order][kind] = ends
+    return laws
+
+
+def write_laws(laws: dict[str, Any], path: Path = LAWS_FILE) -> None:
+    """Write laws into a file; by default the one that `solve`, `pick` and sweeps read."""
+    write_file(path, json.dumps(laws, indent=1, ensure_ascii=False) + "\n")
+
+
+def _measured(runs: Frame) -> dict[str, float] | None:
+    """Exponent of the largest St that enough bodies have, over a ratio of ten: median over bodies, and its interval."""
+    known = runs[runs["slow"].between(KNOWN * runs["uncertainty"], LARGEST_ERROR)]
+    table = known.pivot(index=["kind", "body"], columns="stokes", values="slow")
+    for end in sorted(table.columns, reverse=True):
+        begin = end / _RATIO
+        if begin not in table:
+            continue
+        slopes = (np.log10(table[end] / table[begin]) / log10(_RATIO)).dropna()
+        if len(slopes) >= LEAST_BODIES:
+            middle, low, high = median_interval(slopes.to_numpy())
+            numbers = {"median": middle, "low": low, "high": high}
+            rounded = {name: round(value, 3) for name, value in numbers.items()}
+            return {"begin": float(begin), "end": float(end), "bodies": len(slopes), **rounded}
+    return None
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.2g}")

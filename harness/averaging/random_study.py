@@ -1,0 +1,546 @@
+"""Errors of the averaged forms over random bodies, by St: references, forms, their own estimates, costs."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import asdict
+from io import StringIO
+from itertools import islice
+from math import inf, nan
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter, process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from polhode.harness.answers.confirmed import confirmation
+from polhode.harness.answers.rules import Method
+from polhode.harness.answers.runs import Runner
+from polhode.harness.answers.statement import Difference, difference
+from polhode.harness.averaging.bodies import KINDS, Body, drawn
+from polhode.harness.common.files import digest, dumps, loads, read_file, write_file
+from polhode.harness.common.machine import here
+from polhode.harness.common.store import Record, Store
+from polhode.harness.references.errors import attainable
+from polhode.harness.references.extended import (
+    ReferenceFailedError,
+    Run,
+    reference_runs,
+    unlike_runs,
+)
+from polhode.models.catalogue import averaged_form, form as find_form, full_form
+from polhode.models.form import Form, FormNotValidError
+from polhode.models.hybrid.form import Hybrid
+from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE
+from polhode.models.observables import Observables
+from polhode.models.problem import Problem
+from polhode.models.scene import Scene
+from polhode.models.second_order.form import SecondOrder
+from polhode.models.second_order.outline import outline
+from polhode.models.second_order.path import path_of
+from polhode.solvers.catalogue import available_like, solver as find_solver
+from polhode.solvers.solve import Solution, solve
+
+# Bodies of each kind by St, at most; the first ones of a kind are measured first.
+BODIES = {
+    10.0: 200,
+    100.0: 200,
+    1000.0: 200,
+    3160.0: 200,
+    1e4: 200,
+    31600.0: 200,
+    1e5: 200,
+    1e6: 200,
+    1e7: 60,
+    1e8: 20,
+}
+QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
+SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
+# Samples from one slow time to the next.
+SEGMENT_SAMPLES = 50
+# St at which what forms state of themselves is measured, and the bodies of each kind.
+STATED_STOKES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
+STATED_BODIES = 40
+# Bodies of each kind that `hybrid` follows by St, and the errors that it is asked for. At smaller St
+# full equations are all of it.
+HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
+REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
+# Bodies of each kind by St of which is measured what the full equations cost at a given error.
+COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
+COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+COST_LEAST_ERROR = 1e-8
+COST_LONG = 0.02  # Seconds; shorter runs are timed several times, and the fastest counts.
+COST_REPEATS = 3
+# The reference is a run in long double up to this St, and a looser one shows its error.
+LONG_DOUBLE_UP_TO = 1000.0
+_LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
+# Beyond it is Taylor's method in double precision, and another method shows its error: one of Runge
+# and Kutta, of spheroids one that splits.
+_TAYLOR = ("taylor", 1e-13)
+_UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1e-11)}
+# Beyond this St the reference of a spheroid is one by splitting, and stroboscopic averaging, in which
+# steps of its own length follow many turns at once, shows its error.
+_TAYLOR_UP_TO = 1e6
+_FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
+# Error of L and E, over I_max, from which on the two do not confirm each other.
+_APART = 1e-4
+# Solver of the averaged forms, the tolerance that a user takes, and one whose error counts for nothing.
+FORM_SOLVER = "cyrk-vern8"
+FORM_TOLERANCE = 1e-9
+_EXACT_TOLERANCE = 1e-12
+_MAX_STEPS = 300_000
+# Seconds that a task takes about: some, and others in proportion to St, those of spheroids alone, and
+# those of spheroids beyond _TAYLOR_UP_TO.
+_ANY_TASK = 0.1
+_SECONDS_PER_STOKES = 2.2e-6
+_SPHEROIDS_PER_STOKES = 1.2e-6
+_FAR_SPHEROIDS_PER_STOKES = 1e-7
+# Cheap tasks come first, and few bodies before many: by this power of their seconds, times the number
+# of the body plus a head start.
+_COST_POWER = 0.35
+_HEAD_START = 20
+_SCHEMA = 1
+TABLES = ("bodies", "references", "errors", "costs")
+_DIGITS = 3  # Of measured numbers in the tables.
+
+Array = np.ndarray
+Frame = Any  # Of pandas, whose types say too little of it.
+# Slow times of a run's samples, and the sample of each of SLOW_TIMES.
+TIMES = np.concatenate(
+    [[0.0]]
+    + [
+        np.linspace(begin, end, SEGMENT_SAMPLES + 1)[1:]
+        for begin, end in zip((0.0, *SLOW_TIMES), SLOW_TIMES, strict=False)
+    ]
+)
+_LAST_SAMPLES = [SEGMENT_SAMPLES * (i + 1) for i in range(len(SLOW_TIMES))]
+
+
+class Task(NamedTuple):
+    """One body at one St."""
+
+    kind: str
+    body: int
+    stokes: float
+
+    @property
+    def key(self) -> str:
+        """Its key in a store."""
+        return digest([_SCHEMA, *self])
+
+
+class Truth(NamedTuple):
+    """The full equations' solution at TIMES, and how far it may be off up to each of SLOW_TIMES."""
+
+    observables: Observables
+    slow: list[float]
+    turned: list[float]
+    method: str
+
+
+def tasks(bodies: dict[float, int], kinds: Iterable[str] = KINDS) -> list[Task]:
+    """All bodies of the kinds at all St, cheap ones first."""
+    every = []
+    for kind in kinds:
+        for stokes, count in bodies.items():
+            every += [Task(kind, body, stokes) for body in range(count)]
+
+    return sorted(every, key=_turn)
+
+
+def _turn(task: Task) -> float:
+    rate = _SECONDS_PER_STOKES
+    if task.kind in ("prolate", "oblate"):
+        rate = _SPHEROIDS_PER_STOKES
+        if task.stokes > _TAYLOR_UP_TO:
+            rate = _FAR_SPHEROIDS_PER_STOKES
+    seconds = _ANY_TASK + rate * task.stokes
+    return seconds**_COST_POWER * (task.body + _HEAD_START)
+
+
+def truth(scene: Scene) -> Truth:
+    """The reference of a scene; raises ReferenceFailedError if two methods do not confirm each other."""
+    form = find_form(full_form(scene))
+    problem = form.problem(scene)
+    times = TIMES * scene.stokes
+    pair = (_TAYLOR, _UNLIKE[form.name])
+    if scene.stokes > _TAYLOR_UP_TO and form.name == "spheroid-axis":
+        pair = _FAR_SPHEROIDS
+    names = [name for name, _ in pair]
+    method = ", ".join(names)
+    if scene.stokes <= LONG_DOUBLE_UP_TO:
+        method = "long double"
+        runs = reference_runs(problem, times, _LONG_DOUBLE)
+    elif all(find_solver(name).available for name in names):
+        runs = [_states(problem, *how, times) for how in pair]
+    else:
+        by_solver = unlike_runs(problem, times)
+        method = ", ".join(by_solver)
+        runs = by_solver.values()
+    tight, loose = (form.observe(scene, states) for states in runs)
+    tight = Observables(*(values.astype(float) for values in vars(tight).values()))
+    loose = Observables(*(values.astype(float) for values in vars(loose).values()))
+    slow, turned = _largest(difference(scene.ellipsoid, tight, loose))
+    if not max(slow) < _APART:
+        raise ReferenceFailedError(f"{method}: runs are {max(slow):.1g} apart")
+    least = attainable(scene.ellipsoid, tight)
+    return Truth(tight, [max(least, value) for value in slow], turned, method)
+
+
+def _states(problem: Problem, solver: str, tolerance: float, times: Array) -> Array:
+    run = solve(problem, solver, tolerance, times)
+    if not run.success:
+        raise ReferenceFailedError(f"{solver} ended with {run.status}")
+    return run.states
+
+
+def _largest(apart: Difference) -> tuple[list[float], list[float]]:
+    """The largest differences up to each of SLOW_TIMES; NaN beyond the last sample, or without orientation."""
+    both = []
+    for values in apart:
+        largest = [nan] * len(SLOW_TIMES)
+        for i, last in enumerate(_LAST_SAMPLES):
+            if values is not None and last < len(values):
+                largest[i] = float(np.max(values[: last + 1]))
+        both.append(largest)
+    return both[0], both[1]
+
+
+def measure(task: Task, body: Body | None = None) -> Record:
+    """Everything that is measured of a body at one St, as plain data; `failure` where there is no reference."""
+    body = body or drawn(task.kind, task.body)
+    scene = body.scene(task.stokes)
+    began = process_time()
+    head = task._asdict()
+    try:
+        true = truth(scene)
+    except ReferenceFailedError as failure:
+        reference = {**head, "method": "", "failure": str(failure), "seconds": nan}
+        blank = [nan] * len(SLOW_TIMES)
+        reference |= _columns("slow", blank) | _columns("turned", blank)
+        return {"body": asdict(body), "reference": reference, "errors": [], "costs": []}
+    reference = {**head, "method": true.method, "failure": "", "seconds": process_time() - began}
+    reference |= _columns("slow", true.slow) | _columns("turned", true.turned)
+    with_stated = task.body < STATED_BODIES and task.stokes in STATED_STOKES
+    errors = [
+        _first_order(body, task, true, with_stated),
+        _second_order(body, task, true, with_stated),
+    ]
+    if task.body < HYBRID_BODIES.get(task.stokes, 0):
+        errors += [_hybrid(scene, true, requested) for requested in REQUESTED_ERRORS]
+    costs = []
+    if task.body < COST_BODIES.get(task.stokes, 0):
+        costs = list(_costs(scene, true))
+    return {
+        "body": asdict(body),
+        "reference": reference,
+        "errors": [head | row for row in errors],
+        "costs": [head | row for row in costs],
+    }
+
+
+def _names(name: str) -> list[str]:
+    """Columns of a number up to each of SLOW_TIMES."""
+    return [f"{name}_{slow_time:g}" for slow_time in SLOW_TIMES]
+
+
+def _columns(name: str, values: Sequence[float]) -> dict[str, float]:
+    return dict(zip(_names(name), values, strict=True))
+
+
+def _row(form: str, requested: float = nan, refused: str = "") -> Record:
+    """A row without numbers yet."""
+    row = {"form": form, "requested": requested}
+    for name in ("slow", "turned", "bound", "turned_bound"):
+        row |= _columns(name, [nan] * len(SLOW_TIMES))
+    return row | {"solver_error": nan, "seconds": nan, "refused": refused}
+
+
+def _first_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Record:
+    scene = body.scene(task.stokes)
+    form = find_form(averaged_form(scene))
+    try:
+        form.check(scene)
+    except FormNotValidError as refusal:
+        return _row(form.name, refused=refusal.condition)
+    return _averaged(body, task, form, true, SLOW_TIMES, with_stated)
+
+
+def _second_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Record:
+    """As much of the run as the form follows."""
+    form = SecondOrder()
+    reached = []
+    reason = ""
+    for slow_time in SLOW_TIMES:
+        try:
+            form.check(body.scene(task.stokes, slow_time))
+        except FormNotValidError as refusal:
+            reason = refusal.condition
+            break
+        reached.append(slow_time)
+    if not reached:
+        return _row(form.name, refused=reason)
+    row = _averaged(body, task, form, true, reached, with_stated)
+    return row | {"refused": reason}
+
+
+def _averaged(
+    body: Body, task: Task, form: Form, true: Truth, slow_times: Sequence[float], with_stated: bool
+) -> Record:
+    """The model error of a form up to its last slow time, the solver error of a usual run, what it states."""
+    scene = body.scene(task.stokes, slow_times[-1])
+    last = _LAST_SAMPLES[len(slow_times) - 1] + 1
+    times = TIMES[:last]
+    exact = _observed(scene, form, _EXACT_TOLERANCE, times)
+    usual = _observed(scene, form, FORM_TOLERANCE, times)
+    if exact is None or usual is None:
+        return _row(form.name, refused="the run did not reach its end")
+    # What was compiled above counts no more.
+    began = process_time()
+    _observed(scene, form, FORM_TOLERANCE, times)
+    row = _row(form.name) | {"seconds": process_time() - began}
+    slow, turned = _largest(difference(scene.ellipsoid, exact, true.observables[:last]))
+    row |= _columns("slow", slow) | _columns("turned", turned)
+    row["solver_error"] = float(difference(scene.ellipsoid, usual, exact).slow.max())
+    if with_stated:
+        for slow_time in slow_times:
+            part = body.scene(task.stokes, slow_time)
+            runner = Runner(part, np.array([0.0, part.time]))
+            run = runner.run(Method(form, find_solver(available_like(FORM_SOLVER))), FORM_TOLERANCE)
+            stated = confirmation(runner, run)
+            row[f"bound_{slow_time:g}"] = stated.slow.high if stated.slow else nan
+            row[f"turned_bound_{slow_time:g}"] = (
+                stated.orientation.high if stated.orientation else nan
+            )
+    return row
+
+
+def _observed(scene: Scene, form: Form, tolerance: float, slow_times: Array) -> Observables | None:
+    run = solve(
+        form.problem(scene),
+        available_like(FORM_SOLVER),
+        tolerance,
+        slow_times,
+        max_steps=_MAX_STEPS,
+    )
+    return form.observe(scene, run.states) if run.success else None
+
+
+def _hybrid(scene: Scene, true: Truth, requested: float) -> Record:
+    form = Hybrid()
+    row = _row(form.name, requested)
+    runner = Runner(scene, TIMES * scene.stokes)
+    method = Method(form, find_solver(available_like(FORM_SOLVER)))
+    for kept in (outline, path_of):
+        kept.cache_clear()
+    began = process_time()
+    run = runner.run(method, requested / ERROR_PER_TOLERANCE)
+    row["seconds"] = process_time() - began
+    if not run.success:
+        return row | {"refused": f"ended with {run.solution.status}"}
+    observables = form.observe(scene, runner.rows(run.solution).states)
+    slow, turned = _largest(difference(scene.ellipsoid, observables, true.observables))
+    row |= _columns("slow", slow) | _columns("turned", turned)
+    along = confirmation(runner, run).at(TIMES / TIMES[-1]).along
+    if along.slow is None:
+        return row
+    slow, turned = _largest(Difference(along.slow, along.orientation))
+    return row | _columns("bound", slow) | _columns("turned_bound", turned)
+
+
+def _costs(scene: Scene, true: Truth) -> Iterator[Record]:
+    """Runs of the full equations at ever tighter tolerances, until errors are small enough."""
+    form = find_form(full_form(scene))
+    problem = form.problem(scene)
+    for name in ("cyrk-vern8", "splitting"):
+        solver = find_solver(name)
+        if not (solver.available and solver.takes(problem)):
+            continue
+        for tolerance in COST_TOLERANCES:
+            run, seconds = _fastest(problem, name, tolerance, TIMES * scene.stokes)
+            if not run.success:
+                continue
+            observables = form.observe(scene, run.states)
+            error = float(difference(scene.ellipsoid, observables, true.observables).slow.max())
+            yield {"solver": name, "tolerance": tolerance, "error": error, "seconds": seconds}
+            if error <= COST_LEAST_ERROR:
+                break
+
+
+def _fastest(
+    problem: Problem, solver: str, tolerance: float, times: Array
+) -> tuple[Solution, float]:
+    """A run, and its processor time, the least of several where it is short."""
+    # What is compiled does not count.
+    solve(problem, solver, tolerance, times[:2])
+    runs = []
+    for _ in range(COST_REPEATS):
+        began = process_time()
+        run = solve(problem, solver, tolerance, times)
+        runs.append((process_time() - began, run))
+        if runs[-1][0] > COST_LONG:
+            break
+    return runs[-1][1], min(seconds for seconds, _ in runs)
+
+
+class Data(NamedTuple):
+    """The tables of a study, and when and where they were measured."""
+
+    bodies: Frame
+    references: Frame
+    errors: Frame
+    costs: Frame
+    timed: Record
+
+    @property
+    def done(self) -> set[Task]:
+        """What has been measured."""
+        return {Task(*row) for row in self.references[_TASK].itertuples(index=False)}
+
+
+_TASK = ["kind", "body", "stokes"]
+_BODY_COLUMNS = (
+    *("kind", "body", "a", "b", "c"),
+    *("q_w", "q_x", "q_y", "q_z", "omega_1", "omega_2", "omega_3"),
+    *("crossing", "kick"),
+)
+
+
+_COLUMNS = {
+    "bodies": _BODY_COLUMNS,
+    "references": (*_TASK, "method", *_names("slow"), *_names("turned"), "seconds", "failure"),
+    "errors": (
+        *(*_TASK, "form", "requested", *_names("slow"), *_names("turned")),
+        *(*_names("bound"), *_names("turned_bound"), "solver_error", "seconds", "refused"),
+    ),
+    "costs": (*_TASK, "solver", "tolerance", "error", "seconds"),
+}
+
+
+def _flat(body: Record) -> dict[str, Any]:
+    """A body's row in its table."""
+    numbers = (*body["semi_axes"], *body["quaternion"], *body["spin"])
+    cells = (body["kind"], body["body"], *numbers, body["crossing"], body["kick"])
+    return dict(zip(_BODY_COLUMNS, cells, strict=True))
+
+
+def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None) -> Data:
+    """Tables of what was measured, those of an old study included."""
+    frames: dict[str, list[Any]] = {name: [] for name in TABLES}
+    for record in records:
+        frames["bodies"].append(_flat(record["body"]))
+        frames["references"].append(record["reference"])
+        frames["errors"] += record["errors"]
+        frames["costs"] += record["costs"]
+    tables = []
+    for name in TABLES:
+        table = pd.DataFrame(frames[name], columns=[*_COLUMNS[name]])
+        if old is not None:
+            table = pd.concat([getattr(old, name), table])
+        keys = [key for key in (*_TASK, "form", "requested", "solver", "tolerance") if key in table]
+        if len(table):
+            order = {kind: i for i, kind in enumerate(KINDS)}
+            table = table.drop_duplicates(keys).sort_values(
+                keys, key=lambda column: column.map(order) if column.name == "kind" else column
+            )
+        tables.append(table.reset_index(drop=True))
+    bodies, references, errors, costs = tables
+    return Data(bodies, references, errors, costs, timed)
+
+
+def write_data(data: Data, folder: Path) -> None:
+    """Write the tables and `timed.json` into a folder."""
+    for name in TABLES:
+        table = getattr(data, name)
+        write_file(folder / f"{name}.csv", _as_csv(table, exact=name == "bodies"), summed=True)
+    write_file(folder / "timed.json", dumps(data.timed) + "\n", summed=True)
+
+
+def _as_csv(table: Frame, exact: bool) -> str:
+    """A table as text: measured numbers in three digits, nothing where there is none."""
+    written = table.copy()
+    if not exact:
+        for name in written.select_dtypes("number").columns:
+            if name not in ("body", "stokes"):
+                written[name] = [f"{value:.{_DIGITS}g}" for value in written[name]]
+                written[name] = written[name].replace("nan", "")
+    if "stokes" in written:
+        written["stokes"] = [f"{value:g}" for value in written["stokes"]]
+    return written.to_csv(index=False, lineterminator="\n")
+
+
+def read_data(folder: Path) -> Data:
+    """Read what `write_data` wrote; raises ValueError where a table is missing or damaged."""
+    tables = []
+    for name in TABLES:
+        path = folder / f"{name}.csv"
+        try:
+            text = read_file(path).decode()
+        except OSError as error:
+            raise ValueError(f"{path}: {error.strerror}, expected a table of the study") from None
+        tables.append(pd.read_csv(StringIO(text)))
+    for name in ("method", "failure", "refused"):
+        for table in tables:
+            if name in table:
+                table[name] = table[name].astype(object).fillna("")
+    bodies, references, errors, costs = tables
+    return Data(bodies, references, errors, costs, loads(read_file(folder / "timed.json").decode()))
+
+
+def run(
+    store: Store,
+    todo: Sequence[Task],
+    old: Data | None = None,
+    *,
+    workers: int = 0,
+    seconds: float = inf,
+    quiet: bool = False,
+) -> Data:
+    """Measure what neither the store nor old tables hold, and give all of it.
+
+    Parameters
+    ----------
+    store : Store
+        Takes every finished task, so that an interrupted run goes on.
+    todo : sequence of Task
+    old : Data, optional
+        Tables of an earlier run.
+    workers : int
+        Processes; 0 for this one alone.
+    seconds : float
+        No task begins later than this.
+    quiet : bool
+        Show no progress.
+    """
+    done = old.done if old else set()
+    stored_keys = store.keys()
+    left = [task for task in todo if task not in done and task.key not in stored_keys]
+    deadline = perf_counter() + seconds
+    bar = tqdm(total=len(left), desc="accuracy", leave=False, disable=quiet or None)
+    with bar:
+        for task, record in _measured(left, workers, deadline):
+            store.put(task.key, task._asdict(), record)
+            bar.update()
+    timed = {**(old.timed if old else {}), "errors": here()}
+    return tables_of(store, timed, old)
+
+
+def _measured(left: Sequence[Task], workers: int, deadline: float) -> Iterator[tuple[Task, Record]]:
+    if not workers:
+        for task in left:
+            if perf_counter() > deadline:
+                return
+            yield task, measure(task)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        # Few tasks wait at a time, so that a deadline or an interruption loses little.
+        queue = iter(left)
+        waiting = {pool.submit(measure, task): task for task in islice(queue, 2 * workers)}
+        while waiting:
+            finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield waiting.pop(future), future.result()
+                if perf_counter() <= deadline:
+                    waiting |= {pool.submit(measure, task): task for task in islice(queue, 1)}

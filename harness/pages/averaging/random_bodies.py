@@ -1,0 +1,400 @@
+"""The study of averaging over random bodies: for the terminal, as JSON, and as a page with figure and data."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from math import inf, isnan, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from polhode.harness.analysis.frames import rows_of
+from polhode.harness.averaging import bodies, random_study, shares
+from polhode.harness.averaging.bodies import KINDS
+from polhode.harness.averaging.laws import laws_of, write_laws
+from polhode.harness.averaging.random_study import SLOW_TIMES, Data, Frame, read_data, write_data
+from polhode.harness.averaging.shares import (
+    FIRST,
+    HYBRID,
+    SECOND,
+    SHARES,
+    TARGETS,
+    THEORY,
+    Bounded,
+    Exponent,
+    all_times,
+    at,
+    bounded,
+    cancelled,
+    exponents,
+    form_seconds,
+    full_seconds,
+    kinds_in,
+    needed,
+    promised,
+    quantile,
+)
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import header
+from polhode.harness.common.text import aligned, cells, in_two_digits, markdown, short
+from polhode.harness.pages.figures.averaging import Band, bands
+from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.tables import columns_of, fill, lines_of
+
+# The slow time of most tables.
+WHOLE = SLOW_TIMES[-1]
+# St between which exponents are given.
+DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
+# St at which the paper calls the averaged equations good.
+GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
+# Share of the runs that a statement is to bound.
+_BOUNDED = 0.975
+# Errors that are shown by slow time.
+_SHOWN_TARGET = 1e-3
+# St at which the cost of `hybrid` is shown, and the error asked for.
+_HYBRID_SHOWN = (1e4, 1e5, 1e6)
+_HYBRID_ERROR = 1e-6
+# Examples of cancellation.
+_EXAMPLES = 3
+# Orders and errors of the table which form when.
+_WHICH = ((FIRST, 1e-2), (FIRST, 1e-4), (SECOND, 1e-4), (SECOND, 1e-6))
+# Quantiles of a band.
+_BAND = (0.025, 0.5, 0.975)
+_ERRORS = {"slow": "L, E", "turned": "orientation"}
+
+
+def write_page(data: Data, folder: Path, command: str) -> None:
+    """Write the page, its figure and its data into a folder."""
+    write_data(data, folder)
+    # The page says what the tables hold, whose numbers are rounded.
+    data = read_data(folder)
+    write_laws(laws_of(data), folder / "laws.json")
+    save(bands(_panels(data)), folder, "errors")
+    write_file(folder / "README.md", page(data, command))
+
+
+def page(data: Data, command: str) -> str:
+    """The report as Markdown."""
+    runs = at(data, WHOLE)
+    every = all_times(data)
+    title = "From which St on may one average?"
+    return fill(
+        "accuracy",
+        header=header(title, command, list(data.timed.values())),
+        findings=findings(data),
+        needed={order: needed_rows(runs, order) for order in (FIRST, SECOND)},
+        costs={order: cost_rows(data, runs, order) for order in (FIRST, SECOND)},
+        hybrid=hybrid_rows(data, runs),
+        by_time=time_rows(data),
+        exponents=exponent_rows(exponents(runs, DECADES)),
+        bounded=[_bounded_row(row) for row in sorted(bounded(every), key=_place)],
+        cancelled=cancelled(runs)[0][:_EXAMPLES],
+        references=reference_rows(data),
+        counts=count_rows(data),
+        count_columns=[short(stokes) for stokes in sorted(data.references["stokes"].unique())],
+        kinds=KINDS,
+        study=random_study,
+        shares=shares,
+        bodies=bodies,
+        solver_error=runs["solver_error"],
+        target=_SHOWN_TARGET,
+        hybrid_error=_HYBRID_ERROR,
+    )
+
+
+def findings(data: Data) -> list[str]:
+    """The findings in sentences."""
+    runs = at(data, WHOLE)
+    every = all_times(data)
+    fitted = exponents(runs, DECADES)
+    good = []
+    for kind, stokes in GOOD_FROM.items():
+        there = runs[(runs["kind"] == kind) & (runs["order"] == FIRST) & (runs["stokes"] == stokes)]
+        if len(there):
+            good.append((kind, stokes, np.sort(there["slow"].fillna(inf)), len(there)))
+    striking, tried = cancelled(runs)
+    return lines_of(
+        "accuracy-findings",
+        bodies=len(data.bodies),
+        kinds=len(kinds_in(data.references)),
+        runs=len(data.references),
+        largest=data.references["stokes"].max(),
+        spans={order: _spans(runs, order) for order in (FIRST, SECOND)},
+        pays=_pays(data, runs),
+        good=good,
+        fitted=_against_theory(fitted),
+        bounded=bounded(every),
+        share=_BOUNDED,
+        cancelled=striking,
+        tried=tried,
+        cancelled_below=shares.CANCELLED,
+        failures=data.references["failure"].ne("").sum(),
+    )
+
+
+def which_form(laws: dict[str, Any]) -> str:
+    """Which form when, as a table: from which St on 97.5 % of the bodies of a kind meet an error."""
+    heads = {}
+    for order, target in _WHICH:
+        heads[f"{order} to {short(target)}"] = (order, f"{target:g}")
+    rows = []
+    for kind, text in KINDS.items():
+        cells_of_kind = [text]
+        for order, target in heads.values():
+            _, most = laws["from"][order].get(kind, {}).get(target, (None, None))
+            cells_of_kind.append("–" if most is None else f"St ≥ {in_two_digits(most)}")
+        rows.append(cells_of_kind)
+    return markdown(["body and start", *heads], rows, right=range(1, len(heads) + 1))
+
+
+def as_text(data: Data) -> str:
+    """The findings, and the tables of the page that answer first, for a terminal."""
+    runs = at(data, WHOLE)
+    parts = ["\n".join(findings(data))]
+    columns = columns_of("accuracy-needed")
+    for order in (FIRST, SECOND):
+        table = aligned([*columns], cells(needed_rows(runs, order), columns))
+        parts.append(
+            f"{order}: St from which an error is met in half / 97.5 % of the bodies\n{table}"
+        )
+    return "\n\n".join(parts)
+
+
+def as_json(data: Data) -> dict[str, Any]:
+    """What was found, as plain data."""
+    runs = at(data, WHOLE)
+    return {
+        "laws": laws_of(data),
+        "exponents": [asdict(row) | {"theory": promised(row)} for row in exponents(runs, DECADES)],
+        "bounded": [asdict(row) for row in bounded(all_times(data))],
+        "errors": rows_of(data.errors),
+        "references": rows_of(data.references),
+        "statements": findings(data),
+    }
+
+
+def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
+    """For each kind the St from which each error is met, in half of the bodies and in 97.5 %."""
+    rows = []
+    for kind in kinds_in(runs):
+        row = {"kind": kind}
+        for i, target in enumerate(TARGETS):
+            row[f"t{i}"] = _both(runs, kind, order, target)
+        rows.append(row)
+    return rows
+
+
+def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
+    """How many times as fast as the full equations an order is from the St on at which 97.5 % meet an error."""
+    rows = []
+    for kind in kinds_in(runs):
+        row = {"kind": kind}
+        for i, target in enumerate(TARGETS):
+            row[f"t{i}"] = _gain(*gain(data, runs, kind, order, target))
+        rows.append(row)
+    return rows
+
+
+def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple[float, str]:
+    """Seconds of the full equations over those of an order where 97.5 % meet an error, and where that comes from."""
+    stokes, source = needed(runs, kind, order, SHARES[-1], target)
+    full = full_seconds(data, kind, target)
+    form = form_seconds(runs, kind, order)
+    if isnan(stokes) or not full or not form:
+        return nan, source
+    beyond = stokes / max(full)
+    place = min((decade for decade in full if decade >= stokes), default=max(full))
+    seconds = form[shares.nearest(form, max(stokes, place))]
+    if beyond > 1:
+        # Steps of a full run grow like St.
+        return full[place] * beyond / seconds, "extrapolated"
+    return full[place] / seconds, source
+
+
+def _pays(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
+    """Kinds and errors for which an order is slower than the full equations where 97.5 % meet the error."""
+    slower: dict[str, list[tuple[str, float, float]]] = {}
+    for order in (FIRST, SECOND):
+        slower[order] = []
+        for kind in kinds_in(runs):
+            for target in TARGETS:
+                ratio, source = gain(data, runs, kind, order, target)
+                if ratio < 1 and source != "extrapolated":
+                    slower[order].append((kind, target, ratio))
+    return slower
+
+
+def hybrid_rows(data: Data, runs: Frame) -> list[dict[str, str]]:
+    """How often `hybrid` keeps to the error asked for, and how many times as fast as the full equations it is."""
+    rows = []
+    hybrid = runs[runs["order"] == HYBRID]
+    for kind in kinds_in(hybrid):
+        own = hybrid[hybrid["kind"] == kind]
+        row = {"kind": kind, "bodies": str(own["body"].nunique())}
+        for i, requested in enumerate(random_study.REQUESTED_ERRORS):
+            asked = own[own["requested"] == requested]
+            met = asked["slow"] <= np.maximum(requested, asked["uncertainty"])
+            row[f"met{i}"] = f"{100 * met.mean():.3g} % of {len(met)}"
+        full = full_seconds(data, kind, _HYBRID_ERROR)
+        form = form_seconds(own, kind, HYBRID, _HYBRID_ERROR)
+        for i, stokes in enumerate(_HYBRID_SHOWN):
+            both = stokes in full and stokes in form
+            row[f"gain{i}"] = in_two_digits(full[stokes] / form[stokes]) if both else "–"
+        rows.append(row)
+    return rows
+
+
+def time_rows(data: Data) -> list[dict[str, str]]:
+    """By slow time: the St from which one error is met."""
+    rows = []
+    frames = {slow_time: at(data, slow_time) for slow_time in SLOW_TIMES}
+    for kind in kinds_in(frames[WHOLE]):
+        row = {"kind": kind}
+        for i, runs in enumerate(frames.values()):
+            for order, name in ((FIRST, "first"), (SECOND, "second")):
+                row[f"{name}{i}"] = _both(runs, kind, order, _SHOWN_TARGET)
+        rows.append(row)
+    return rows
+
+
+def exponent_rows(fitted: Sequence[Exponent]) -> list[dict[str, str]]:
+    """A row for each kind, order and error; a column for each decade."""
+    rows: dict[tuple[str, str, str, bool], dict[str, str]] = {}
+    for exponent in sorted(fitted, key=_place):
+        key = exponent.kind, exponent.order, exponent.error, exponent.crosses
+        blank = {"kind": _crossing_kind(exponent), "order": key[1], "error": _ERRORS[key[2]]}
+        theory = dict.fromkeys(_signed(value, ".2g") for value in promised(exponent))
+        blank |= {"theory": " to ".join(theory)}
+        row = rows.setdefault(key, blank | {f"d{i}": "–" for i in range(len(DECADES) - 1)})
+        width = f"{exponent.width:.2f}"
+        row[f"d{DECADES.index(exponent.begin)}"] = f"{_signed(exponent.median, '.2f')} ± {width}"
+    return [*rows.values()]
+
+
+def _place(row: Exponent | Bounded) -> tuple[str, str, int]:
+    return row.order, row.error, [*KINDS].index(row.kind)
+
+
+def _crossing_kind(exponent: Exponent) -> str:
+    """The kind, and whether only those of its bodies are meant that cross."""
+    mixed = exponent.crosses and exponent.kind != "crosses"
+    return f"{exponent.kind}, crossing" if mixed else exponent.kind
+
+
+def _against_theory(fitted: Sequence[Exponent]) -> dict[tuple[str, str], list[Exponent]]:
+    """The exponents of the last decade measured of each kind, by order and error."""
+    last: dict[tuple[str, str, str, bool], Exponent] = {}
+    for exponent in sorted(fitted, key=lambda exponent: exponent.end):
+        last[exponent.kind, exponent.order, exponent.error, exponent.crosses] = exponent
+    groups: dict[tuple[str, str], list[Exponent]] = {}
+    for exponent in last.values():
+        groups.setdefault((exponent.order, exponent.error), []).append(exponent)
+    return groups
+
+
+def _spans(runs: Frame, order: str) -> list[tuple[float, list[tuple[str, float, float]]]]:
+    """For errors of 1 % and 1e-4 the kinds with the St from which half and 97.5 % meet them."""
+    spans = []
+    for target in (1e-2, 1e-4):
+        kinds = []
+        for kind in kinds_in(runs):
+            (half, _), (most, _) = (needed(runs, kind, order, share, target) for share in SHARES)
+            if not isnan(half):
+                kinds.append((kind, half, most))
+        spans.append((target, sorted(kinds, key=lambda row: row[1])))
+    return spans
+
+
+def _bounded_row(row: Bounded) -> dict[str, str]:
+    low, high = row.interval
+    return {
+        "kind": row.kind,
+        "order": row.order,
+        "error": _ERRORS[row.error],
+        "runs": str(row.runs),
+        "share": f"{100 * row.share:.1f} %",
+        "bodies": f"{row.held} of {row.bodies} ({100 * low:.0f} to {100 * high:.0f} %)",
+        "worst": f"{row.worst:.2g}",
+        "over": f"{row.over:.2g}",
+    }
+
+
+def reference_rows(data: Data) -> list[dict[str, str]]:
+    """Method, uncertainty and seconds of the references, by St."""
+    rows = []
+    for stokes, there in data.references.groupby("stokes"):
+        known = there[there["failure"] == ""]
+        slow, turned = known[f"slow_{WHOLE:g}"], known[f"turned_{WHOLE:g}"]
+        rows.append(
+            {
+                "stokes": short(float(str(stokes))),
+                "method": "; ".join(dict.fromkeys(known["method"])),
+                "slow": f"{slow.median():.1e} / {slow.max():.1e}",
+                "turned": f"{turned.median():.1e} / {turned.max():.1e}",
+                "seconds": in_two_digits(float(known["seconds"].median())),
+            }
+        )
+    return rows
+
+
+def count_rows(data: Data) -> list[dict[str, Any]]:
+    """Bodies by kind and St."""
+    counts = data.references.groupby(["kind", "stokes"]).size().unstack(fill_value=0)
+    return [
+        {"kind": kind, "counts": counts.loc[kind].tolist()} for kind in kinds_in(data.references)
+    ]
+
+
+def _panels(data: Data) -> dict[str, list[Band]]:
+    """Bands of L and E by kind, crossing and not, and of the orientation by second order."""
+    runs = at(data, WHOLE)
+    averaged = runs[runs["order"].isin(THEORY)]
+    panels: dict[str, list[Band]] = {}
+    for kind in kinds_in(averaged):
+        own = averaged[averaged["kind"] == kind]
+        if own["slow"].isna().all():
+            continue
+        panels[kind] = []
+        for (order, crosses), group in own.groupby(["order", "crosses"]):
+            panels[kind] += _band(group, "slow", str(order), bool(crosses))
+    turned = averaged[(averaged["order"] == SECOND) & ~averaged["crosses"]]
+    turned = turned[turned["kind"] != "resonance"]
+    panels["orientation, without resonances"] = _band(turned, "turned", SECOND, False)
+    return panels
+
+
+def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
+    ends = []
+    for share in _BAND:
+        found = quantile(group, share, column)
+        if found is None:
+            return []
+        ends.append(found)
+    stokes = ends[0].stokes
+    return [Band(order, crosses, stokes, *(tuple(end.error) for end in ends))]
+
+
+def _both(runs: Frame, kind: str, order: str, target: float) -> str:
+    """St from which half of a kind and 97.5 % of it meet an error; once if neither does."""
+    ends = [_needed(*needed(runs, kind, order, share, target)) for share in SHARES]
+    return ends[0] if ends[0] == ends[1] and ends[0][0] in "–>" else " / ".join(ends)
+
+
+def _needed(stokes: float, source: str) -> str:
+    if source == "beyond":
+        return f"> {short(shares.LARGEST_STOKES)}"
+    if isnan(stokes):
+        return "–"
+    sign = {"at most": "< ", "extrapolated": "~ "}.get(source, "")
+    return f"{sign}{in_two_digits(stokes)}"
+
+
+def _gain(ratio: float, source: str) -> str:
+    if isnan(ratio):
+        return "–"
+    shown = in_two_digits(ratio)
+    return f"~ {shown}" if source == "extrapolated" else shown
+
+
+def _signed(value: float, spec: str) -> str:
+    return format(value, spec).replace("-", "−")
