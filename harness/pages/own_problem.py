@@ -17,8 +17,14 @@ from polhode.harness.analysis.frames import rows_of, where
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
-from polhode.harness.pages.figures.style import looks
-from polhode.harness.pages.figures.work_precision import NO_RESULT, panels, save, work_precision
+from polhode.harness.pages.figures.style import looks, measured, save
+from polhode.harness.pages.figures.work_precision import (
+    NO_RESULT,
+    conditions,
+    panels,
+    work_precision,
+)
+from polhode.harness.pages.tables import folded
 from polhode.solvers.contract import Status
 
 
@@ -79,10 +85,10 @@ def draw_over(axes: Axes, frame: pd.DataFrame, study: Any, target: float) -> Axe
     return axes
 
 
-def panels_of(groups: Sequence[tuple[str, pd.DataFrame]]) -> Figure:
-    """One panel for each title and frame, with one legend."""
+def panels_of(groups: Sequence[tuple[str, pd.DataFrame]], note: str = "") -> Figure:
+    """One panel for each title and frame, with one key; `note` stands below."""
     drawn = [(words, _as_scenes(frame)) for words, frame in groups]
-    return panels(drawn, "slow_error", "error", alike=False)
+    return panels(drawn, "slow_error", "error", alike=False, note=note)
 
 
 def write_page(study: Any, folder: Path, command: str) -> Path:
@@ -94,22 +100,25 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
     frame = study.frame
     record = {name: settings[name] for name in ("machine", "versions")}
     record["date"] = datetime.now(UTC).isoformat()
-    lines = header(title(study), command or "WorkPrecision.write", [record])
-    lines += [f"- Relative tolerances: {', '.join(f'{one:g}' for one in study.tolerances)}."]
-    lines += [f"- Absolute tolerance: {settings['atol']}."]
-    lines += [f"- Error: {settings['error']}, at {study.samples} times."]
+    made = header("", command or "WorkPrecision.write", [record])[2:]
+    note = conditions(frame, measured(made))
+    lines = [f"# {title(study)}", ""]
+    if study.over:
+        lines += _over_lines(study, frame, folder, note)
+    else:
+        lines += [*_fastest(frame), ""]
+        if frame["seconds"].notna().any():
+            figure = panels_of([(title(study), frame)], note)
+            save(figure, folder, "work-precision")
+            lines += ["![Work and precision](work-precision.png)", ""]
+    lines += ["## Every run", "", *_runs(frame, list(study.over)), ""]
+    how = [f"- Relative tolerances: {', '.join(f'{one:g}' for one in study.tolerances)}."]
+    how += [f"- Absolute tolerance: {settings['atol']}."]
+    how += [f"- Error: {settings['error']}, at {study.samples} times."]
     for point, one in study.studies:
         values = ", ".join(f"{name} = {value:g}: " for name, value in point.items())
-        lines += [f"- Reference: {values}{_source(one)}."]
-    if study.over:
-        lines += _over_lines(study, frame, folder)
-    else:
-        if frame["seconds"].notna().any():
-            figure = panels_of([(title(study), frame)])
-            save(figure, folder, "work-precision")
-            lines += ["", "![Work and precision](work-precision.png)"]
-        lines += ["", *_fastest(frame)]
-    lines += ["", "## Every run", "", *_runs(frame, list(study.over))]
+        how += [f"- Reference: {values}{_source(one)}."]
+    lines += [folded([*how, "", *made])]
     return write_file(folder / "README.md", "\n".join(lines) + "\n")
 
 
@@ -121,7 +130,7 @@ def _source(study: Any) -> str:
     return f"{settings['reference']}; uncertainty {short(float(uncertainty.iloc[0]))}"
 
 
-def _over_lines(study: Any, frame: pd.DataFrame, folder: Path) -> list[str]:
+def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> list[str]:
     lines = []
     if len(study.over) == 1:
         (name,) = study.over
@@ -142,8 +151,8 @@ def _over_lines(study: Any, frame: pd.DataFrame, folder: Path) -> list[str]:
         save(figure, folder, "over")
         lines += ["", "![Time over the parameter](over.png)"]
     groups = [(title(one), one.frame) for _, one in study.studies]
-    save(panels_of(groups), folder, "work-precision")
-    return [*lines, "", "![Work and precision](work-precision.png)"]
+    save(panels_of(groups, note), folder, "work-precision")
+    return [*lines, "", "![Work and precision](work-precision.png)", ""]
 
 
 def _time(seconds: float) -> str:

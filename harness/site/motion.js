@@ -5,7 +5,7 @@
   const motions = read("motion-data");
   const place = document.getElementById("motion");
   if (!motions.length) return;
-  const BLACK = getComputedStyle(document.body).color, ORANGE = "#D55E00", BLUE = "#0072B2", PINK = "#CC79A7", GREY = "#8a8f98";
+  const BLACK = getComputedStyle(document.body).color, ORANGE = "#D55E00", BLUE = "#0072B2", PINK = "#C07096", GREY = "#8a8f98";
   const TRAIL = 150, SECONDS = 20;
 
   const choice = html("label", { className: "field" }, place);

@@ -12,8 +12,8 @@ from polhode.harness.solution import SceneSolution
 from polhode.models.flow import Flow
 from polhode.models.observables import completed
 
-# Okabe and Ito's palette, safe for colour-blind readers.
-_COLOURS = {"Lx": "#E69F00", "Ly": "#56B4E9", "Lz": "#0072B2", "E": "#D55E00"}
+# Told apart by colour-blind readers, with a contrast of 3 or more on white.
+SLOW_COLOURS = {"Lx": "#B87A00", "Ly": "#3D8BC4", "Lz": "#0A3A63", "E": "#B0255C"}
 # The view is the one of the page of motions.
 TURN = 0.45  # Rad: round the gradient axis.
 TILT = 0.3  # Rad: then down on it.
@@ -49,7 +49,11 @@ def slow_variables(
         label = f"${name[0]}_{name[1]}$" if len(name) > 1 else f"${name}$"
         values = frame[name] / max(solution.scene.ellipsoid.inertia)
         axes.plot(
-            frame["t2" if slow else "t"], values, color=_COLOURS[name], linewidth=1.1, label=label
+            frame["t2" if slow else "t"],
+            values,
+            color=SLOW_COLOURS[name],
+            linewidth=1.1,
+            label=label,
         )
     time = "slow time $t_2 = t/\\mathrm{St}$" if slow else "time, in inverse shear rates"
     axes.set(xlabel=time, ylabel="L and E over $I_{max}$")

@@ -1,14 +1,18 @@
 """One look for every solver, told apart by all eyes, on white and on a dark ground."""
 
+import re
 from itertools import combinations
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from PIL import Image
 
+from polhode.harness import site
 from polhode.harness.pages.figures import style
 from polhode.harness.pages.figures.map_picture import CODES, ink_on
+from polhode.harness.pages.figures.motion import SLOW_COLOURS
 from polhode.harness.pages.figures.style import (
     INK,
     LOOKS,
@@ -138,6 +142,26 @@ def test_lines_stand_out_from_their_ground(theme: str):
     for name, look in [*LOOKS.items(), ("others", (*OTHER, "X"))]:
         for ground in GROUNDS[theme]:
             assert contrast(look[place], ground) >= LEAST_CONTRAST, name
+
+
+# Of the page of motions, which are the same in both themes: the axis, the full and the averaged equations.
+MOTION = re.findall(
+    r'(?:ORANGE|BLUE|PINK) = "(#\w{6})"',
+    (Path(site.__file__).with_name("motion.js")).read_text("utf-8"),
+)
+
+
+@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize("colours", [[*SLOW_COLOURS.values()], MOTION], ids=["L and E", "motion"])
+def test_other_lines_of_a_figure_are_told_apart(colours: list[str], eye: str):
+    assert len(colours) >= 3
+    seen = [lab(colour, eye) for colour in colours]
+    assert min(distance(a, b) for a, b in combinations(seen, 2)) >= LEAST_DISTANCE
+    assert all(contrast(colour, "#FFFFFF") >= LEAST_CONTRAST for colour in colours)
+
+
+def test_lines_of_the_page_of_motions_stand_out_in_the_dark():
+    assert all(contrast(colour, "#14181E") >= LEAST_CONTRAST for colour in MOTION)
 
 
 def test_every_solver_has_a_look():
