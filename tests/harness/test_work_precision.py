@@ -216,7 +216,10 @@ def test_functions_options_and_labels_stand_beside_the_catalogue():
 @pytest.mark.parametrize(
     ("solvers", "words"),
     [
-        ([("radau", {"maxstep": 1.0})], "got the option 'maxstep', expected one of atol, backend"),
+        (
+            [("radau", {"maxstep": 1.0})],
+            r"got the option 'maxstep' \(did you mean 'max_step'\?\), expected one of atol, backend",
+        ),
         (["radau", "radau"], "got 'radau' twice, expected labels"),
     ],
 )
