@@ -153,15 +153,15 @@ def measured(question: Question) -> Record:
 
 def ask(question: Question) -> tuple[Recommendation | None, str, float]:
     """The answer of `pick`, or its refusal, and the seconds of asking, all compiled and paced."""
-    _asked(question)
+    _recommended(question)
     forget()
     began = perf_counter()
     compiling = SPENT.seconds["compilation"]
-    answer, refusal = _asked(question)
+    answer, refusal = _recommended(question)
     return answer, refusal, perf_counter() - began - (SPENT.seconds["compilation"] - compiling)
 
 
-def _asked(question: Question) -> tuple[Recommendation | None, str]:
+def _recommended(question: Question) -> tuple[Recommendation | None, str]:
     try:
         return pick(question.scene, question.error, question.want, question.samples), ""
     except NotAttainableError as reason:

@@ -32,7 +32,7 @@ from polhode.solvers.catalogue import SOLVERS
 if TYPE_CHECKING:
     from polhode.harness.answers.recommendation import Recommendation
 
-# Rows shown unless all are asked for, and their columns.
+# Rows shown unless --all is given, and their columns.
 FEW = 8
 _ROWS = {
     "form": "{form}",
@@ -234,7 +234,7 @@ def validate(
     page = write_page(out, evaluation, command_line())
     click.echo("\n".join([*summary(evaluation.scenes), str(page)]))
     if not reached(evaluation.scenes):
-        raise RunFailed("pick did not reach what it promises")
+        raise RunFailed("pick: fewer first choices than expected are near the best run")
 
 
 def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:

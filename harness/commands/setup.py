@@ -181,13 +181,13 @@ def _page(state: dict[str, Any]) -> str:
         ]
         for row in state["adapters"]
     ]
-    kept = [
+    caches = [
         [cache["name"], cache["folder"], f"{cache['files']} files, {cache['size'] / 1e6:.1f} MB"]
         for cache in state["caches"]
     ]
-    pieces = [(work, duration(seconds)) for work, seconds in state["cold_start"].items()]
+    cold_start = [(work, duration(seconds)) for work, seconds in state["cold_start"].items()]
     verdict = mark(steady(state["steadiness"]), "steady", "unsteady")
-    rows = {"solvers": solvers, "kept": kept, "pieces": pieces, "verdict": verdict}
+    rows = {"solvers": solvers, "caches": caches, "cold_start": cold_start, "verdict": verdict}
     page = templates(_HERE).get_template("doctor.md")
     return page.render(state | rows, columns=on_terminal, fitting=fitting).rstrip()
 

@@ -77,31 +77,31 @@ class Progress:
         fraction: Callable[[], float] | None = None,
         note: Callable[[float], str] | None = None,
     ) -> None:
-        """Begin a piece of the work.
+        """Begin a task.
 
         `fraction` returns how much of it is done, from 0 to 1, if `advance` does not; `note`, of the
         seconds since it began, what is to be said of a long run, or nothing.
         """
         now = time()
         self._done = 0.0
-        self._piece = (title, fraction, note, now)
+        self._task = (title, fraction, note, now)
         if note and self._noting_since is None:
             self._noting_since = now
 
     def advance(self, done: float) -> None:
-        """Set how much of the piece is done, from 0 to 1."""
+        """Set how much of the task is done, from 0 to 1."""
         self._done = done
 
     def _watch(self) -> None:
         shown = bar = None
         noted = False
         while not self._stop.wait(INTERVAL):
-            title, fraction, note, began = piece = self._piece
+            title, fraction, note, began = task = self._task
             if note and not noted and time() - (self._noting_since or began) > NOTE_AFTER:
                 noted = self._say(note(time() - began), bar)
             if not self._on_terminal:
                 continue
-            if bar is None or piece is not shown:
+            if bar is None or task is not shown:
                 from tqdm import tqdm
 
                 if bar:
@@ -115,7 +115,7 @@ class Progress:
                     delay=max(0.0, PATIENCE - (began - self._since)),
                     **_EVERY_LOOK,
                 )
-                shown = piece
+                shown = task
                 bar.start_t = began
             done = fraction() if fraction else self._done
             bar.bar_format = _KNOWN if done >= _TOO_EARLY else _UNKNOWN

@@ -45,7 +45,7 @@ _MIDDLE = 0.8
 # Least estimate, over the requested error: takes the place of 0.
 _LEAST = 1e-6
 # Checks of one plan at most.
-ROUNDS = 4
+MAX_PLAN_CHECKS = 4
 # Order by which errors of steps fall that are not checked again: lower, as the slow part may not be
 # small there.
 _LEAST_ORDER = 4
@@ -128,7 +128,7 @@ class Planner:
         plan = old or self.by_law(rate, longest)
         good = None
         bad = None
-        for _ in range(ROUNDS):
+        for _ in range(MAX_PLAN_CHECKS):
             ratio = self.off(plan, state, now, record)
             if bad and bad[1] <= ratio != _HOPELESS:
                 # Only rounding is left, which more steps add to.

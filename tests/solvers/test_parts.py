@@ -28,7 +28,7 @@ from polhode.solvers import contract
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.parts.kernels import Code, clock
-from polhode.solvers.parts.planning import ROUNDS
+from polhode.solvers.parts.planning import MAX_PLAN_CHECKS
 from polhode.solvers.parts.schemes import ABA, PARALLEL, SCHEMES, Scheme
 from polhode.solvers.parts.splitting import Split
 from polhode.solvers.parts.strobe_kernels import TERMS
@@ -524,7 +524,7 @@ def test_plans_whose_checks_fail_are_narrowed_to_the_last(monkeypatch):
     record = contract.Record(np.array([0.0, each.end]), np.empty((2, each.dimension)))
     tried.append(split.planner.plan(None, state, 0.0, record).step(1.0))
     assert np.all(np.diff(tried) < 0)
-    assert len(tried) == 1 + ROUNDS
+    assert len(tried) == 1 + MAX_PLAN_CHECKS
 
 
 def test_the_smallest_micro_steps_are_compared_with_larger_ones(monkeypatch):

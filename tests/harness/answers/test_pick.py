@@ -1,4 +1,4 @@
-"""`pick`: what it promises is kept by runs, what it refuses is refused in one line, what it excludes has a reason."""
+"""`pick`: runs confirm what it predicts, refusals have one line, and exclusions a reason."""
 
 import json
 import re
