@@ -186,8 +186,8 @@ def _draw_orders(axes: Axes, orders: Any) -> None:
     spacing = orders["spacing"].to_numpy(float)
     error = orders["error"].to_numpy(float)
     axes.loglog(spacing, error, "o", color=ramp(3)[2], markersize=5)
-    promise = error[-1] * (spacing / spacing[-1]) ** 4
-    axes.loglog(spacing, promise, "-", color=INK, linewidth=1.0)
+    prediction = error[-1] * (spacing / spacing[-1]) ** 4
+    axes.loglog(spacing, prediction, "-", color=INK, linewidth=1.0)
     axes.set_xlabel("spacing of knots, 1/γ̇")
     axes.set_ylabel("error of L over $I_{max}$")
     axes.set_title("Along a track", loc="left", fontsize=TITLE)

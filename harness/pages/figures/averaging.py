@@ -20,7 +20,7 @@ _SIZE = (8.0, 4.2)  # Inches: two panels beside each other.
 
 @dataclass(frozen=True)
 class Line:
-    """Errors of one case at its St, by an order of averaging that promises them to fall like 1/St^power."""
+    """Errors of one case at its St, by an order of averaging that lets them fall like 1/St^power."""
 
     order: int
     power: int
@@ -29,7 +29,7 @@ class Line:
 
 
 def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
-    """A panel for each title, one thin line for each case; dotted, the promised slopes."""
+    """A panel for each title, one thin line for each case; dotted, the predicted slopes."""
     figure, row = plt.subplots(
         1, len(panels), figsize=_SIZE, sharex=True, sharey=True, layout="constrained"
     )
@@ -43,7 +43,7 @@ def against_stokes(panels: Mapping[str, Sequence[Line]], label: str) -> Figure:
             }
             axes.loglog(line.stokes, line.error, "o-", **style)
         for order, power in sorted({(line.order, line.power) for line in lines}):
-            _promise(axes, [line for line in lines if line.order == order], power)
+            _prediction(axes, [line for line in lines if line.order == order], power)
         axes.margins(y=0.12)
         if lines:
             axes.legend(loc="upper right", fontsize=10, labelcolor="linecolor", handlelength=1.2)
@@ -131,8 +131,8 @@ def errors_and_speed(runs: Any, speeds: Any) -> Figure:
     return figure
 
 
-def _promise(axes: Axes, lines: Sequence[Line], power: int) -> None:
-    """A dotted line of the promised slope above nine in ten of the errors."""
+def _prediction(axes: Axes, lines: Sequence[Line], power: int) -> None:
+    """A dotted line of the predicted slope above nine in ten of the errors."""
     stokes = np.concatenate([line.stokes for line in lines])
     errors = np.concatenate([line.error for line in lines])
     ends = np.array([stokes.min(), stokes.max()])

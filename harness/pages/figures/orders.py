@@ -1,4 +1,4 @@
-"""Errors of averaging against St, case by case, beside the slopes promised."""
+"""Errors of averaging against St, case by case, beside the predicted slopes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,16 +16,16 @@ _NAMES = {1: "first order", 2: "second order"}
 
 
 def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str = "") -> Figure:
-    """A panel for each title, one thin line for each case; dotted, the slopes promised."""
+    """A panel for each title, one thin line for each case; dotted, the predicted slopes."""
     figure, grid = panels(1, len(titles), 3.3, sharex=True, sharey=True)
-    promised = set()
+    predicted = set()
     for axes, (title, lines) in zip(grid[0], titles.items(), strict=True):
         for line in lines:
             style = {"color": _COLOURS[line.order], "marker": _MARKERS[line.order]}
             axes.loglog(line.stokes, line.error, linewidth=1.0, markersize=4, alpha=0.8, **style)
         for order, power in sorted({(line.order, line.power) for line in lines}):
-            _promise(axes, [line for line in lines if line.order == order], power)
-            promised.add((order, power))
+            _prediction(axes, [line for line in lines if line.order == order], power)
+            predicted.add((order, power))
         axes.margins(y=0.12)
         axes.set_title(title, loc="left", fontsize=TITLE, color=INK)
         axes.set_xlabel("Stokes number St")
@@ -33,7 +33,7 @@ def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str =
     grid[0, 0].set_ylabel(label)
     handles = []
     for order, name in _NAMES.items():
-        powers = sorted(power for one, power in promised if one == order)
+        powers = sorted(power for one, power in predicted if one == order)
         slopes = " or ".join(f"$1/\\mathrm{{St}}{f'^{p}' if p > 1 else ''}$" for p in powers)
         style = {"color": _COLOURS[order], "marker": _MARKERS[order], "markersize": 5}
         if powers:
@@ -44,8 +44,8 @@ def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str =
     return figure
 
 
-def _promise(axes: Axes, lines: Sequence[Line], power: int) -> None:
-    """A dotted line of the promised slope above nine in ten of the errors."""
+def _prediction(axes: Axes, lines: Sequence[Line], power: int) -> None:
+    """A dotted line of the predicted slope above nine in ten of the errors."""
     stokes = np.concatenate([line.stokes for line in lines])
     errors = np.concatenate([line.error for line in lines])
     ends = np.array([stokes.min(), stokes.max()])
