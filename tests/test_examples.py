@@ -15,6 +15,7 @@ from commandline import SCRIPT, importing
 from polhode.models.catalogue import FORMS
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.catalogue import SOLVERS, solver
+from polhode.solvers.solve import solve
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 
@@ -73,6 +74,34 @@ def test_own_solver_is_of_order_four(example):
     loose, middle, tight = (float(text) for text in re.findall(r"error ([\d.e+-]+)", out))
     assert loose / middle == pytest.approx(16, rel=0.5)
     assert middle / tight == pytest.approx(16, rel=0.5)
+
+
+def test_own_solver_counts_its_right_hand_sides(example):
+    names, _ = example("own_solver")
+    times = np.linspace(0.0, 1.0, 3)
+    problem = names["problem"]
+    own = names["ClassicalRungeKutta"]()
+    counted = names["solve"](problem, own, 1e-4, times, count=True).work
+    assert counted.rhs_calls == 4 * counted.steps > 0
+    assert names["solve"](problem, own, 1e-4, times).work.rhs_calls is None
+
+
+def test_the_solver_of_the_page_counts_what_its_field_sees():
+    page = (EXAMPLES.parent / "add-a-solver.md").read_text(encoding="utf-8")
+    names: dict = {}
+    for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL):
+        exec(block, names)
+
+    def decay(t, y):
+        return [-y[0]]
+
+    problem = names["Problem"].from_function(decay, [1.0], 1.0)
+    times = np.linspace(0.0, 1.0, 5)
+    solver = names["CountedEuler"]()
+    found = solve(problem, solver, 1e-2, times, count=True)
+    assert found.success
+    assert found.work.rhs_calls == found.work.steps == 100
+    assert np.abs(found.states[-1, 0] - np.exp(-1)) < 1e-2
 
 
 def test_own_form_agrees_with_the_quaternion_form(example):
@@ -147,6 +176,17 @@ def test_ice_crystal(example):
     assert not chosen[0].startswith("averaged")
 
 
+def test_many_shapes(example):
+    names, out = example("many_shapes")
+    axes = names["AXES"]
+    assert axes.shape == (2000, 3)
+    np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-9)
+    means = [float(number) for number in re.findall(r"²> = (\S+)", out)]
+    assert means == [round(float(mean), 2) for mean in np.mean(axes**2, axis=0)]
+    # At large St the shortest axis ends along the vorticity.
+    assert means[2] > 0.9
+
+
 def test_turbulent_track(example, tmp_path: Path):
     names, out = example("turbulent_track")
     assert "fibre.toml: reached_end" in out
@@ -187,7 +227,7 @@ def test_pages_show_python_that_runs(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
     assert scene
     (tmp_path / "ice.toml").write_text(scene[1], encoding="utf-8")
-    own = ("add-a-solver.md", "own-ode.md", "quickstart.md", "solutions.md")
+    own = ("add-a-solver.md", "own-ode.md", "quickstart.md", "scaling.md", "solutions.md")
     for page in (readme, *(EXAMPLES.parent / name for name in own)):
         blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
         assert blocks

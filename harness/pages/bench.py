@@ -10,14 +10,17 @@ import pandas as pd
 
 from polhode.harness.analysis import pareto
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
+from polhode.harness.analysis.pareto import Method
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.figures.work_precision import (
+    TARGETS as PROFILE_TARGETS,
     conditions,
     profile_lines,
+    times,
     work_precision_panels,
 )
 from polhode.harness.pages.tables import fill, lines_of
@@ -28,6 +31,8 @@ _FIGURES = {
     "slow": ("slow_error", "error of L and E over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
+# Columns of the table of distances.
+_DISTANCES = ("method", "reached", "won", "least", "median", "largest")
 # Ties named in a cell.
 _SHOWN = 2
 # Columns of the table of scenes: heading, and column of the runs.
@@ -69,11 +74,46 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
             for i, (scene, scene_runs) in enumerate(by_scene(runs))
         ],
         profiles=profile_lines(runs, folder, note=conditions(runs, machine)),
+        distances=[
+            (scene, markdown([*_DISTANCES], rows, right=range(1, len(_DISTANCES))))
+            for scene, scene_runs in by_scene(runs)
+            if (rows := distances(scene_runs))
+        ],
+        errors=f"{short(PROFILE_TARGETS[0])} to {short(PROFILE_TARGETS[-1])}",
         described=markdown([*_SCENES], described),
         samples=study.samples,
         uncertainties=uncertainties.reset_index().to_dict("records"),
     )
     return write_file(folder / "README.md", page)
+
+
+def distances(runs: pd.DataFrame) -> list[list[str]]:
+    """How far each method of a scene is from the fastest one, the nearest first: rows of `_DISTANCES`.
+
+    A method counts at the errors that it reaches, of those that some method reaches.
+    """
+    seconds = times(runs)
+    if seconds.empty:
+        return []
+    ratios = seconds.div(seconds.min(axis=1), axis=0)
+    reached = ratios.notna().sum()
+    rows = []
+    for method in ratios.median().sort_values(kind="stable").index:
+        factors = ratios[method].dropna()
+        ends = 3 * ["–"]
+        if len(factors):
+            ends = [_factor(float(factors.quantile(share))) for share in (0.0, 0.5, 1.0)]
+        won = int((factors == 1.0).sum())
+        rows.append([str(method), f"{reached[method]} of {len(ratios)}", str(won), *ends])
+    missing = sorted(
+        {Method(*pair).label for pair in zip(runs["form"], runs["solver"], strict=True)}
+    )
+    nothing = [f"0 of {len(ratios)}", "0", "–", "–", "–"]
+    return [*rows, *([name, *nothing] for name in missing if name not in ratios)]
+
+
+def _factor(value: float) -> str:
+    return short(float(f"{value:.3g}"))
 
 
 def _figures(

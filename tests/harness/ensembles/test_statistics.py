@@ -26,7 +26,9 @@ from polhode.harness.ensembles.statistics import (
 )
 from polhode.harness.ensembles.summary import arrived, fraction, means, transient_quantile
 from polhode.models.catalogue import form as find_form
+from polhode.models.files.toml_file import checked
 from polhode.models.observables import angular_velocity
+from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.solve import solve
@@ -238,6 +240,29 @@ def test_isotropic_spheroids_without_inertia_spin_and_tumble_as_they_must(
     assert mean.shape == (2, 1, len(RATES))
     assert np.abs((mean[0, 0] - [1 / 12, 1 / 6 + anisotropy**2 / 10]) / error[0, 0]).max() < 4
     assert error.max() < 0.002
+
+
+@pytest.mark.parametrize(
+    ("semi_axes", "axes"),
+    [
+        ((1.0, 1.0, 2.0), (2,)),
+        ((2.0, 1.0, 1.0), (0,)),
+        ((0.5, 1.0, 0.8), (1, 2, 0)),
+        ((1.0, 1.0, 1.0), (2,)),
+    ],
+)
+def test_p_is_a_row_of_the_rotation_matrix(
+    semi_axes: tuple[float, float, float], axes: tuple[int, ...]
+):
+    q = [0.8, 0.4, 0.2, 0.4]
+    starts = checked(Starts, {"orientation": q, "motion": "fluid"})
+    ensemble = Ensemble(Ellipsoid(semi_axes), 1.0, 1e-3, starts, particles=2, block=2)
+    assert ensemble.layout.axes == axes
+    second = ensemble.run(0).second[0] / 2
+    rotation = BodyStart((0.8, 0.4, 0.2, 0.4)).quaternion
+    for found, axis in zip(second, axes, strict=True):
+        p = matrix_from_quaternion(np.array(rotation))[axis]
+        np.testing.assert_allclose(found, [p[i] * p[j] for i, j in SECOND], atol=1e-12)
 
 
 @pytest.mark.parametrize(("ellipsoid", "kappa", "axis"), [(PROLATE, 2.0, 2), (OBLATE, 0.4, 0)])

@@ -1,5 +1,6 @@
 """The page of the main job, on records with known winners."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -9,6 +10,7 @@ import pandas as pd
 import pytest
 from commandline import STUDY
 
+from polhode.harness.analysis.frames import frame
 from polhode.harness.pages import bench, outcomes, regimes
 from polhode.harness.pages.bench import write_page
 from polhode.harness.studies.study import Study, read_study
@@ -199,3 +201,21 @@ def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp
         "- For a slow error of 1e-4 an averaged form is the cheapest at St = 50, the only one measured."
         in page
     )
+
+
+def test_every_method_of_a_scene_stands_on_the_page_with_its_distance_from_the_best(tmp_path: Path):
+    records = [*RECORDS, run("bdf", 1e-4, 0.7, 3.0)]
+    rows = {name: rest for name, *rest in bench.distances(frame(records))}
+    # At errors of 0.01 and 0.001 taylor's 0.5 s are 5 times dop853's 0.1 s, which errs by 2e-4; at 1e-7
+    # its 1.0 s, interpolated, are the fastest. bdf errs by 3.
+    assert rows["cyrk-dop853"] == ["6 of 6", "4", "1", "1", "2"]
+    reached, won, least, median, largest = rows["taylor"]
+    assert (reached, won, least, largest) == ("6 of 6", "2", "1", "5")
+    assert 1 < float(median) < 5
+    assert rows["bdf"] == ["0 of 6", "0", "–", "–", "–"]
+    assert list(rows) == ["cyrk-dop853", "taylor", "bdf"]
+    study = replace(read_study(None, "bench"), title="A title")
+    page = write_page(study, records, tmp_path, "polhode bench").read_text(encoding="utf-8")
+    table = page.partition("## Every solver: how far from the best")[2].partition("\n## ")[0]
+    assert "bdf" in table
+    assert "0 of 6" in table
