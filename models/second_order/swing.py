@@ -1,6 +1,6 @@
 """The near-identity transformation at a place on the torus, from series per shape and side.
 
-`docs/second-order.md`, section 5, has the mathematics and the tables below. With ε = (1, -i, 0) the
+`docs/second-order.md`, section 5, has the mathematics and the tables below. With e₊ = (1, -i, 0) the
 flow's tensor x⊗y in the frame of L is a sum of `_BASIS` tensors with harmonics e^(-ikβ) and
 coefficients c. Tensors of k > 0 come with their conjugates; the drag is one more tensor, c = l. The
 rates that a tensor makes are Fourier series in α. Their coefficients, real or imaginary, are
@@ -57,7 +57,7 @@ _ENDLESS = 1e100
 # arithmetic on them.
 np.empty(1 << 18)
 
-# ε and e₃ in the frame of L.
+# e₊ and e₃ in the frame of L.
 _E = np.array([1, -1j, 0])
 _Z = np.array([0, 0, 1])
 # Two tensors of k = 0: one symmetric about L, and a turn about L.
