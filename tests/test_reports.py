@@ -222,7 +222,7 @@ def test_the_page_of_pick_follows_from_the_data(tmp_path: Path):
 FOLDED = sorted(
     path.relative_to(REPORTS).as_posix()
     for path in REPORTS.glob("*/*.md")
-    if path.parent.name not in ("paper", "accuracy")
+    if path.parent.name != "paper"
 )
 
 
@@ -242,8 +242,6 @@ def test_pages_answer_first_and_say_at_the_foot_how_they_were_made(page: str):
     "picture", sorted(path.relative_to(REPORTS).as_posix() for path in REPORTS.glob("*/*.png"))
 )
 def test_pictures_are_as_wide_as_a_page(picture: str):
-    if picture.startswith("accuracy/"):
-        pytest.skip("drawn by another module")
     with Image.open(REPORTS / picture) as image:
         assert image.width == 838
 

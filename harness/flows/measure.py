@@ -38,9 +38,9 @@ COST_TOLERANCE = 1e-9
 COST_TIME = 2000.0
 # Times that heyoka compiles a field: the same code takes up to 1.5 times as long, by where it lies
 # in memory.
-_COMPILATIONS = 5
+COMPILATIONS = 5
 # Timed runs of each compilation.
-_ROUNDS = 3
+ROUNDS = 3
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
 _COSTS = (
     ("paper", "quaternion", 10.0, _EXPLICIT),
@@ -116,11 +116,11 @@ def _one_round(problems: Sequence[Problem], solver: str) -> list[Solution]:
 def _in_turns(problems: Sequence[Problem], solver: str, *, quick: bool) -> list[list[Solution]]:
     """Runs of the problems, one after the other in every round: a list for each round."""
     rounds = []
-    for _ in range(1 if quick else _COMPILATIONS):
+    for _ in range(1 if quick else COMPILATIONS):
         forget_integrators()
         # The round that compiles is not timed.
         _one_round(problems, solver)
-        rounds += [_one_round(problems, solver) for _ in range(_ROUNDS)]
+        rounds += [_one_round(problems, solver) for _ in range(ROUNDS)]
     return rounds
 
 

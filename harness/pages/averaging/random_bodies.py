@@ -38,7 +38,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.text import aligned, cells, in_two_digits, markdown, short
 from polhode.harness.pages.figures.averaging import Band, bands
-from polhode.harness.pages.figures.work_precision import save
+from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import columns_of, fill, lines_of
 
 # The slow time of most tables.
@@ -69,7 +69,12 @@ def write_page(data: Data, folder: Path, command: str) -> None:
     # The page says what the tables hold, whose numbers are rounded.
     data = read_data(folder)
     write_laws(laws_of(data), folder / "laws.json")
-    save(bands(_panels(data)), folder, "errors")
+    note = (
+        f"{len(data.bodies)} random bodies and starts, {len(data.references)} references; errors are "
+        "maxima up to t₂ = 1, over the largest moment of inertia, in the last panel in rad. Bands "
+        "break off where bodies are refused. No times are shown."
+    )
+    save(bands(_panels(data), note), folder, "errors")
     write_file(folder / "README.md", page(data, command))
 
 
@@ -77,10 +82,9 @@ def page(data: Data, command: str) -> str:
     """The report as Markdown."""
     runs = at(data, WHOLE)
     every = all_times(data)
-    title = "From which St on may one average?"
     return fill(
         "accuracy",
-        header=header(title, command, list(data.timed.values())),
+        made=header("", command, list(data.timed.values()))[2:],
         findings=findings(data),
         needed={order: needed_rows(runs, order) for order in (FIRST, SECOND)},
         costs={order: cost_rows(data, runs, order) for order in (FIRST, SECOND)},

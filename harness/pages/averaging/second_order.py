@@ -19,8 +19,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import write_table
 from polhode.harness.common.text import short
-from polhode.harness.pages.figures.averaging import Line
-from polhode.harness.pages.figures.orders import against_stokes
+from polhode.harness.pages.figures.orders import Line, against_stokes
 from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.second_order.form import STOPS, SecondOrder

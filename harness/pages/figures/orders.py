@@ -1,18 +1,28 @@
 """Errors of averaging against St, case by case, beside the predicted slopes."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from polhode.harness.pages.figures.averaging import Line
 from polhode.harness.pages.figures.style import INK, TITLE, caption, colour, key, panels
 
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 _MARKERS = {1: "o", 2: "s"}
 _NAMES = {1: "first order", 2: "second order"}
+
+
+@dataclass(frozen=True)
+class Line:
+    """Errors of one case at its St, by an order of averaging that lets them fall like 1/St^power."""
+
+    order: int
+    power: int
+    stokes: Sequence[float]
+    error: Sequence[float]
 
 
 def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str = "") -> Figure:
