@@ -3,8 +3,8 @@
 First-order averaging errs like 1/St, and like 1/√St once a run crosses L² = 2EI₂. A surrogate, the
 same slow motion at a smaller St, is followed by the full equations as well; its error is scaled to
 the scene's own St by these powers, as measured over random bodies (`averaging_laws.py`), never by
-larger ones. Second order, and the segments of `hybrid`, state errors of their own, from the size of
-the terms left out.
+larger ones. The kicks of resonances, which fall like 1/√St, are added. Second order, and the
+segments of `hybrid`, state errors of their own, from the size of the terms left out.
 """
 
 from dataclasses import replace
@@ -14,9 +14,16 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.answers.averaging_laws import power
-from polhode.harness.answers.rules import EXPLICIT, Method, first_available, full_method, rotations
+from polhode.harness.answers.rules import (
+    EXPLICIT,
+    Method,
+    first_available,
+    full_method,
+    rotations,
+    steps_of,
+)
 from polhode.harness.answers.runs import Run, Runner
-from polhode.harness.answers.statement import Difference, difference
+from polhode.harness.answers.statement import INNER, Difference, difference
 from polhode.harness.references.rotations import damping_times
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
@@ -33,6 +40,8 @@ _MAX_STEPS = 300_000
 _EXACT_TOLERANCE = 1e-12
 # Rotations in a damping time from which on there is something to average over.
 _LEAST_TURNS = 0.3
+# Steps of a full run from which on resonances are looked up.
+_KICKS_FROM = 1e5
 # Ratio of the tolerances of a second run in segments and the run: it has fewer and shorter full
 # segments.
 _LOOSER_SEGMENTS = 10.0
@@ -120,7 +129,28 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
         raise NotKnownError(f"the surrogate's run ended with {full.solution.status}")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
     crossing = crosses(scene, exact.observables)
-    return apart.slow * ratio ** power("first order", crossing), surrogate.stokes
+    model = apart.slow * ratio ** power("first order", crossing)
+    if not crossing:
+        model = model + _kicks(scene)
+    return model, surrogate.stokes
+
+
+def _kicks(scene: Scene) -> np.ndarray | float:
+    """What resonances give L of a triaxial run, over I_max, at the compared times: first order knows none of it.
+
+    The kicks of a run fall like 1/√St. Looking them up takes tables of the shape: where a full run
+    takes less than that, first order's own error outweighs them.
+    """
+    if scene.ellipsoid.kind != "triaxial":
+        return 0.0
+    if steps_of(scene, full_method(scene), _FULL_TOLERANCE) < _KICKS_FROM:
+        return 0.0
+    from polhode.models.second_order.outline import outline
+
+    square = np.zeros_like(INNER)
+    for kick in outline(scene).kicks:
+        square[scene.slow_time * INNER >= kick.time] += kick.size**2
+    return np.sqrt(square)
 
 
 def crosses(scene: Scene, observables: Observables) -> bool:

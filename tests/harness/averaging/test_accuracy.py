@@ -11,6 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 from polhode.harness.answers import averaging_laws
+from polhode.harness.answers.confirmed import confirmation
+from polhode.harness.answers.rules import Method
+from polhode.harness.answers.runs import Runner
 from polhode.harness.averaging import random_study, shares
 from polhode.harness.averaging.bodies import KINDS, STRONG_KICK, Body, drawn
 from polhode.harness.averaging.laws import laws_of
@@ -37,6 +40,7 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.second_order.outline import outline
 from polhode.models.shape import Ellipsoid
+from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
 TIMED = {"errors": {"date": "2026-05-04T03:02:01Z", "versions": {"polhode": "0.1.0"}}}
@@ -269,7 +273,7 @@ def test_statements_that_do_not_hold_are_counted():
     data.errors.loc[data.errors["body"] < 3, "bound_1"] *= 0.25
     rows = bounded(at(data, 1.0))
     first = next(row for row in rows if (row.kind, row.order) == ("prolate", FIRST))
-    assert (first.runs, first.missed, first.bodies, first.held) == (160, 12, 40, 37)
+    assert (first.runs, first.missed, first.bodies, first.held) == (120, 9, 40, 37)
     assert first.worst == pytest.approx(2.0)
     assert first.over == pytest.approx(2.0)
     assert not first.enough
@@ -422,3 +426,20 @@ def test_what_averaging_states_holds_beside_the_papers_start():
     error = errors(scene.ellipsoid, averaged.observables, full.observables).slow
     assert averaged.error.slow is not None
     assert error <= averaged.error.slow.high < 30 * error
+
+
+def test_first_order_states_the_kick_of_a_resonance():
+    """This body errs by 9.7e-5 at St = 1e6, up to t₂ = 0.2, which is the kick; without it 4.1e-5 were stated."""
+    scene = drawn("resonance", 7).scene(1e6, 0.2)
+    kick = max(kick.size for kick in outline(scene).kicks)
+    runner = Runner(scene, np.array([0.0, scene.time]))
+    method = Method(find_form("averaged"), find_solver("cyrk-vern8"))
+    stated = confirmation(runner, runner.run(method, 1e-9))
+    assert stated.slow is not None
+    assert 9.7e-5 < 2 * kick < stated.slow.high < 1e-3
+    # A body without strong resonances states what first order itself errs by.
+    calm = drawn("stays", 0).scene(1e6, 0.2)
+    runner = Runner(calm, np.array([0.0, calm.time]))
+    stated = confirmation(runner, runner.run(method, 1e-9))
+    assert stated.slow is not None
+    assert 4.8e-5 < stated.slow.high < 4 * 4.8e-5
