@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from polhode.harness.answers.confirmed import confirmation
 from polhode.harness.answers.rules import Method
@@ -22,6 +21,7 @@ from polhode.harness.answers.statement import Difference, difference
 from polhode.harness.averaging.bodies import KINDS, Body, drawn
 from polhode.harness.common.files import digest, dumps, loads, read_file, write_file
 from polhode.harness.common.machine import here
+from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.references.errors import attainable
 from polhode.harness.references.extended import (
@@ -518,11 +518,10 @@ def run(
     stored_keys = store.keys()
     left = [task for task in todo if task not in done and task.key not in stored_keys]
     deadline = perf_counter() + seconds
-    bar = tqdm(total=len(left), desc="accuracy", leave=False, disable=quiet or None)
-    with bar:
+    with Steps("accuracy", len(left), "references", quiet) as progress:
         for task, record in _measured(left, workers, deadline):
             store.put(task.key, task._asdict(), record)
-            bar.update()
+            progress.advance()
     timed = {**(old.timed if old else {}), "errors": here()}
     return tables_of(store, timed, old)
 
