@@ -99,7 +99,7 @@ def distances(runs: pd.DataFrame) -> list[list[str]]:
     reached = ratios.notna().sum()
     rows = []
     for method in ratios.median().sort_values(kind="stable").index:
-        factors = ratios[method].dropna()
+        factors: Any = ratios[method].dropna()
         ends = 3 * ["–"]
         if len(factors):
             ends = [_factor(float(factors.quantile(share))) for share in (0.0, 0.5, 1.0)]

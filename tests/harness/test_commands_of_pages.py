@@ -44,7 +44,8 @@ def within_sentences() -> Iterator[tuple[str, str]]:
     """Page and command, from code within sentences."""
     for page in PAGES:
         text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-        for code in re.findall(r"`((?:\.venv/bin/)?polhode [^`…]+)`", text):
+        # COMMAND stands for any of several.
+        for code in re.findall(r"`((?:\.venv/bin/)?polhode (?!COMMAND)[^`…]+)`", text):
             yield page.name, " ".join(code.split())
 
 
