@@ -93,13 +93,13 @@ def redraw(sweep: Sweep, folder: Path) -> Path:
     """
     if not (folder / "distributions.csv").is_file():
         raise ValueError(f"{folder / 'distributions.csv'}: no such file, expected those of a sweep")
-    tables = {
+    tables: dict[str, Any] = {
         name: pd.read_csv(folder / name) if (folder / name).is_file() else pd.DataFrame()
         for name in _DRAWN
     }
     shapes = tables["distributions.csv"].groupby(["a", "b", "c"], sort=False)
     for number, (shape, _) in enumerate(shapes, start=1):
-        own = {}
+        own: dict[str, pd.DataFrame] = {}
         for name, table in tables.items():
             of_shape = (table[list("abc")] == list(shape)).all(axis=1) if len(table) else []
             own[name] = table.loc[of_shape] if len(table) else table

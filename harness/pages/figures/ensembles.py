@@ -77,9 +77,7 @@ def _unit(stokes: float, slow: bool) -> float:
     return stokes if slow else 1.0
 
 
-def _means(
-    axes: Axes, table: pd.DataFrame, shades: Mapping[float, str], slow: bool, oriented: bool
-) -> None:
+def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, oriented: bool) -> None:
     """Mean squares of the direction of the last axis, the shortest of a triaxial shape; else means of L."""
     column, components = ("moment", _COMPONENTS) if oriented else ("variable", _SLOW)
     if oriented:
@@ -118,7 +116,7 @@ def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
         )
 
 
-def _arrivals(axes: Axes, table: pd.DataFrame, shades: Mapping[float, str], slow: bool) -> None:
+def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -> None:
     axes.set_ylim(0, 1.03)
     axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
     axes.set_ylabel("share of the particles")
@@ -143,7 +141,7 @@ def _arrivals(axes: Axes, table: pd.DataFrame, shades: Mapping[float, str], slow
     axes.set_title(title, fontsize=TITLE, loc="left", color=INK)
 
 
-def _histogram(axes: Axes, table: pd.DataFrame, shades: Mapping[float, str]) -> None:
+def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
     """Histograms of L_z at the start and at the end, as an inset."""
     inset = axes.inset_axes((0.47, 0.16, 0.34, 0.46))
     own = table[table["variable"] == "Lz/Imax"]

@@ -37,7 +37,7 @@ BEHIND = "#BDBDBD"  # What is shown, and not named.
 # Inches of a line of a caption, and letters that such a line holds.
 _CAPTION_LINE = 0.175
 _CAPTION_LETTERS = 82
-_RC = {
+_RC: dict[Any, Any] = {
     "font.size": LETTERS,
     "axes.titlesize": TITLE,
     "axes.labelsize": LETTERS,

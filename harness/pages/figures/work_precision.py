@@ -83,7 +83,7 @@ NAMED = 7
 
 def conditions(runs: pd.DataFrame, machine: str, repeats: str = "fastest of up to 5") -> str:
     """Tolerances, machine, repeats and their spread, as figures of times name them."""
-    tolerances = runs["tolerance"].dropna().astype(float)
+    tolerances: Any = runs["tolerance"].dropna().astype(float)
     parts = []
     if len(tolerances):
         loosest, tightest = short(float(tolerances.max())), short(float(tolerances.min()))
@@ -92,7 +92,7 @@ def conditions(runs: pd.DataFrame, machine: str, repeats: str = "fastest of up t
     words = f"Times: warm runs, the {repeats}"
     if "seconds_spread" in runs:
         timed = where(runs, runs["seconds"].notna() & runs["seconds_spread"].notna())
-        shares = timed["seconds_spread"].astype(float) / timed["seconds"].astype(float)
+        shares: Any = timed["seconds_spread"].astype(float) / timed["seconds"].astype(float)
         if len(shares):
             words += f", which vary by {percent(float(shares.median()))} in the median"
     parts.append(f"{words}{f'; {machine}' if machine else ''}.")
@@ -317,7 +317,7 @@ def panels(
     everything = pd.concat([runs for _, runs in groups])
     limits = []
     for _, runs in groups:
-        shown = everything if alike else runs
+        shown: Any = everything if alike else runs
         limits.append(
             (_decades(shown[error], LARGEST_ERROR), _decades(shown["seconds"], np.inf, least=1))
         )
