@@ -25,7 +25,7 @@ ORDERS = {
 # Exponents of St that theory promises; after a crossing of L² = 2EI₂ that of its jump.
 THEORY = {FIRST: -1.0, SECOND: -2.0}
 CROSSING = -0.5
-RESONANCE = -0.5  # Of second order, which leaves out the kicks.
+RESONANCE = -0.5  # Of both orders, which leave out the kicks.
 ORIENTATION = -1.0
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SHARES = (0.5, 0.975)
@@ -171,15 +171,15 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
 def promised(row: Exponent) -> tuple[float, float]:
     """The exponents between which theory puts this one.
 
-    A crossing adds errors that fall like 1/√St to first order's own, and so do resonances to second
-    order's: the exponent goes from the one to the other as St grows.
+    A crossing adds errors that fall like 1/√St to first order's own, and resonances to those of both
+    orders: the exponent goes from the one to the other as St grows.
     """
     if row.error == "turned":
         return ORIENTATION, ORIENTATION
     own = THEORY[row.order]
     if row.order == FIRST and row.crosses:
         return own, CROSSING
-    if row.order == SECOND and row.kind == "resonance":
+    if row.kind == "resonance":
         return own, RESONANCE
     return own, own
 
@@ -314,5 +314,7 @@ def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> t
     found = quantile(there, share)
     if found is None:
         return nan, "never"
+    if kind == "resonance":
+        return found.needed(target, RESONANCE)
     crossing = order == FIRST and 2 * there["crosses"].mean() > 1
     return found.needed(target, CROSSING if crossing else THEORY[order])

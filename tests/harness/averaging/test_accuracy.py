@@ -245,6 +245,16 @@ def test_a_share_is_that_of_the_bodies():
     assert shares.quantile(few, 0.5) is None
 
 
+def test_crossings_and_resonances_are_extrapolated_by_the_slower_law():
+    kinds = ("prolate", "resonance", "crosses")
+    runs = at(planted(lambda kind, body, stokes: 9 / stokes, kinds), 1.0)
+    for kind, expected in (("prolate", 9e6), ("resonance", 8.1e7), ("crosses", 8.1e7)):
+        stokes, source = shares.needed(runs, kind, FIRST, 0.5, 1e-6)
+        assert (stokes, source) == (pytest.approx(expected), "extrapolated")
+    assert shares.needed(runs, "resonance", FIRST, 0.5, 5e-7)[1] == "beyond"
+    assert shares.needed(runs, "resonance", SECOND, 0.5, 1e-11)[0] == pytest.approx(8.1**2 * 1e6)
+
+
 def test_planted_exponents_are_found_by_bodies():
     def error(kind: str, body: int, stokes: float) -> float:
         power = 0.5 if kind == "crosses" else 1.0
