@@ -65,11 +65,9 @@ benchmark-compare: $(READY) ## time two commits in turns (10 minutes): make benc
 	done; done
 	$(BIN)/polhode compare .benchmarks/$$(git rev-parse --short $(BEFORE)) .benchmarks/$$(git rev-parse --short $(AFTER))
 
-docs: $(READY) ## one offline site of all pages and the API, into build/site/
-	@$(BIN)/python -c "import mkdocs" 2>/dev/null || $(BIN)/pip install --quiet --constraint constraints.txt mkdocs-material mkdocstrings-python
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet && echo build/site/index.html
+docs: report ## the same as report
 
-report: $(READY) ## one offline site of everything measured, into reports/site/
+report: $(READY) ## one offline site of documentation, API and reports, into reports/site/
 	$(BIN)/polhode report
 
 # Finished lines of reports/commands.txt leave their mark in build/everything; the interrupted one is taken up.

@@ -9,10 +9,13 @@ _PACKAGES = {
     "CyRK": "cyrk",
     "PIL": "'polhode[figures]'",
     "distributed": "'polhode[dask]'",
-    "markdown_it": "'polhode[site]'",
+    "furo": "'polhode[site]'",
+    "latex2mathml": "'polhode[site]'",
     "matplotlib": "'polhode[figures]'",
+    "myst_parser": "'polhode[site]'",
     "pyarrow": "'polhode[data]'",
     "sksundae": "scikit-sundae",
+    "sphinx": "'polhode[site]'",
     "xarray": "'polhode[data]'",
 }
 # Libraries whose absence is told in a line: what pip installs with polhode, and its extras.

@@ -21,10 +21,10 @@ LIBRARIES = {
     "matplotlib": "matplotlib",
     "PIL": "pillow",
     "scipy": "scipy",
-    "markdown_it": "markdown-it-py",
+    "sphinx": "sphinx",
 }
 # The extra that brings a library.
-EXTRAS = {"matplotlib": "figures", "PIL": "figures", "markdown_it": "site"}
+EXTRAS = {"matplotlib": "figures", "PIL": "figures", "sphinx": "site"}
 PAGES = frozenset({"pandas", "matplotlib", "PIL", "scipy"})
 # Commands, and the libraries that each cannot do without.
 QUICK_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
@@ -80,7 +80,7 @@ LONG_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
     ("accuracy", "--order", "hybrid", "--quick", "--quiet", "--out", "hybrid"): PAGES,
     ("equal-error", "--quick", "--quiet", "--out", "equal"): PAGES | {"llvmlite"},
     ("throughput", "--out", "throughput"): PAGES | {"llvmlite", "heyoka"},
-    ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES | {"markdown_it"},
+    ("report", "--reports", "bench", "--out", "site", "--quiet"): PAGES | {"sphinx"},
     ("doctor",): frozenset(),
 }
 SWEEP = """\

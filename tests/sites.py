@@ -15,7 +15,7 @@ from polhode.harness.studies.study import parse_study
 
 # A page with everything that Markdown pages of reports hold.
 OWN = """\
-# My `own` <study>
+# My `own` &lt;study&gt;
 
 ## Lx of 1
 
@@ -24,6 +24,10 @@ Text of 1.7e+02 < I_max, [more](more.md), [data](data.csv) and [docs](../../docs
 ![A picture](drawn.png)
 
 ![Nowhere](lost.png)
+
+The particle starts at $t \\approx \\sqrt{\\mathrm{St}}$:
+
+$$\\dot L_z = -\\tfrac12 \\nu L_z$$
 
 | name | *value* |
 | ---- | ------: |
@@ -73,10 +77,18 @@ def small_reports(folder: Path) -> Path:
     return reports
 
 
-def site(folder: Path, reports: Path) -> dict[str, str]:
-    """Pages by name."""
-    build(reports, folder, {})
-    return {page.stem: page.read_text(encoding="utf-8") for page in sorted(folder.glob("*.html"))}
+def site(folder: Path, reports: Path, docs: Path = Path("none")) -> dict[str, str]:
+    """Pages by name, as "cost" and "reports/bench/README"; without documentation unless its folder is given."""
+    build(reports, folder, {}, docs=docs)
+    return pages_of(folder)
+
+
+def pages_of(folder: Path) -> dict[str, str]:
+    """Pages of a site that was built, by name."""
+    return {
+        page.relative_to(folder).with_suffix("").as_posix(): page.read_text(encoding="utf-8")
+        for page in sorted(folder.rglob("*.html"))
+    }
 
 
 def data_of(page: str, key: str):

@@ -253,7 +253,9 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
         raise RunFailed(f"regressions: {len(worse)} in {comparison.shared} cases")
 
 
-@command(needs=("markdown_it", "matplotlib", "PIL", "pandas", "scipy"))
+@command(
+    needs=("sphinx", "furo", "myst_parser", "latex2mathml", "matplotlib", "PIL", "pandas", "scipy")
+)
 @click.option(
     "--reports", type=FOLDER, default=_REPORTS, help="Folder of the other commands' pages."
 )
@@ -263,7 +265,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 )
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
-    """Write a web site of all that was found: verdict, costs, every page of the reports, motions."""
+    """Write one web site: the documentation, what to run, costs, every page of the reports, motions."""
     from polhode.harness.site.build import build
     from polhode.models.scenes import find_scene
 

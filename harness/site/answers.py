@@ -198,15 +198,16 @@ def cost_page(reports: Path) -> Page:
                 )
     # A line stands together and goes from the loosest tolerance to the tightest.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
-    # Words stand once: columns hold their places.
-    words: dict[str, int] = {}
-    for value in chain.from_iterable(rows):
-        if isinstance(value, str):
-            words.setdefault(value, len(words))
-    names = ("group", *_WORDS, "tolerance", "inferred", *RUN_NUMBERS)
+    # Words and tolerances stand once: columns hold their places.
+    named = (*_WORDS, "tolerance")
+    names = ("group", *named, "inferred", *RUN_NUMBERS)
+    values = dict(zip(names, zip(*rows, strict=True), strict=True))
+    words: dict[Any, int] = {}
+    for value in chain.from_iterable(values[name] for name in named):
+        words.setdefault(value, len(words))
     columns = {}
-    for name, values in zip(names, zip(*rows, strict=True), strict=True):
-        columns[name] = _runs(words[v] if isinstance(v, str) else v for v in values)
+    for name, column in values.items():
+        columns[name] = _runs(words[value] for value in column) if name in named else _runs(column)
     forms = {}
     for name, look in looks(str(row[1]) for row in rows).items():
         averaged = is_averaged(name)
@@ -221,7 +222,7 @@ def cost_page(reports: Path) -> Page:
         "largest": LARGEST_ERROR,
         "meanings": {str(status): status.meaning for status in Status},
     }
-    return Page(_COSTS, _LEAD, body, {"cost-data": data}, ("tables.js", "chart.js", "cost.js"))
+    return Page(_COSTS, _LEAD, body, {"cost-data": data}, ("chart.js", "cost.js"))
 
 
 def _row(run: dict[Any, Any]) -> list[Any]:

@@ -1,139 +1,169 @@
-"""Build the site: render the pages that the reports hold, add the interactive ones, write them."""
+"""Build the site: Sphinx makes it of the Markdown pages of docs and reports, and of the interactive pages."""
 
 import re
-import tomllib
+import sys
+import warnings
 from collections.abc import Callable
-from datetime import UTC, datetime
-from importlib import resources
-from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
-from PIL import Image
+from sphinx.application import Sphinx
+from sphinx.util.console import nocolor
+from sphinx.util.docutils import docutils_namespace, patch_docutils
 
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import machine, versions
-from polhode.harness.pages.figures.style import few_colours
-from polhode.harness.pages.tables import fill
-from polhode.harness.site.answers import TITLE, cost_page, question
-from polhode.harness.site.markup import (
-    FIGURES,
-    Page,
-    document,
-    html,
-    page_name,
-    prose,
-    render,
-    section,
-)
-from polhode.harness.site.motion import motion_page
+from polhode.harness.site.sources import write_sources
 from polhode.models.scene import Scene
-from polhode.models.scenes import SCENES
 
-# By folder of the reports: what the menu calls it, and the command that fills it.
-REPORTS = tomllib.loads(Path(__file__).with_name("reports.toml").read_text("utf-8"))
-# Sections of the bench's page for the opening page: its heading there, and on the bench's page.
-_SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
-# The page of costs shows the content of these pictures.
-_ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
+_HERE = Path(__file__).resolve().parent
+# A clone has its documentation beside the harness; an installation has none.
+DOCS = _HERE.parents[1] / "docs"
+# Colours on which text and lines keep their contrast in both themes: 4.5 and more for text.
+_LIGHT = {
+    "color-brand-primary": "#0b5c94",
+    "color-brand-content": "#0b5c94",
+    "color-brand-visited": "#5c3d99",
+    "color-foreground-muted": "#5b6470",
+    "color-foreground-secondary": "#4f5864",
+}
+_DARK = {
+    "color-brand-primary": "#6db3e6",
+    "color-brand-content": "#6db3e6",
+    "color-brand-visited": "#c3a6f0",
+    "color-foreground-muted": "#a3adba",
+    "color-foreground-secondary": "#b4bdc9",
+    "color-background-primary": "#14181e",
+    "color-background-secondary": "#1a2027",
+}
+_CONFIG: dict[str, Any] = {
+    "project": "polhode",
+    "html_title": "polhode",
+    "extensions": [
+        "myst_parser",
+        "sphinx.ext.autodoc",
+        "sphinx.ext.napoleon",
+        "polhode.harness.site.extension",
+    ],
+    "myst_enable_extensions": ["attrs_block", "dollarmath"],
+    "myst_heading_anchors": 4,
+    # Docstrings are read as Markdown is: `code`.
+    "default_role": "code",
+    "autodoc_member_order": "bysource",
+    # The docstrings tell types.
+    "autodoc_typehints": "none",
+    "autodoc_preserve_defaults": True,
+    "napoleon_google_docstring": False,
+    # Dashes alone.
+    "smartquotes_action": "D",
+    "html_theme": "furo",
+    "html_theme_options": {
+        "light_css_variables": _LIGHT,
+        "dark_css_variables": _DARK,
+        "top_of_page_buttons": [],
+    },
+    "templates_path": [str(_HERE / "templates")],
+    "html_static_path": [str(path) for path in sorted(_HERE.glob("*.[cj]s*"))],
+    "html_css_files": ["site.css"],
+    "html_js_files": ["tables.js"],
+    "html_math_renderer": "mathml",
+    "html_search_language": "prose",
+    "html_copy_source": False,
+    "html_show_sourcelink": False,
+    # Summaries of results need a server.
+    "html_show_search_summary": False,
+    "html_show_copyright": False,
+    "html_use_index": False,
+    "html_domain_indices": False,
+}
+# Two regions of the theme's pages have no name by which a screen reader tells them apart.
+_LABELS = {"sidebar-drawer": "Pages", "toc-drawer": "On this page"}
+# Markup of every word, cell and link that no style or script of the site asks for.
+_SHORTER = {
+    r'<span class="pre">([^<]*)</span>': r"\1",
+    r"(<t[dh][^>]*>)<p>([^\n]*?)</p>\n?(?=</t[dh]>)": r"\1\2",
+    r'<tr class="row-(?:even|odd)">': "<tr>",
+    r'<span class="(?:std std-\w+|xref[\w -]*)">([^<]*)</span>': r"\1",
+    r'class="docutils literal notranslate"': 'class="literal"',
+    r'class="((?:current )?reference) internal"': r'class="\1"',
+}
+# Files of Sphinx and of its theme that no page loads.
+_UNUSED = (
+    "*.map",
+    "*.png",
+    "*.txt",
+    ".buildinfo",
+    "objects.inv",
+    "basic.css",
+    "debug.css",
+    "skeleton.css",
+    "*-stemmer.js",
+    "furo-extensions.js",
+)
 
 
 def build(
-    reports: Path, out: Path, scenes: dict[str, Scene], say: Callable[[str], None] = lambda _: None
+    reports: Path,
+    out: Path,
+    scenes: dict[str, Scene],
+    say: Callable[[str], None] = lambda _: None,
+    docs: Path = DOCS,
 ) -> Path:
-    """Write the site, with scenes of one's own by name; returns its opening page; `say` receives a line about each."""
-    overwritten = " Do not edit: the next run overwrites this page."
-    files = {page_name(path): path for path in sorted(reports.glob("*/*.md"))}
-    texts = {
-        name: path.read_text(encoding="utf-8").replace(overwritten, "")
-        for name, path in files.items()
-    }
-    addresses = {path.resolve(): f"{name}.html" for name, path in files.items()}
-    rendered = {
-        name: render(texts[name], path, addresses, _as_costs) for name, path in files.items()
-    }
-    folders = [
-        name for name in [*REPORTS, *files] if name in rendered and files[name].stem == "README"
-    ]
-    menu = {name: REPORTS.get(name, (name.capitalize(), ""))[0] for name in dict.fromkeys(folders)}
-    menu = {"index": "What to run", "cost": "Cost", **menu, "motion": "Motion"}
-    (out / FIGURES).mkdir(parents=True, exist_ok=True)
-    for file in resources.files("polhode.harness.site").iterdir():
-        if file.name.endswith((".css", ".js")):
-            write_file(out / file.name, file.read_bytes())
-    foot = html("foot", today=datetime.now(UTC).date(), here=machine(), packages=versions())
+    """Write the site and return its opening page.
 
-    def write(name: str, page: Page) -> None:
-        say(page.title)
-        write_file(out / f"{name}.html", document(name, page, menu, foot))
-
-    # The answer of a page is the first item of its first list.
-    items = (line for line in texts.get("hard-cases", "").splitlines() if line.startswith("- "))
-    asked, data = question(reports / "regimes", next(items, "").removeprefix("- "))
-    # Who is robust, who is fast and when averaging pays, from the bench; what the reports lack.
-    parts = {
-        title: section(texts.get("bench", ""), heading) for title, heading in _SECTIONS.items()
-    }
-    sections = {
-        title: render(text, files["bench"], addresses).body for title, text in parts.items() if text
-    }
-    lacking = {name: command for name, (_, command) in REPORTS.items() if name not in files}
-    body = html("index", asked=asked, sections=sections, lacking=lacking)
-    body = _made_by(texts.get("regimes", "")) + body
-    write("index", Page(TITLE, fill("site-question"), body, data, ("tables.js", "verdict.js")))
-    write("cost", cost_page(reports))
-    write("motion", motion_page(scenes, say))
-    for name, content in rendered.items():
-        body = (
-            re.sub(r"<td>([\w-]+)</td>", _runs_of, content.body)
-            if name == "hard-cases"
-            else content.body
-        )
-        beside = [
-            neighbour
-            for neighbour in rendered
-            if neighbour.startswith(f"{name}-") and f'"{neighbour}.html' not in content.body
-        ]
-        links = ", ".join(
-            f'<a href="{neighbour}.html">{prose(rendered[neighbour].title)}</a>'
-            for neighbour in beside
-        )
-        body = f'<p class="note">Beside this page: {links}.</p>{body}' if links else body
-        write(name, Page(content.title or name, "", _made_by(texts[name]) + body))
-        for picture, path in content.pictures.items():
-            # In few colours and a format that keeps the site small.
-            copied = BytesIO()
-            with Image.open(path) as image:
-                drawn = few_colours(image.convert("RGB")).convert("RGB")
-            drawn.save(copied, "webp", lossless=True, quality=50, method=2)
-            write_file(out / FIGURES / picture, copied.getvalue())
+    Parameters
+    ----------
+    reports
+        Folder of the reports.
+    out
+        Folder of the site. Each file is replaced at once, when all are made.
+    scenes
+        Scenes of the user by name, whose motions are shown too.
+    say
+        Receives a line for each page.
+    docs
+        Folder of the documentation; without it the site has the reports alone.
+    """
+    # Its warnings go to where colours may not be shown.
+    nocolor()
+    with TemporaryDirectory() as folder:
+        sources = Path(folder) / "sources"
+        pages = Path(folder) / "pages"
+        write_sources(reports, docs, scenes, sources, say)
+        # What Sphinx registers ends with the block: a process may build several sites.
+        with patch_docutils(), docutils_namespace(), warnings.catch_warnings():
+            # Sphinx's own extensions call what a later Sphinx will not have.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
+            app = Sphinx(
+                sources,
+                None,
+                pages,
+                Path(folder) / "doctrees",
+                "html",
+                _CONFIG,
+                status=None,
+                warning=sys.stderr,
+            )
+            app.connect("html-page-context", lambda _, name, *__: say(name))
+            app.build()
+        for path in sorted(pages.rglob("*")):
+            if path.is_file() and not any(path.match(pattern) for pattern in _UNUSED):
+                page = path.read_text("utf-8") if path.suffix == ".html" else None
+                content = _finished(page) if page else path.read_bytes()
+                write_file(out / path.relative_to(pages), content)
     return out / "index.html"
 
 
-def _made_by(text: str) -> str:
-    """A warning above a page that another version than today's measured, by the page's own words."""
-    found = re.search(r"^Measured .*?\bpolhode (\d[\w.]*)", text, re.MULTILINE)
-    today = versions().get("polhode", "")
-    if found is None or _release(found[1]) == _release(today):
-        return ""
-    words = f"Measured by polhode {found[1]}, not by today's {today}: numbers may differ."
-    return f'<p class="outdated">{words}</p>'
-
-
-def _release(version: str) -> str:
-    """The release that a version under development leads to: 0.2.0 of 0.2.0.dev0."""
-    return version.partition(".dev")[0]
-
-
-def _runs_of(cell: re.Match[str]) -> str:
-    """A hard case's name in a table leads to its runs."""
-    if cell[1] not in SCENES:
-        return cell[0]
-    return f'<td><a href="cost.html#scene=hard-cases: {cell[1]}">{cell[1]}</a></td>'
-
-
-def _as_costs(picture: str) -> str:
-    return (
-        '<p><a href="cost.html">As a diagram, run by run</a></p>'
-        if _ON_COSTS.fullmatch(picture)
-        else ""
-    )
+def _finished(page: str) -> str:
+    """The page with its regions named, and smaller: without indents, and without what no style asks for."""
+    for region, label in _LABELS.items():
+        page = page.replace(
+            f'<aside class="{region}', f'<aside aria-label="{label}" class="{region}'
+        )
+    for markup, shorter in _SHORTER.items():
+        page = re.sub(markup, shorter, page)
+    # By turns what lies between code or data, which stay as they are, and these.
+    parts = re.split(r"(<(?:pre|script)\b.*?</(?:pre|script)>)", page, flags=re.DOTALL)
+    parts[::2] = [re.sub(r"\s*\n\s*", "\n", part) for part in parts[::2]]
+    return "".join(parts)

@@ -3,12 +3,12 @@
 (() => {
   const { chart, html, swatch, read } = polhode;
   const data = read("cost-data");
-  // A column holds what stands several times in a row as [value, times]; of words their places in the list.
+  // A column holds what stands several times in a row as [value, times]; of words and tolerances their places in the list.
   const names = Object.keys(data.columns), column = Object.fromEntries(names.map((name, i) => [name, i]));
   const columns = Object.values(data.columns).map((own) =>
     own.flatMap((v) => (Array.isArray(v) ? Array(v[1]).fill(v[0]) : [v])));
   const runs = columns[0].map((_, i) => columns.map((own) => own[i]));
-  for (const row of runs) for (const i of [1, 2, 3, 4]) row[i] = data.words[row[i]];
+  for (const row of runs) for (const i of [1, 2, 3, 4, 5]) row[i] = data.words[row[i]];
   const form = document.getElementById("filters");
   const DASHES = ["", "6 3", "2 3", "8 3 2 3", "1 2"];
   const number = (v) => (v === null ? "–" : v >= 0.01 && v < 1e4 ? String(Number(v.toPrecision(3))) : v.toExponential(1).replace(".0e", "e").replace("e+", "e"));

@@ -158,7 +158,7 @@
     paintParticle(Number(slider.value));
     const size = Math.min(canvas.parentElement.clientWidth, 460), pen = paper(canvas, size), R = size * 0.42;
     const shade = pen.createRadialGradient(-R / 3, -R / 3, R / 8, 0, 0, R);
-    const style = getComputedStyle(document.documentElement), look = (name) => style.getPropertyValue(name).trim();
+    const style = getComputedStyle(document.body), look = (name) => style.getPropertyValue(name).trim();
     shade.addColorStop(0, look("--paper"));
     shade.addColorStop(1, look("--line"));
     pen.fillStyle = shade;

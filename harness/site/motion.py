@@ -26,7 +26,7 @@ _PER_ROTATION = 80  # Samples of a rotation that make a smooth path.
 _FEWEST = 400
 _MOST = 3000
 # Moments of the run from which a torque-free path is drawn.
-_MOMENTS = 48
+_MOMENTS = 24
 _TURNS = 4  # Rotations that each path follows.
 _POINTS = 40  # Points of each rotation.
 _TOLERANCE = 1e-10  # Of all runs: far tighter than a screen shows.
@@ -50,7 +50,7 @@ def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Pa
         say(f"motion: {name}")
         motions.append({"name": name, **motion(scene)})
     shown = {"motion-data": [drawing for drawing in motions if "samples" in drawing]}
-    scripts = ("tables.js", "chart.js", "motion.js")
+    scripts = ("chart.js", "motion.js")
     return Page("See it move", fill("site-motion"), html("motion", motions=motions), shown, scripts)
 
 

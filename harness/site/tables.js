@@ -1,14 +1,36 @@
 "use strict";
 // Regions that hold more than they show fade out on that side, and take the keyboard.
-for (const region of document.querySelectorAll(".scroll, figure")) {
+document.querySelectorAll("article :is(.scroll, .table-wrapper, figure, pre, .math)").forEach((region, place) => {
+  const kind = region.querySelector("table") ? "Table" : region.matches("pre") ? "Code" : region.matches(".math") ? "Formula" : "Figure";
   const look = () => {
     const wide = region.clientWidth < region.scrollWidth - 4;
     region.classList.toggle("more", wide && region.scrollLeft + region.clientWidth < region.scrollWidth - 4);
-    if (wide) region.tabIndex = 0;
-    else region.removeAttribute("tabindex");
+    if (!wide) {
+      region.removeAttribute("tabindex");
+      return;
+    }
+    region.tabIndex = 0;
+    if (region.hasAttribute("aria-label")) return;
+    region.setAttribute("role", "region");
+    region.setAttribute("aria-label", `${kind} ${place + 1}, wider than the page`);
   };
   region.addEventListener("scroll", look, { passive: true });
   new ResizeObserver(look).observe(region);
+  look();
+});
+
+// Elements in a row as one tab stop: the arrow keys move along it.
+function oneStop(items) {
+  items.forEach((item, i) => {
+    item.tabIndex = i ? -1 : 0;
+    item.addEventListener("focus", () => items.forEach((other) => { other.tabIndex = other === item ? 0 : -1; }));
+    item.addEventListener("keydown", (event) => {
+      const next = items[i + ({ ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? NaN)];
+      if (!next) return;
+      event.preventDefault();
+      next.focus();
+    });
+  });
 }
 
 // Rows as a file; a cell that begins like a formula would be one to a spreadsheet.
@@ -22,7 +44,7 @@ function download(name, rows) {
 
 // Tables of many rows have filters, kept in the address, and come as CSV; tables of the same columns share them.
 const alike = new Map();
-for (const table of document.querySelectorAll("table.sort"))
+for (const table of document.querySelectorAll("table.docutils"))
   alike.set(table.tHead.textContent, [...(alike.get(table.tHead.textContent) ?? []), table]);
 [...alike.values()].forEach((tables, place) => {
   const MANY = 8, FEW = 9, SHORT = 20;
@@ -31,7 +53,7 @@ for (const table of document.querySelectorAll("table.sort"))
   if (rows.length < MANY) return;
   const tools = document.createElement("div");
   tools.className = "tools";
-  tables[0].closest(".scroll").before(tools);
+  tables[0].closest(".table-wrapper").before(tools);
   const made = (name, properties) => tools.appendChild(Object.assign(document.createElement(name), properties));
   const asked = (name) => new URLSearchParams(location.hash.slice(1)).get(name + place);
   const words = made("input", { type: "search", placeholder: "filter rows", value: asked("rows") ?? "", name: "rows" });
@@ -40,7 +62,7 @@ for (const table of document.querySelectorAll("table.sort"))
   const choices = heads.flatMap((head, i) => {
     const values = [...new Set(rows.map((row) => row.cells[i].textContent))];
     const fits = values.length > 1 && values.length <= FEW && 2 * values.length <= rows.length
-      && values.every((value) => value.length < SHORT && !/^[\d.<~–✓·-]/.test(value)) && !rows[0].cells[i].classList.contains("r");
+      && values.every((value) => value.length < SHORT && !/^[\d.<~–✓·-]/.test(value)) && !rows[0].cells[i].classList.contains("text-right");
     if (!fits || !head) return [];
     const select = made("select", { name: head });
     select.setAttribute("aria-label", head);
@@ -58,7 +80,7 @@ for (const table of document.querySelectorAll("table.sort"))
     for (const row of rows)
       row.hidden = !(wanted.every((word) => row.textContent.toLowerCase().includes(word))
         && choices.every(([i, select]) => !select.value || row.cells[i].textContent === select.value));
-    for (const table of tables) table.closest(".scroll").hidden = [...table.tBodies[0].rows].every((row) => row.hidden);
+    for (const table of tables) table.closest(".table-wrapper").hidden = [...table.tBodies[0].rows].every((row) => row.hidden);
     count.textContent = shown().length < rows.length ? `${shown().length} of ${rows.length} rows` : "";
   };
   const keep = () => {
@@ -75,14 +97,14 @@ for (const table of document.querySelectorAll("table.sort"))
 });
 
 // Tables sort by a click, or Enter, on a header; numbers as numbers.
-for (const table of document.querySelectorAll("table.sort")) {
+for (const table of document.querySelectorAll("table.docutils")) {
   const scale = { s: 1, ms: 1e-3, "µs": 1e-6 };
   const value = (text) => {
     const [, number, unit] = /^[<~ ]*([-+\d.e]+)\s*(\S*)/.exec(text) || [];
     return number === undefined ? NaN : Number(number) * (scale[unit] ?? 1);
   };
-  table.querySelectorAll("th").forEach((head, position) => {
-    head.tabIndex = 0;
+  oneStop([...table.querySelectorAll("thead th")]);
+  table.querySelectorAll("thead th").forEach((head, position) => {
     const sort = () => {
       const up = head.getAttribute("aria-sort") !== "ascending";
       table.querySelectorAll("th").forEach((other) => other.removeAttribute("aria-sort"));

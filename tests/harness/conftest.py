@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from commandline import SCENE, SCRIPT, Run
 from dasks import contact, dask_scheduler, dask_worker
-from sites import site, small_reports
+from sites import pages_of, site, small_reports
 
 from polhode.harness.cli import main
 
@@ -77,9 +77,17 @@ def site_reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def site_pages(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> dict[str, str]:
-    """Pages of the site made of them, by name."""
-    return site(tmp_path_factory.mktemp("site"), site_reports)
+def site_folder(tmp_path_factory: pytest.TempPathFactory, site_reports: Path) -> Path:
+    """The site made of them."""
+    folder = tmp_path_factory.mktemp("site")
+    site(folder, site_reports)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def site_pages(site_folder: Path) -> dict[str, str]:
+    """Its pages by name."""
+    return pages_of(site_folder)
 
 
 @pytest.fixture(scope="module")

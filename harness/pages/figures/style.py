@@ -220,7 +220,7 @@ def measured(lines: Sequence[str]) -> str:
     return ""
 
 
-def few_colours(image: Image.Image) -> Image.Image:
+def few_colours(image: Image.Image, colours: int = _COLOURS) -> Image.Image:
     """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift.
 
     Greys stay grey: a pane that is not quite white would else take on a tint.
@@ -228,7 +228,7 @@ def few_colours(image: Image.Image) -> Image.Image:
     counted: Any = image.getcolors(image.width * image.height)
     left = np.array([colour for _, colour in sorted(counted, reverse=True)])
     chosen = []
-    while len(left) and len(chosen) < _COLOURS:
+    while len(left) and len(chosen) < colours:
         first = left[0]
         chosen.append(first)
         # A grey makes room for other greys alone, in small steps.

@@ -1,33 +1,28 @@
 """The site in a real browser: no script error, nothing fetched, nothing wider than a phone, every control works."""
 
-import json
 import re
 import shutil
-import subprocess
-from html import unescape
 from pathlib import Path
 
 import pytest
-from PIL import Image
+from browsers import CHROMIUM, told
 
-from polhode.harness import site
-
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-FLAGS = (
-    "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking "
-    "--disable-component-update --disable-sync --host-resolver-rules=MAP%*%~NOTFOUND --virtual-time-budget=20000"
-)
 WIDTHS = (390, 1100)
-PAGES = ("index", "cost", "hard-cases", "own", "motion")
+PAGES = (
+    "index",
+    "cost",
+    "reports/hard-cases/README",
+    "reports/own/README",
+    "motion",
+    "search",
+)
+QUERIES = {"search": "?q=particle"}
 
 # Put at the head of each page: keeps what goes wrong.
 WATCH = """
 window.wrong = [];
 addEventListener("error", (e) => wrong.push(String(e.message || e.target.src)), true);
 addEventListener("unhandledrejection", (e) => wrong.push(String(e.reason)));
-addEventListener("securitypolicyviolation", (e) => wrong.push("blocked: " + e.blockedURI));
 """
 # Put at its end: works every control, then tells the page around it.
 WORK = """
@@ -45,7 +40,7 @@ addEventListener("load", () => {
     select.dispatchEvent(new Event("change"));
   }
   for (const box of document.querySelectorAll("input[type=checkbox]")) { box.click(); box.click(); }
-  for (const head of document.querySelectorAll("table.sort th")) { head.click(); head.click(); }
+  for (const head of document.querySelectorAll("table.docutils thead th")) { head.click(); head.click(); }
   for (const range of document.querySelectorAll("input[type=range]")) {
     range.value = range.max;
     range.dispatchEvent(new Event("input"));
@@ -81,11 +76,22 @@ addEventListener("load", () => {
     svg.dispatchEvent(new PointerEvent("pointerleave", touch));
     seen.touched = svg.parentElement.querySelector(".tip:not([hidden])")?.textContent;
   }
+  const stops = (root) => [...root.querySelectorAll("a, button, th")].filter((item) => item.tabIndex === 0).length;
+  const map = document.querySelector("section.region:not([hidden]) table.map");
+  if (map) {
+    seen.stops = [stops(map)];
+    map.querySelector("a").focus();
+    for (const name of ["ArrowRight", "ArrowDown", "ArrowLeft"]) key(document.activeElement, name);
+    seen.stops.push(stops(map));
+    seen.moved = [document.activeElement.closest("tr").rowIndex, document.activeElement.closest("td").cellIndex];
+  }
   const words = document.querySelector(".tools input");
   if (words) {
     const filter = (text) => { words.value = text; words.dispatchEvent(new Event("input")); };
     filter("7.0e-9");
-    const shown = words.closest(".tools").nextElementSibling.querySelectorAll("tbody tr:not([hidden])");
+    const table = words.closest(".tools").nextElementSibling;
+    const shown = table.querySelectorAll("tbody tr:not([hidden])");
+    seen.headStops = stops(table);
     seen.filtered = [...shown].map((row) => row.textContent.trim()[0]);
     seen.kept = location.hash;
     filter("");
@@ -104,57 +110,33 @@ addEventListener("load", () => {
   }
   seen.finding = document.getElementById("finding")?.textContent;
   seen.failures = document.getElementById("failures")?.textContent;
+  seen.results = [...document.querySelectorAll("#search-results li a")].map((link) => link.textContent);
   seen.fetched = performance.getEntriesByType("resource").map((e) => e.name);
   seen.wrong = wrong;
   parent.postMessage(JSON.stringify(seen), "*");
 });
 """
-HOST = """<!doctype html><body><script>
-const found = [];
-addEventListener("message", (e) => {
-  found.push(JSON.parse(e.data));
-  document.body.dataset.found = JSON.stringify(found);
-});
-</script>%s</body>"""
-
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium: apt-get install chromium")
 
 
 @pytest.fixture(scope="module")
 def seen(
-    tmp_path_factory: pytest.TempPathFactory, site_pages: dict[str, str]
+    tmp_path_factory: pytest.TempPathFactory, site_folder: Path
 ) -> dict[tuple[str, int], dict]:
     """What every page tells at every width, all in one start of the browser."""
-    folder = tmp_path_factory.mktemp("browser")
-    (folder / "site" / "figures").mkdir(parents=True)
-    Image.new("RGB", (4, 4)).save(folder / "site" / "figures" / "own-drawn.webp")
-    for file in Path(site.__file__).parent.glob("*.[cj]s*"):
-        shutil.copy(file, folder / "site")
-    for name, script in (("watch", WATCH), ("work", WORK)):
-        (folder / "site" / f"{name}.js").write_text(script, encoding="utf-8")
-    for name, page in site_pages.items():
-        watched = page.replace("<head>", '<head><script src="watch.js"></script>')
-        watched = watched.replace("</body>", '<script src="work.js"></script></body>')
-        (folder / "site" / f"{name}.html").write_text(watched, encoding="utf-8")
-    frames = "".join(
-        f'<iframe src="site/{name}.html" style="width:{width}px;height:900px"></iframe>'
-        for name in PAGES
-        for width in WIDTHS
-    )
-    (folder / "host.html").write_text(HOST % frames, encoding="utf-8")
-    flags = [flag.replace("%", " ") for flag in FLAGS.split()]
-    command = [
-        str(CHROMIUM),
-        *flags,
-        f"--user-data-dir={folder / 'profile'}",
-        "--dump-dom",
-        f"file://{folder}/host.html",
+    folder = tmp_path_factory.mktemp("browser") / "site"
+    shutil.copytree(site_folder, folder)
+    for file in folder.rglob("*.html"):
+        page = file.read_text(encoding="utf-8")
+        page = page.replace("<head>", f"<head><script>{WATCH}</script>")
+        page = page.replace("</body>", f"<script>{WORK}</script></body>")
+        file.write_text(page, encoding="utf-8")
+    frames = [
+        (f"{name}.html{QUERIES.get(name, '')}", width, 900) for name in PAGES for width in WIDTHS
     ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    found = re.search(r'data-found="([^"]*)"', done.stdout)
-    assert found, done.stderr[-2000:]
     return {
-        (Path(each["name"]).stem, each["width"]): each for each in json.loads(unescape(found[1]))
+        (page["name"].partition("/site/")[2].removesuffix(".html"), page["width"]): page
+        for page in told(folder, frames)
     }
 
 
@@ -211,7 +193,7 @@ def test_a_question_is_answered_and_kept_in_the_address(seen: dict[tuple[str, in
 def test_a_table_of_many_rows_is_filtered_and_the_address_keeps_it(
     seen: dict[tuple[str, int], dict],
 ):
-    page = seen["own", 1100]
+    page = seen["reports/own/README", 1100]
     assert sorted(page["filtered"]) == ["g", "h"]
     assert page["kept"] == "#rows0=7.0e-9"
 
@@ -225,3 +207,14 @@ def test_the_page_of_costs_names_the_cheapest(seen: dict[tuple[str, int], dict])
 
 def test_the_sphere_turns(seen: dict[tuple[str, int], dict]):
     assert seen["motion", 390]["turned"]
+
+
+def test_the_search_finds_without_a_server(seen: dict[tuple[str, int], dict]):
+    assert "My own <study>" in seen["search", 390]["results"]
+
+
+def test_a_map_and_the_headers_of_a_table_are_one_tab_stop_each(seen: dict[tuple[str, int], dict]):
+    page = seen["index", 1100]
+    assert page["stops"] == [1, 1]
+    assert page["moved"] == [2, 1]
+    assert seen["reports/own/README", 1100]["headStops"] == 1

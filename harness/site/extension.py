@@ -1,0 +1,94 @@
+"""What the site asks of Sphinx beyond its own: formulas as MathML, notation, links, a search without numbers."""
+
+import re
+from html import escape, unescape
+from typing import Any
+
+from docutils import nodes
+from latex2mathml.converter import convert
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.search.en import SearchEnglish
+
+from polhode.harness.site.markup import notation
+
+# Elements whose text stands as it is.
+_LITERAL = (nodes.FixedTextElement, nodes.literal, nodes.math, nodes.raw, nodes.comment)
+_INLINE = {"sub": nodes.subscript, "sup": nodes.superscript, "span class=n": nodes.inline}
+
+
+class ProseSearch(SearchEnglish):
+    """Search of English without the numbers of tables, which would be most of the index."""
+
+    lang = "prose"
+    language_name = "English"
+
+    def word_filter(self, word: str) -> bool:
+        """Whether the index holds the word."""
+        return super().word_filter(word) and not re.match(r"[\d.]", word)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Tell Sphinx."""
+    app.add_html_math_renderer("mathml", (_formula, None), (_displayed, None))
+    app.add_search_language(ProseSearch)
+    app.connect("doctree-read", _set_notation)
+    app.connect("doctree-read", _drop_links_outside)
+    # After the theme's own, which makes the navigation.
+    app.connect("html-page-context", _level_captions, priority=900)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _formula(writer: Any, node: nodes.math) -> None:
+    writer.body.append(convert(node.astext()))
+    raise nodes.SkipNode
+
+
+def _displayed(writer: Any, node: nodes.math_block) -> None:
+    writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
+    raise nodes.SkipNode
+
+
+def _set_notation(_: Sphinx, document: nodes.document) -> None:
+    """Subscripts, powers and numbers of plain text, as `notation` has them."""
+    for text in list(document.findall(nodes.Text)):
+        parent = text.parent
+        if isinstance(parent, _LITERAL) or isinstance(parent.parent, nodes.literal):
+            continue
+        # Columns of numbers are as wide as these.
+        if isinstance(parent.parent, nodes.entry) and "text-right" in parent.parent["classes"]:
+            continue
+        parts = re.split(
+            r"<(sub|sup|span class=n)>(.*?)</\w+>", notation(escape(text.astext(), quote=False))
+        )
+        if len(parts) == 1:
+            continue
+        # Text, then by turns an element, its text, and the text after it.
+        pieces: list[nodes.Node] = [nodes.Text(unescape(parts[0]))]
+        for tag, inner, after in zip(parts[1::3], parts[2::3], parts[3::3], strict=True):
+            element = _INLINE[tag]("", unescape(inner))
+            if element.tagname == "inline":
+                element["classes"].append("n")
+            pieces += [element, nodes.Text(unescape(after))]
+        parent.replace(text, pieces)
+
+
+def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
+    """Links to files that the site does not hold become plain text."""
+    for link in list(document.findall(pending_xref)):
+        # MyST has found no such file.
+        missing = link["reftype"] == "myst" and not link.get("refdomain")
+        target = link["reftarget"].partition("#")[0]
+        if missing and target.endswith("../README.md"):
+            link.attributes |= {"refdomain": "doc", "reftarget": app.config.root_doc}
+            link["reftargetid"] = None
+        elif missing and target:
+            link.replace_self(nodes.inline("", link.astext()))
+
+
+def _level_captions(_: Sphinx, __: str, ___: str, context: dict[str, Any], ____: Any) -> None:
+    """Captions of the navigation are headings, which must say of what level."""
+    tree = context["furo_navigation_tree"]
+    context["furo_navigation_tree"] = tree.replace(
+        'role="heading"', 'role="heading" aria-level="2"'
+    )

@@ -1,0 +1,197 @@
+"""The sources of the site: pages of docs and reports as they stand, and those that are made here."""
+
+import re
+import tomllib
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
+from io import BytesIO
+from pathlib import Path
+
+from PIL import Image
+
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import machine, versions
+from polhode.harness.pages.figures.style import few_colours
+from polhode.harness.pages.tables import fill, templates
+from polhode.harness.site.answers import TITLE, cost_page, question
+from polhode.harness.site.markup import Page, html, section
+from polhode.harness.site.motion import motion_page
+from polhode.models.scene import Scene
+from polhode.models.scenes import SCENES
+
+_HERE = Path(__file__).parent
+NAVIGATION = tomllib.loads((_HERE / "navigation.toml").read_text("utf-8"))
+# By folder of the reports: the command that fills it.
+COMMANDS = tomllib.loads((_HERE / "commands.toml").read_text("utf-8"))
+# Sections of the bench's page for the opening page: its heading there, and on the bench's page.
+_SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
+# The page of costs shows the content of these pictures, run by run.
+_ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
+# Files that pages of docs link to and a reader wants to see or run.
+_SHOWN_CODE = (".py", ".toml", ".cpp", ".ipynb")
+# Pictures have few colours, which halve a file: red, green and blue are multiples of 17, by which greys stay grey.
+_ROUNDED = [round(value / 17) * 17 for value in range(256)]
+_COLOURS = 48
+
+
+def write_sources(
+    reports: Path,
+    docs: Path,
+    scenes: dict[str, Scene],
+    folder: Path,
+    say: Callable[[str], None],
+) -> None:
+    """Write the sources into a folder, in which docs and reports stand beside each other as in a clone."""
+    files = {
+        f"docs/{path.stem}": path
+        for path in sorted(docs.glob("*.md"))
+        if not path.stem.endswith("_template")
+    }
+    files |= {
+        f"reports/{path.parent.name}/{path.stem}": path for path in sorted(reports.glob("*/*.md"))
+    }
+    for name, path in files.items():
+        say(name)
+        text = path.read_text(encoding="utf-8")
+        if name.startswith("reports/"):
+            text = _report(name, text, [*files])
+        else:
+            _copy_code(text, path, folder / name)
+        text = _copy_pictures(text, path, folder / name)
+        write_file(folder / f"{name}.md", text)
+    write_file(folder / "cost.md", _interactive(cost_page(reports)))
+    write_file(folder / "motion.md", _interactive(motion_page(scenes, say)))
+    write_file(folder / "index.md", _opening(reports, folder, [*files]))
+
+
+def _opening(reports: Path, sources: Path, names: list[str]) -> str:
+    """The opening page: the question, findings of the bench, and the navigation."""
+
+    def text_of(folder: str) -> str:
+        path = sources / "reports" / folder / "README.md"
+        return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+    # The answer of a page is the first item of its first list.
+    items = (line for line in text_of("hard-cases").splitlines() if line.startswith("- "))
+    body, data = question(reports / "regimes", next(items, "").removeprefix("- "))
+    page = Page(TITLE, fill("site-question"), body, data, ("verdict.js",))
+    bench = text_of("bench")
+    sections = {title: section(bench, heading) for title, heading in _SECTIONS.items()}
+    return (
+        templates(_HERE)
+        .get_template("index.md")
+        .render(
+            title=TITLE,
+            opening=_interactive(page, _outdated(text_of("regimes"))),
+            # Links are relative to the bench's page.
+            sections={
+                title: re.sub(r"\]\((?!https?:|#)", "](reports/bench/", text)
+                for title, text in sections.items()
+                if text
+            },
+            lacking={
+                folder: command
+                for folder, command in COMMANDS.items()
+                if f"reports/{folder}/README" not in names
+            },
+            groups=_groups(names),
+            today=datetime.now(UTC).date(),
+            here=machine(),
+            packages=versions(),
+        )
+    )
+
+
+def _groups(names: list[str]) -> dict[str, dict[str, str]]:
+    """By group the pages that there are, with their names in the navigation."""
+    there = {*names, "cost", "motion"}
+    groups = {
+        caption: {page: name for page, name in pages.items() if page in there}
+        for caption, pages in NAVIGATION.items()
+    }
+    listed = {page for pages in groups.values() for page in pages}
+    # Pages beside a folder's README stand below it.
+    others = [
+        name
+        for name in names
+        if name not in listed and (name.startswith("docs/") or name.endswith("/README"))
+    ]
+    groups["Evidence"] |= {name: name.split("/")[1].capitalize() for name in others}
+    return groups
+
+
+def _interactive(page: Page, above: str = "") -> str:
+    """A page of a title, a sentence, HTML, and data for scripts."""
+    body = html("interactive", page=page)
+    return f"# {page.title}\n\n{above}{page.lead}\n\n``````{{raw}} html\n{body}\n``````\n"
+
+
+def _report(name: str, text: str, names: list[str]) -> str:
+    """The text of a report's page as the site shows it."""
+    text = text.replace(" Do not edit: the next run overwrites this page.", "")
+    title, _, rest = text.partition("\n")
+    text = f"{title}\n\n{_outdated(text)}{rest}"
+    folder = name.removesuffix("/README")
+    if name == "reports/hard-cases/README":
+        text = re.sub(r"^\| ([\w-]+)(?= +\|)", _runs_of, text, flags=re.MULTILINE)
+    if folder == name:
+        return text
+    beside = [other.rpartition("/")[2] for other in names if other.startswith(f"{folder}/")]
+    beside.remove("README")
+    if beside:
+        entries = "\n".join(beside)
+        text += f"\n```{{toctree}}\n:hidden:\n\n{entries}\n```\n"
+    return text
+
+
+def _outdated(text: str) -> str:
+    """A warning above a page that another version than today's measured, by the page's own words."""
+    measured = re.search(r"^Measured .*?\bpolhode (\d[\w.]*)", text, re.MULTILINE)
+    today = versions().get("polhode", "")
+    if measured is None or _release(measured[1]) == _release(today):
+        return ""
+    words = f"Measured by polhode {measured[1]}, not by today's {today}: numbers may differ."
+    return f"{{.outdated}}\n{words}\n\n"
+
+
+def _release(version: str) -> str:
+    """The release that a version under development leads to: 0.2.0 of 0.2.0.dev0."""
+    return version.partition(".dev")[0]
+
+
+def _runs_of(cell: re.Match[str]) -> str:
+    """A hard case's name in a table leads to its runs."""
+    if cell[1] not in SCENES:
+        return cell[0]
+    return f'| <a href="../../cost.html#scene=hard-cases:+{cell[1]}">{cell[1]}</a>'
+
+
+def _copy_code(text: str, source: Path, page: Path) -> None:
+    """Copy the code that a page links to."""
+    for target in re.findall(r"\]\(([^)#\s]+)\)", text):
+        path = source.parent / target
+        if path.suffix in _SHOWN_CODE and path.is_file():
+            write_file(page.parent / target, path.read_bytes())
+
+
+def _copy_pictures(text: str, source: Path, page: Path) -> str:
+    """Copy the pictures of a page, and return its text, in which they are WebP; the lost ones are named."""
+    return re.sub(r"!\[([^\]]*)\]\(([^)\s]+)\)", partial(_picture, source, page), text)
+
+
+def _picture(source: Path, page: Path, link: re.Match[str]) -> str:
+    words, target = link.groups()
+    path = source.parent / target
+    if not path.is_file():
+        return words
+    copied = BytesIO()
+    with Image.open(path) as image:
+        drawn = few_colours(image.convert("RGB").point(_ROUNDED * 3), _COLOURS).convert("RGB")
+    drawn.save(copied, "webp", lossless=True, quality=75, method=3)
+    name = Path(target).with_suffix(".webp").as_posix()
+    write_file(page.parent / name, copied.getvalue())
+    shown = f"![{words}]({name})"
+    if source.parent.name == "bench" and _ON_COSTS.fullmatch(target):
+        shown += "\n\n[As a diagram, run by run](../../cost.md)"
+    return shown
