@@ -287,10 +287,10 @@ def test_a_number_that_a_report_says_no_more_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     program = paper_numbers()
-    monkeypatch.setitem(program.SAYINGS, "docs/index.md", ("(?P<items>a number of nothing)",))
+    monkeypatch.setitem(program.SAYINGS, "docs/threads.md", ("(?P<items>a number of nothing)",))
     assert program.main() == 1
     said = capsys.readouterr().err
-    assert said == "docs/index.md: does not say any more '(?P<items>a number of nothing)'\n"
+    assert said == "docs/threads.md: does not say any more '(?P<items>a number of nothing)'\n"
 
 
 def test_readme_says_what_there_is():

@@ -4,6 +4,7 @@ import re
 from html import escape, unescape
 from typing import Any
 
+from bs4 import BeautifulSoup
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.addnodes import pending_xref
@@ -35,7 +36,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("doctree-read", _set_notation)
     app.connect("doctree-read", _drop_links_outside)
     # After the theme's own, which makes the navigation.
-    app.connect("html-page-context", _level_captions, priority=900)
+    app.connect("html-page-context", _shorten_navigation, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -86,9 +87,13 @@ def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
             link.replace_self(nodes.inline("", link.astext()))
 
 
-def _level_captions(_: Sphinx, __: str, ___: str, context: dict[str, Any], ____: Any) -> None:
-    """Captions of the navigation are headings, which must say of what level."""
-    tree = context["furo_navigation_tree"]
-    context["furo_navigation_tree"] = tree.replace(
-        'role="heading"', 'role="heading" aria-level="2"'
-    )
+def _shorten_navigation(_: Sphinx, __: str, ___: str, context: dict[str, Any], ____: Any) -> None:
+    """Captions are headings of a level; pages below another are listed on it and on each other alone."""
+    tree = BeautifulSoup(context["furo_navigation_tree"], "html.parser")
+    for caption in tree.select("p.caption"):
+        caption["aria-level"] = "2"
+    for item in tree.select("li.has-children:not(.current)"):
+        for part in item.find_all(["input", "label", "ul"], recursive=False):
+            part.decompose()
+        item["class"] = "toctree-l1"
+    context["furo_navigation_tree"] = str(tree)

@@ -115,7 +115,9 @@ def test_every_page_has_the_navigation_in_its_groups(site_pages: dict[str, str],
     groups = re.split(r'<span class="caption-text">', tree)[1:]
     listed = [re.findall(r">([^<>]+)</a>", group) for group in groups]
     assert listed[0] == ["What should I run?", "Cost of every run"]
-    assert {"Bench", "Map", "Hard cases", "Own", "More"} >= {*listed[1]} >= {"Map", "Own", "More"}
+    assert {"Map", "Hard cases", "Own"} <= {*listed[1]}
+    # A page below another.
+    assert ("More" in listed[1]) == (name == OWN)
     assert listed[2] == ["See it move"]
     (current,) = re.findall(r'<a class="current reference" href="#">([^<]*)</a>', tree)
     assert current in {name for group in listed for name in group}
