@@ -5,6 +5,8 @@ They are `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
 from importlib import import_module
@@ -275,9 +277,7 @@ def paper(
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     report = (lambda _: None) if quiet or listed else partial(click.echo, err=True)
-    with bad_input(), Progress(quiet) as progress:
-        # The libraries that items need take seconds to load.
-        progress.begin("loading the items")
+    with bad_input(), _loading(quiet):
         from polhode.harness.paper.claims import find_items, section_of
         from polhode.harness.paper.item import Grid
         from polhode.harness.paper.pages import run
@@ -394,9 +394,10 @@ def _random_bodies(
     fit: bool,
 ) -> None:
     """All averaged forms over random bodies."""
-    from polhode.harness.averaging import random_study
-    from polhode.harness.averaging.laws import laws_of, write_laws
-    from polhode.harness.pages.averaging import random_bodies
+    with _loading(quiet):
+        from polhode.harness.averaging import random_study
+        from polhode.harness.averaging.laws import laws_of, write_laws
+        from polhode.harness.pages.averaging import random_bodies
 
     with bad_input():
         old = None
@@ -544,9 +545,10 @@ def throughput(out: Path, page_only: bool, quiet: bool) -> None:
 @options.quiet
 def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
     """Measure scenes in linear flows other than shear: cost, closed orbits, tracks, stated errors."""
-    from polhode.harness.common.machine import here
-    from polhode.harness.flows.measure import measure_all
-    from polhode.harness.pages.flows import write_page, write_tables
+    with _loading(quiet):
+        from polhode.harness.common.machine import here
+        from polhode.harness.flows.measure import measure_all
+        from polhode.harness.pages.flows import write_page, write_tables
 
     with bad_input():
         make_folder(out)
@@ -554,6 +556,14 @@ def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
             write_tables(measure_all(quick=quick, quiet=quiet), here(), out)
         page = write_page(out, "polhode flows" + " --quick" * quick)
     click.echo(f"{page}")
+
+
+@contextmanager
+def _loading(quiet: bool) -> Iterator[None]:
+    """Say so while libraries are loaded, which takes seconds where the disk is slow."""
+    with Progress(quiet) as progress:
+        progress.begin("loading")
+        yield
 
 
 def _engine(workers: int | None, address: str | None) -> Any:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polhode.harness.commands import bench
 from polhode.harness.common import progress
 from polhode.harness.common.progress import Progress, Steps, in_steps
 from polhode.models.catalogue import form
@@ -182,3 +183,13 @@ def test_a_run_tells_how_far_it_is_between_rows(solver: str):
         assert 0 < record.reached < problem.end
     assert record.times[0] == 0
     np.testing.assert_array_equal(record.rows[0], problem.start)
+
+
+@pytest.mark.usefixtures("hasty")
+@pytest.mark.parametrize("quiet", [True, False])
+def test_loading_libraries_is_said_to_take_time(monkeypatch: pytest.MonkeyPatch, quiet: bool):
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    with bench._loading(quiet):
+        time.sleep(0.15)
+    assert ("loading: 00:00" in terminal.getvalue()) is not quiet
