@@ -107,6 +107,11 @@ addEventListener("load", () => {
     seen.asked = document.querySelector("#answer .first")?.textContent;
     seen.address = location.hash;
     seen.shown = document.querySelectorAll("section.region:not([hidden])").length;
+    // Between two St that were measured, and beyond all of them.
+    type(stokes, "70");
+    seen.between = [...document.querySelectorAll("#answer .first")].map((line) => line.textContent);
+    type(stokes, "1e12");
+    seen.beyond = document.getElementById("answer").textContent;
   }
   seen.finding = document.getElementById("finding")?.textContent;
   seen.failures = document.getElementById("failures")?.textContent;
@@ -188,6 +193,13 @@ def test_a_question_is_answered_and_kept_in_the_address(seen: dict[tuple[str, in
     assert re.fullmatch(said, page["asked"])
     assert "St=100" in page["address"]
     assert page["shown"] == 1
+
+
+def test_both_neighbours_answer_and_pick_is_named_beyond(seen: dict[tuple[str, int], dict]):
+    page = seen["index", 390]
+    assert [line.split(":")[0] for line in page["between"]] == ["At St = 50", "At St = 100"]
+    assert "St = 1e12 lies beyond what was measured." in page["beyond"]
+    assert "polhode pick scene.toml --error 0.01 --want slow" in page["beyond"]
 
 
 def test_a_table_of_many_rows_is_filtered_and_the_address_keeps_it(
