@@ -34,18 +34,17 @@ def interpreter(version: str) -> str | None:
 
 
 def ran(*words: str | Path, seconds: float) -> str:
-    """Standard output and error of a command in the checkout; RuntimeError with its end if it fails."""
+    """What a command in the checkout prints; RuntimeError with the end of all it said if it fails."""
     done = subprocess.run(
         [str(word) for word in words],
         cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        capture_output=True,
         text=True,
         timeout=seconds,
         check=False,
     )
     if done.returncode:
-        raise RuntimeError(done.stdout[-2000:])
+        raise RuntimeError((done.stdout + done.stderr)[-2000:])
     return done.stdout
 
 
