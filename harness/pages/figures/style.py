@@ -9,6 +9,7 @@ import textwrap
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import cycle
 from math import floor, inf, log10
 from pathlib import Path
@@ -205,9 +206,11 @@ def caption(figure: Figure, text: str) -> None:
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:
-    """Save a figure and close it."""
-    with PartialFile(folder / f"{name}.png", binary=True) as file:
-        figure.savefig(file, format="png", dpi=DPI)
+    """Save a figure, in few colours that keep the file small, and close it."""
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png", dpi=DPI)
+    with PartialFile(folder / f"{name}.png", binary=True) as file, Image.open(drawn) as image:
+        few_colours(image.convert("RGB")).save(file, "png", optimize=True)
     plt.close(figure)
 
 
