@@ -243,6 +243,18 @@ def few_colours(image: Image.Image, colours: int = _COLOURS) -> Image.Image:
             near = ~grey & (distance < _LEAST_DIFFERENCE)
         near[0] = True
         left = left[~near]
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(np.resize(chosen, (256, 3)).astype(np.uint8).tobytes())
-    return image.quantize(palette=palette, dither=Image.Dither.NONE)
+    palette = np.array(chosen)
+    pixels = np.asarray(image).reshape(-1, 3).astype(int)
+    packed, places = np.unique(pixels @ (65536, 256, 1), return_inverse=True)
+    colours = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=1)
+    # Pillow's own search is inexact: it takes white for a tint.
+    nearest = np.concatenate(
+        [
+            np.argmin(((part[:, None] - palette) ** 2).sum(axis=2), axis=1)
+            for part in np.array_split(colours, len(colours) // 4096 + 1)
+        ]
+    )
+    drawn = Image.fromarray(nearest[places].astype(np.uint8).reshape(image.height, image.width))
+    drawn = drawn.convert("P")
+    drawn.putpalette(palette.astype(np.uint8).tobytes())
+    return drawn

@@ -221,6 +221,16 @@ def test_panes_that_are_not_quite_white_stay_grey():
     assert (drawn[90:150] == 255).all()
 
 
+def test_white_stays_white_beside_colours_near_it():
+    pixels = np.full((100, 100, 3), 255, dtype=np.uint8)
+    pixels[:20] = (250, 252, 251)
+    pixels[20:30] = (238, 244, 241)
+    pixels[30:34, :50] = (79, 144, 145)
+    drawn = np.asarray(few_colours(Image.fromarray(pixels)).convert("RGB"))
+    assert (drawn[34:] == 255).all()
+    assert (drawn[30:34, :50] == (79, 144, 145)).all()
+
+
 def test_letters_are_nine_pixels_on_a_phone():
     """At 390 pixels in width."""
     assert style.LETTERS / 72 * style.DPI * 390 / 838 >= 9
