@@ -82,6 +82,8 @@ _LABELS = {"sidebar-drawer": "Pages", "toc-drawer": "On this page"}
 _SHORTER = {
     r'<span class="pre">([^<]*)</span>': r"\1",
     r"(<t[dh][^>]*>)<p>([^\n]*?)</p>\n?(?=</t[dh]>)": r"\1\2",
+    # A header must say something.
+    r'<th class="head[\w -]*"></th>': "<td></td>",
     r'<tr class="row-(?:even|odd)">': "<tr>",
     r'<span class="(?:std std-\w+|xref[\w -]*)">([^<]*)</span>': r"\1",
     r'class="docutils literal notranslate"': 'class="literal"',

@@ -104,7 +104,8 @@ for (const table of document.querySelectorAll("table.docutils")) {
     return number === undefined ? NaN : Number(number) * (scale[unit] ?? 1);
   };
   oneStop([...table.querySelectorAll("thead th")]);
-  table.querySelectorAll("thead th").forEach((head, position) => {
+  table.querySelectorAll("thead th").forEach((head) => {
+    const position = head.cellIndex;
     const sort = () => {
       const up = head.getAttribute("aria-sort") !== "ascending";
       table.querySelectorAll("th").forEach((other) => other.removeAttribute("aria-sort"));
