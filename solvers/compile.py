@@ -35,6 +35,13 @@ _FOLDER = Path(__file__).parent
 _MAX_HEYOKA_MEMORY = 20_000_000
 # A quotient in a traced field, by a number that is no constant.
 _DIVISION = re.compile(r"= fdiv contract double \S+, (%v\d+)")
+# An entry of a traced Jacobian, where it is written.
+_ENTRY = re.compile(r"store double (\S+), ptr %out(\d+)")
+# The same, or 0 where it is not finite.
+_FINITE_ENTRY = r"""%none\2 = fmul double \1, 0.0
+%finite\2 = fcmp ord double %none\2, 0.0
+%entry\2 = select i1 %finite\2, double \1, double 0.0
+store double %entry\2, ptr %out\2"""
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 
@@ -119,8 +126,12 @@ def c_callback(
 
 @once()
 def c_jacobian(factory: Factory, dimension: int, parameters: int) -> MachineCode:
-    """The field's Jacobian, column by column, as a C function of the arguments of `callback.ll`."""
-    lines = trace_jacobian(factory, dimension, parameters)
+    """The field's Jacobian, column by column, as a C function of the arguments of `callback.ll`.
+
+    An entry that is not finite counts as 0: it steers Newton's iteration alone, whose result the
+    method checks, and CyRK's Radau would shorten its steps without end.
+    """
+    lines = _ENTRY.sub(_FINITE_ENTRY, trace_jacobian(factory, dimension, parameters))
     return compile_file(_FOLDER / "callback.ll", lines=lines, parameters=parameters, count=0)
 
 

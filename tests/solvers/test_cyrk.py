@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polhode import solve_ivp
 from polhode.models.catalogue import form
 from polhode.models.problem import Problem
 from polhode.models.scene import Ellipsoid, Scene
@@ -152,3 +153,18 @@ def test_the_list_of_solvers_says_which_way_the_jacobian_goes(name):
     method = find_solver(name)
     assert method.note == "available, exact Jacobian through the C++ entry"
     assert method.settings(1e-6).jacobian == "exact"
+
+
+@needs_the_entry
+@pytest.mark.parametrize("name", ["cyrk-radau", "cyrk-bdf", "cyrk-lsoda"])
+def test_a_jacobian_without_numbers_stops_no_run(name: str):
+    """The derivative of |y| at 0 is no number, the rates are; y[1] = 1 - exp(-t)."""
+
+    def rates(t: float, y: np.ndarray) -> list[object]:
+        return [np.sqrt(y[0] ** 2 + y[1] ** 2) + 1 - y[0], 1 - y[1]]
+
+    result = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], name, rtol=1e-8, max_seconds=20.0)
+    assert result.success
+    assert result.y[1, -1] == pytest.approx(1 - np.exp(-1.0), abs=1e-6)
+    other = solve_ivp(rates, (0.0, 1.0), [0.0, 0.0], "dop853", rtol=1e-10)
+    assert result.y[0, -1] == pytest.approx(other.y[0, -1], abs=1e-6)
