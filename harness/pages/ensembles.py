@@ -65,6 +65,9 @@ def write_results(
                             written[name] = csv.DictWriter(file, list(row))
                             written[name].writeheader()
                         written[name].writerow(row)
+            if not drawn["distributions.csv"]:
+                # No particle of this shape has finished.
+                continue
             pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
             tables = {name: pd.DataFrame(rows) for name, rows in drawn.items()}
             save(_picture(tables, sweep), folder, pictures[-1][0])

@@ -13,7 +13,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+import pandas as pd
 import pytest
 from commandline import SCRIPT, Run, small_disk
 from dasks import contact, dask_scheduler, dask_worker
@@ -31,7 +31,7 @@ from polhode.harness.ensembles.sweep import (
     read_sweep,
     run_sweep,
 )
-from polhode.harness.pages.ensembles import picture, write_results
+from polhode.harness.pages.ensembles import _DRAWN, _FILES, picture, write_results
 
 # Tasks of some hundredths of a second.
 SWEEP = """\
@@ -605,16 +605,26 @@ def test_pictures_show_the_moments_and_arrivals(tmp_path: Path):
         {**tomllib.loads(SWEEP), "particles": 50, "block": 50, "shapes": [[1.0, 1.0, 2.0]]}
     )
     found = [(ensemble, ensemble.run(0)) for ensemble in sweep.ensembles]
-    moments, distribution, arrivals = picture(found).axes
+    tables = {
+        name.removesuffix(".csv"): pd.DataFrame(
+            [row for ensemble, statistics in found for row in make(ensemble, statistics)]
+        )
+        for name, make in _FILES.items()
+        if name in _DRAWN
+    }
+    moments, arrivals = picture(tables).axes
+    (histogram,) = arrivals.child_axes
+    found.sort(key=lambda pair: pair[0].stokes)
     for k, (ensemble, statistics) in enumerate(found):
         mean, _ = means(statistics, "second")
         for i, component in enumerate(((0, 0), (1, 1), (2, 2))):
-            line = moments.lines[3 * k + i]
-            assert line.get_ydata() == pytest.approx(mean[:, 0, SECOND.index(component)])
+            # For each component a line for each St.
+            line = moments.lines[len(found) * i + k]
+            assert line.get_ydata() == pytest.approx(mean[:, -1, SECOND.index(component)])
             assert line.get_xdata() == pytest.approx(
                 [0.0, 30 / ensemble.stokes, 60 / ensemble.stokes]
             )
-        assert distribution.patches[3 * k].get_data().values @ np.diff(
-            ensemble.layout.edges("Lz")
-        ) == pytest.approx(1)
+        # At the start and at the end.
+        for patch in histogram.patches[2 * k : 2 * k + 2]:
+            assert patch.get_data().values.sum() == pytest.approx(1)
         assert arrivals.lines[k].get_ydata()[-1] == pytest.approx(statistics.arrivals.sum() / 50)

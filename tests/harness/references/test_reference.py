@@ -100,7 +100,7 @@ def test_a_certificate_notices_a_wrong_state(component: int, monkeypatch):
         return rows
 
     monkeypatch.setattr(module, "extended_run", lying)
-    monkeypatch.setattr(cache, "keep", lambda key, arrays: arrays)
+    monkeypatch.setattr(cache, "save", lambda key, arrays: arrays)
     with pytest.raises(
         ReferenceFailedError, match="differs from form 'euler-angles' by cyrk-vern8"
     ):
