@@ -245,13 +245,14 @@ def few_colours(image: Image.Image, colours: int = _COLOURS) -> Image.Image:
         left = left[~near]
     palette = np.array(chosen)
     pixels = np.asarray(image).reshape(-1, 3).astype(int)
-    packed, places = np.unique(pixels @ (65536, 256, 1), return_inverse=True)
-    colours = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=1)
+    # One number for each colour: 65536 red + 256 green + blue.
+    packed, places = np.unique(pixels @ np.array([65536, 256, 1]), return_inverse=True)
+    present = np.stack([packed // 65536, packed // 256 % 256, packed % 256], axis=1)
     # Pillow's own search is inexact: it takes white for a tint.
     nearest = np.concatenate(
         [
             np.argmin(((part[:, None] - palette) ** 2).sum(axis=2), axis=1)
-            for part in np.array_split(colours, len(colours) // 4096 + 1)
+            for part in np.array_split(present, len(present) // 4096 + 1)
         ]
     )
     drawn = Image.fromarray(nearest[places].astype(np.uint8).reshape(image.height, image.width))
