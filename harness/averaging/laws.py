@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.answers.averaging_laws import LAWS_FILE
-from polhode.harness.averaging.random_study import SLOW_TIMES, Data, Frame
+from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Frame
 from polhode.harness.averaging.shares import (
-    CROSSING,
-    FIRST,
+    CROSSING_EXPONENT,
+    ERRORS_MET,
     KNOWN,
-    LARGEST_ERROR,
     LEAST_BODIES,
-    SECOND,
+    MAX_ERROR_OF_LAWS,
+    ORDER_ONE,
+    ORDER_TWO,
     SHARES,
-    TARGETS,
     THEORY,
     all_times,
     at,
@@ -28,7 +28,11 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import median_interval
 
 # Laws by name: of an order, and whether its bodies cross L² = 2EI₂.
-NAMES = {FIRST: (FIRST, False), f"{FIRST}, crossing": (FIRST, True), SECOND: (SECOND, False)}
+NAMES = {
+    ORDER_ONE: (ORDER_ONE, False),
+    f"{ORDER_ONE}, crossing": (ORDER_ONE, True),
+    ORDER_TWO: (ORDER_TWO, False),
+}
 # An exponent is measured over the last ratio of St this large that has enough bodies.
 _RATIO = 10.0
 # St from which on an error's multiple of 1/St or 1/St² is taken.
@@ -37,12 +41,12 @@ _SETTLED_FROM = 1e4
 
 def laws_of(data: Data) -> dict[str, Any]:
     """Exponents of St, errors times their power of St, and the St from which errors are met, by kind."""
-    runs = at(data, SLOW_TIMES[-1])
+    runs = at(data, STUDIED_SLOW_TIMES[-1])
     # Kicks of resonances fall more slowly than second order's own error.
-    runs = runs[(runs["order"] == FIRST) | (runs["kind"] != "resonance")]
+    runs = runs[(runs["order"] == ORDER_ONE) | (runs["kind"] != "resonance")]
     laws: dict[str, Any] = {"exponents": {}, "measured": {}, "few": {}, "most": {}}
     for name, (order, crosses) in NAMES.items():
-        theory = CROSSING if crosses else THEORY[order]
+        theory = CROSSING_EXPONENT if crosses else THEORY[order]
         own = runs[(runs["order"] == order) & (runs["crosses"] == crosses)]
         measured = _measured(own)
         laws["measured"][name] = measured
@@ -52,19 +56,19 @@ def laws_of(data: Data) -> dict[str, Any]:
     every = all_times(data)
     for order, theory in THEORY.items():
         own = every[(every["order"] == order) & (every["stokes"] >= _SETTLED_FROM)]
-        own = own[own["slow"] < LARGEST_ERROR]
+        own = own[own["slow"] < MAX_ERROR_OF_LAWS]
         if len(own):
             multiples = own["slow"] * own["stokes"] ** -theory
-            whole = own["slow_time"] == SLOW_TIMES[-1]
+            whole = own["slow_time"] == STUDIED_SLOW_TIMES[-1]
             laws["few"][order] = _rounded(float(np.quantile(multiples, 1 - SHARES[-1])))
             laws["most"][order] = _rounded(float(np.quantile(multiples[whole], SHARES[-1])))
-    runs = at(data, SLOW_TIMES[-1])
+    runs = at(data, STUDIED_SLOW_TIMES[-1])
     laws["from"] = {}
     for order in THEORY:
         laws["from"][order] = {}
         for kind in kinds_in(runs):
             ends = {}
-            for target in TARGETS:
+            for target in ERRORS_MET:
                 both = [needed(runs, kind, order, share, target) for share in SHARES]
                 ends[f"{target:g}"] = [
                     None if isnan(stokes) else _rounded(stokes) for stokes, _ in both
@@ -80,7 +84,7 @@ def write_laws(laws: dict[str, Any], path: Path = LAWS_FILE) -> None:
 
 def _measured(runs: Frame) -> dict[str, float] | None:
     """Exponent of the largest St that enough bodies have, over a ratio of ten: median over bodies, and its interval."""
-    known = runs[runs["slow"].between(KNOWN * runs["uncertainty"], LARGEST_ERROR)]
+    known = runs[runs["slow"].between(KNOWN * runs["uncertainty"], MAX_ERROR_OF_LAWS)]
     table = known.pivot(index=["kind", "body"], columns="stokes", values="slow")
     for end in sorted(table.columns, reverse=True):
         begin = end / _RATIO

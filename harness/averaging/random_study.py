@@ -57,7 +57,7 @@ BODIES = {
     1e8: 20,
 }
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
-SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
+STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next.
 SEGMENT_SAMPLES = 50
 # St at which what forms state of themselves is measured, and the bodies of each kind.
@@ -74,7 +74,7 @@ COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
 COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 COST_LEAST_ERROR = 1e-8
 COST_LONG = 0.02  # Seconds; shorter runs are timed several times, and the fastest counts.
-COST_REPEATS = 3
+BODY_COST_REPEATS = 3
 # The reference is a run in long double up to this St, and a looser one shows its error.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
@@ -104,20 +104,20 @@ _FAR_SPHEROIDS_PER_STOKES = 1e-7
 _COST_POWER = 0.35
 _HEAD_START = 20
 _SCHEMA = 1
-TABLES = ("bodies", "references", "errors", "costs")
+DATA_TABLES = ("bodies", "references", "errors", "costs")
 _DIGITS = 3  # Of measured numbers in the tables.
 
 Array = np.ndarray
 Frame = Any  # Of pandas, whose types say too little of it.
-# Slow times of a run's samples, and the sample of each of SLOW_TIMES.
+# Slow times of a run's samples, and the sample of each of STUDIED_SLOW_TIMES.
 TIMES = np.concatenate(
     [[0.0]]
     + [
         np.linspace(begin, end, SEGMENT_SAMPLES + 1)[1:]
-        for begin, end in zip((0.0, *SLOW_TIMES), SLOW_TIMES, strict=False)
+        for begin, end in zip((0.0, *STUDIED_SLOW_TIMES), STUDIED_SLOW_TIMES, strict=False)
     ]
 )
-_LAST_SAMPLES = [SEGMENT_SAMPLES * (i + 1) for i in range(len(SLOW_TIMES))]
+_LAST_SAMPLES = [SEGMENT_SAMPLES * (i + 1) for i in range(len(STUDIED_SLOW_TIMES))]
 
 
 class Task(NamedTuple):
@@ -134,7 +134,7 @@ class Task(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """The full equations' solution at TIMES, and how far it may be off up to each of SLOW_TIMES."""
+    """The full equations' solution at TIMES, and how far it may be off up to each of STUDIED_SLOW_TIMES."""
 
     observables: Observables
     slow: list[float]
@@ -199,10 +199,10 @@ def _states(problem: Problem, solver: str, tolerance: float, times: Array) -> Ar
 
 
 def _largest(apart: Difference) -> tuple[list[float], list[float]]:
-    """The largest differences up to each of SLOW_TIMES; NaN beyond the last sample, or without orientation."""
+    """The largest differences up to each of STUDIED_SLOW_TIMES; NaN beyond the last sample, or without orientation."""
     both = []
     for values in apart:
-        largest = [nan] * len(SLOW_TIMES)
+        largest = [nan] * len(STUDIED_SLOW_TIMES)
         for i, last in enumerate(_LAST_SAMPLES):
             if values is not None and last < len(values):
                 largest[i] = float(np.max(values[: last + 1]))
@@ -220,7 +220,7 @@ def measure(task: Task, body: Body | None = None) -> Record:
         true = truth(scene)
     except ReferenceFailedError as failure:
         reference = {**head, "method": "", "failure": str(failure), "seconds": nan}
-        blank = [nan] * len(SLOW_TIMES)
+        blank = [nan] * len(STUDIED_SLOW_TIMES)
         reference |= _columns("slow", blank) | _columns("turned", blank)
         return {"body": asdict(body), "reference": reference, "errors": [], "costs": []}
     reference = {**head, "method": true.method, "failure": "", "seconds": process_time() - began}
@@ -245,8 +245,8 @@ def measure(task: Task, body: Body | None = None) -> Record:
 
 
 def _names(name: str) -> list[str]:
-    """Columns of a number up to each of SLOW_TIMES."""
-    return [f"{name}_{slow_time:g}" for slow_time in SLOW_TIMES]
+    """Columns of a number up to each of STUDIED_SLOW_TIMES."""
+    return [f"{name}_{slow_time:g}" for slow_time in STUDIED_SLOW_TIMES]
 
 
 def _columns(name: str, values: Sequence[float]) -> dict[str, float]:
@@ -257,7 +257,7 @@ def _row(form: str, requested: float = nan, refused: str = "") -> Record:
     """A row without numbers yet."""
     row = {"form": form, "requested": requested}
     for name in ("slow", "turned", "bound", "turned_bound"):
-        row |= _columns(name, [nan] * len(SLOW_TIMES))
+        row |= _columns(name, [nan] * len(STUDIED_SLOW_TIMES))
     return row | {"solver_error": nan, "seconds": nan, "refused": refused}
 
 
@@ -268,7 +268,7 @@ def _first_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Reco
         form.check(scene)
     except FormNotValidError as refusal:
         return _row(form.name, refused=refusal.condition)
-    return _averaged(body, task, form, true, SLOW_TIMES, with_stated)
+    return _averaged(body, task, form, true, STUDIED_SLOW_TIMES, with_stated)
 
 
 def _second_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Record:
@@ -276,7 +276,7 @@ def _second_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Rec
     form = SecondOrder()
     reached = []
     reason = ""
-    for slow_time in SLOW_TIMES:
+    for slow_time in STUDIED_SLOW_TIMES:
         try:
             form.check(body.scene(task.stokes, slow_time))
         except FormNotValidError as refusal:
@@ -385,7 +385,7 @@ def _fastest(
     # What is compiled does not count.
     solve(problem, solver, tolerance, times[:2])
     runs = []
-    for _ in range(COST_REPEATS):
+    for _ in range(BODY_COST_REPEATS):
         began = thread_time()
         run = solve(problem, solver, tolerance, times)
         runs.append((thread_time() - began, run))
@@ -437,14 +437,14 @@ def _flat(body: Record) -> dict[str, Any]:
 
 def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None) -> Data:
     """Tables of what was measured, those of an old study included."""
-    frames: dict[str, list[Any]] = {name: [] for name in TABLES}
+    frames: dict[str, list[Any]] = {name: [] for name in DATA_TABLES}
     for record in records:
         frames["bodies"].append(_flat(record["body"]))
         frames["references"].append(record["reference"])
         frames["errors"] += record["errors"]
         frames["costs"] += record["costs"]
     tables = []
-    for name in TABLES:
+    for name in DATA_TABLES:
         table = pd.DataFrame(frames[name], columns=[*_COLUMNS[name]])
         if old is not None:
             table = pd.concat([getattr(old, name), table])
@@ -461,7 +461,7 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
 
 def write_data(data: Data, folder: Path) -> None:
     """Write the tables and `timed.json` into a folder."""
-    for name in TABLES:
+    for name in DATA_TABLES:
         table = getattr(data, name)
         write_file(folder / f"{name}.csv", _as_csv(table, exact=name == "bodies"), summed=True)
     write_file(folder / "timed.json", dumps(data.timed) + "\n", summed=True)
@@ -483,7 +483,7 @@ def _as_csv(table: Frame, exact: bool) -> str:
 def read_data(folder: Path) -> Data:
     """Read what `write_data` wrote; raises ValueError where a table is missing or damaged."""
     tables = []
-    for name in TABLES:
+    for name in DATA_TABLES:
         path = folder / f"{name}.csv"
         try:
             text = read_file(path).decode()

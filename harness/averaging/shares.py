@@ -10,24 +10,24 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.averaging.bodies import KINDS
-from polhode.harness.averaging.random_study import SLOW_TIMES, Data, Frame
+from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Frame
 from polhode.harness.common.fits import median_interval, wilson
 
-FIRST = "first order"
-SECOND = "second order"
+ORDER_ONE = "first order"
+ORDER_TWO = "second order"
 HYBRID = "hybrid"
 ORDERS = {
-    "averaged": FIRST,
-    "averaged-spheroid": FIRST,
-    "averaged-second-order": SECOND,
+    "averaged": ORDER_ONE,
+    "averaged-spheroid": ORDER_ONE,
+    "averaged-second-order": ORDER_TWO,
     "hybrid": HYBRID,
 }
 # Exponents of St that theory promises; after a crossing of L² = 2EI₂ that of its jump.
-THEORY = {FIRST: -1.0, SECOND: -2.0}
-CROSSING = -0.5
+THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
+CROSSING_EXPONENT = -0.5
 RESONANCE = -0.5  # Of both orders, which leave out the kicks.
 ORIENTATION = -1.0
-TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+ERRORS_MET = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SHARES = (0.5, 0.975)
 # Fewer bodies at a St say nothing of a share of 97.5 %.
 LEAST_BODIES = 20
@@ -45,7 +45,7 @@ STATED_FROM = 1e4
 # Nothing is extrapolated to larger St.
 LARGEST_STOKES = 1e8
 # Exponents are those of errors below this one.
-LARGEST_ERROR = 0.1
+MAX_ERROR_OF_LAWS = 0.1
 
 
 def at(data: Data, slow_time: float) -> Frame:
@@ -144,7 +144,7 @@ class Exponent:
 def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
     """Exponents of every kind and order between neighbouring St of a sequence, by bodies.
 
-    Left out are errors that the reference does not know, those above LARGEST_ERROR, and the
+    Left out are errors that the reference does not know, those above MAX_ERROR_OF_LAWS, and the
     orientation after strong resonances, whose kicks spoil it.
     """
     rows = []
@@ -154,7 +154,7 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
         for error, uncertainty in errors.items():
             if error == "turned" and kind == "resonance":
                 continue
-            known = group[group[error].between(KNOWN * group[uncertainty], LARGEST_ERROR)]
+            known = group[group[error].between(KNOWN * group[uncertainty], MAX_ERROR_OF_LAWS)]
             table = known.pivot(index="body", columns="stokes", values=error)
             for begin, end in pairwise(ends):
                 if begin not in table or end not in table:
@@ -177,8 +177,8 @@ def promised(row: Exponent) -> tuple[float, float]:
     if row.error == "turned":
         return ORIENTATION, ORIENTATION
     own = THEORY[row.order]
-    if row.order == FIRST and row.crosses:
-        return own, CROSSING
+    if row.order == ORDER_ONE and row.crosses:
+        return own, CROSSING_EXPONENT
     if row.kind == "resonance":
         return own, RESONANCE
     return own, own
@@ -280,7 +280,7 @@ def kinds_in(runs: Frame) -> list[str]:
 
 def all_times(data: Data) -> Frame:
     """The runs up to every slow time, one row each."""
-    return pd.concat([at(data, slow_time) for slow_time in SLOW_TIMES])
+    return pd.concat([at(data, slow_time) for slow_time in STUDIED_SLOW_TIMES])
 
 
 def full_seconds(data: Data, kind: str, target: float) -> dict[float, float]:
@@ -316,5 +316,5 @@ def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> t
         return nan, "never"
     if kind == "resonance":
         return found.needed(target, RESONANCE)
-    crossing = order == FIRST and 2 * there["crosses"].mean() > 1
-    return found.needed(target, CROSSING if crossing else THEORY[order])
+    crossing = order == ORDER_ONE and 2 * there["crosses"].mean() > 1
+    return found.needed(target, CROSSING_EXPONENT if crossing else THEORY[order])

@@ -42,7 +42,7 @@ from polhode.models.scene import Scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
-TITLE = "What should I run?"
+QUESTION_TITLE = "What should I run?"
 # The two kinds of error: the word of `--want`, and the page's name.
 _WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Errors at which methods are compared for the question: 16 in a decade, from 1 to 1e-14.

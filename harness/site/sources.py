@@ -14,7 +14,7 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import machine, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill, templates
-from polhode.harness.site.answers import TITLE, cost_page, question
+from polhode.harness.site.answers import QUESTION_TITLE, cost_page, question
 from polhode.harness.site.markup import Page, html, section
 from polhode.harness.site.motion import motion_page
 from polhode.models.scene import Scene
@@ -23,7 +23,7 @@ from polhode.models.scenes import SCENES
 _HERE = Path(__file__).parent
 NAVIGATION = tomllib.loads((_HERE / "navigation.toml").read_text("utf-8"))
 # By folder of the reports: the command that fills it.
-COMMANDS = tomllib.loads((_HERE / "commands.toml").read_text("utf-8"))
+REPORT_COMMANDS = tomllib.loads((_HERE / "commands.toml").read_text("utf-8"))
 # Sections of the bench's page for the opening page: its heading there, and on the bench's page.
 _SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
 # The page of costs shows the content of these pictures, run by run.
@@ -75,14 +75,14 @@ def _opening(reports: Path, sources: Path, names: list[str]) -> str:
     # The answer of a page is the first item of its first list.
     items = (line for line in text_of("hard-cases").splitlines() if line.startswith("- "))
     body, data = question(reports / "regimes", next(items, "").removeprefix("- "))
-    page = Page(TITLE, fill("site-question"), body, data, ("verdict.js",))
+    page = Page(QUESTION_TITLE, fill("site-question"), body, data, ("verdict.js",))
     bench = text_of("bench")
     sections = {title: section(bench, heading) for title, heading in _SECTIONS.items()}
     return (
         templates(_HERE)
         .get_template("index.md")
         .render(
-            title=TITLE,
+            title=QUESTION_TITLE,
             opening=_interactive(page, _outdated(text_of("regimes"))),
             # Links are relative to the bench's page.
             sections={
@@ -92,7 +92,7 @@ def _opening(reports: Path, sources: Path, names: list[str]) -> str:
             },
             lacking={
                 folder: command
-                for folder, command in COMMANDS.items()
+                for folder, command in REPORT_COMMANDS.items()
                 if f"reports/{folder}/README" not in names
             },
             groups=_groups(names),

@@ -12,13 +12,19 @@ from polhode.harness.analysis.frames import rows_of
 from polhode.harness.averaging import bodies, random_study, shares
 from polhode.harness.averaging.bodies import KINDS
 from polhode.harness.averaging.laws import laws_of, write_laws
-from polhode.harness.averaging.random_study import SLOW_TIMES, Data, Frame, read_data, write_data
+from polhode.harness.averaging.random_study import (
+    STUDIED_SLOW_TIMES,
+    Data,
+    Frame,
+    read_data,
+    write_data,
+)
 from polhode.harness.averaging.shares import (
-    FIRST,
+    ERRORS_MET,
     HYBRID,
-    SECOND,
+    ORDER_ONE,
+    ORDER_TWO,
     SHARES,
-    TARGETS,
     THEORY,
     Bounded,
     Exponent,
@@ -42,7 +48,7 @@ from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import columns_of, fill, lines_of
 
 # The slow time of most tables.
-WHOLE = SLOW_TIMES[-1]
+WHOLE = STUDIED_SLOW_TIMES[-1]
 # St between which exponents are given.
 DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 # St at which the paper calls the averaged equations good.
@@ -57,7 +63,7 @@ _HYBRID_ERROR = 1e-6
 # Examples of cancellation.
 _EXAMPLES = 3
 # Orders and errors of the table which form when.
-_WHICH = ((FIRST, 1e-2), (FIRST, 1e-4), (SECOND, 1e-4), (SECOND, 1e-6))
+_WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
 # Quantiles of a band.
 _BAND = (0.025, 0.5, 0.975)
 _ERRORS = {"slow": "L, E", "turned": "orientation"}
@@ -86,8 +92,8 @@ def page(data: Data, command: str) -> str:
         "accuracy",
         made=header("", command, list(data.timed.values()))[2:],
         findings=findings(data),
-        needed={order: needed_rows(runs, order) for order in (FIRST, SECOND)},
-        costs={order: cost_rows(data, runs, order) for order in (FIRST, SECOND)},
+        needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
+        costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         hybrid=hybrid_rows(data, runs),
         by_time=time_rows(data),
         exponents=exponent_rows(exponents(runs, DECADES)),
@@ -113,7 +119,9 @@ def findings(data: Data) -> list[str]:
     fitted = exponents(runs, DECADES)
     good = []
     for kind, stokes in GOOD_FROM.items():
-        there = runs[(runs["kind"] == kind) & (runs["order"] == FIRST) & (runs["stokes"] == stokes)]
+        there = runs[
+            (runs["kind"] == kind) & (runs["order"] == ORDER_ONE) & (runs["stokes"] == stokes)
+        ]
         if len(there):
             good.append((kind, stokes, np.sort(there["slow"].fillna(inf)), len(there)))
     striking, tried = cancelled(runs)
@@ -123,7 +131,7 @@ def findings(data: Data) -> list[str]:
         kinds=len(kinds_in(data.references)),
         runs=len(data.references),
         largest=data.references["stokes"].max(),
-        spans={order: _spans(runs, order) for order in (FIRST, SECOND)},
+        spans={order: _spans(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         pays=_pays(data, runs),
         good=good,
         fitted=_against_theory(fitted),
@@ -156,7 +164,7 @@ def as_text(data: Data) -> str:
     runs = at(data, WHOLE)
     parts = ["\n".join(findings(data))]
     columns = columns_of("accuracy-needed")
-    for order in (FIRST, SECOND):
+    for order in (ORDER_ONE, ORDER_TWO):
         table = aligned([*columns], cells(needed_rows(runs, order), columns))
         parts.append(
             f"{order}: St from which an error is met in half / 97.5 % of the bodies\n{table}"
@@ -182,7 +190,7 @@ def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
-        for i, target in enumerate(TARGETS):
+        for i, target in enumerate(ERRORS_MET):
             row[f"t{i}"] = _both(runs, kind, order, target)
         rows.append(row)
     return rows
@@ -193,7 +201,7 @@ def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
-        for i, target in enumerate(TARGETS):
+        for i, target in enumerate(ERRORS_MET):
             row[f"t{i}"] = _gain(*gain(data, runs, kind, order, target))
         rows.append(row)
     return rows
@@ -218,10 +226,10 @@ def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple
 def _pays(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
     """Kinds and errors for which an order is slower than the full equations where 97.5 % meet the error."""
     slower: dict[str, list[tuple[str, float, float]]] = {}
-    for order in (FIRST, SECOND):
+    for order in (ORDER_ONE, ORDER_TWO):
         slower[order] = []
         for kind in kinds_in(runs):
-            for target in TARGETS:
+            for target in ERRORS_MET:
                 ratio, source = gain(data, runs, kind, order, target)
                 if ratio < 1 and source != "extrapolated":
                     slower[order].append((kind, target, ratio))
@@ -251,11 +259,11 @@ def hybrid_rows(data: Data, runs: Frame) -> list[dict[str, str]]:
 def time_rows(data: Data) -> list[dict[str, str]]:
     """By slow time: the St from which one error is met."""
     rows = []
-    frames = {slow_time: at(data, slow_time) for slow_time in SLOW_TIMES}
+    frames = {slow_time: at(data, slow_time) for slow_time in STUDIED_SLOW_TIMES}
     for kind in kinds_in(frames[WHOLE]):
         row = {"kind": kind}
         for i, runs in enumerate(frames.values()):
-            for order, name in ((FIRST, "first"), (SECOND, "second")):
+            for order, name in ((ORDER_ONE, "first"), (ORDER_TWO, "second")):
                 row[f"{name}{i}"] = _both(runs, kind, order, _SHOWN_TARGET)
         rows.append(row)
     return rows
@@ -361,9 +369,9 @@ def _panels(data: Data) -> dict[str, list[Band]]:
         panels[kind] = []
         for (order, crosses), group in own.groupby(["order", "crosses"]):
             panels[kind] += _band(group, "slow", str(order), bool(crosses))
-    turned = averaged[(averaged["order"] == SECOND) & ~averaged["crosses"]]
+    turned = averaged[(averaged["order"] == ORDER_TWO) & ~averaged["crosses"]]
     turned = turned[turned["kind"] != "resonance"]
-    panels["orientation, without resonances"] = _band(turned, "turned", SECOND, False)
+    panels["orientation, without resonances"] = _band(turned, "turned", ORDER_TWO, False)
     return panels
 
 

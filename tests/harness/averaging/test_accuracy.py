@@ -18,7 +18,7 @@ from polhode.harness.averaging import random_study, shares
 from polhode.harness.averaging.bodies import KINDS, STRONG_KICK, Body, drawn
 from polhode.harness.averaging.laws import laws_of
 from polhode.harness.averaging.random_study import (
-    SLOW_TIMES,
+    STUDIED_SLOW_TIMES,
     TIMES,
     Data,
     Task,
@@ -30,7 +30,7 @@ from polhode.harness.averaging.random_study import (
     truth,
     write_data,
 )
-from polhode.harness.averaging.shares import FIRST, SECOND, Quantile, at, bounded, cancelled
+from polhode.harness.averaging.shares import ORDER_ONE, ORDER_TWO, Quantile, at, bounded, cancelled
 from polhode.harness.cli import polhode
 from polhode.harness.common.store import Store
 from polhode.harness.pages.averaging.random_bodies import as_text, page, write_page
@@ -69,7 +69,7 @@ def record(body: Body, stokes: float, error: float, bound: float) -> dict:
     head = {"kind": body.kind, "body": body.body, "stokes": stokes}
 
     def columns(name: str, value: float) -> dict[str, float]:
-        return {f"{name}_{slow_time:g}": value for slow_time in SLOW_TIMES}
+        return {f"{name}_{slow_time:g}": value for slow_time in STUDIED_SLOW_TIMES}
 
     reference = {**head, "method": "long double", "failure": "", "seconds": 1.0}
     reference |= columns("slow", 1e-22) | columns("turned", 1e-22)
@@ -173,11 +173,11 @@ def test_errors_are_those_of_runs_made_by_hand():
         problem = form.problem(scene)
         states = solve(problem, solver, tolerance, slow_times * problem.end).states
         runs.append(form.observe(scene, states))
-    for slow_time in SLOW_TIMES:
+    for slow_time in STUDIED_SLOW_TIMES:
         last = round(2000 * slow_time) + 1
         by_hand = errors(scene.ellipsoid, runs[0][:last], runs[1][:last]).slow
         assert first[f"slow_{slow_time:g}"] == pytest.approx(by_hand, rel=0.1)
-    assert all(isnan(first[f"turned_{slow_time:g}"]) for slow_time in SLOW_TIMES)
+    assert all(isnan(first[f"turned_{slow_time:g}"]) for slow_time in STUDIED_SLOW_TIMES)
     # The run meets L² = 2EI₂ soon, so that second order does not follow it far.
     assert isnan(second["slow_1"])
     assert second["refused"]
@@ -234,7 +234,7 @@ def test_an_error_that_rises_again_is_not_met_before_and_refusals_count():
 def test_a_share_is_that_of_the_bodies():
     data = planted(lambda kind, body, stokes: (1 + body) / stokes)
     runs = at(data, 1.0)
-    own = runs[(runs["kind"] == "prolate") & (runs["order"] == FIRST)]
+    own = runs[(runs["kind"] == "prolate") & (runs["order"] == ORDER_ONE)]
     half, most = (shares.quantile(own, share) for share in shares.SHARES)
     assert half is not None
     assert most is not None
@@ -249,10 +249,10 @@ def test_crossings_and_resonances_are_extrapolated_by_the_slower_law():
     kinds = ("prolate", "resonance", "crosses")
     runs = at(planted(lambda kind, body, stokes: 9 / stokes, kinds), 1.0)
     for kind, expected in (("prolate", 9e6), ("resonance", 8.1e7), ("crosses", 8.1e7)):
-        stokes, source = shares.needed(runs, kind, FIRST, 0.5, 1e-6)
+        stokes, source = shares.needed(runs, kind, ORDER_ONE, 0.5, 1e-6)
         assert (stokes, source) == (pytest.approx(expected), "extrapolated")
-    assert shares.needed(runs, "resonance", FIRST, 0.5, 5e-7)[1] == "beyond"
-    assert shares.needed(runs, "resonance", SECOND, 0.5, 1e-11)[0] == pytest.approx(8.1**2 * 1e6)
+    assert shares.needed(runs, "resonance", ORDER_ONE, 0.5, 5e-7)[1] == "beyond"
+    assert shares.needed(runs, "resonance", ORDER_TWO, 0.5, 1e-11)[0] == pytest.approx(8.1**2 * 1e6)
 
 
 def test_planted_exponents_are_found_by_bodies():
@@ -265,11 +265,11 @@ def test_planted_exponents_are_found_by_bodies():
     assert len(rows) == 2 * 3 * 3
     for row in rows:
         expected = -0.5 if row.kind == "crosses" else -1.0
-        expected *= 2 if row.order == SECOND and row.error == "slow" else 1
+        expected *= 2 if row.order == ORDER_TWO and row.error == "slow" else 1
         assert row.low <= expected <= row.high
         assert row.width < 0.05
         assert row.bodies == 40
-    first = [row for row in rows if row.order == FIRST]
+    first = [row for row in rows if row.order == ORDER_ONE]
     assert all(row.agrees for row in first)
     # After a crossing any exponent between the two laws agrees.
     crossing, other = (next(row for row in first if row.crosses is flag) for flag in (True, False))
@@ -282,7 +282,7 @@ def test_statements_that_do_not_hold_are_counted():
     data = planted(lambda kind, body, stokes: (1 + body) / stokes, bound=2.0)
     data.errors.loc[data.errors["body"] < 3, "bound_1"] *= 0.25
     rows = bounded(at(data, 1.0))
-    first = next(row for row in rows if (row.kind, row.order) == ("prolate", FIRST))
+    first = next(row for row in rows if (row.kind, row.order) == ("prolate", ORDER_ONE))
     assert (first.runs, first.missed, first.bodies, first.held) == (120, 9, 40, 37)
     assert first.worst == pytest.approx(2.0)
     assert first.over == pytest.approx(2.0)
@@ -298,7 +298,7 @@ def test_an_error_small_by_cancellation_is_named():
 
     rows, count = cancelled(at(planted(error), 1.0))
     assert count == 2 * 2 * 40 * 2
-    first = next(row for row in rows if row.order == FIRST)
+    first = next(row for row in rows if row.order == ORDER_ONE)
     assert (first.kind, first.body, first.stokes) == ("prolate", 7, (1e3, 1e4, 1e5))
     assert first.ratio == pytest.approx(0.1)
     assert {row.body for row in rows} == {7}
@@ -306,26 +306,37 @@ def test_an_error_small_by_cancellation_is_named():
 
 def test_laws_are_theory_where_the_data_allow_it_and_slower_where_not():
     found = laws_of(planted(lambda kind, body, stokes: (1 + body) / 100 / stokes**0.5))
-    assert found["exponents"] == {FIRST: -0.5, f"{FIRST}, crossing": -0.5, SECOND: -1.0}
+    assert found["exponents"] == {
+        ORDER_ONE: -0.5,
+        f"{ORDER_ONE}, crossing": -0.5,
+        ORDER_TWO: -1.0,
+    }
     data = planted(lambda kind, body, stokes: (1 + body) / stokes)
     found = laws_of(data)
-    assert found["exponents"] == {FIRST: -1.0, f"{FIRST}, crossing": -0.5, SECOND: -2.0}
-    assert found["measured"][FIRST]["bodies"] == 40
-    assert found["most"][FIRST] == pytest.approx(39, rel=0.05)
-    assert found["few"][FIRST] == pytest.approx(2, rel=0.3)
-    assert found["from"][FIRST]["prolate"]["0.001"] == [2e4, 3.9e4]
-    assert found["from"][FIRST]["prolate"]["1e-08"] == [None, None]
+    assert found["exponents"] == {
+        ORDER_ONE: -1.0,
+        f"{ORDER_ONE}, crossing": -0.5,
+        ORDER_TWO: -2.0,
+    }
+    assert found["measured"][ORDER_ONE]["bodies"] == 40
+    assert found["most"][ORDER_ONE] == pytest.approx(39, rel=0.05)
+    assert found["few"][ORDER_ONE] == pytest.approx(2, rel=0.3)
+    assert found["from"][ORDER_ONE]["prolate"]["0.001"] == [2e4, 3.9e4]
+    assert found["from"][ORDER_ONE]["prolate"]["1e-08"] == [None, None]
 
 
 def test_laws_are_read_by_name():
-    assert averaging_laws.power(FIRST) == 1.0
-    assert averaging_laws.power(FIRST, crosses=True) == 0.5
-    most, few = averaging_laws.most_error(FIRST, 1e5), averaging_laws.few_error(FIRST, 1e5)
+    assert averaging_laws.power(ORDER_ONE) == 1.0
+    assert averaging_laws.power(ORDER_ONE, crosses=True) == 0.5
+    most, few = (
+        averaging_laws.most_error(ORDER_ONE, 1e5),
+        averaging_laws.few_error(ORDER_ONE, 1e5),
+    )
     assert few < most
-    assert averaging_laws.most_error(FIRST, 1e6) == pytest.approx(most / 10)
-    assert 1.9 < averaging_laws.power(SECOND) <= 2
-    ratio = averaging_laws.few_error(SECOND, 1e5) / averaging_laws.few_error(SECOND, 1e6)
-    assert ratio == pytest.approx(10 ** averaging_laws.power(SECOND))
+    assert averaging_laws.most_error(ORDER_ONE, 1e6) == pytest.approx(most / 10)
+    assert 1.9 < averaging_laws.power(ORDER_TWO) <= 2
+    ratio = averaging_laws.few_error(ORDER_TWO, 1e5) / averaging_laws.few_error(ORDER_TWO, 1e6)
+    assert ratio == pytest.approx(10 ** averaging_laws.power(ORDER_TWO))
 
 
 def test_data_come_back_and_the_page_follows_from_them(tmp_path: Path):

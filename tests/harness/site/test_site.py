@@ -25,7 +25,7 @@ from polhode.harness.site.answers import NEEDED, RUN_NUMBERS, read_studies
 from polhode.harness.site.build import DOCS
 from polhode.harness.site.markup import Page, html, plain, prose, section
 from polhode.harness.site.motion import examples, motion
-from polhode.harness.site.sources import COMMANDS
+from polhode.harness.site.sources import REPORT_COMMANDS
 from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS
 
@@ -38,7 +38,7 @@ PAGES = ("index", "cost", "reports/regimes/README", "reports/hard-cases/README",
 def test_what_is_missing_is_named_with_its_command(tmp_path: Path):
     pages = site(tmp_path / "site", tmp_path / "reports")
     assert set(pages) == {"index", "cost", "motion", "search"}
-    for command in COMMANDS.values():
+    for command in REPORT_COMMANDS.values():
         assert re.search(rf">to make:|; to make: .*{re.escape(command.split()[1])}", pages["index"])
     assert "to make: <code>polhode bench</code>" in pages["cost"]
 
