@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 from oracle.accepting import accepting
 from oracle.classical import CLASSICAL, ROBERTSON_DAE
 from polhode.harness.references.extended import extended_run
-from polhode.models.problems.catalogue import PROBLEMS, Formulas
+from polhode.models.problems.catalogue import PROBLEMS
+from polhode.models.problems.fields import FIELDS
 from polhode.solvers.catalogue import SOLVERS, solver
 from polhode.solvers.compile import plain_field
-from polhode.solvers.machine_code.tracing import FieldError, trace
 from polhode.solvers.solve import solve
 
 IMPLICIT = tuple(name for name in SOLVERS if solver(name).implicit)
@@ -183,11 +183,13 @@ def test_every_problem_says_where_it_is_from():
     assert set(ALLOWED) == set(CLASSICAL)
 
 
-def test_a_formula_may_use_the_terms_before_it_alone():
-    field = Formulas((("square", "y1 * y1"), ("cube", "square * y1")), "sqrt(cube), y[0] - y2")
-    assert plain_field(field)([4.0, 1.0], ()) == (8.0, 3.0)
-    with pytest.raises(FieldError, match="'square'"):
-        trace(Formulas(field.terms[::-1], field.rates), 2, 0)
+def test_every_problem_has_rates_and_every_rate_a_problem():
+    built_in = {
+        name for name, classical in PROBLEMS.items() if classical.problem.field in FIELDS.values()
+    }
+    assert built_in == set(FIELDS)
+    for name in built_in:
+        assert PROBLEMS[name].problem.field is FIELDS[name]
 
 
 def test_published_digits_of_robertson():
