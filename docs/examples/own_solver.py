@@ -31,12 +31,12 @@ class ClassicalRungeKutta(Solver):
         p = parameter_array(problem)
         callback = compiled_callback(problem.field, problem.dimension, len(p))
         k1, k2, k3, k4 = np.empty((4, problem.dimension))
-        wanted = settings.tolerance**0.25
+        largest_step = settings.tolerance**0.25
 
         def integrate(record: Record) -> Outcome:
             y, record.work.steps = record.start.copy(), 0
             for begin, end in zip(record.times[:-1], record.times[1:], strict=True):
-                steps = max(1, round((end - begin) / wanted))
+                steps = max(1, round((end - begin) / largest_step))
                 h = (end - begin) / steps
                 for _ in range(steps):
                     if record.expired:

@@ -27,7 +27,7 @@ KINDS = {
     "rest": "any shape, from rest",
     "settled": "any shape, near its steady rotation about the vorticity",
 }
-LONGEST = 1.0  # Slow time of a run.
+_LONGEST = 1.0  # Slow time of a run.
 _SEED = 20261127
 _LEAST_AXIS = 0.15  # Over the longest one.
 _LARGEST_RATIO = 0.95  # Of two semi-axes that count as different.
@@ -64,7 +64,7 @@ class Body:
         """Whether it crosses L² = 2EI₂ within the study's slow time."""
         return self.crossing < inf
 
-    def scene(self, stokes: float, slow_time: float = LONGEST) -> Scene:
+    def scene(self, stokes: float, slow_time: float = _LONGEST) -> Scene:
         """Its scene at one St, up to a slow time."""
         start = BodyStart(self.quaternion, self.spin)
         return Scene(Ellipsoid(self.semi_axes), stokes, start, slow_time * stokes)

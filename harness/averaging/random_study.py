@@ -59,9 +59,9 @@ BODIES = {
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next.
-SEGMENT_SAMPLES = 50
+_SEGMENT_SAMPLES = 50
 # St at which what forms state of themselves is measured, and the bodies of each kind.
-STATED_STOKES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
+_STATED_STOKES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 STATED_BODIES = 40
 # Bodies of each kind of which forms are timed.
 TIMED_BODIES = 8
@@ -71,10 +71,10 @@ HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # Bodies of each kind by St of which is measured what the full equations cost at a given error.
 COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
-COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
-COST_LEAST_ERROR = 1e-8
-COST_LONG = 0.02  # Seconds; shorter runs are timed several times, and the fastest counts.
-BODY_COST_REPEATS = 3
+_COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+_COST_LEAST_ERROR = 1e-8
+_COST_LONG = 0.02  # Seconds; shorter runs are timed several times, and the fastest counts.
+_BODY_COST_REPEATS = 3
 # The reference is a run in long double up to this St, and a looser one shows its error.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
@@ -104,7 +104,7 @@ _FAR_SPHEROIDS_PER_STOKES = 1e-7
 _COST_POWER = 0.35
 _HEAD_START = 20
 _SCHEMA = 1
-DATA_TABLES = ("bodies", "references", "errors", "costs")
+_DATA_TABLES = ("bodies", "references", "errors", "costs")
 _DIGITS = 3  # Of measured numbers in the tables.
 
 Array = np.ndarray
@@ -113,11 +113,11 @@ Frame = Any  # Of pandas, whose types say too little of it.
 TIMES = np.concatenate(
     [[0.0]]
     + [
-        np.linspace(begin, end, SEGMENT_SAMPLES + 1)[1:]
+        np.linspace(begin, end, _SEGMENT_SAMPLES + 1)[1:]
         for begin, end in zip((0.0, *STUDIED_SLOW_TIMES), STUDIED_SLOW_TIMES, strict=False)
     ]
 )
-_LAST_SAMPLES = [SEGMENT_SAMPLES * (i + 1) for i in range(len(STUDIED_SLOW_TIMES))]
+_LAST_SAMPLES = [_SEGMENT_SAMPLES * (i + 1) for i in range(len(STUDIED_SLOW_TIMES))]
 
 
 class Task(NamedTuple):
@@ -225,7 +225,7 @@ def measure(task: Task, body: Body | None = None) -> Record:
         return {"body": asdict(body), "reference": reference, "errors": [], "costs": []}
     reference = {**head, "method": true.method, "failure": "", "seconds": process_time() - began}
     reference |= _columns("slow", true.slow) | _columns("turned", true.turned)
-    with_stated = task.body < STATED_BODIES and task.stokes in STATED_STOKES
+    with_stated = task.body < STATED_BODIES and task.stokes in _STATED_STOKES
     errors = [
         _first_order(body, task, true, with_stated),
         _second_order(body, task, true, with_stated),
@@ -367,14 +367,14 @@ def _costs(scene: Scene, true: Truth) -> Iterator[Record]:
         solver = find_solver(name)
         if not (solver.available and solver.takes(problem)):
             continue
-        for tolerance in COST_TOLERANCES:
+        for tolerance in _COST_TOLERANCES:
             run, seconds = _fastest(problem, name, tolerance, TIMES * scene.stokes)
             if not run.success:
                 continue
             observables = form.observe(scene, run.states)
             error = float(difference(scene.ellipsoid, observables, true.observables).slow.max())
             yield {"solver": name, "tolerance": tolerance, "error": error, "seconds": seconds}
-            if error <= COST_LEAST_ERROR:
+            if error <= _COST_LEAST_ERROR:
                 break
 
 
@@ -385,11 +385,11 @@ def _fastest(
     # What is compiled does not count.
     solve(problem, solver, tolerance, times[:2])
     runs = []
-    for _ in range(BODY_COST_REPEATS):
+    for _ in range(_BODY_COST_REPEATS):
         began = thread_time()
         run = solve(problem, solver, tolerance, times)
         runs.append((thread_time() - began, run))
-        if runs[-1][0] > COST_LONG:
+        if runs[-1][0] > _COST_LONG:
             break
     return runs[-1][1], min(seconds for seconds, _ in runs)
 
@@ -437,14 +437,14 @@ def _flat(body: Record) -> dict[str, Any]:
 
 def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None) -> Data:
     """Tables of what was measured, those of an old study included."""
-    frames: dict[str, list[Any]] = {name: [] for name in DATA_TABLES}
+    frames: dict[str, list[Any]] = {name: [] for name in _DATA_TABLES}
     for record in records:
         frames["bodies"].append(_flat(record["body"]))
         frames["references"].append(record["reference"])
         frames["errors"] += record["errors"]
         frames["costs"] += record["costs"]
     tables = []
-    for name in DATA_TABLES:
+    for name in _DATA_TABLES:
         table = pd.DataFrame(frames[name], columns=[*_COLUMNS[name]])
         if old is not None:
             table = pd.concat([getattr(old, name), table])
@@ -461,7 +461,7 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
 
 def write_data(data: Data, folder: Path) -> None:
     """Write the tables and `timed.json` into a folder."""
-    for name in DATA_TABLES:
+    for name in _DATA_TABLES:
         table = getattr(data, name)
         write_file(folder / f"{name}.csv", _as_csv(table, exact=name == "bodies"), summed=True)
     write_file(folder / "timed.json", dumps(data.timed) + "\n", summed=True)
@@ -483,7 +483,7 @@ def _as_csv(table: Frame, exact: bool) -> str:
 def read_data(folder: Path) -> Data:
     """Read what `write_data` wrote; raises ValueError where a table is missing or damaged."""
     tables = []
-    for name in DATA_TABLES:
+    for name in _DATA_TABLES:
         path = folder / f"{name}.csv"
         try:
             text = read_file(path).decode()

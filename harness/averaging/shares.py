@@ -16,7 +16,7 @@ from polhode.harness.common.fits import median_interval, wilson
 ORDER_ONE = "first order"
 ORDER_TWO = "second order"
 HYBRID = "hybrid"
-ORDERS = {
+_ORDERS = {
     "averaged": ORDER_ONE,
     "averaged-spheroid": ORDER_ONE,
     "averaged-second-order": ORDER_TWO,
@@ -25,8 +25,8 @@ ORDERS = {
 # Exponents of St that theory promises; after a crossing of L² = 2EI₂ that of its jump.
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
-RESONANCE = -0.5  # Of both orders, which leave out the kicks.
-ORIENTATION = -1.0
+_RESONANCE = -0.5  # Of both orders, which leave out the kicks.
+_ORIENTATION = -1.0
 ERRORS_MET = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SHARES = (0.5, 0.975)
 # Fewer bodies at a St say nothing of a share of 97.5 %.
@@ -62,7 +62,7 @@ def at(data: Data, slow_time: float) -> Frame:
     )
     runs = runs.merge(references, on=keys)
     runs = runs.merge(data.bodies[["kind", "body", "crossing", "kick"]], on=["kind", "body"])
-    runs["order"] = runs["form"].map(ORDERS)
+    runs["order"] = runs["form"].map(_ORDERS)
     runs["crosses"] = runs["crossing"] < slow_time
     runs["slow_time"] = slow_time
     return runs
@@ -137,7 +137,7 @@ class Exponent:
     @property
     def agrees(self) -> bool:
         """Whether the interval holds an exponent of theory, or nearly so."""
-        low, high = promised(self)
+        low, high = predicted(self)
         return self.low - _NEAR <= high and low <= self.high + _NEAR
 
 
@@ -168,19 +168,19 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
     return rows
 
 
-def promised(row: Exponent) -> tuple[float, float]:
+def predicted(row: Exponent) -> tuple[float, float]:
     """The exponents between which theory puts this one.
 
     A crossing adds errors that fall like 1/√St to first order's own, and resonances to those of both
     orders: the exponent goes from the one to the other as St grows.
     """
     if row.error == "turned":
-        return ORIENTATION, ORIENTATION
+        return _ORIENTATION, _ORIENTATION
     own = THEORY[row.order]
     if row.order == ORDER_ONE and row.crosses:
         return own, CROSSING_EXPONENT
     if row.kind == "resonance":
-        return own, RESONANCE
+        return own, _RESONANCE
     return own, own
 
 
@@ -315,6 +315,6 @@ def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> t
     if found is None:
         return nan, "never"
     if kind == "resonance":
-        return found.needed(target, RESONANCE)
+        return found.needed(target, _RESONANCE)
     crossing = order == ORDER_ONE and 2 * there["crosses"].mean() > 1
     return found.needed(target, CROSSING_EXPONENT if crossing else THEORY[order])

@@ -88,7 +88,7 @@ def pick(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Rank the ways to run SCENE: form, solver and tolerance, with predicted error, time and their intervals."""
+    """Rank runs of SCENE: form, solver and tolerance, with predicted error, time and their intervals."""
     from polhode.harness.common.progress import Progress
 
     with bad_input(), Progress(quiet) as progress:

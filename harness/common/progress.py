@@ -22,7 +22,7 @@ PATIENCE = 1.0  # Seconds before `Progress` shows anything on a terminal.
 INTERVAL = 0.2  # Seconds between two looks.
 NOTE_AFTER = 3.0  # Seconds after which a note tells of a long run.
 _LONG = 30.0  # Seconds from which on a run is long.
-LINE_EVERY = 60.0  # Seconds between two lines of `Steps` off a terminal.
+_LINE_EVERY = 60.0  # Seconds between two lines of `Steps` off a terminal.
 _LEAST_BAR = 10  # Columns that the bar of `Steps` has at least.
 _GROWTH = 3  # Columns by which the counts and the time remaining may yet grow.
 _LEAST_DETAIL = 8  # Columns below which words on the present step are left out.
@@ -206,7 +206,7 @@ class Steps:
         self._finished += count
         if self._bar is not None:
             self._bar.update(count)
-        elif not self._quiet and time() - self._said >= LINE_EVERY:
+        elif not self._quiet and time() - self._said >= _LINE_EVERY:
             self._said = time()
             of = f" of {self._total}" if self._total is not None else ""
             after = duration(self._said - self._began)

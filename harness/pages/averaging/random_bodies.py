@@ -37,7 +37,7 @@ from polhode.harness.averaging.shares import (
     full_seconds,
     kinds_in,
     needed,
-    promised,
+    predicted,
     quantile,
 )
 from polhode.harness.common.files import write_file
@@ -50,9 +50,9 @@ from polhode.harness.pages.tables import columns_of, fill, lines_of
 # The slow time of most tables.
 WHOLE = STUDIED_SLOW_TIMES[-1]
 # St between which exponents are given.
-DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
+_DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 # St at which the paper calls the averaged equations good.
-GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
+_GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
 # Share of the runs that a statement is to bound.
 _BOUNDED = 0.975
 # Errors that are shown by slow time.
@@ -96,7 +96,7 @@ def page(data: Data, command: str) -> str:
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         hybrid=hybrid_rows(data, runs),
         by_time=time_rows(data),
-        exponents=exponent_rows(exponents(runs, DECADES)),
+        exponents=exponent_rows(exponents(runs, _DECADES)),
         bounded=[_bounded_row(row) for row in sorted(bounded(every), key=_place)],
         cancelled=cancelled(runs)[0][:_EXAMPLES],
         references=reference_rows(data),
@@ -116,9 +116,9 @@ def findings(data: Data) -> list[str]:
     """The findings in sentences."""
     runs = at(data, WHOLE)
     every = all_times(data)
-    fitted = exponents(runs, DECADES)
+    fitted = exponents(runs, _DECADES)
     good = []
-    for kind, stokes in GOOD_FROM.items():
+    for kind, stokes in _GOOD_FROM.items():
         there = runs[
             (runs["kind"] == kind) & (runs["order"] == ORDER_ONE) & (runs["stokes"] == stokes)
         ]
@@ -177,7 +177,9 @@ def as_json(data: Data) -> dict[str, Any]:
     runs = at(data, WHOLE)
     return {
         "laws": laws_of(data),
-        "exponents": [asdict(row) | {"theory": promised(row)} for row in exponents(runs, DECADES)],
+        "exponents": [
+            asdict(row) | {"theory": predicted(row)} for row in exponents(runs, _DECADES)
+        ],
         "bounded": [asdict(row) for row in bounded(all_times(data))],
         "errors": rows_of(data.errors),
         "references": rows_of(data.references),
@@ -275,11 +277,11 @@ def exponent_rows(fitted: Sequence[Exponent]) -> list[dict[str, str]]:
     for exponent in sorted(fitted, key=_place):
         key = exponent.kind, exponent.order, exponent.error, exponent.crosses
         blank = {"kind": _crossing_kind(exponent), "order": key[1], "error": _ERRORS[key[2]]}
-        theory = dict.fromkeys(_signed(value, ".2g") for value in promised(exponent))
+        theory = dict.fromkeys(_signed(value, ".2g") for value in predicted(exponent))
         blank |= {"theory": " to ".join(theory)}
-        row = rows.setdefault(key, blank | {f"d{i}": "–" for i in range(len(DECADES) - 1)})
+        row = rows.setdefault(key, blank | {f"d{i}": "–" for i in range(len(_DECADES) - 1)})
         width = f"{exponent.width:.2f}"
-        row[f"d{DECADES.index(exponent.begin)}"] = f"{_signed(exponent.median, '.2f')} ± {width}"
+        row[f"d{_DECADES.index(exponent.begin)}"] = f"{_signed(exponent.median, '.2f')} ± {width}"
     return [*rows.values()]
 
 

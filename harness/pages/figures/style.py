@@ -32,7 +32,7 @@ LETTERS = 9.5  # Points: all words and numbers.
 TITLE = 10.5  # Points: the title of a panel.
 INK = "#1B222C"
 SOFT = "#4A5361"  # Captions.
-GRID = "#D9DEE5"
+_GRID = "#D9DEE5"
 GREY = "#C4C4C4"  # What is not known.
 BEHIND = "#BDBDBD"  # What is shown, and not named.
 # Inches of a line of a caption, and letters that such a line holds.
@@ -55,7 +55,7 @@ _RC: dict[Any, Any] = {
     "axes.titlelocation": "left",
     "xtick.color": INK,
     "ytick.color": INK,
-    "grid.color": GRID,
+    "grid.color": _GRID,
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
 }
@@ -166,7 +166,7 @@ def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figu
 
 def plain(axes: Axes) -> Axes:
     """Axes in the house's style: a grid of major lines beneath, no frame above and at the right."""
-    axes.grid(visible=True, which="major", color=GRID, linewidth=0.6)
+    axes.grid(visible=True, which="major", color=_GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(colors=INK, labelsize=LETTERS)
