@@ -4,21 +4,12 @@ from collections.abc import Callable
 
 from polhode.models.operations import Field, Operations
 
-# The names of the states y1, y2, … are those of the sources.
-
 
 def hires(ops: Operations) -> Field:
     """HIRES: 8 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        y4 = y[3]
-        y5 = y[4]
-        y6 = y[5]
-        y7 = y[6]
-        y8 = y[7]
+        y1, y2, y3, y4, y5, y6, y7, y8 = y
         bound = 280 * y6 * y8
         return (
             -1.71 * y1 + 0.43 * y2 + 8.32 * y3 + 0.0007,
@@ -105,16 +96,17 @@ def pollution(ops: Operations) -> Field:
     return rates
 
 
+def _robertson_reactions(y):
+    """Speeds of the three reactions of Robertson's problem."""
+    y1, y2, y3 = y
+    return 0.04 * y1, 1e4 * y2 * y3, 3e7 * y2 * y2
+
+
 def robertson(ops: Operations) -> Field:
     """Robertson: 3 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        slow = 0.04 * y1
-        back = 1e4 * y2 * y3
-        fast = 3e7 * y2 * y2
+        slow, back, fast = _robertson_reactions(y)
         return (back - slow, slow - back - fast, fast)
 
     return rates
@@ -124,13 +116,8 @@ def robertson_dae(ops: Operations) -> Field:
     """Robertson as a DAE: 3 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        slow = 0.04 * y1
-        back = 1e4 * y2 * y3
-        fast = 3e7 * y2 * y2
-        return (back - slow, slow - back - fast, y1 + y2 + y3 - 1.0)
+        slow, back, fast = _robertson_reactions(y)
+        return (back - slow, slow - back - fast, y[0] + y[1] + y[2] - 1.0)
 
     return rates
 
@@ -139,9 +126,7 @@ def oregonator(ops: Operations) -> Field:
     """OREGO: 3 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
+        y1, y2, y3 = y
         return (
             77.27 * (y2 + y1 * (1 - 8.375e-6 * y1 - y2)),
             (y3 - (1 + y1) * y2) / 77.27,
@@ -155,10 +140,7 @@ def e5(ops: Operations) -> Field:
     """E5: 4 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        y4 = y[3]
+        y1, y2, y3, y4 = y
         decay = 7.89e-10 * y1
         meeting = y1 * y3
         back = y2 * y3
@@ -176,8 +158,7 @@ def brusselator(ops: Operations) -> Field:
     """Brusselator: 2 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
+        y1, y2 = y
         reaction = y1 * y1 * y2
         return (1 + reaction - 4 * y1, 3 * y1 - reaction)
 
@@ -188,8 +169,7 @@ def van_der_pol(ops: Operations) -> Field:
     """van der Pol: 2 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
+        y1, y2 = y
         return (y2, (1 - y1 * y1) * y2 - y1)
 
     return rates
@@ -199,8 +179,7 @@ def stiff_van_der_pol(ops: Operations) -> Field:
     """stiff van der Pol: 2 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
+        y1, y2 = y
         return (y2, 1e6 * ((1 - y1 * y1) * y2 - y1))
 
     return rates
@@ -210,10 +189,7 @@ def oscillators(ops: Operations) -> Field:
     """oscillators: 4 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        y4 = y[3]
+        y1, y2, y3, y4 = y
         slow = 0.5 * (y1 + y2)
         fast = 1250.0 * (y1 - y2)
         return (y3, y4, -slow - fast, fast - slow)
@@ -225,9 +201,7 @@ def lorenz(ops: Operations) -> Field:
     """Lorenz: 3 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
+        y1, y2, y3 = y
         return (10 * (y2 - y1), y1 * (28 - y3) - y2, y1 * y2 - 8 * y3 / 3)
 
     return rates
@@ -237,9 +211,7 @@ def rigid_body(ops: Operations) -> Field:
     """rigid body: 3 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
+        y1, y2, y3 = y
         return (y2 * y3, -y3 * y1, -0.51 * y1 * y2)
 
     return rates
@@ -280,12 +252,9 @@ def arenstorf(ops: Operations) -> Field:
     """Arenstorf: 4 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        y4 = y[3]
+        y1, y2, y3, y4 = y
         moon = 0.012277471
-        earth = 1 - 0.012277471
+        earth = 1 - moon
         near = y1 + moon
         far = y1 - earth
         a = near * near + y2 * y2
@@ -306,10 +275,7 @@ def kepler(ops: Operations) -> Field:
     """Kepler: 4 components."""
 
     def rates(y, p):
-        y1 = y[0]
-        y2 = y[1]
-        y3 = y[2]
-        y4 = y[3]
+        y1, y2, y3, y4 = y
         square = y1 * y1 + y2 * y2
         cube = square * ops.sqrt(square)
         return (y3, y4, -y1 / cube, -y2 / cube)
