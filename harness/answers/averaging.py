@@ -136,7 +136,7 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
 
 
 def _kicks(scene: Scene) -> np.ndarray | float:
-    """What resonances give L of a triaxial run, over I_max, at the compared times: first order knows none of it.
+    """Changes of L by resonances, over I_max, at the compared times of a triaxial run; first order leaves them out.
 
     The kicks of a run fall like 1/√St. Looking them up takes tables of the shape: where a full run
     takes less than that, first order's own error outweighs them.

@@ -1,4 +1,4 @@
-"""What `solve`, `pick` and sweeps take from the study of averaging over random bodies, by name."""
+"""Exponents and thresholds that `solve`, `pick` and sweeps take from the study over random bodies."""
 
 import json
 from math import isnan, log10
@@ -50,7 +50,7 @@ def laws_of(data: Data) -> dict[str, Any]:
         own = runs[(runs["order"] == order) & (runs["crosses"] == crosses)]
         measured = _measured(own)
         laws["measured"][name] = measured
-        # Where errors fall more slowly than theory says, what was measured counts.
+        # The measured exponent replaces that of theory if errors fall more slowly.
         slower = measured is not None and measured["low"] > theory
         laws["exponents"][name] = measured["high"] if measured and slower else theory
     every = all_times(data)

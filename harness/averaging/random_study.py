@@ -78,12 +78,12 @@ _BODY_COST_REPEATS = 3
 # The reference is a run in long double up to this St, and a looser one shows its error.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
-# Beyond it is Taylor's method in double precision, and another method shows its error: one of Runge
-# and Kutta, of spheroids one that splits.
+# Up to a larger St the reference is Taylor's method in double precision. A Runge-Kutta method, for
+# spheroids a splitting method, shows its error.
 _TAYLOR = ("taylor", 1e-13)
 _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1e-11)}
-# Beyond this St the reference of a spheroid is one by splitting, and stroboscopic averaging, in which
-# steps of its own length follow many turns at once, shows its error.
+# Beyond this St a splitting method gives the reference of a spheroid. Stroboscopic averaging, whose
+# steps take many turns each, shows its error.
 _TAYLOR_UP_TO = 1e6
 _FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
 # Error of L and E, over I_max, from which on the two do not confirm each other.
@@ -93,8 +93,8 @@ FORM_SOLVER = "cyrk-vern8"
 FORM_TOLERANCE = 1e-9
 _EXACT_TOLERANCE = 1e-12
 _MAX_STEPS = 300_000
-# Seconds that a task takes about: some, and others in proportion to St, those of spheroids alone, and
-# those of spheroids beyond _TAYLOR_UP_TO.
+# A task takes about `_ANY_TASK` seconds, and seconds per unit of St: of a triaxial body, of a spheroid,
+# and of a spheroid beyond `_TAYLOR_UP_TO`.
 _ANY_TASK = 0.1
 _SECONDS_PER_STOKES = 2.2e-6
 _SPHEROIDS_PER_STOKES = 1.2e-6
@@ -302,7 +302,7 @@ def _averaged(
         return _row(form.name, refused="the run did not reach its end")
     row = _row(form.name)
     if task.body < TIMED_BODIES:
-        # What was compiled above counts no more.
+        # The run above has compiled the form.
         began = thread_time()
         _observed(scene, form, FORM_TOLERANCE, times)
         row["seconds"] = thread_time() - began
@@ -382,7 +382,7 @@ def _fastest(
     problem: Problem, solver: str, tolerance: float, times: Array
 ) -> tuple[Solution, float]:
     """A run, and its processor time, the least of several where it is short."""
-    # What is compiled does not count.
+    # The first run compiles, and is not timed.
     solve(problem, solver, tolerance, times[:2])
     runs = []
     for _ in range(_BODY_COST_REPEATS):
@@ -405,7 +405,7 @@ class Data(NamedTuple):
 
     @property
     def done(self) -> set[Task]:
-        """What has been measured."""
+        """The tasks measured so far."""
         return {Task(*row) for row in self.references[_TASK].itertuples(index=False)}
 
 
@@ -436,7 +436,7 @@ def _flat(body: Record) -> dict[str, Any]:
 
 
 def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None) -> Data:
-    """Tables of what was measured, those of an old study included."""
+    """Tables of records, added to those of an earlier study."""
     frames: dict[str, list[Any]] = {name: [] for name in _DATA_TABLES}
     for record in records:
         frames["bodies"].append(_flat(record["body"]))

@@ -22,7 +22,7 @@ _ORDERS = {
     "averaged-second-order": ORDER_TWO,
     "hybrid": HYBRID,
 }
-# Exponents of St that theory promises; after a crossing of L² = 2EI₂ that of its jump.
+# Exponents of St by theory, by order of averaging; a crossing of L² = 2EI₂ has that of its jump.
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
 _RESONANCE = -0.5  # Of both orders, which leave out the kicks.
@@ -171,8 +171,8 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
 def predicted(row: Exponent) -> tuple[float, float]:
     """The exponents between which theory puts this one.
 
-    A crossing adds errors that fall like 1/√St to first order's own, and resonances to those of both
-    orders: the exponent goes from the one to the other as St grows.
+    Crossings (first order) and resonances (both orders) add an error that falls like 1/√St: the
+    exponent goes from the order's own to that of this error as St grows.
     """
     if row.error == "turned":
         return _ORIENTATION, _ORIENTATION

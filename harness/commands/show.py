@@ -54,7 +54,7 @@ _SYMBOLS = (
 
 
 def _shape_page(content: Mapping[str, Any]) -> str:
-    """What is known of a shape, by body axis, in six digits."""
+    """Properties of a shape by body axis, in six digits."""
     rows = []
     for name, (title, unit) in _SHAPE_ROWS.items():
         rows.append([title, *(f"{value:.6g}" for value in content[name]), unit])

@@ -1,4 +1,4 @@
-"""Where libraries of solvers have wheels: elsewhere pip compiles them, and polhode does not require them."""
+"""Platforms for which libraries of solvers have wheels; elsewhere pip compiles them, and polhode requires none."""
 
 import platform
 

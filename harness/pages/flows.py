@@ -69,7 +69,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def findings(tables: Mapping[str, Any]) -> list[str]:
-    """What the tables say, in sentences."""
+    """The findings of the tables, in sentences."""
     costs = tables["costs"]
     orbits = tables["orbits"]
     knots = tables["knots"]

@@ -219,7 +219,7 @@ def _named(run: Run) -> str:
 
 @dataclass(frozen=True)
 class Pair:
-    """Times of one choice over those of another, in runs that differ in nothing else."""
+    """Ratios of the times of two choices, in runs that differ in nothing else."""
 
     solver: str
     beside: str
@@ -322,7 +322,7 @@ def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
 
 
 def answers(runs: Sequence[Run]) -> dict[str, Any]:
-    """What the page begins with."""
+    """The sentences that begin the page."""
     found = winners(runs)
     won: dict[str, list[Winner]] = {}
     for winner in found:

@@ -173,7 +173,7 @@ def as_text(data: Data) -> str:
 
 
 def as_json(data: Data) -> dict[str, Any]:
-    """What was found, as plain data."""
+    """The findings as plain data."""
     runs = at(data, WHOLE)
     return {
         "laws": laws_of(data),
@@ -210,7 +210,7 @@ def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
 
 
 def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple[float, str]:
-    """Seconds of the full equations over those of an order where 97.5 % meet an error, and where that comes from."""
+    """How many times as long the full equations take where 97.5 % of the bodies meet an error, and the source."""
     stokes, source = needed(runs, kind, order, SHARES[-1], target)
     full = full_seconds(data, kind, target)
     form = form_seconds(runs, kind, order)
@@ -290,7 +290,7 @@ def _place(row: Exponent | Bounded) -> tuple[str, str, int]:
 
 
 def _crossing_kind(exponent: Exponent) -> str:
-    """The kind, and whether only those of its bodies are meant that cross."""
+    """The kind, and whether only its crossing bodies are meant."""
     mixed = exponent.crosses and exponent.kind != "crosses"
     return f"{exponent.kind}, crossing" if mixed else exponent.kind
 

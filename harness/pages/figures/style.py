@@ -125,7 +125,7 @@ def both_colours(name: str) -> str:
 
 
 def ramp(count: int) -> list[str]:
-    """As many colours of one hue, from light to dark."""
+    """So many colours of one hue, from light to dark."""
     places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int) if count > 1 else [2]
     return [_RAMP[place] for place in places]
 
@@ -185,7 +185,7 @@ def key(figure: Figure, handles: Sequence[Any], columns: int, **options: Any) ->
 
 
 def caption(figure: Figure, text: str) -> None:
-    """What was measured, where and how, in soft ink below all panels; the figure grows by it."""
+    """Write how the figure was measured in soft ink below all panels; the figure grows by it."""
     lines = textwrap.wrap(text.replace(" %", "\N{NO-BREAK SPACE}%"), _CAPTION_LETTERS)
     room = _CAPTION_LINE * len(lines) + 0.08
     width, height = figure.get_size_inches()
