@@ -19,6 +19,7 @@ from polhode.harness.pages.figures.style import (
     WIDTH,
     caption,
     colour,
+    key,
     power,
     rank,
 )
@@ -88,19 +89,19 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
     axes.set_ylabel("error allowed", fontsize=LETTERS, color=INK)
     _durations(axes, sorted({cell.stokes for cell in panel}), times)
     for place, handles in enumerate(entries):
-        key = drawing.legend(
-            handles=handles,
+        group = key(
+            drawing,
+            handles,
+            1,
             loc="upper left",
             bbox_to_anchor=(place / max(4, len(entries)), 1.0),
-            frameon=False,
             fontsize=9,
-            labelcolor=INK,
             handlelength=1.1,
             handletextpad=0.4,
             labelspacing=0.3,
             borderaxespad=0.1,
         )
-        drawing.add_artist(key)
+        drawing.add_artist(group)
     words = fill("regimes-note", usual=usual_form(panel))
     _add_caption(drawing, axes, f"{words} {note}".strip())
     return drawing

@@ -40,6 +40,7 @@ from polhode.harness.pages.figures.style import (
     WIDTH,
     caption,
     is_averaged,
+    key,
     looks,
     plain,
     power,
@@ -393,11 +394,8 @@ def _key_of(grid: Sequence[Axes]) -> list[Any]:
 
 
 def _write_key(drawing: Figure, handles: Sequence[Any], columns: int) -> None:
-    style = {"frameon": False, "fontsize": LETTERS, "labelcolor": INK, "columnspacing": 1.4}
-    style |= {"handlelength": 1.6, "borderaxespad": 0.2, "labelspacing": 0.35}
-    drawing.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=columns, **style
-    )
+    spacing = {"columnspacing": 1.4, "handletextpad": 0.8, "labelspacing": 0.35}
+    key(drawing, handles, columns, loc="upper left", bbox_to_anchor=(0.0, 1.0), **spacing)
 
 
 def _note(drawing: Figure, grid: Sequence[Axes], note: str) -> None:
@@ -571,13 +569,12 @@ def heat_map(
     ]
     handles[-1].set_label(f"{steps[-1]} and more")
     handles.append(Patch(facecolor="white", edgecolor="0.7", label="never"))
-    figure.legend(
-        handles=handles,
-        ncols=len(handles),
+    key(
+        figure,
+        handles,
+        len(handles),
         loc="upper left",
-        frameon=False,
         fontsize=9,
-        labelcolor=INK,
         handlelength=1.0,
         columnspacing=0.9,
         handletextpad=0.4,
