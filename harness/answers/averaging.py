@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness.answers.averaging_laws import power
+from polhode.harness.answers.averaging_laws import ORDER_ONE, power
 from polhode.harness.answers.rules import (
     EXPLICIT,
     Method,
@@ -129,7 +129,7 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
         raise NotKnownError(f"the surrogate's run ended with {full.solution.status}")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
     crossing = crosses(scene, exact.observables)
-    model = apart.slow * ratio ** power("first order", crossing)
+    model = apart.slow * ratio ** power(ORDER_ONE, crossing)
     if not crossing:
         model = model + _kicks(scene)
     return model, surrogate.stokes

@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Any
 
 LAWS_FILE = Path(__file__).with_name("averaging_laws.json")
-_FIRST_CROSSING = "first order, crossing"
+ORDER_ONE = "first order"
+ORDER_TWO = "second order"
+FIRST_CROSSING = f"{ORDER_ONE}, crossing"
+# Order of the forms that average alone.
+ORDERS = {
+    "averaged": ORDER_ONE,
+    "averaged-spheroid": ORDER_ONE,
+    "averaged-second-order": ORDER_TWO,
+}
 
 
 @cache
@@ -22,7 +30,7 @@ def power(order: str, crosses: bool = False) -> float:
 
     No more than theory says: 1, ½ after a crossing, 2 of second order.
     """
-    name = _FIRST_CROSSING if crosses and order == "first order" else order
+    name = FIRST_CROSSING if crosses and order == ORDER_ONE else order
     return -_laws()["exponents"][name]
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from polhode.harness.answers.averaging import NotKnownError
-from polhode.harness.answers.averaging_laws import few_error
+from polhode.harness.answers.averaging_laws import ORDERS, few_error
 from polhode.harness.answers.confirmed import confirmation, meet
 from polhode.harness.answers.forecast import RacedSegment, beginning_of, raced_segment
 from polhode.harness.answers.interval import Interval
@@ -72,12 +72,6 @@ _LEAST_STRIDE = 0.3
 _KNOWN = 0.5
 # The error that is attainable over the least one of a method's runs and of the reference.
 _ATTAINABLE = 2.0
-# Order of the averaged forms.
-_ORDERS = {
-    "averaged": "first order",
-    "averaged-spheroid": "first order",
-    "averaged-second-order": "second order",
-}
 # Steps that a full run is expected to take from which on runs that average are tried: below them, to
 # look ahead and to put the rotation back takes longer. Tables of a new shape are not counted.
 _AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
@@ -351,8 +345,8 @@ class _Race:
         if self.bare or method in self.uncut or not _averages(method):
             return False
         least = 0.0
-        if method.form.name in _ORDERS:
-            least = few_error(_ORDERS[method.form.name], self.scene.stokes)
+        if method.form.name in ORDERS:
+            least = few_error(ORDERS[method.form.name], self.scene.stokes)
         if method.form.name == "hybrid":
             least = _HYBRID_LEAST_ERROR
         if least > self.error:

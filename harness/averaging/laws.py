@@ -1,19 +1,18 @@
 """Exponents and thresholds that `solve`, `pick` and sweeps take from the study over random bodies."""
 
 import json
-from math import isnan, log10
+from math import isnan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from polhode.harness.answers.averaging_laws import LAWS_FILE
+from polhode.harness.answers.averaging_laws import FIRST_CROSSING, LAWS_FILE
 from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Frame
 from polhode.harness.averaging.shares import (
     CROSSING_EXPONENT,
     ERRORS_MET,
     KNOWN,
-    LEAST_BODIES,
     MAX_ERROR_OF_LAWS,
     ORDER_ONE,
     ORDER_TWO,
@@ -23,14 +22,15 @@ from polhode.harness.averaging.shares import (
     at,
     kinds_in,
     needed,
+    slopes_between,
 )
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import median_interval
 
 # Laws by name: of an order, and whether its bodies cross L² = 2EI₂.
-NAMES = {
+_NAMES = {
     ORDER_ONE: (ORDER_ONE, False),
-    f"{ORDER_ONE}, crossing": (ORDER_ONE, True),
+    FIRST_CROSSING: (ORDER_ONE, True),
     ORDER_TWO: (ORDER_TWO, False),
 }
 # An exponent is measured over the last ratio of St this large that has enough bodies.
@@ -43,26 +43,25 @@ def laws_of(data: Data) -> dict[str, Any]:
     """Exponents of St, errors times their power of St, and the St from which errors are met, by kind."""
     runs = at(data, STUDIED_SLOW_TIMES[-1])
     # Kicks of resonances fall more slowly than second order's own error.
-    runs = runs[(runs["order"] == ORDER_ONE) | (runs["kind"] != "resonance")]
+    lawful = runs[(runs["order"] == ORDER_ONE) | (runs["kind"] != "resonance")]
     laws: dict[str, Any] = {"exponents": {}, "measured": {}, "few": {}, "most": {}}
-    for name, (order, crosses) in NAMES.items():
+    for name, (order, crosses) in _NAMES.items():
         theory = CROSSING_EXPONENT if crosses else THEORY[order]
-        own = runs[(runs["order"] == order) & (runs["crosses"] == crosses)]
+        own = lawful[(lawful["order"] == order) & (lawful["crosses"] == crosses)]
         measured = _measured(own)
         laws["measured"][name] = measured
         # The measured exponent replaces that of theory if errors fall more slowly.
         slower = measured is not None and measured["low"] > theory
         laws["exponents"][name] = measured["high"] if measured and slower else theory
     every = all_times(data)
-    for order, theory in THEORY.items():
+    for order in THEORY:
         own = every[(every["order"] == order) & (every["stokes"] >= _SETTLED_FROM)]
         own = own[own["slow"] < MAX_ERROR_OF_LAWS]
         if len(own):
-            multiples = own["slow"] * own["stokes"] ** -theory
+            multiples = own["slow"] * own["stokes"] ** -laws["exponents"][order]
             whole = own["slow_time"] == STUDIED_SLOW_TIMES[-1]
             laws["few"][order] = _rounded(float(np.quantile(multiples, 1 - SHARES[-1])))
             laws["most"][order] = _rounded(float(np.quantile(multiples[whole], SHARES[-1])))
-    runs = at(data, STUDIED_SLOW_TIMES[-1])
     laws["from"] = {}
     for order in THEORY:
         laws["from"][order] = {}
@@ -88,11 +87,9 @@ def _measured(runs: Frame) -> dict[str, float] | None:
     table = known.pivot(index=["kind", "body"], columns="stokes", values="slow")
     for end in sorted(table.columns, reverse=True):
         begin = end / _RATIO
-        if begin not in table:
-            continue
-        slopes = (np.log10(table[end] / table[begin]) / log10(_RATIO)).dropna()
-        if len(slopes) >= LEAST_BODIES:
-            middle, low, high = median_interval(slopes.to_numpy())
+        slopes = slopes_between(table, begin, end)
+        if slopes is not None:
+            middle, low, high = median_interval(slopes)
             numbers = {"median": middle, "low": low, "high": high}
             rounded = {name: round(value, 3) for name, value in numbers.items()}
             return {"begin": float(begin), "end": float(end), "bodies": len(slopes), **rounded}

@@ -9,19 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polhode.harness.answers.averaging_laws import ORDER_ONE, ORDER_TWO, ORDERS
 from polhode.harness.averaging.bodies import KINDS
 from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Frame
 from polhode.harness.common.fits import median_interval, wilson
 
-ORDER_ONE = "first order"
-ORDER_TWO = "second order"
 HYBRID = "hybrid"
-_ORDERS = {
-    "averaged": ORDER_ONE,
-    "averaged-spheroid": ORDER_ONE,
-    "averaged-second-order": ORDER_TWO,
-    "hybrid": HYBRID,
-}
+_ORDERS = {**ORDERS, HYBRID: HYBRID}
 # Exponents of St by theory, by order of averaging; a crossing of L² = 2EI₂ has that of its jump.
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
@@ -157,15 +151,21 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
             known = group[group[error].between(KNOWN * group[uncertainty], MAX_ERROR_OF_LAWS)]
             table = known.pivot(index="body", columns="stokes", values=error)
             for begin, end in pairwise(ends):
-                if begin not in table or end not in table:
-                    continue
-                slopes = (np.log10(table[end] / table[begin]) / log10(end / begin)).dropna()
-                if len(slopes) < LEAST_BODIES:
+                slopes = slopes_between(table, begin, end)
+                if slopes is None:
                     continue
                 of = str(kind), str(order), bool(crosses), error
                 place = begin, end, len(slopes)
-                rows.append(Exponent(*of, *place, *median_interval(slopes.to_numpy())))
+                rows.append(Exponent(*of, *place, *median_interval(slopes)))
     return rows
+
+
+def slopes_between(table: Frame, begin: float, end: float) -> np.ndarray | None:
+    """Exponents of the bodies whose errors a table has at two St; None if there are too few."""
+    if begin not in table or end not in table:
+        return None
+    slopes = (np.log10(table[end] / table[begin]) / log10(end / begin)).dropna()
+    return slopes.to_numpy() if len(slopes) >= LEAST_BODIES else None
 
 
 def predicted(row: Exponent) -> tuple[float, float]:

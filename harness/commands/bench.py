@@ -396,7 +396,7 @@ def _random_bodies(
     """All averaged forms over random bodies."""
     with _loading(quiet):
         from polhode.harness.averaging import random_study
-        from polhode.harness.averaging.laws import laws_of, write_laws
+        from polhode.harness.averaging.laws import write_laws
         from polhode.harness.pages.averaging import random_bodies
 
     with bad_input():
@@ -419,9 +419,9 @@ def _random_bodies(
         if data.references.empty:
             raise RunFailed("--seconds: no body was finished, expected more time")
     assert data is not None
-    random_bodies.write_page(data, out, "polhode accuracy" + " --quick" * quick)
+    laws = random_bodies.write_page(data, out, "polhode accuracy" + " --quick" * quick)
     if fit:
-        write_laws(laws_of(random_study.read_data(out)))
+        write_laws(laws)
     click.echo(to_json(random_bodies.as_json(data)) if as_json else random_bodies.as_text(data))
     click.echo(str(out / "README.md"), err=True)
 

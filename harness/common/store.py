@@ -8,13 +8,13 @@ import csv
 import json
 import reprlib
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import astuple, fields
 from io import StringIO
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_type_hints
 
 from polhode.harness.common.files import (
     PartialFile,
@@ -224,21 +224,17 @@ def read_export(path: Path) -> Iterator[Record]:
             yield record
 
 
-def write_table(path: Path, kind: type, rows: Iterable[Any], columns: Sequence[str] = ()) -> None:
-    """Write rows in full precision, columns named as the fields unless otherwise given; a tuple takes several."""
+def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
+    """Write rows in full precision, columns named as the fields."""
     with PartialFile(path, summed=True) as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns or [field.name for field in fields(kind)])
-        for row in rows:
-            cells = []
-            for value in astuple(row):
-                cells += value if isinstance(value, tuple) else [value]
-            writer.writerow(cells)
+        writer.writerow([field.name for field in fields(kind)])
+        writer.writerows(map(astuple, rows))
 
 
-def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> list[Entry]:
+def read_table(path: Path, kind: type[Entry]) -> list[Entry]:
     """Rows as `write_table` wrote them; raises ValueError if the file is missing, damaged, or has others."""
-    expected = list(columns or [field.name for field in fields(kind)])  # pyright: ignore[reportArgumentType]
+    expected = [field.name for field in fields(kind)]  # pyright: ignore[reportArgumentType]
     try:
         head, *lines = list(csv.reader(StringIO(read_file(path).decode(), newline=""))) or [[]]
     except OSError as error:
@@ -249,17 +245,9 @@ def read_table(path: Path, kind: type[Entry], columns: Sequence[str] = ()) -> li
         raise ValueError(
             f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}"
         )
+    if any(len(line) != len(expected) for line in lines):
+        raise ValueError(
+            f"{path}: got rows of other lengths, expected {len(expected)} cells in each"
+        )
     hints = get_type_hints(kind).values()
-    cells = sum(len(get_args(hint)) or 1 for hint in hints)
-    if any(len(line) != cells for line in lines):
-        raise ValueError(f"{path}: got rows of other lengths, expected {cells} cells in each")
-    rows = []
-    for line in lines:
-        texts = iter(line)
-        rows.append(kind(*[_value(hint, texts) for hint in hints]))
-    return rows
-
-
-def _value(hint: Any, cells: Iterator[str]) -> Any:
-    parts = get_args(hint)
-    return tuple(part(next(cells)) for part in parts) if parts else hint(next(cells))
+    return [kind(*[hint(cell) for hint, cell in zip(hints, line, strict=True)]) for line in lines]

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from polhode.harness.answers.averaging_laws import most_error
+from polhode.harness.answers.averaging_laws import ORDER_ONE, most_error
 from polhode.harness.common.files import digest
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import scientific
@@ -35,9 +35,6 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _SCHEMA = 5
-# Error of averaging in L and E over I_max times St: 97.5 % of random bodies stay below
-# (`reports/accuracy`).
-AVERAGING = most_error("first order", stokes=1.0)
 # Particles on which method and step are chosen.
 PLANNED_PARTICLES = 128
 # Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few
@@ -142,7 +139,8 @@ class Ensemble:
     def method(self) -> str:
         """The method that runs the particles, in words."""
         if self.equations == "averaged":
-            return f"Dormand and Prince's pair, averaging's error up to {scientific(AVERAGING / self.stokes)}"
+            error = scientific(most_error(ORDER_ONE, self.stokes))
+            return f"Dormand and Prince's pair, averaging's error up to {error}"
         if self.equations == "hybrid":
             if (least := least_of(self)) == inf:
                 return f"{available_like(SOLVER)}, error {scientific(self.tolerance)}"

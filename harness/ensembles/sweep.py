@@ -13,19 +13,13 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field, model_validator
 
+from polhode.harness.answers.averaging_laws import ORDER_ONE, most_error
 from polhode.harness.common.files import digest, dumps
 from polhode.harness.common.machine import machine
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
-from polhode.harness.ensembles.ensemble import (
-    AVERAGING,
-    BOUNDS,
-    Ensemble,
-    Equations,
-    Task,
-    run_task,
-)
+from polhode.harness.ensembles.ensemble import BOUNDS, Ensemble, Equations, Task, run_task
 from polhode.harness.ensembles.hybrid import ERROR_OVER_TOLERANCE
 from polhode.harness.ensembles.starts import Starts
 from polhode.harness.ensembles.statistics import Statistics
@@ -224,7 +218,8 @@ def _ensemble(
     # grow with St.
     if (
         not table.equations
-        and AVERAGING / tolerance <= stokes < inf
+        and stokes < inf
+        and most_error(ORDER_ONE, stokes) <= tolerance
         and table.start.motion != "rest"
     ):
         with suppress(FormNotValidError):

@@ -69,12 +69,13 @@ _BAND = (0.025, 0.5, 0.975)
 _ERRORS = {"slow": "L, E", "turned": "orientation"}
 
 
-def write_page(data: Data, folder: Path, command: str) -> None:
-    """Write the page, its figure and its data into a folder."""
+def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
+    """Write the page, its figure and its data into a folder; return the laws that the data show."""
     write_data(data, folder)
     # The page says what the tables hold, whose numbers are rounded.
     data = read_data(folder)
-    write_laws(laws_of(data), folder / "laws.json")
+    laws = laws_of(data)
+    write_laws(laws, folder / "laws.json")
     note = (
         f"{len(data.bodies)} random bodies and starts, {len(data.references)} references; errors are "
         "maxima up to t₂ = 1, over the largest moment of inertia, in the last panel in rad. Bands "
@@ -82,6 +83,7 @@ def write_page(data: Data, folder: Path, command: str) -> None:
     )
     save(bands(_panels(data), note), folder, "errors")
     write_file(folder / "README.md", page(data, command))
+    return laws
 
 
 def page(data: Data, command: str) -> str:
