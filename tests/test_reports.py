@@ -3,9 +3,10 @@
 import json
 import re
 from collections.abc import Callable, Iterable
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from runpy import run_path
 from shutil import copytree
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -263,12 +264,7 @@ def test_the_pages_of_solvers_at_equal_error_follow_from_the_data():
 
 def paper_numbers() -> Any:
     """The program that writes the draft of a paper."""
-    spec = spec_from_file_location("paper_numbers", ROOT / "docs" / "paper_numbers.py")
-    assert spec
-    assert spec.loader
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return SimpleNamespace(**run_path(str(ROOT / "docs" / "paper_numbers.py")))
 
 
 def test_the_draft_of_the_paper_has_the_numbers_of_the_reports():

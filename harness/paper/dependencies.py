@@ -10,7 +10,6 @@ import ast
 import importlib.util
 import sys
 import tomllib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -81,7 +80,7 @@ def files_of(reached: _Reached) -> list[Path]:
         if path is None:
             continue
         files.add(path)
-        strings = set(_strings(_tree(module)))
+        strings = _strings(_tree(module))
         for beside in path.parent.iterdir():
             named = beside.name in strings or beside.stem == path.stem
             if beside.suffix in _DATA_SUFFIXES and named:
@@ -101,7 +100,7 @@ def _reach_definition(module: str, name: str, reached: _Reached) -> None:
         return
     node = _computing(node)
     reached.definitions[module, name] = node
-    reached.strings |= set(_strings(node))
+    reached.strings |= _strings(node)
     for inner in ast.walk(node):
         if isinstance(inner, ast.Name):
             _reach_definition(module, inner.id, reached)
@@ -170,12 +169,12 @@ def _reach_module(module: str, reached: _Reached) -> None:
     reached.modules.add(module)
     tree = _tree(module)
     if module not in _CATALOGUES:
-        reached.strings |= set(_strings(tree))
+        reached.strings |= _strings(tree)
     else:
         # Strings of functions name entries; strings of the table are the table.
         for node in tree.body:
             if isinstance(node, ast.FunctionDef):
-                reached.strings |= set(_strings(node))
+                reached.strings |= _strings(node)
     for place, name in _imports(module).values():
         _reach(place, name, reached)
 
@@ -214,11 +213,14 @@ def _imports(module: str) -> dict[str, tuple[str, str]]:
     return imports
 
 
-def _strings(node: ast.AST) -> Iterator[str]:
+@cache
+def _strings(node: ast.AST) -> frozenset[str]:
     """Strings of a tree, docstrings and words of several lines among them."""
-    for inner in ast.walk(node):
-        if isinstance(inner, ast.Constant) and isinstance(inner.value, str):
-            yield inner.value
+    return frozenset(
+        inner.value
+        for inner in ast.walk(node)
+        if isinstance(inner, ast.Constant) and isinstance(inner.value, str)
+    )
 
 
 @cache
@@ -233,6 +235,7 @@ def source_of(module: str) -> Path | None:
     return Path(spec.origin) if spec and spec.origin else None
 
 
+@cache
 def meaning(path: Path) -> str:
     """A file without comments, docstrings and the way it is broken into lines."""
     text = path.read_text(encoding="utf-8")

@@ -296,20 +296,15 @@ def test_a_full_disk_is_named_and_leaves_no_half_page(
         assert all(path.read_text(encoding="utf-8").endswith("</html>") for path in pages)
 
 
-@pytest.fixture(scope="module")
-def whole_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The site of the committed pages."""
+def test_docs_and_reports_are_one_small_site_with_the_api_and_no_dead_link(tmp_path: Path):
+    """The site of the committed pages; in one test, so that one worker alone builds it."""
     if not REPORTS.is_dir():
         pytest.skip("no committed pages here")
-    folder = tmp_path_factory.mktemp("whole")
+    whole_site = tmp_path / "whole"
     complaints = StringIO()
     with redirect_stderr(complaints):
-        site(folder, REPORTS, DOCS)
+        site(whole_site, REPORTS, DOCS)
     assert complaints.getvalue() == ""
-    return folder
-
-
-def test_docs_and_reports_are_one_site_and_every_link_is_alive(whole_site: Path):
     pages = pages_of(whole_site)
     there = {
         path.relative_to(ROOT).with_suffix("").as_posix()
@@ -322,6 +317,20 @@ def test_docs_and_reports_are_one_site_and_every_link_is_alive(whole_site: Path)
     # From docs to reports and back.
     assert any("../reports/" in link for link in links_of(pages["docs/second-order"]))
     assert "../../docs/second-order.html" in links_of(pages["reports/hybrid/README"])
+    # It is small, and holds no more than it shows.
+    files = {
+        path.resolve(): path.stat().st_size for path in whole_site.rglob("*") if path.is_file()
+    }
+    assert sum(files.values()) < 5_000_000
+    shown = {
+        ((whole_site / name).parent / link.partition("#")[0].partition("?")[0]).resolve()
+        for name, page in pages.items()
+        for link in links_of(page)
+    }
+    assert set(files) <= shown
+    # The API has the names that users import.
+    for name in set(polhode.__all__) - {"__version__"}:
+        assert f'id="polhode.{name}"' in pages["docs/api"], name
 
 
 def test_pages_of_docs_and_reports_link_to_files_that_are_there():
@@ -331,25 +340,6 @@ def test_pages_of_docs_and_reports_link_to_files_that_are_there():
         targets = re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", text)
         lost += [(page.name, target) for target in targets if not (page.parent / target).exists()]
     assert lost == []
-
-
-def test_the_whole_site_is_small_and_holds_no_more_than_it_shows(whole_site: Path):
-    files = {
-        path.resolve(): path.stat().st_size for path in whole_site.rglob("*") if path.is_file()
-    }
-    assert sum(files.values()) < 5_000_000
-    shown = {
-        ((whole_site / name).parent / link.partition("#")[0].partition("?")[0]).resolve()
-        for name, page in pages_of(whole_site).items()
-        for link in links_of(page)
-    }
-    assert set(files) <= shown
-
-
-def test_the_api_has_the_names_that_users_import(whole_site: Path):
-    page = pages_of(whole_site)["docs/api"]
-    for name in set(polhode.__all__) - {"__version__"}:
-        assert f'id="polhode.{name}"' in page, name
 
 
 def test_pictures_keep_the_colours_of_their_lines(tmp_path: Path):
