@@ -155,8 +155,7 @@ def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
     for ratio, shade in zip(ratios, ramp(len(ratios)), strict=True):
         handles.append(Line2D([], [], color=shade, linewidth=2, label=f"κ = {ratio:g}"))
     key(drawn, handles, 3, columnspacing=0.8)
-    if note:
-        caption(drawn, note)
+    caption(drawn, note)
     return drawn
 
 

@@ -136,6 +136,5 @@ def _figure(scenes: Any, note: str = "") -> Figure:
     right.set(xscale="log", xlabel="error over the one allowed")
     right.set_xlim(left=max(right.get_xlim()[0], _LEAST_SHARE))
     key(figure, handles, 2)
-    if note:
-        caption(figure, note)
+    caption(figure, note)
     return figure

@@ -9,6 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from polhode.harness.analysis.frames import frame
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record, export
@@ -25,6 +26,7 @@ from polhode.harness.pages.figures.style import (
     rank,
     save,
 )
+from polhode.harness.pages.figures.work_precision import conditions
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 from polhode.solvers.contract import Status
@@ -122,13 +124,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     export(shared, folder / "records.jsonl")
     runs = [Run.of(record) for record in records]
     made = header(study.title, command, records)[2:]
-    tolerances = f"{short(max(study.tolerances))} to {short(min(study.tolerances))}"
-    vary = (
-        f", which vary by {percent(_spread(runs))} in the median"
-        if any(r.times for r in runs)
-        else ""
-    )
-    note = f"Tolerances {tolerances}. Times: warm runs, the fastest of up to 5{vary}; {measured(made)}."
+    note = conditions(frame(records), measured(made))
     save(figure(runs, note), folder, "stiff")
     first = [_winner_cells(found) for found in winners(runs)]
     page = fill(
@@ -397,11 +393,5 @@ def figure(runs: Sequence[Run], note: str = "") -> Figure:
     grid[-1, 0].set_xlabel("Stokes number St")
     handles, _ = grid[0, 0].get_legend_handles_labels()
     key(drawing, handles, 4)
-    if note:
-        caption(drawing, note)
+    caption(drawing, note)
     return drawing
-
-
-def _spread(runs: Sequence[Run]) -> float:
-    """Median over the runs of what their repeats vary by, over the least time."""
-    return median((max(run.times) - run.seconds) / run.seconds for run in runs if run.times)

@@ -11,6 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 from polhode.harness.analysis.pareto import Cell
+from polhode.harness.answers.averaging_laws import ORDERS
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
 from polhode.harness.pages.regimes import Maps, read_cells
@@ -21,14 +22,7 @@ END = "<!-- end of which form -->"
 _TARGETS = (1e-2, 1e-4, 1e-6)
 _BODIES = {"ellipsoid": "a triaxial body", "spheroid": "a spheroid"}
 _WANTED = {"slow_error": "L, E to", "orientation_error": "orientation to"}
-_AVERAGED = {
-    "averaged": "first order",
-    "averaged-spheroid": "first order",
-    "averaged-second-order": "second order",
-    "hybrid": "hybrid",
-}
-# Solvers of the full equations that make use of the small torque at large St.
-_SPLITTING = ("splitting", "splitting-extended", "stroboscopic")
+_AVERAGED = {**ORDERS, "hybrid": "hybrid"}
 
 
 def tables(maps: Maps) -> str:
@@ -55,10 +49,9 @@ def winner_in_words(cell: Cell) -> str:
     """The equations that the cheapest method of a cell solves, and by what kind of solver."""
     if cell.winner is None:
         return "–"
-    form, solver = cell.winner
-    if form in _AVERAGED:
-        return _AVERAGED[form]
-    if solver in _SPLITTING:
+    if cell.winner.form in _AVERAGED:
+        return _AVERAGED[cell.winner.form]
+    if cell.winner.side == "tailored":
         return "full, split"
     return "full, implicit" if cell.winner.side == "implicit" else "full"
 

@@ -137,8 +137,6 @@ def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
     averaged = where(runs, runs["form"].map(is_averaged).astype(bool))
     for _, own in averaged.groupby("form"):
         chosen.update(method for method, _ in methods(pareto_front(own, error)))
-    # The cheapest averaged run, whichever the form.
-    chosen.update(method for method, _ in methods(pareto_front(averaged, error)))
     return [
         {
             "form": method.form,

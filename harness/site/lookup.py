@@ -1,15 +1,15 @@
 """The answer to a question of the opening page, from measured runs; `verdict.js` gives the same in a browser."""
 
 from collections.abc import Mapping, Sequence
-from math import exp, log
+from math import isnan
 from typing import Any
 
-from polhode.harness.analysis.pareto import TIE
+import numpy as np
+
+from polhode.harness.analysis.pareto import TIE, cost
 
 # St that differ by less than this share are the same.
 _SAME = 1e-3
-# An error of 0 has no logarithm: the least one of double precision stands for it.
-_LEAST = 2.2250738585072014e-308
 
 Column = Mapping[str, Any]
 """What was measured of one particle at one St, for one kind of error.
@@ -95,12 +95,5 @@ def _run(points: Sequence[Sequence[float]], error: float) -> Sequence[float] | N
 
 def _cost(points: Sequence[Sequence[float]], error: float) -> float | None:
     """Time for an error, logarithms interpolated between two runs, as the map's; None where no run gets there."""
-    place = next((i for i, point in enumerate(points) if point[0] <= error), None)
-    if place is None:
-        return None
-    this = points[place]
-    if place == 0 or this[0] == error:
-        return this[1]
-    before = points[place - 1]
-    share = log(before[0] / error) / log(before[0] / max(this[0], _LEAST))
-    return exp(log(before[1]) + share * log(this[1] / before[1]))
+    seconds = cost(np.array(points)[:, :2], error)
+    return None if isnan(seconds) else seconds

@@ -52,8 +52,7 @@ def bands(titles: Mapping[str, Sequence[Band]], note: str = "") -> Figure:
         axes.set_ylabel("error")
     grid[0, 0].set_ylim(1e-10, 3.0)
     key(figure, _handles(titles), 2)
-    if note:
-        caption(figure, note)
+    caption(figure, note)
     return figure
 
 

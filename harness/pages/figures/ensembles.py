@@ -68,8 +68,7 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
         for stokes, shade in shades.items()
     ]
     key(drawing, handles, 2)
-    if note:
-        caption(drawing, note)
+    caption(drawing, note)
     return drawing
 
 
@@ -186,6 +185,5 @@ def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
     axes.set_aspect("equal")
     axes.set_ylim(1e4, 1e6)
     key(figure, handles, 2)
-    if note:
-        caption(figure, note)
+    caption(figure, note)
     return figure

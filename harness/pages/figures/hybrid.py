@@ -47,8 +47,7 @@ def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
         Line2D([], [], marker="o", fillstyle="none", color=INK, linewidth=0, label="missed")
     )
     key(drawing, handles, 3)
-    if note:
-        caption(drawing, note)
+    caption(drawing, note)
     return drawing
 
 

@@ -103,18 +103,8 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
         )
         drawing.add_artist(group)
     words = fill("regimes-note", usual=usual_form(panel))
-    _add_caption(drawing, axes, f"{words} {note}".strip())
+    caption(drawing, f"{words} {note}".strip())
     return drawing
-
-
-def _add_caption(drawing: Any, axes: Axes, words: str) -> None:
-    """Write below the map, which keeps its size."""
-    _, before = drawing.get_size_inches()
-    box = axes.get_position()
-    caption(drawing, words)
-    _, after = drawing.get_size_inches()
-    bottom = box.y0 * before + after - before
-    axes.set_position((box.x0, bottom / after, box.width, box.height * before / after))
 
 
 def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]]:

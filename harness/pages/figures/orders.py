@@ -49,8 +49,7 @@ def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str =
         if powers:
             handles.append(Line2D([], [], label=f"{name}, dotted: {slopes}", **style))
     key(figure, handles, 2)
-    if note:
-        caption(figure, note)
+    caption(figure, note)
     return figure
 
 

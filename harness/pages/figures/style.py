@@ -185,7 +185,9 @@ def key(figure: Figure, handles: Sequence[Any], columns: int, **options: Any) ->
 
 
 def caption(figure: Figure, text: str) -> None:
-    """Write how the figure was measured in soft ink below all panels; the figure grows by it."""
+    """Write in soft ink below all panels, which keep their sizes; the figure grows. Nothing without a text."""
+    if not text:
+        return
     lines = textwrap.wrap(text.replace(" %", "\N{NO-BREAK SPACE}%"), _CAPTION_LETTERS)
     room = _CAPTION_LINE * len(lines) + 0.08
     width, height = figure.get_size_inches()
@@ -194,6 +196,13 @@ def caption(figure: Figure, text: str) -> None:
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(rect=(0, bottom, 1, 1 - bottom))  # pyright: ignore[reportCallIssue]
+    else:
+        _, height_now = figure.get_size_inches()
+        for axes in figure.axes:
+            box = axes.get_position()
+            from_below = box.y0 * height + height_now - height
+            place = box.x0, from_below / height_now
+            axes.set_position((*place, box.width, box.height * height / height_now))
     figure.text(
         0.06 / width,
         0.04 / (height + room),

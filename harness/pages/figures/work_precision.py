@@ -356,8 +356,7 @@ def panels(
         axes.set_position(box)
         top_edge -= room
     _write_key(drawing, handles, columns)
-    if note:
-        _note(drawing, grid, note)
+    caption(drawing, note)
     for axes in grid:
         name_lines(axes, _FEW_LINES)
     return drawing
@@ -396,17 +395,6 @@ def _key_of(grid: Sequence[Axes]) -> list[Any]:
 def _write_key(drawing: Figure, handles: Sequence[Any], columns: int) -> None:
     spacing = {"columnspacing": 1.4, "handletextpad": 0.8, "labelspacing": 0.35}
     key(drawing, handles, columns, loc="upper left", bbox_to_anchor=(0.0, 1.0), **spacing)
-
-
-def _note(drawing: Figure, grid: Sequence[Axes], note: str) -> None:
-    """Write a note below the panels, which keep their sizes."""
-    _, before = drawing.get_size_inches()
-    boxes = [axes.get_position() for axes in grid]
-    caption(drawing, note)
-    _, after = drawing.get_size_inches()
-    for axes, box in zip(grid, boxes, strict=True):
-        bottom = box.y0 * before + after - before
-        axes.set_position((box.x0, bottom / after, box.width, box.height * before / after))
 
 
 def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
@@ -506,8 +494,7 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
     figure.subplots_adjust(
         left=0.55 / WIDTH, right=1 - _NAMES_WIDTH / WIDTH, bottom=0.1, top=0.94, hspace=0.55
     )
-    if note:
-        _note(figure, grid, note)
+    caption(figure, note)
     for axes in grid:
         name_lines(axes)
     return figure
@@ -583,6 +570,5 @@ def heat_map(
         title_fontsize=9,
         alignment="left",
     )
-    if note:
-        _note(figure, grid, note)
+    caption(figure, note)
     return figure
