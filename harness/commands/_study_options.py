@@ -41,6 +41,11 @@ disturbed = click.option(
     "--disturbed", is_flag=True, help="Replace earlier results by times that were disturbed too."
 )
 quiet = click.option("--quiet", is_flag=True, help="No progress.")
+workers = click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    help="Processes; by default one per core, 0 for this one alone.",
+)
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 to_json = partial(dumps, sort_keys=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)

@@ -5,8 +5,6 @@ They are `polhode bench`, `regimes`, `equal-error`, `accuracy`, `paper`, `sweep`
 """
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
 from importlib import import_module
@@ -342,11 +340,7 @@ def paper(
     type=click.FloatRange(min=0),
     help="Begin with no further body after this time; --resume goes on.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    help="Processes; by default one per core, 0 for this one alone.",
-)
+@options.workers
 @click.option(
     "--fit", is_flag=True, help="Let solve, pick and sweeps use the laws that the data show."
 )
@@ -412,7 +406,7 @@ def _random_bodies(
                 store,
                 todo,
                 old,
-                workers=os.cpu_count() or 1 if workers is None else workers,
+                workers=_cores() if workers is None else workers,
                 seconds=inf if seconds is None else seconds,
                 quiet=quiet,
             )
@@ -460,11 +454,7 @@ def _one_form(
 @command(needs=_PAGE_LIBRARIES)
 @click.argument("file", metavar="[SWEEP.toml]", required=False, type=click.Path(path_type=Path))
 @click.option("--out", type=options.FOLDER, help="Folder; by default reports/NAME.")
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    help="Processes; by default one per core, 0 for this one alone.",
-)
+@options.workers
 @click.option("--dask", help="Address of a Dask scheduler that runs the tasks instead.")
 @click.option(
     "--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way."
@@ -558,12 +548,16 @@ def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
     click.echo(f"{page}")
 
 
-@contextmanager
-def _loading(quiet: bool) -> Iterator[None]:
-    """Say so while libraries are loaded, which takes seconds where the disk is slow."""
-    with Progress(quiet) as progress:
-        progress.begin("loading")
-        yield
+def _loading(quiet: bool) -> Progress:
+    """What says so while libraries are loaded, which takes seconds where the disk is slow."""
+    return Progress(quiet).begin("loading")
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _engine(workers: int | None, address: str | None) -> Any:
@@ -577,7 +571,4 @@ def _engine(workers: int | None, address: str | None) -> Any:
         return partial(dask, address)
     if workers == 0:
         return serial
-    cores = (
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    )
-    return partial(processes, workers or cores)
+    return partial(processes, workers or _cores())

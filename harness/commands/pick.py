@@ -105,8 +105,9 @@ def pick(
         return
     click.echo(pick_page(recommendation, everything, why))
     first = recommendation.ranking[0]
-    method = f"--form {first.form} --solver {first.solver} --tolerance {short(first.tolerance)}"
-    words = ["polhode", "solve", quote(scene), *method.split(), "--samples", str(samples)]
+    method = ["--form", quote(first.form), "--solver", quote(first.solver)]
+    settings = ["--tolerance", short(first.tolerance), "--samples", str(samples)]
+    words = ["polhode", "solve", quote(scene), *method, *settings]
     click.echo(f"\nTo run the first:\n{command_on_terminal([*words, '--out', 'FILE.csv'])}")
 
 

@@ -71,8 +71,7 @@ def completion(shell: str) -> None:
 @as_json
 def doctor(as_json: bool) -> None:
     """Show versions, solvers that can be run, caches, and whether times measured now would mean anything."""
-    with Progress() as progress:
-        progress.begin("running polhode solve paper in a fresh process")
+    with Progress().begin("running polhode solve paper in a fresh process"):
         state = examine()
     click.echo(to_json(state, default=str) if as_json else _page(state))
 
@@ -208,8 +207,7 @@ def export(store: Path, out: Path, asv: bool) -> None:
         return
     if not store.is_file() or store.stat().st_size == 0:
         raise BadInput(f"{store}: no such store, expected a file of `polhode bench`")
-    with bad_input(), Store(store) as opened, Progress() as progress:
-        progress.begin(f"writing {out}")
+    with bad_input(), Store(store) as opened, Progress().begin(f"writing {out}"):
         write(opened, out)
 
 
@@ -224,8 +222,7 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
     from polhode.harness.analysis.comparison import compare as compare_runs, read_runs
     from polhode.harness.analysis.frames import rows_of
 
-    with bad_input(), Progress() as progress:
-        progress.begin("reading")
+    with bad_input(), Progress().begin("reading"):
         tables = read_runs(before), read_runs(after)
     comparison = compare_runs(*tables, slower=slower, less_accurate=less_accurate)
     if comparison.shared == 0:

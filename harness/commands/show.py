@@ -153,13 +153,13 @@ def solvers(as_json: bool) -> None:
     from polhode.solvers.catalogue import SOLVERS, solver
 
     names = ("name", "summary", "available", "why_not", "accepts")
-    rows = [{name: getattr(solver(solver_name), name) for name in names} for solver_name in SOLVERS]
-    for row in rows:
-        row["why_not"] = why_missing(row["why_not"], solver(row["name"]).package)
-    lines = [
-        [row["name"], row["summary"], row["why_not"] or solver(row["name"]).note or "available"]
-        for row in rows
-    ]
+    rows = []
+    lines = []
+    for method in map(solver, SOLVERS):
+        row = {name: getattr(method, name) for name in names}
+        row["why_not"] = why_missing(row["why_not"], method.package)
+        rows.append(row)
+        lines.append([row["name"], row["summary"], row["why_not"] or method.note or "available"])
     click.echo(to_json(rows) if as_json else on_terminal(["name", "summary", "state"], lines))
 
 

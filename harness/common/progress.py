@@ -76,8 +76,8 @@ class Progress:
         title: str,
         fraction: Callable[[], float] | None = None,
         note: Callable[[float], str] | None = None,
-    ) -> None:
-        """Begin a task.
+    ) -> "Progress":
+        """Begin a task; return this object, for ``with``.
 
         `fraction` returns how much of it is done, from 0 to 1, if `advance` does not; `note`, of the
         seconds since it began, what is to be said of a long run, or nothing.
@@ -87,6 +87,7 @@ class Progress:
         self._task = (title, fraction, note, now)
         if note and self._noting_since is None:
             self._noting_since = now
+        return self
 
     def advance(self, done: float) -> None:
         """Set how much of the task is done, from 0 to 1."""

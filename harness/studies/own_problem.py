@@ -7,12 +7,13 @@ import numpy as np
 from polhode.harness.common.text import short
 from polhode.models.own_function import OwnField, in_one_line
 from polhode.models.problem import Problem
+from polhode.solvers.structure import structure_of
 
 
 def check_jacobian(problem: Problem) -> None:
     """Raise ValueError unless the user's Jacobian, where it is a function, is a matrix at the start."""
     field = problem.field
-    structure = field.structure if isinstance(field, OwnField) else None
+    structure = structure_of(problem)
     if structure is None or not callable(structure.jacobian):
         return
     assert isinstance(field, OwnField)
