@@ -7,7 +7,7 @@ from pathlib import Path
 from commandline import STUDY
 from PIL import Image
 
-from polhode.harness.common.store import Store, export
+from polhode.harness.common.store import Store, write_records
 from polhode.harness.pages import outcomes, regimes
 from polhode.harness.site.build import build
 from polhode.harness.studies.runner import Runner
@@ -60,7 +60,7 @@ def small_reports(folder: Path) -> Path:
     records = [stopped, *records[1:]]
     reports = folder / "reports"
     (reports / "bench").mkdir(parents=True)
-    export(records, reports / "bench" / "records.jsonl")
+    write_records(records, reports / "bench")
     outcomes.write_page(
         study,
         [{**one, "tags": [TAG]} for one in records],

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from commandline import SCRIPT, importing
 
+from polhode.harness.common.store import read_export
 from polhode.harness.site.sources import NAVIGATION
 from polhode.models.catalogue import FORMS
 from polhode.models.problems.catalogue import PROBLEMS
@@ -134,9 +135,7 @@ def test_a_form_and_a_solver_of_ones_own_stand_in_the_tables(tmp_path: Path):
         "note: the study runs code of own_form:Directions, own_solver:ClassicalRungeKutta"
         in done.stderr
     )
-    runs = [
-        json.loads(line) for line in (tmp_path / "own" / "records.jsonl").read_text().splitlines()
-    ]
+    runs = list(read_export(tmp_path / "own" / "records.jsonl.gz"))
     errors = {
         (run["form"], run["solver"]): run["slow_error"]
         for run in runs

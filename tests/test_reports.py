@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from runpy import run_path
 from shutil import copytree
+from subprocess import run
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,7 +30,7 @@ from polhode.harness.averaging.shares import (
     full_seconds,
     kinds_in,
 )
-from polhode.harness.common.store import read_export
+from polhode.harness.common.store import read_export, record_file
 from polhode.harness.pages import ensembles, equal_error, flows, problems, stiff
 from polhode.harness.pages.averaging import hybrid, random_bodies, second_order
 from polhode.harness.pages.bench import averaged_costs, verdict
@@ -48,11 +49,24 @@ ROOT = Path(__file__).parents[1]
 REPORTS = ROOT / "reports"
 NUMBERS = {3: "three", 10: "ten", 11: "eleven", 12: "twelve", 20: "twenty"}
 
+# Bytes of all committed pages, figures and data: what readers need; commands make the rest.
+MOST_BYTES = 20_000_000
+
 pytestmark = pytest.mark.skipif(not REPORTS.is_dir(), reason="no committed pages here")
 
 
+def test_reports_are_small():
+    listed = run(
+        ["git", "ls-files", "-z", "reports"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if listed.returncode:
+        pytest.skip("no clone of git")
+    files = [ROOT / name for name in listed.stdout.split("\0") if name]
+    assert sum(path.stat().st_size for path in files if path.is_file()) <= MOST_BYTES
+
+
 def records(page: str) -> pd.DataFrame:
-    return frame(read_export(REPORTS / page / "records.jsonl"))
+    return frame(read_export(record_file(REPORTS / page)))
 
 
 def bench() -> Iterable[str]:
@@ -165,7 +179,7 @@ def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Pa
     command = "polhode bench harness/studies/known_stokes.toml"
     page = write_page(
         read_study_file(study),
-        list(read_export(folder / "records.jsonl")),
+        list(read_export(record_file(folder))),
         tmp_path / "copy",
         command,
     )
@@ -174,7 +188,7 @@ def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Pa
 
 def test_the_page_of_the_stiff_side_follows_from_the_data(tmp_path: Path):
     study = read_study_file(ROOT / "harness" / "studies" / "stiff.toml")
-    records = list(read_export(REPORTS / "stiff" / "records.jsonl"))
+    records = list(read_export(record_file(REPORTS / "stiff")))
     page = stiff.write_page(study, records, tmp_path, "polhode bench harness/studies/stiff.toml")
     assert page.read_text(encoding="utf-8") == text("stiff/README.md")
 
@@ -250,7 +264,7 @@ def test_pictures_are_as_wide_as_a_page(picture: str):
 def test_the_pages_of_solvers_at_equal_error_follow_from_the_data():
     folder = REPORTS / "solvers"
     found = {
-        name: list(read_export(folder / f"{name}.jsonl"))
+        name: list(read_export(record_file(folder, name)))
         for name in ("solvers", "spheroid", "backends")
     }
     costs: Any = json.loads(text("solvers/costs.json"))

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.analysis.frames import frame, of_runs, rows_of
-from polhode.harness.common.store import Record, Store, read_export
+from polhode.harness.common.store import Record, Store, is_record_file, read_export
 from polhode.harness.references.uncertainty import least_known, uncertainty_of
 from polhode.solvers.contract import Status
 
@@ -176,7 +176,7 @@ def _records(path: Path) -> list[Record]:
         with Store(path) as store:
             return list(store)
     try:
-        if path.suffix == ".jsonl":
+        if is_record_file(path):
             return list(read_export(path))
         return benchmark_records(json.loads(path.read_text(encoding="utf-8")))
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -54,7 +54,7 @@ _FOLDERS = {"all": "reports/accuracy", "2": "reports/second-order", "hybrid": "r
 @click.option(
     "--page-only",
     is_flag=True,
-    help="Measure nothing: write the page anew from the folder's records.jsonl or runs.csv.",
+    help="Measure nothing: write the page anew from the folder's records or its runs.csv.",
 )
 def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     """Run a work-precision study and write its page, figures and records."""
@@ -65,7 +65,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
         _own_problem(request, page_only)
         return
     from polhode.harness.analysis.frames import NEEDED, frame, of_runs
-    from polhode.harness.common.store import read_export
+    from polhode.harness.common.store import read_export, record_file
     from polhode.harness.studies.runner import Runner
 
     with bad_input():
@@ -74,8 +74,9 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     write_page = import_module(f"polhode.harness.pages.{_PAGES[study.page]}").write_page
     if page_only:
         with bad_input():
-            records = list(read_export(folder / "records.jsonl"))
-            of_runs(frame(records, NEEDED), folder / "records.jsonl")
+            path = record_file(folder)
+            records = list(read_export(path))
+            of_runs(frame(records, NEEDED), path)
         click.echo(f"{write_page(study, records, folder, command_line())}")
         return
     if outside := [name for name in (*study.forms, *study.solvers) if ":" in name]:
@@ -259,6 +260,7 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool, page_only: bo
 @click.option(
     "--redraw", is_flag=True, help="Draw from the data that are there, whatever code made them."
 )
+@click.option("--svg", is_flag=True, help="Draw the figures as SVG beside PNG.")
 @click.option("--quick", is_flag=True, help="Coarse grids: a look, by default in FOLDER-quick.")
 @click.option("--list", "listed", is_flag=True, help="Print the items and stop.")
 @click.option("--json", "as_json", is_flag=True, help="With --list: print JSON.")
@@ -268,6 +270,7 @@ def paper(
     out: Path,
     force: bool,
     redraw: bool,
+    svg: bool,
     quick: bool,
     listed: bool,
     as_json: bool,
@@ -302,7 +305,16 @@ def paper(
         make_folder(out)
     grid = Grid.REDUCED if quick else Grid.FULL
     processes = min(len(items), os.cpu_count() or 1)
-    failed = run(items, out, report, grid=grid, force=force, redraw=redraw, processes=processes)
+    failed = run(
+        items,
+        out,
+        report,
+        grid=grid,
+        force=force,
+        redraw=redraw,
+        svg=svg,
+        processes=processes,
+    )
     if failed:
         raise RunFailed(f"failed: {', '.join(failed)}")
     click.echo(f"{out / 'README.md'}")

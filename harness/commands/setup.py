@@ -196,7 +196,7 @@ def _page(state: dict[str, Any]) -> str:
 @click.argument("out", type=click.Path(path_type=Path))
 @click.option("--asv", is_flag=True, help="JSON of the benchmark suite into a folder of asv's.")
 def export(store: Path, out: Path, asv: bool) -> None:
-    """Write the records of STORE to OUT, as CSV or JSON Lines by its ending."""
+    """Write the records of STORE to OUT, as CSV or JSON Lines (.csv, .jsonl, .jsonl.gz)."""
     from polhode.harness.common.store import Store, export as write
 
     if asv:

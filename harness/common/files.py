@@ -122,6 +122,13 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Pat
     return path
 
 
+def remove_file(path: Path) -> None:
+    """Remove a file, if it is there, and the checksum that is kept of it."""
+    path.unlink(missing_ok=True)
+    if path.name in _sums(path.parent):
+        _expect(path)
+
+
 def open_file(path: Path) -> IO[bytes]:
     """Open a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
     # Once more, if it was replaced between the two.

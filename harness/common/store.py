@@ -5,16 +5,18 @@ rows of dataclasses are written as files and read back, too.
 """
 
 import csv
+import gzip
 import json
 import reprlib
 import sqlite3
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import astuple, fields
-from io import StringIO
+from io import StringIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeVar, get_type_hints
+from typing import IO, Any, TypeVar, cast, get_type_hints
 
 from polhode.harness.common.files import (
     PartialFile,
@@ -24,6 +26,7 @@ from polhode.harness.common.files import (
     loads,
     open_file,
     read_file,
+    remove_file,
 )
 from polhode.harness.common.machine import now
 
@@ -35,6 +38,10 @@ _APPLICATION = 0x706C6864
 _VERSION = 2
 # Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
 _MOST_CHECKED_AT_ONCE = 100_000_000
+# Names of files of records end so: compressed, as reports hold them, and plain.
+_RECORD_ENDINGS = (".jsonl.gz", ".jsonl")
+# What a file of gzip begins with, whatever its name.
+_GZIP_MARK = b"\x1f\x8b"
 _TABLE = """
 CREATE TABLE IF NOT EXISTS cases (
     key TEXT PRIMARY KEY, "case" TEXT NOT NULL, result TEXT NOT NULL, written TEXT NOT NULL, digest TEXT NOT NULL
@@ -178,16 +185,42 @@ def set_aside(path: Path, to: Path) -> None:
 
 
 def export(records: Iterable[Record], path: Path) -> None:
-    """Write records as CSV or JSON Lines, as the file's ending says, for sharing; ValueError if it has another one."""
-    # Records of a store are read one by one, for CSV twice. Numbers that are not finite are words,
-    # which `read_export` and `float` read (`polhode.harness.common.files`).
-    if path.suffix not in (".csv", ".jsonl"):
-        raise ValueError(f"{path}: expected a file name ending in .csv or .jsonl")
+    """Write records as CSV, JSON Lines or these compressed, as the file's ending says: .csv, .jsonl or .jsonl.gz.
+
+    ValueError if it has another one. The same records give the same bytes.
+    """
+    # Numbers that are not finite are words, which `read_export` and `float` read
+    # (`polhode.harness.common.files`).
+    if path.name.endswith(_RECORD_ENDINGS[0]):
+        with PartialFile(path, binary=True, summed=True) as file:
+            _write_compressed(records, file)
+    elif path.suffix == ".jsonl":
+        with PartialFile(path, summed=True) as file:
+            file.writelines(record_lines(records))
+    elif path.suffix == ".csv":
+        _export_csv(records, path)
+    else:
+        raise ValueError(f"{path}: expected a file name ending in .csv, .jsonl or .jsonl.gz")
+
+
+def record_lines(records: Iterable[Record]) -> Iterator[str]:
+    """Records as lines of JSON, one in memory at a time."""
+    return (dumps(record) + "\n" for record in records)
+
+
+def _write_compressed(records: Iterable[Record], file: IO[bytes]) -> None:
+    # Neither the time nor the private name of the file may be among its bytes.
+    with (
+        gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0) as compressed,
+        TextIOWrapper(cast("IO[bytes]", compressed), encoding="utf-8", newline="") as text,
+    ):
+        text.writelines(record_lines(records))
+
+
+def _export_csv(records: Iterable[Record], path: Path) -> None:
+    # Records of a store are read one by one, twice.
     records = list(records) if iter(records) is records else records
     with PartialFile(path, summed=True) as file:
-        if path.suffix == ".jsonl":
-            file.writelines(dumps(record) + "\n" for record in records)
-            return
         columns = dict[str, None]()
         count = 0
         for record in records:
@@ -210,11 +243,24 @@ def _cell(value: Any) -> Any:
 
 
 def read_export(path: Path) -> Iterator[Record]:
-    """Records of a JSON Lines file that `export` wrote, one in memory at a time; ValueError if it is another."""
+    """Records of JSON Lines that `export` wrote, compressed or not, one in memory at a time.
+
+    ValueError if the file is another one, or damaged.
+    """
     with open_file(path) as file:
-        for number, line in enumerate(file, start=1):
+        compressed = file.read(len(_GZIP_MARK)) == _GZIP_MARK
+        file.seek(0)
+        lines = gzip.GzipFile(fileobj=file) if compressed else file
+        number = 0
+        while True:
+            number += 1
             try:
+                line = lines.readline()
+                if not line:
+                    return
                 record = loads(line.decode())
+            except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+                raise ValueError(f"{path}: line {number}: {error}, expected gzip") from None
             except (ValueError, RecursionError) as error:
                 raise ValueError(f"{path}: line {number}: {error}, expected JSON") from None
             if not isinstance(record, dict):
@@ -222,6 +268,34 @@ def read_export(path: Path) -> Iterator[Record]:
                     f"{path}: line {number}: got {reprlib.repr(record)}, expected a JSON object"
                 )
             yield record
+
+
+def write_records(records: Iterable[Record], folder: Path, name: str = "records") -> None:
+    """Write the records of a report compressed into its folder, in the place of plain ones of an older version."""
+    compressed, plain = (folder / (name + ending) for ending in _RECORD_ENDINGS)
+    export(records, compressed)
+    remove_file(plain)
+
+
+def record_file(folder: Path, name: str = "records") -> Path:
+    """The file of a report's records: the compressed one, unless there is only the plain one of polhode 0.1."""
+    compressed, plain = (folder / (name + ending) for ending in _RECORD_ENDINGS)
+    return plain if plain.is_file() and not compressed.is_file() else compressed
+
+
+def record_files(folder: Path) -> dict[str, Path]:
+    """Each file of records in a folder, by its name without the ending."""
+    names = {
+        path.name.removesuffix(ending)
+        for ending in _RECORD_ENDINGS
+        for path in folder.glob(f"*{ending}")
+    }
+    return {name: record_file(folder, name) for name in sorted(names)}
+
+
+def is_record_file(path: Path) -> bool:
+    """Whether a file is one of records, by its name."""
+    return path.name.endswith(_RECORD_ENDINGS)
 
 
 def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:

@@ -13,7 +13,7 @@ from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, w
 from polhode.harness.analysis.pareto import Method
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record, export
+from polhode.harness.common.store import Record, write_records
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.figures.work_precision import (
@@ -50,7 +50,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page, its figures and its data into a folder and return the page's path."""
     runs = frame(records)
     write_runs(runs, folder)
-    export(records, folder / "records.jsonl")
+    write_records(records, folder)
     uncertainties = (
         where(runs, runs["slow_uncertainty"].notna())
         .groupby(["scene_name", "stokes"], sort=False)

@@ -15,7 +15,7 @@ from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record, export, read_export
+from polhode.harness.common.store import Record, read_export, record_file, write_records
 from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.pages.figures.style import measured as measured_on, save
 from polhode.harness.pages.figures.work_precision import conditions, work_precision_panels
@@ -61,7 +61,7 @@ def write_page(measured: Measured, folder: Path, command: str) -> Path:
         folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True
     )
     for name in ("solvers", "spheroid", "backends"):
-        export(getattr(measured, name), folder / f"{name}.jsonl")
+        write_records(getattr(measured, name), folder, name)
     return _write_pages(measured, folder, command)
 
 
@@ -77,7 +77,7 @@ def draw(measured: Measured, folder: Path, command: str) -> None:
 def read_measured(folder: Path) -> Measured:
     """What `write_page` wrote into a folder."""
     records = {
-        name: list(read_export(folder / f"{name}.jsonl"))
+        name: list(read_export(record_file(folder, name)))
         for name in ("solvers", "spheroid", "backends")
     }
     measured_costs: Any = json.loads(read_file(folder / "costs.json"))

@@ -15,7 +15,7 @@ from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import digest, read_file, write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record, export
+from polhode.harness.common.store import Record, record_lines, write_records
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.pages.tables import fill, lines_of
@@ -49,7 +49,8 @@ _ROUNDS = 7  # Both runs take turns this often; the fastest count.
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
     """Write the page and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    export(records, folder / "records.jsonl")
+    write_records(records, folder)
+    of = digest("".join(record_lines(records)))
     table = frame(records)
     rows, met, ratios = _splitting(table)
     page = fill(
@@ -60,7 +61,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         targets=len(met),
         known=ratios,
         slower=[(ratio, stokes) for ratio, stokes in ratios if ratio < 1],
-        stroboscopic=_stroboscopic(study, table, folder),
+        stroboscopic=_stroboscopic(study, table, folder, of),
         ratios=markdown(
             ["scene", "St", *map(short, _ERRORS)], rows, right=range(1, 2 + len(_ERRORS))
         ),
@@ -100,8 +101,11 @@ def _splitting(
     return rows, met, ratios
 
 
-def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
-    """The time that averaging takes for tight errors of both kinds, and for a longer run."""
+def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path, of: str) -> list[str]:
+    """The time that averaging takes for tight errors of both kinds, and for a longer run.
+
+    `of` is the digest of the records.
+    """
     slow, orientation, _ = _REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == _STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))
@@ -116,7 +120,8 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     scene = next(
         scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == _STOKES
     )
-    longer = _cached_longer(folder, scene, min(strobe["tolerance"].to_numpy(float)), study.samples)
+    tolerance = min(strobe["tolerance"].to_numpy(float))
+    longer = _cached_longer(folder, of, scene, tolerance, study.samples)
     least = min(strobe["slow_error"].to_numpy(float))
     figures = {"best": best, "other": name, "least": least, "longer": longer}
     return lines_of(
@@ -129,10 +134,9 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path) -> list[str]:
     )
 
 
-def _cached_longer(folder: Path, scene: Scene, tolerance: float, samples: int) -> float:
-    """`_longer`, measured once for the records in the folder."""
+def _cached_longer(folder: Path, of: str, scene: Scene, tolerance: float, samples: int) -> float:
+    """`_longer`, measured once for the records of this digest."""
     path = folder / "longer.json"
-    of = digest(read_file(folder / "records.jsonl").decode())
     if path.exists() and (record := json.loads(read_file(path)))["records"] == of:
         return record["ratio"]
     ratio = _longer(scene, tolerance, samples)

@@ -10,7 +10,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record, export
+from polhode.harness.common.store import Record, write_records
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import rank
 from polhode.harness.pages.tables import fill, lines_of
@@ -112,7 +112,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         {name: record[name] for name in record.keys() - _LEFT_OUT if record[name] is not None}
         for record in records
     )
-    export(kept, folder / "records.jsonl")
+    write_records(kept, folder)
     runs = _runs(outcomes)
     stopped = limit(table)
     solvers = sorted(set(table["solver"]), key=rank)

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from polhode.harness.analysis.frames import frame
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import header
-from polhode.harness.common.store import Record, export
+from polhode.harness.common.store import Record, write_records
 from polhode.harness.common.text import duration, markdown, percent, short
 from polhode.harness.pages.figures.style import (
     INK,
@@ -121,7 +121,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         {name: value for name, value in record.items() if name not in _LEFT_OUT}
         for record in records
     ]
-    export(shared, folder / "records.jsonl")
+    write_records(shared, folder)
     runs = [Run.of(record) for record in records]
     made = header(study.title, command, records)[2:]
     note = conditions(frame(records), measured(made))

@@ -171,9 +171,12 @@ def draw_broken(axes: Axes, x: np.ndarray, y: np.ndarray, paths: np.ndarray, **s
     axes.plot(np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan), **style)
 
 
-def save(figure: Figure, folder: Path, name: str) -> None:
-    """Save a figure; the same figure gives the same files. Few colours keep the PNG small."""
-    for ending in FIGURE_FORMATS:
+def save(figure: Figure, folder: Path, name: str, *, svg: bool = False) -> None:
+    """Save a figure as PNG, and as SVG if wanted; the same figure gives the same files.
+
+    Few colours keep the PNG small.
+    """
+    for ending in FIGURE_FORMATS if svg else FIGURE_FORMATS[:1]:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
         figure.savefig(drawn, format=ending, dpi=_RESOLUTION, metadata=metadata)

@@ -179,6 +179,7 @@ def run(
     grid: Grid = Grid.FULL,
     force: bool = False,
     redraw: bool = False,
+    svg: bool = False,
     processes: int = 1,
 ) -> list[str]:
     """Compute what today's code has not made, draw, write the pages; returns the names of the items that failed.
@@ -212,6 +213,7 @@ def run(
                         item.experiment.draw(outcome.data),
                         folder / section_of(item).name,
                         item.name,
+                        svg=svg,
                     )
                 words = str(item.experiment.judge(outcome.data).word)
             except store.ITEM_FAILURES as error:

@@ -30,7 +30,7 @@ from polhode.harness.analysis.pareto import (
     usual_form,
 )
 from polhode.harness.common.files import read_file
-from polhode.harness.common.store import read_export
+from polhode.harness.common.store import read_export, record_files
 from polhode.harness.common.text import factor, short
 from polhode.harness.pages.figures.map_picture import MAP_ERRORS, by_side
 from polhode.harness.pages.figures.style import both_colours, is_averaged, looks
@@ -269,21 +269,22 @@ def read_studies(
         if path.name.removesuffix("-quick") not in not_studies
     ]
     # Exported records; where there are none, the table of runs.
-    paths = []
+    paths: dict[str, Path] = {}
     for study_folder in folders:
-        paths += sorted(study_folder.glob("*.jsonl")) or study_folder.glob("runs.csv")
-    for path in paths:
-        name = (
-            path.parent.name
-            if path.stem in ("records", "runs")
-            else f"{path.parent.name}/{path.stem}"
-        )
+        files = record_files(study_folder)
+        table = study_folder / "runs.csv"
+        if not files and table.is_file():
+            files = {"runs": table}
+        for name, path in files.items():
+            alone = name in ("records", "runs")
+            paths[study_folder.name if alone else f"{study_folder.name}/{name}"] = path
+    for name, path in paths.items():
         try:
             if path.suffix == ".csv":
-                table = pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
+                runs = pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
             else:
-                table = frame(read_export(path), {*NEEDED, *columns})
-            studies[name] = of_runs(table, path)
+                runs = frame(read_export(path), {*NEEDED, *columns})
+            studies[name] = of_runs(runs, path)
         except (ValueError, OSError) as error:
             unreadable.append(f"{path}: {str(error).removeprefix(f'{path}: ')}")
     return studies, unreadable

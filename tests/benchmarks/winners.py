@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polhode.harness.common.store import read_export
+from polhode.harness.common.store import read_export, record_file
 from polhode.harness.common.text import short
 
 # Errors for which both name a winner.
@@ -44,7 +44,7 @@ def bench_runs(folder: Path) -> pd.DataFrame:
             "error": record["slow_error"],
             "seconds": record["seconds"],
         }
-        for record in read_export(folder / "records.jsonl")
+        for record in read_export(record_file(folder))
         if record["status"] == "reached_end" and record.get("seconds")
     )
 

@@ -311,7 +311,7 @@ flow.track = "track.csv"
     )
     done = here("bench", "study.toml", "--out", "out", "--quiet")
     assert done.returncode == 0, done.stderr
-    records = list(read_export(tmp_path / "out" / "records.jsonl"))
+    records = list(read_export(tmp_path / "out" / "records.jsonl.gz"))
     assert len(records) == 8
     for record in records:
         assert record["form"] == "quaternion"

@@ -1,6 +1,7 @@
 """The store: one row per case, whoever writes it, and never a damaged file overwritten."""
 
 import csv
+import gzip
 import json
 import os
 import re
@@ -20,7 +21,16 @@ from threading import Barrier
 import pytest
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.common.store import DamagedStoreError, Store, export, read_export, set_aside
+from polhode.harness.common.store import (
+    DamagedStoreError,
+    Store,
+    export,
+    read_export,
+    record_file,
+    record_files,
+    set_aside,
+    write_records,
+)
 
 WRITER = """
 import sys, time
@@ -99,7 +109,7 @@ def test_a_store_is_read_one_record_at_a_time(path: Path, tmp_path: Path):
         for number in range(40):
             store.put(str(number), {"n": number}, {"text": "x" * 100_000})
         tracemalloc.start()
-        for ending in ("csv", "jsonl"):
+        for ending in ("csv", "jsonl", "jsonl.gz"):
             export(store, tmp_path / f"out.{ending}")
         assert tracemalloc.get_traced_memory()[1] < 1.5e6
         tracemalloc.stop()
@@ -284,6 +294,42 @@ def test_exports_of_before_are_read(tmp_path: Path):
     assert list(read_export(tmp_path / "old.jsonl")) == [{"stokes": inf}, {"stokes": 1}]
 
 
+def test_compressed_records_read_back_and_are_the_same_bytes_each_time(tmp_path: Path):
+    export(RECORDS, tmp_path / "plain.jsonl")
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        write_records(iter(RECORDS), tmp_path / name)
+    content = (tmp_path / "one" / "records.jsonl.gz").read_bytes()
+    assert content == (tmp_path / "other" / "records.jsonl.gz").read_bytes()
+    assert gzip.decompress(content) == (tmp_path / "plain.jsonl").read_bytes()
+    assert list(read_export(tmp_path / "one" / "records.jsonl.gz")) == RECORDS
+
+
+def test_plain_records_of_before_are_found_until_new_ones_take_their_place(tmp_path: Path):
+    export(RECORDS, tmp_path / "records.jsonl")
+    export(RECORDS, tmp_path / "spheroid.jsonl")
+    assert record_file(tmp_path) == tmp_path / "records.jsonl"
+    write_records(RECORDS[:1], tmp_path)
+    assert record_files(tmp_path) == {
+        "records": tmp_path / "records.jsonl.gz",
+        "spheroid": tmp_path / "spheroid.jsonl",
+    }
+    sums = (tmp_path / "SHA256SUMS").read_text(encoding="utf-8")
+    names = [line.split("  ")[1] for line in sums.splitlines()]
+    assert names == ["records.jsonl.gz", "spheroid.jsonl"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["SHA256SUMS", *names]
+
+
+@pytest.mark.parametrize("kept", [2, 30, -4])
+def test_damaged_compressed_records_are_named(kept: int, tmp_path: Path):
+    export(RECORDS, tmp_path / "whole.jsonl.gz")
+    path = tmp_path / "torn.jsonl.gz"
+    path.write_bytes((tmp_path / "whole.jsonl.gz").read_bytes()[:kept])
+    with pytest.raises(ValueError, match=re.escape(f"{path}: line ")) as refusal:
+        list(read_export(path))
+    assert "expected gzip" in str(refusal.value)
+
+
 def test_numbers_without_end_in_csv_are_what_float_reads(tmp_path: Path):
     export([UNENDING], tmp_path / "out.csv")
     with (tmp_path / "out.csv").open(newline="", encoding="utf-8") as file:
@@ -313,7 +359,7 @@ def test_a_text_that_a_spreadsheet_would_run_is_text(tmp_path: Path):
 
 def test_export_refuses_other_endings_and_keeps_the_earlier_file(tmp_path: Path):
     with pytest.raises(
-        ValueError, match=r"out\.xlsx: expected a file name ending in \.csv or \.jsonl"
+        ValueError, match=r"out\.xlsx: expected a file name ending in \.csv, \.jsonl or \.jsonl\.gz"
     ):
         export(RECORDS, tmp_path / "out.xlsx")
     (tmp_path / "out.jsonl").write_text("earlier", encoding="utf-8")

@@ -1,6 +1,5 @@
 """What became of runs on hard cases, and the page about it."""
 
-import json
 import re
 import tomllib
 from pathlib import Path
@@ -9,6 +8,7 @@ import pandas as pd
 import pytest
 from commandline import STUDY
 
+from polhode.harness.common.store import read_export
 from polhode.harness.pages.outcomes import INACCURATE, limits, outcome, sentences, write_page
 from polhode.harness.studies.study import parse_study
 from polhode.models.files.scene_file import scene_table
@@ -63,10 +63,7 @@ def test_errors_of_a_fast_body_are_measured_against_it():
 
 
 def test_page_of_several_scenes_counts_every_run(tmp_path: Path, site_reports: Path):
-    records = [
-        json.loads(line)
-        for line in (site_reports / "bench" / "records.jsonl").read_text().splitlines()
-    ]
+    records = list(read_export(site_reports / "bench" / "records.jsonl.gz"))
     study = parse_study(tomllib.loads(STUDY))
     page = write_page(study, records, tmp_path, "polhode bench several.toml").read_text(
         encoding="utf-8"
@@ -79,7 +76,7 @@ def test_page_of_several_scenes_counts_every_run(tmp_path: Path, site_reports: P
     for name, own in found.groupby("solver"):
         reached = (own["outcome"] == "reached").sum()
         assert re.search(rf"^\| {name} +\| +{len(own)} \|[^|]*\| +{reached} \|", page, re.MULTILINE)
-    assert len((tmp_path / "records.jsonl").read_text().splitlines()) == len(records)
+    assert len([*read_export(tmp_path / "records.jsonl.gz")]) == len(records)
 
 
 def endings(**outcomes: str) -> list[dict]:

@@ -280,7 +280,9 @@ def test_mean_interval_by_hand():
 
 
 def test_command_makes_a_page_with_small_figures(tmp_path):
-    result = CliRunner().invoke(paper, ["symmetric-top", "--quick", "--out", str(tmp_path)])
+    result = CliRunner().invoke(
+        paper, ["symmetric-top", "--quick", "--svg", "--out", str(tmp_path)]
+    )
     assert result.exit_code == 0, result.output
     folder = tmp_path / section_of(find_items(("symmetric-top",))[0]).name
     for ending in FIGURE_FORMATS:

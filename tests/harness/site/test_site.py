@@ -180,7 +180,7 @@ def rows_of(page: str) -> list[dict]:
 
 
 def test_every_run_is_a_point_and_a_stopped_one_too(site_pages: dict[str, str], site_reports: Path):
-    records = list(read_export(site_reports / "bench" / "records.jsonl"))
+    records = list(read_export(site_reports / "bench" / "records.jsonl.gz"))
     bench = [row for row in rows_of(site_pages["cost"]) if row["study"] == "bench"]
     assert len(bench) == len(records)
     key = ("stokes", "form", "solver", "tolerance")
@@ -195,7 +195,7 @@ def test_every_run_is_a_point_and_a_stopped_one_too(site_pages: dict[str, str], 
 
 def test_lines_join_runs_in_the_order_of_their_tolerances(tmp_path: Path, site_reports: Path):
     (tmp_path / "reports" / "bench").mkdir(parents=True)
-    records = list(read_export(site_reports / "bench" / "records.jsonl"))
+    records = list(read_export(site_reports / "bench" / "records.jsonl.gz"))
     export(
         sorted(records, key=lambda record: record["seconds"] or 0),
         tmp_path / "reports" / "bench" / "records.jsonl",
@@ -268,7 +268,7 @@ def test_no_motion_of_a_sphere():
 
 
 def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, site_reports: Path):
-    *_, record = read_export(site_reports / "bench" / "records.jsonl")
+    *_, record = read_export(site_reports / "bench" / "records.jsonl.gz")
     record["text"] = "x" * 100_000
     (tmp_path / "bench").mkdir()
     export([record] * 40, tmp_path / "bench" / "records.jsonl")

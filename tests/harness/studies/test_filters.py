@@ -1,11 +1,11 @@
 """Filters: what is left of a study, and one clear line where nothing is."""
 
-import json
 import tomllib
 
 import pytest
 from commandline import STUDY, Run
 
+from polhode.harness.common.store import read_export
 from polhode.harness.studies.study import Study, parse_study
 
 SECOND = """
@@ -104,7 +104,7 @@ def test_the_command_line_runs_a_part_into_a_folder_of_its_own(here: Run, tmp_pa
         "polhode bench two.toml --quick --tag spheroid --solver cyrk-vern8"
         in (folder / "README.md").read_text()
     )
-    records = [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
+    records = list(read_export(folder / "records.jsonl.gz"))
     assert {(record["scene_name"], record["solver"]) for record in records} == {
         ("round", "cyrk-vern8")
     }

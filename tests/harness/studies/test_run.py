@@ -275,7 +275,9 @@ def test_killed_and_resumed_gives_the_same_records(
     names = sorted(
         path.name for path in (tmp_path / "broken").iterdir() if not path.name.startswith("store")
     )
-    assert {"README.md", "SHA256SUMS", "orientation.png", "records.jsonl", "slow.png"} <= set(names)
+    assert {"README.md", "SHA256SUMS", "orientation.png", "records.jsonl.gz", "slow.png"} <= set(
+        names
+    )
     assert not any("partial" in name for name in names)
     page = tmp_path / "broken" / "README.md"
     before = page.read_text(encoding="utf-8")
@@ -347,14 +349,19 @@ def test_starting_afresh_keeps_the_last_store(here: Run, study_file: Path, tmp_p
     assert stored(tmp_path / "broken" / "previous.sqlite") == early
     assert len(stored(tmp_path / "broken" / "store.sqlite")) == 2
 
-    for ending in ("csv", "jsonl"):
+    for ending in ("csv", "jsonl", "jsonl.gz"):
         done = here("export", "broken/store.sqlite", f"out.{ending}")
         assert (done.returncode, done.stderr) == (0, "")
-        lines = (tmp_path / f"out.{ending}").read_text(encoding="utf-8").splitlines()
-        assert len(lines) == (3 if ending == "csv" else 2)
+        if ending == "csv":
+            assert len((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()) == 3
+        else:
+            assert len([*read_export(tmp_path / f"out.{ending}")]) == 2
     refused = here("export", "broken/store.sqlite", "out.xlsx")
     assert refused.returncode == 2
-    assert refused.stderr == "polhode: out.xlsx: expected a file name ending in .csv or .jsonl\n"
+    assert (
+        refused.stderr
+        == "polhode: out.xlsx: expected a file name ending in .csv, .jsonl or .jsonl.gz\n"
+    )
 
     (tmp_path / "broken" / "store.sqlite").write_bytes(b"damaged" * 1000)
     refused = here("bench", study_file.name, "--out", "broken", "--resume")
