@@ -324,4 +324,10 @@ def read_table(path: Path, kind: type[Entry]) -> list[Entry]:
             f"{path}: got rows of other lengths, expected {len(expected)} cells in each"
         )
     hints = get_type_hints(kind).values()
-    return [kind(*[hint(cell) for hint, cell in zip(hints, line, strict=True)]) for line in lines]
+    return [kind(*map(_value, hints, line)) for line in lines]
+
+
+def _value(kind: Any, cell: str) -> Any:
+    """The value of a cell; a count in a column of floats, which have NaN, stays as whole as it was written."""
+    whole = kind is float and cell.removeprefix("-").isdecimal()
+    return int(cell) if whole else kind(cell)

@@ -15,7 +15,16 @@ from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import header
 from polhode.harness.common.store import Record
 from polhode.harness.flows import measure
-from polhode.harness.pages.figures.style import INK, TITLE, caption, key, panels, ramp, save
+from polhode.harness.pages.figures.style import (
+    INK,
+    TITLE,
+    caption,
+    key,
+    panels,
+    ramp,
+    save,
+    square_decades,
+)
 from polhode.harness.pages.tables import fill
 
 _TITLE = "Linear flows other than simple shear"
@@ -144,7 +153,7 @@ def _with_order(orders: Any) -> pd.DataFrame:
 
 def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
     """Periods in planar flows with their theory, and errors along tracks against the spacing of knots."""
-    drawn, grid = panels(1, 2, 3.1, width_ratios=[3, 2])
+    drawn, grid = panels(1, 2, 3.7, width_ratios=[3, 1])
     _draw_periods(grid[0, 0], orbits)
     _draw_orders(grid[0, 1], orders)
     handles = [
@@ -176,6 +185,7 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
     axes.set_yticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
     axes.minorticks_off()
     axes.set_xlim(-1.0, 0.6)
+    axes.set_xticks([-1, -0.5, 0, 0.5])
     axes.set_xlabel("α of u = (y, αx, 0): -1 rotates, 0 shears")
     axes.set_ylabel("period of the axis, 1/γ̇")
     axes.set_title("Axis ratio κ; dotted: threshold", loc="left", fontsize=TITLE)
@@ -187,6 +197,10 @@ def _draw_orders(axes: Axes, orders: Any) -> None:
     axes.loglog(spacing, error, "o", color=ramp(3)[2], markersize=5)
     prediction = error[-1] * (spacing / spacing[-1]) ** 4
     axes.loglog(spacing, prediction, "-", color=INK, linewidth=1.0)
-    axes.set_xlabel("spacing of knots, 1/γ̇")
+    axes.set_xlabel("spacing of\nknots, 1/γ̇")
     axes.set_ylabel("error of L over $I_{max}$")
+    axes.minorticks_off()
+    axes.set_xlim(spacing.min() / 2, spacing.max() * 2)
+    axes.set_xticks([0.1, 1.0], ["0.1", "1"])
+    square_decades(axes)
     axes.set_title("Along a track", loc="left", fontsize=TITLE)

@@ -40,7 +40,12 @@ def rewrite_page(folder: Path) -> Path:
 
 def _write(kept: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     # With the columns that runs of scenes have.
-    runs = kept.assign(form="", slow_uncertainty=0.0, slow_error=kept["error"])
+    runs = kept.assign(
+        form="",
+        slow_uncertainty=0.0,
+        slow_error=kept["error"],
+        seconds_spread=kept["spread"],
+    )
     groups = [
         (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)
     ]
@@ -57,7 +62,8 @@ def _write(kept: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     # Only problems that a solver solves, and solvers that solve a problem.
     profiled = times.loc[_PROFILED].dropna(how="all").dropna(axis="columns", how="all")
     if not profiled.empty:
-        save(profiles(profiled, note), folder, "profiles")
+        reached = f"{len(profiled)} classical problems, each to an error of {short(_PROFILED)}."
+        save(profiles(profiled, f"{reached} {note}"), folder, "profiles")
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
     fastest = []
     for name in names:

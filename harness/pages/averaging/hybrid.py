@@ -28,8 +28,9 @@ def write_page(study: Study, folder: Path, command: str) -> None:
             "requested, or the reference's uncertainty if larger. Speed: error "
             f"{short(hybrid.FAST_ERROR)}, t₂ = {hybrid.FAST_SLOW_TIME:g}, beside "
             f"{' and '.join(hybrid.FULL_SOLVERS)} at tolerances {short(hybrid.FULL_TOLERANCES[0])} to "
-            f"{short(hybrid.FULL_TOLERANCES[-1])}; the shortest of several warm runs; "
-            f"{measured(_made(study, command))}. The spread of repeats was not kept."
+            f"{short(hybrid.FULL_TOLERANCES[-1])}; the shortest of {hybrid.SPEED_REPEATS**2} warm "
+            f"runs; {measured(_made(study, command))}. Steps show the spread over starts and bodies, "
+            "pale lines its quartiles; the spread of repeats was not kept."
         )
         save(errors_and_speed(runs, _compared(study.speed), note), folder, "errors")
     write_file(folder / "README.md", page(study, command))

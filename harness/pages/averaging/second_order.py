@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from itertools import chain
 from math import isnan
 from pathlib import Path
+from typing import Any
 
 from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import cases, orders, second_order
@@ -33,23 +34,18 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     write_study(study, folder)
     fitted = slopes(study.orders)
     write_table(folder / "slopes.csv", Slope, fitted)
-    # Slow errors of both orders, and the orientation's, which second order alone knows.
+    # Errors of L and E by each order, and of the orientation, which second order alone knows.
     errors_by_case = [
         case_errors
         for _, case_errors in frame_of(SecondOrderErrors, study.orders).groupby(
             ["shape", "start"], sort=False
         )
     ]
-    both = (1, "first_order_slow"), (2, "slow")
-    slow = []
-    for case_errors in errors_by_case:
-        for order, name in both:
-            slow.append(Line(order, order, case_errors["stokes"], case_errors[name]))
-    turned = [
-        Line(2, 1, case_errors["stokes"], case_errors["orientation"])
-        for case_errors in errors_by_case
-    ]
-    panels = {"L and E over $I_{max}$": slow, "orientation, rad": turned}
+    panels = {
+        "first order:\nL and E over $I_{max}$": _lines(errors_by_case, 1, 1, "first_order_slow"),
+        "second order:\nL and E over $I_{max}$": _lines(errors_by_case, 2, 2, "slow"),
+        "second order:\norientation, rad": _lines(errors_by_case, 2, 1, "orientation"),
+    }
     note = (
         f"{len(errors_by_case)} starts away from resonances, a line each; by "
         f"{second_order.PASSAGE_SOLVER} at tolerance {short(second_order.SECOND_ORDER_TOLERANCE)} "
@@ -57,6 +53,11 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     )
     save(against_stokes(panels, "error", note), folder, "errors")
     write_file(folder / "README.md", page(study, fitted, command))
+
+
+def _lines(cases_errors: Sequence[Any], order: int, power: int, name: str) -> list[Line]:
+    """Errors of that name of each case, by an order of averaging that lets them fall like 1/St^power."""
+    return [Line(order, power, errors["stokes"], errors[name]) for errors in cases_errors]
 
 
 def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from textwrap import wrap
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -9,12 +11,28 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 
-from polhode.harness.pages.figures.style import INK, TITLE, caption, key, panels
+from polhode.harness.pages.figures.style import (
+    INK,
+    TITLE,
+    caption,
+    key,
+    panels,
+    slopes,
+    square_decades,
+)
 
 # Bodies that stay on one side of L² = 2EI₂, and those that cross it.
 _COLOURS = {False: "#0072B2", True: "#C25500"}
 _DASHES = {"first order": "-", "second order": "--"}
-_PANEL_HEIGHT = 1.75  # Inches.
+# Bands in a row: a decade of the error is then as long as one of St, and slopes can be compared.
+_COLUMNS = 4
+_LETTERS_OF_TITLE = 15
+# Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; titles, numbers.
+_ROW = 2.3
+_ERRORS = (1e-10, 3.0)
+# Where the dotted lines of slopes begin, and St where they end.
+_SLOPES_FROM = (20.0, 1e-6)
+_SLOPES_TO = 1e3
 
 
 @dataclass(frozen=True)
@@ -31,26 +49,32 @@ class Band:
 
 def bands(titles: Mapping[str, Sequence[Band]], note: str = "") -> Figure:
     """A panel for each title, bands in one colour for bodies that cross L² = 2EI₂ and one for the others."""
-    rows = -(-len(titles) // 2)
-    figure, grid = panels(rows, 2, 0.6 + _PANEL_HEIGHT * rows, sharex=True, sharey=True)
+    rows = -(-len(titles) // _COLUMNS)
+    style: dict[str, Any] = {"sharex": True, "sharey": True, "layout": "compressed"}
+    figure, grid = panels(rows, _COLUMNS, 0.75 + _ROW * rows, **style)
     for axes, (title, panel) in zip(grid.flat, titles.items(), strict=False):
         for band in panel:
             shade = _COLOURS[band.crosses]
             axes.fill_between(band.stokes, band.low, band.high, color=shade, alpha=0.2, linewidth=0)
             style = {"color": shade, "linestyle": _DASHES.get(band.order, "--"), "linewidth": 1.6}
             axes.loglog(band.stokes, band.middle, **style)
-        axes.set_title(title, loc="left", fontsize=TITLE, color=INK)
+        words = "\n".join(wrap(title, _LETTERS_OF_TITLE))
+        axes.set_title(words, loc="left", fontsize=TITLE, color=INK)
+        axes.xaxis.set_major_locator(LogLocator(100.0, numticks=20))
         axes.yaxis.set_major_locator(LogLocator(1000.0, numticks=20))
         axes.minorticks_off()
+        square_decades(axes)
     for axes in grid.flat[len(titles) :]:
         axes.set_visible(False)
     for column in grid.T:
-        lowest = [axes for axes in column if axes.get_visible()][-1]
-        lowest.set_xlabel("Stokes number St")
-        lowest.tick_params(labelbottom=True)
+        lowest = [axes for axes in column if axes.get_visible()][-1:]
+        for axes in lowest:
+            axes.set_xlabel("Stokes number")
+            axes.tick_params(labelbottom=True)
     for axes in grid[:, 0]:
         axes.set_ylabel("error")
-    grid[0, 0].set_ylim(1e-10, 3.0)
+    grid[0, 0].set_ylim(*_ERRORS)
+    slopes(grid[0, 0], _SLOPES_FROM, _SLOPES_TO, {-1: "1/St", -2: "1/St²"})
     key(figure, _handles(titles), 2)
     caption(figure, note)
     return figure

@@ -1,6 +1,7 @@
 """Figures of ensembles: orientation and arrivals of one shape, from the tables beside its page; speed."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from scipy.optimize import isotonic_regression
+from scipy.spatial.transform import Rotation
 
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
     INK,
     LETTERS,
+    SOFT,
     TITLE,
     caption,
     key,
@@ -22,6 +25,7 @@ from polhode.harness.pages.figures.style import (
     plain,
     power,
     ramp,
+    square_decades,
 )
 
 _DASHES = ("-", "--", ":")
@@ -31,6 +35,10 @@ _STANDARD = 1.96
 _NAME_SPACING = 0.09
 _COMPONENTS = ("xx", "yy", "zz")
 _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
+# Width and height of the sketch of a body, as shares of its panel.
+_SKETCH = (0.42, 0.46)
+# The body's axes in that sketch, a column each: right, up and towards the eye.
+_VIEW = Rotation.from_euler("zyx", (-25, 25, -60), degrees=True).as_matrix()
 _SPEED_COLOURS = ("#175E96", "#B8500B")
 
 
@@ -58,6 +66,8 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
     _means(grid[0, 0], tables["moments" if oriented else "slow"], shades, slow, oriented)
     _arrivals(grid[0, 1], tables.get("arrivals", pd.DataFrame()), shades, slow)
     _histogram(grid[0, 1], tables["distributions"], shades)
+    if oriented:
+        _body(grid[0, 0], axes)
     shape = " : ".join(map(short, axes))
     what = f"p: {last_axis(axes)}" if oriented else "Means of L"
     grid[0, 0].set_title(what, fontsize=TITLE, loc="left", color=INK)
@@ -98,6 +108,40 @@ def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, orie
         ends.append((float(own.groupby("stokes")["mean"].last().mean()), name))
     axes.set_ylabel("mean square of p" if oriented else "mean of L over $I_{max}$")
     _name(axes, ends)
+
+
+def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
+    """Sketch the body and p, an arrow along its last axis, where the panel's lines leave most room."""
+    points = np.concatenate([line.get_xydata() for line in axes.get_lines()])
+    inside = axes.transAxes.inverted().transform(axes.transData.transform(points))
+    width, height = _SKETCH
+    crossed = {}
+    for x, y in product(np.linspace(0.0, 1 - width, 7), np.linspace(0.0, 1 - height, 7)):
+        within = np.all((inside >= (x, y)) & (inside <= (x + width, y + height)), axis=1)
+        # Of places alike the one nearest to the middle of the right edge.
+        crossed[x, y] = int(within.sum()), abs(y + height / 2 - 0.5) - x
+    x, y = min(crossed, key=lambda place: crossed[place])
+    sketch = axes.inset_axes((x, y, width, height))
+    lengths = np.array(semi_axes, float) / max(semi_axes)
+    # Right, up and towards the eye, a column for each axis of the body.
+    ends = _VIEW * lengths
+    along, sizes, _ = np.linalg.svd(ends[:2], full_matrices=False)
+    turn = np.linspace(0, 2 * np.pi, 181)
+    circle = np.array([np.cos(turn), np.sin(turn)])
+    sketch.fill(*(along * sizes @ circle), facecolor="#DCE9F4", edgecolor=SOFT, linewidth=1.0)
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        unit = np.zeros((3, len(turn)))
+        unit[[first, second]] = circle
+        seen = (_VIEW / lengths @ unit)[2] >= 0
+        line = np.where(seen, ends @ unit, np.nan)
+        sketch.plot(line[0], line[1], color=SOFT, linewidth=0.7)
+    tail = ends[:2, 2]
+    tip = tail + 0.75 * _VIEW[:2, 2] / np.linalg.norm(_VIEW[:2, 2])
+    arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+    sketch.annotate("", tip, tail, arrowprops=arrow)
+    sketch.annotate("p", tip, (4, 0), textcoords="offset points", color=INK, fontsize=LETTERS)
+    sketch.set(xlim=(-1.1, 1.4), ylim=(-1.0, 1.75), aspect="equal")
+    sketch.axis("off")
 
 
 def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
@@ -142,7 +186,7 @@ def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -
 
 def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
     """Histograms of L_z at the start and at the end, as an inset."""
-    inset = axes.inset_axes((0.47, 0.16, 0.34, 0.46))
+    inset = axes.inset_axes((0.43, 0.16, 0.4, 0.46))
     own = table[table["variable"] == "Lz/Imax"]
     for stokes, line in own.groupby("stokes"):
         for time, dash in ((line["time"].min(), ":"), (line["time"].max(), "-")):
@@ -167,7 +211,7 @@ def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
 
 def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
     """Particles per second against the largest error, a colour for each shape."""
-    figure, grid = panels(1, 1, 2.9)
+    figure, grid = panels(1, 1, 3.1)
     axes = grid[0, 0]
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)
     handles = []
@@ -182,8 +226,8 @@ def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
             handles.append(Line2D([], [], label=label, **style))
     axes.set(xlabel="largest error of the whole state", ylabel="particles/(s · core)")
     # Decades of both axes are as long.
-    axes.set_aspect("equal")
     axes.set_ylim(1e4, 1e6)
+    square_decades(axes)
     key(figure, handles, 2)
     caption(figure, note)
     return figure

@@ -85,7 +85,7 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
     box = (_LEFT / WIDTH, _BELOW / height, width / WIDTH, _ROW * rows / height)
     axes = drawing.add_axes(box)
     draw(axes, panel)
-    axes.set_title(title, fontsize=TITLE, loc="left", color=INK, x=-_LEFT / width, pad=7)
+    axes.set_title(title, fontsize=TITLE, loc="left", color=INK, x=(0.06 - _LEFT) / width, pad=7)
     axes.set_ylabel("error allowed", fontsize=LETTERS, color=INK)
     _durations(axes, sorted({cell.stokes for cell in panel}), times)
     for place, handles in enumerate(entries):

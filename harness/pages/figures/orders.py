@@ -8,11 +8,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from polhode.harness.pages.figures.style import INK, TITLE, caption, colour, key, panels
+from polhode.harness.pages.figures.style import (
+    INK,
+    TITLE,
+    caption,
+    colour,
+    key,
+    panels,
+    square_decades,
+)
 
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 _MARKERS = {1: "o", 2: "s"}
 _NAMES = {1: "first order", 2: "second order"}
+_HEIGHT = 5.9  # Inches.
 
 
 @dataclass(frozen=True)
@@ -26,8 +35,11 @@ class Line:
 
 
 def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str = "") -> Figure:
-    """A panel for each title, one thin line for each case; dotted, the predicted slopes."""
-    figure, grid = panels(1, len(titles), 3.3, sharex=True, sharey=True)
+    """A panel for each title, one thin line for each case; dotted, the predicted slopes.
+
+    A decade of the error is as long as one of St.
+    """
+    figure, grid = panels(1, len(titles), _HEIGHT, sharex=True, sharey=True)
     predicted = set()
     for axes, (title, lines) in zip(grid[0], titles.items(), strict=True):
         for line in lines:
@@ -36,10 +48,11 @@ def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str =
         for order, power in sorted({(line.order, line.power) for line in lines}):
             _prediction(axes, [line for line in lines if line.order == order], power)
             predicted.add((order, power))
-        axes.margins(y=0.12)
+        axes.margins(x=0.1, y=0.05)
         axes.set_title(title, loc="left", fontsize=TITLE, color=INK)
-        axes.set_xlabel("Stokes number St")
+        axes.set_xlabel("Stokes number")
         axes.minorticks_off()
+        square_decades(axes)
     grid[0, 0].set_ylabel(label)
     handles = []
     for order, name in _NAMES.items():

@@ -7,7 +7,7 @@ points are then 9 pixels high. Words stand in ink; colours are lines, points and
 import re
 import textwrap
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import cycle
@@ -155,13 +155,30 @@ def power(value: float) -> str:
 
 def panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
     """A figure of the width of a page, `height` inches high, and its panels, shape (rows, columns)."""
+    options = {"layout": "constrained", **options}
     with plt.rc_context(_RC):
         figure, grid = plt.subplots(
-            rows, columns, figsize=(WIDTH, height), squeeze=False, layout="constrained", **options
+            rows, columns, figsize=(WIDTH, height), squeeze=False, **options
         )
         for axes in grid.flat:
             plain(axes)
     return figure, grid
+
+
+def square_decades(axes: Axes) -> None:
+    """Let a decade of x be as long as one of y, so that a slope looks as steep as it is; both axes are logarithmic."""
+    axes.set_aspect("equal", adjustable="box", anchor="NW")
+
+
+def slopes(axes: Axes, start: tuple[float, float], end: float, powers: Mapping[int, str]) -> None:
+    """Dotted lines of these powers from a point to x = `end`, each with its name at its end."""
+    x, y = start
+    for power_of_x, name in powers.items():
+        height = y * (end / x) ** power_of_x
+        axes.loglog([x, end], [y, height], ":", color=INK, linewidth=1.2)
+        axes.annotate(
+            name, (end, height), (3, 0), textcoords="offset points", va="center", color=INK
+        )
 
 
 def plain(axes: Axes) -> Axes:
@@ -188,7 +205,8 @@ def caption(figure: Figure, text: str) -> None:
     """Write in soft ink below all panels, which keep their sizes; the figure grows. Nothing without a text."""
     if not text:
         return
-    lines = textwrap.wrap(text.replace(" %", "\N{NO-BREAK SPACE}%"), _CAPTION_LETTERS)
+    together = re.sub(r" (%|cores\b)", "\N{NO-BREAK SPACE}\\1", text)
+    lines = textwrap.wrap(together, _CAPTION_LETTERS)
     room = _CAPTION_LINE * len(lines) + 0.08
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + room)

@@ -55,6 +55,8 @@ _FRONT = "#F2E27A"
 _FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
 _FEW_LINES = 8
+# Scenes that a caption names; of more it gives the number.
+_FEW_SCENES = 4
 # Names longer than this, in letters, break at the comma.
 _LONGEST_NAME = 19
 UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
@@ -253,8 +255,9 @@ def name_lines(axes: Axes, few: int = 0) -> None:
     # Names move as little as keeps them apart, in order and beside the panel.
     rooms = np.array([_NAME_SPACING * (1 + name.count("\n")) for *_, name in ends])
     middles = np.cumsum(rooms) - rooms / 2
-    lowest = box.y0 / scale - 1.5 * _NAME_SPACING
-    highest = max(lowest, box.y1 / scale + 1.5 * _NAME_SPACING - rooms.sum())
+    # Below the panel stand the numbers of its axis.
+    highest = box.y1 / scale + 1.5 * _NAME_SPACING - rooms.sum()
+    lowest = min(box.y0 / scale, highest)
     free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
     heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
     for (_, end, line, name), height in zip(ends, heights, strict=True):
@@ -267,7 +270,7 @@ def name_lines(axes: Axes, few: int = 0) -> None:
             "shrinkB": 2,
             "relpos": (0, 0.5),
         }
-        place = (box.x1 / scale + 20, height)
+        place = (box.x1 / scale + 24, height)
         axes.annotate(
             name,
             end,
@@ -280,7 +283,7 @@ def name_lines(axes: Axes, few: int = 0) -> None:
             va="center",
             linespacing=1.0,
         )
-        spot = np.array([place[0] - 7, height]) * scale / figure.bbox.size
+        spot = np.array([place[0] - 9, height]) * scale / figure.bbox.size
         style = {"color": line.get_color(), "marker": line.get_marker(), "markersize": 6}
         mark = Line2D([spot[0]], [spot[1]], transform=figure.transFigure, **style)
         if mark.get_marker() in ("", "None", None):
@@ -421,7 +424,14 @@ def profile_lines(
     seconds = times(runs)
     if seconds.empty:
         return []
-    save(profiles(seconds, note), folder, name)
+    scenes = [str(scene) for scene in dict.fromkeys(runs["scene_name"])]
+    shown = ", ".join(scenes) if len(scenes) <= _FEW_SCENES else f"{len(scenes)} scenes"
+    problems = (
+        f"A problem is a scene ({shown}), an St from {short(float(runs['stokes'].min()))} to "
+        f"{short(float(runs['stokes'].max()))} and an error from {short(TARGETS[0])} to "
+        f"{short(TARGETS[-1])}."
+    )
+    save(profiles(seconds, f"{problems} {note}".strip()), folder, name)
     return [
         fill(
             "profiles",
@@ -489,7 +499,8 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
         axes.set_ylim(0, 1.02)
         axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
         axes.set_xlabel(label)
-        axes.set_title(f"Share of {len(seconds)} problems solved", fontsize=TITLE, loc="left")
+        title = f"Share of {len(seconds)} problems solved"
+        axes.set_title(title, fontsize=TITLE, loc="left", color=INK)
         plain(axes)
     figure.subplots_adjust(
         left=0.55 / WIDTH, right=1 - _NAMES_WIDTH / WIDTH, bottom=0.1, top=0.94, hspace=0.55
@@ -540,7 +551,12 @@ def heat_map(
                 style = {"fontsize": 8, "weight": "bold" if value < 1.05 else "normal"}
                 axes.text(j + 0.5, i + 0.5, text, ha="center", va="center", color=INK, **style)
         axes.set_title(
-            title, fontsize=TITLE, loc="left", color=INK, pad=4, x=-left / (cell * len(names))
+            title,
+            fontsize=TITLE,
+            loc="left",
+            color=INK,
+            pad=4,
+            x=(0.06 - left) / (cell * len(names)),
         )
         axes.set_ylim(len(rows), 0)
         axes.set_yticks(np.arange(len(rows)) + 0.5, rows, fontsize=9, color=INK)

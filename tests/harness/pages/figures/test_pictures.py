@@ -10,8 +10,10 @@ import pytest
 from commandline import Run
 from PIL import Image
 
+from polhode.harness.pages.figures.averaging import Band, bands
 from polhode.harness.pages.figures.ensembles import last_axis, picture, speeds
 from polhode.harness.pages.figures.hybrid import errors_and_speed
+from polhode.harness.pages.figures.orders import Line, against_stokes
 from polhode.harness.pages.figures.work_precision import heat_map
 
 mpl.use("Agg")
@@ -52,8 +54,13 @@ def test_runs_of_hybrid_beyond_the_error_allowed_are_circled():
     errors, speed = figure.axes
     assert circles(errors) == [[pytest.approx(2.0), pytest.approx(1.0)]]
     assert errors.get_title(loc="left") == "Error $10^{-6}$"
-    names = {text.get_text() for text in speed.texts}
-    assert names == {"spheroids, $10^{6}$", "triaxial, $10^{6}$"}
+    steps = [line for line in speed.get_lines() if line.get_drawstyle() != "default"]
+    assert {(line.get_linestyle(), min(line.get_xdata())) for line in steps} == {
+        ("-", 80.0),
+        ("--", 2.0),
+    }
+    keys = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert keys == ["St = $10^{5}$", "St = $10^{6}$", "missed"]
     assert "Made here." in figure.texts[-1].get_text()
     shades = {line.get_color() for line in errors.get_lines() if line.get_drawstyle() != "default"}
     assert len(shades) == 2, "a colour for each St"
@@ -89,6 +96,48 @@ def test_a_heat_map_shows_the_ratio_to_the_fastest():
 )
 def test_which_axis_p_is(axes: tuple[float, ...], words: str):
     assert last_axis(axes) == words
+
+
+def decade(axes) -> tuple[float, float]:
+    """Lengths of a decade of x and of y, in pixels."""
+    axes.figure.canvas.draw()
+    x, y = (limits[0] for limits in (axes.get_xlim(), axes.get_ylim()))
+    corner, right, above = (axes.transData.transform((a * x, b * y)) for a, b in _ONE_DECADE)
+    return right[0] - corner[0], above[1] - corner[1]
+
+
+_ONE_DECADE = ((1, 1), (10, 1), (1, 10))
+
+
+def test_slopes_are_as_steep_as_they_are():
+    stokes = [1e2, 1e4, 1e6]
+    errors = [1e-2, 1e-4, 1e-6]
+    band = Band("first order", False, stokes, errors, errors, errors)
+    line = Line(1, 1, stokes, errors)
+    eight = {str(number): [band] for number in range(8)}
+    three = {name: [line] for name in "abc"}
+    for figure in (
+        bands(eight, "Made here."),
+        against_stokes(three, "error", "Made here."),
+    ):
+        for axes in figure.axes:
+            x, y = decade(axes)
+            assert x == pytest.approx(y, rel=1e-6)
+            assert axes.get_position().x1 <= 1 + 1e-6, "within the picture"
+    first = bands({"one": [band]}).axes[0]
+    assert {text.get_text() for text in first.texts} == {"1/St", "1/St²"}
+
+
+def test_the_sketch_of_a_body_shows_its_last_axis():
+    (sketch,) = picture(tables()).axes[0].child_axes
+    (arrow, name) = sketch.texts
+    tip, tail = np.array(arrow.xy), np.array(arrow.xyann)
+    assert name.get_text() == "p"
+    assert np.linalg.norm(tip) > np.linalg.norm(tail), "outwards"
+    outline = sketch.patches[0].get_xy()
+    far = outline[np.argmax(np.linalg.norm(outline, axis=1))]
+    # The last axis is the longest here.
+    assert abs(np.dot(far, tip)) / np.linalg.norm(far) / np.linalg.norm(tip) > 0.99
 
 
 def tables(stokes: tuple[float, ...] = (500.0, 5000.0)) -> dict[str, pd.DataFrame]:
