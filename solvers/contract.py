@@ -442,7 +442,10 @@ class Solver(ABC):
 
     def _choose(self, kind: str, choice: Any, offered: tuple[Any, ...]) -> Any:
         if choice is None:
-            return next((each for each in offered if not self.lacks(each)), offered[-1])
+            for offer in offered:
+                if not self.lacks(offer):
+                    return offer
+            return offered[-1]
         if choice not in offered:
             expected = ", ".join(offered) or "none"
             raise SolverNotValidError(

@@ -61,8 +61,11 @@ class Run:
         self.rows = np.empty((len(times), problem.dimension))
         self.rows[0] = self.state = np.array(problem.start)
         self.now = float(times[0])
+        self.end = float(times[-1])
         self.done = 1
-        self.segments = []
+        self.segments_run = 0
+        # Listed for a problem of several segments alone.
+        self.segments: list[SolvedSegment] = []
         self.work = Work()
         self.status = Status.REACHED_END
         self.message = ""
@@ -80,13 +83,13 @@ class Run:
         watch: Callable[[Record], None] | None,
     ) -> None:
         """Run to the last requested time, or until a segment fails."""
-        while self.status.success and self.now < self.times[-1]:
+        while self.status is Status.REACHED_END and self.now < self.end:
             steps = self.work.steps or 0
             if (steps_left := max_steps - steps) < 1:
                 self.status = Status.STEP_LIMIT
                 self.message = f"{steps} steps"
                 return
-            if perf_counter() > self.began + seconds and self.segments:
+            if self.segments_run and perf_counter() > self.began + seconds:
                 self.status = Status.TIME_LIMIT
                 self.message = f"stopped at t = {self.now!r}"
                 return
@@ -95,9 +98,8 @@ class Run:
                 segment = next_segment(self.now, self.state, self.settings.tolerance)
                 integrate = self._integrator(segment)
             except Exception as error:
-                if (
-                    segment and isinstance(error, ValueError) and not self.segments
-                ):  # Problem or setting are refused.
+                if segment and isinstance(error, ValueError) and not self.segments_run:
+                    # Problem or setting are refused.
                     raise
                 self.status, self.message = _crash(error, self.method.name)
                 return
@@ -119,7 +121,7 @@ class Run:
                 self.status = Status.REACHED_END
                 self.message = ""
                 return
-            if not self.status.success:
+            if self.status is not Status.REACHED_END:
                 if record.filled == 1 and not _has_rates(segment.problem, record.start):
                     self.status, message = NO_RATES
                 # The solver knows the steps of its own segment alone.
@@ -127,18 +129,24 @@ class Run:
                     f"{record.work.steps} steps", f"{self.work.steps} steps"
                 )
             if record.filled < len(record.times) or (
-                end < self.times[-1] and not np.isfinite(self.state).all()
+                end < self.end and not np.isfinite(self.state).all()
             ):
                 return
 
     def _aligned(self, end: float) -> float:
         """The end of a segment: a requested time, if it lies so near one that a solver could not step between them."""
-        last = float(self.times[-1])
-        if end >= last:
-            return last
-        close = _CLOSE * last
+        if end >= self.end:
+            return self.end
+        close = _CLOSE * self.end
         near = float(self.times[self.times.searchsorted(end - close)])
         return near if near <= end + close else end
+
+    def _count_until(self, time: float) -> int:
+        """Number of requested times up to a time, that one included."""
+        if time >= self.end:
+            # A search takes 0.3 µs.
+            return len(self.times)
+        return int(self.times.searchsorted(time, side="right"))
 
     def _integrator(self, segment: Segment) -> Integrator:
         """The solver, ready for a segment; compilation is not the run's time."""
@@ -172,7 +180,7 @@ class Run:
     def _record(self, segment: Segment, end: float, deadline: float, steps: int) -> Record:
         """The record for the solver: the run's own rows where the segment has these, else rows of its own."""
         first = self.done - 1
-        last = int(self.times.searchsorted(end, side="right")) - 1
+        last = self._count_until(end) - 1
         unit = segment.problem.time_unit / self.problem.time_unit
         if (
             segment.problem is self.problem
@@ -182,7 +190,7 @@ class Run:
             return Record(
                 self.times[first : last + 1], self.rows[first : last + 1], deadline, steps
             )
-        beyond = [end] if self.times[last] < end < self.times[-1] else []
+        beyond = [end] if self.times[last] < end < self.end else []
         times = np.concatenate([[self.now], self.times[first + 1 : last + 1], beyond]) / unit
         rows = np.empty((len(times), segment.problem.dimension))
         rows[0] = segment.problem.start
@@ -196,19 +204,22 @@ class Run:
             else record.rows[: record.filled]
         )
         # Its end need not be among the requested times.
-        count = int(self.times.searchsorted(end, side="right")) - self.done
+        count = self._count_until(end) - self.done
         new = found[1 : count + 1]
         if segment.states or record.rows.base is not self.rows:
             self.rows[self.done : self.done + len(new)] = new
         self.done = self.done + len(new)
         self.state = found[-1]
         self.shrunk = self.shrunk or record.shrunk
-        if self.segments:
+        if self.segments_run:
             self.work.add(record.work)
         else:
             self.work = record.work
+        self.segments_run += 1
         begin = self.now
         self.now = min(record.reached, end) if record.filled < len(record.times) else end
+        if self.problem.next_segment is None:
+            return
         tolerance, over = self._tolerance(segment)
         error = over * segment.error
         angle = min(pi, over * segment.angle)
@@ -217,13 +228,12 @@ class Run:
 
     def _take_over_steps(self, taken: list[tuple[float, np.ndarray]]) -> None:
         """Make rows of the steps taken; a run that fell short still has its end among its times."""
-        end = float(self.times[-1])
         times = np.array([self.times[0], *[time for time, _ in taken]])
         # Several times as quick as an array of arrays.
         states = np.concatenate([self.rows[0], *[state for _, state in taken]])
         self.rows = states.reshape(len(times), -1)
         self.done = len(times)
-        self.times = times if times[-1] == end else np.append(times, end)
+        self.times = times if times[-1] == self.end else np.append(times, self.end)
 
 
 def _crash(error: Exception, solver: str) -> Outcome:
@@ -251,8 +261,10 @@ def _outcome(integrate: Integrator, record: Record, solver: str) -> Outcome:
             Status.CRASHED,
             f"solver {solver!r} filled {filled} rows, expected 1 to {len(record.times)}",
         )
-    if isinstance(outcome, tuple) and [type(each) for each in outcome] == [Status, str]:
-        return outcome
+    if isinstance(outcome, tuple) and len(outcome) == 2:
+        status, message = outcome
+        if isinstance(status, Status) and type(message) is str:
+            return outcome
     return (
         Status.CRASHED,
         f"solver {solver!r} returned {outcome!r}, expected a tuple (Status, message)",
@@ -282,7 +294,8 @@ def wrapped_start(problem: Problem) -> Problem:
 def wrapped(problem: Problem, times: np.ndarray) -> NextSegment:
     """The segments of a run of one problem, between which its angles are wrapped."""
     if not problem.periodic or problem.parameters is None:
-        return lambda time, state, tolerance: Segment(problem, float(times[-1]))
+        whole = Segment(problem, float(times[-1]))
+        return lambda time, state, tolerance: whole
     columns = list(problem.periodic)
     most = _WRAP_AFTER
     with suppress(ArithmeticError, ValueError):

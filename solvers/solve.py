@@ -203,8 +203,9 @@ def solve(
     if problem.plain:
         backend, jacobian = _plain_choices(problem, method, backend, jacobian)
     rtol, absolute = _per_component(problem, tolerance, atol, "atol" in method.tolerances)
-    limits = {"max_step": max_step, "first_step": first_step}
-    settings = method.settings(rtol, backend, jacobian, count, atol=absolute, **limits)
+    settings = method.settings(
+        rtol, backend, jacobian, count, atol=absolute, max_step=max_step, first_step=first_step
+    )
     if problem.parameter_table is not None and first_step is not None:
         raise SolverNotValidError(
             f"first_step: got {first_step!r}, expected none, as {problem.name!r} changes on the way"
@@ -219,7 +220,7 @@ def solve(
     else:
         run.status = Status.ADAPTER_MISSING
         run.message = str(method.why_not)
-    if run.status.success and (unweighted := _unweighted(problem, method, settings)):
+    if run.status is Status.REACHED_END and (unweighted := _unweighted(problem, method, settings)):
         run.status = Status.TOLERANCE_UNATTAINABLE
         run.message = unweighted
 
@@ -342,7 +343,7 @@ def _requested_times(problem: Problem, times: np.ndarray | None) -> np.ndarray:
         times.ndim != 1
         or len(times) < 2
         or times[0] != 0
-        or not (times[1:] > times[:-1]).all()
+        or not _all_true(times[1:] > times[:-1])
         or times[-1] == inf
     ):
         raise ValueError(
@@ -355,10 +356,15 @@ def _requested_times(problem: Problem, times: np.ndarray | None) -> np.ndarray:
     return times
 
 
+def _all_true(truths: np.ndarray) -> bool:
+    """Whether all are true: NumPy's ``all`` takes 0.8 µs, a count 0.3."""
+    return np.count_nonzero(truths) == truths.size
+
+
 def _examined(solution: Solution, times: np.ndarray) -> Solution:
     """The solution, its claimed success doubted; of one that is not finite, the rows before."""
     finite = np.isfinite(solution.states)
-    if not finite.all():
+    if not _all_true(finite):
         kept = int(np.argmin(finite.all(axis=1)))
         cut = replace(solution, times=solution.times[:kept], states=solution.states[:kept])
         if not solution.success:

@@ -378,7 +378,7 @@ class Taylor(Solver):
         order = bound.integrator.order
 
         def integrate(record: Record) -> Outcome:
-            duration = float(record.times[-1] - record.times[0])
+            duration = float(record.times[-1]) - float(record.times[0])
             # First in the problem's own units; in units that follow the run where that fails, or may.
             # In a long time coefficients of slow rates vanish, and with them the error that they
             # show; those of fast rates overflow, as does a state that becomes infinite.
