@@ -1,4 +1,4 @@
-"""The look-up of the opening page, asked 8,820 questions: by Python, and by the page's own script."""
+"""The look-up of the opening page, asked 2,744 questions: by Python, and by the page's own script."""
 
 import json
 import shutil
@@ -23,8 +23,9 @@ from polhode.solvers.contract import Status
 REGIMES = Path(__file__).parents[3] / "reports" / "regimes"
 SCRIPT = Path(site.__file__).with_name("verdict.js")
 NODE = shutil.which("node")
-# Beyond both ends of what is measured, between the St, and between the tolerances.
-STOKES = np.geomspace(2.9e-5, 3e8, 45).tolist()
+# Beyond both ends of what is measured, between each two St, and between the tolerances. An answer
+# follows from the neighbours in St, so that one question between two is enough.
+STOKES = np.geomspace(2.9e-5, 3e8, 14).tolist()
 ERRORS = np.geomspace(1.0, 1e-14, 49).tolist()
 COLUMN = {"slow": "slow_error", "orientation": "orientation_error"}
 
@@ -50,20 +51,20 @@ def answers(columns: list[dict], questions: list[tuple]) -> list[dict]:
 
 
 @pytest.fixture(scope="module")
-def runs() -> dict[tuple, pd.DataFrame]:
-    """Runs that reached their end, by particle and St; those of `hybrid` in full are of the full form."""
+def runs() -> dict[tuple, dict[str, np.ndarray]]:
+    """Columns of the runs that reached their end, by particle and St, without those of `hybrid` in full."""
     table = pd.read_csv(REGIMES / "runs.csv")
     table = table[~ran_in_full(table, read_study(None, "regimes").scenes)]
     table = table[table["status"] == Status.REACHED_END]
     table = table.assign(averaged=table["form"].map(is_averaged))
     return {
-        (str(name), float(stokes)): own
+        (str(name), float(stokes)): {column: own[column].to_numpy() for column in own}
         for (name, stokes), own in table.groupby(["scene_name", "stokes"])
     }
 
 
 def test_the_questions_are_many(questions: list[tuple]):
-    assert len(questions) == 8820
+    assert len(questions) == 2744
 
 
 def test_an_answer_is_a_measured_run_no_looser_than_asked(questions, answers, runs):
@@ -73,16 +74,15 @@ def test_an_answer_is_a_measured_run_no_looser_than_asked(questions, answers, ru
             if "form" not in answer:
                 continue
             own = runs[particle, answer["St"]]
-            run = own[
+            (run,) = np.flatnonzero(
                 (own["form"] == answer["form"])
                 & (own["solver"] == answer["solver"])
-                & np.isclose(own["tolerance"], answer["tolerance"], rtol=1e-9, atol=0)
-            ]
-            assert len(run) == 1
-            assert float(run[COLUMN[want]].iloc[0]) <= error
-            assert float(run["seconds"].iloc[0]) == pytest.approx(answer["seconds"], rel=1e-3)
+                & (np.abs(own["tolerance"] / answer["tolerance"] - 1) <= 1e-9)
+            )
+            assert own[COLUMN[want]][run] <= error
+            assert own["seconds"][run] == pytest.approx(answer["seconds"], rel=1e-3)
             checked += 1
-    assert checked > 8000
+    assert checked > 2500
 
 
 def test_no_averaged_run_that_is_good_enough_is_cheaper(questions, answers, runs):
@@ -90,18 +90,19 @@ def test_no_averaged_run_that_is_good_enough_is_cheaper(questions, answers, runs
     for (particle, want, _, error), found in zip(questions, answers, strict=True):
         for answer in found["answers"]:
             own = runs[particle, answer["St"]]
-            good = own[own["averaged"] & (own[COLUMN[want]] <= error)]
+            errors = own[COLUMN[want]]
+            good = own["seconds"][own["averaged"] & (errors <= error)]
             for form, least, seconds in answer["averaged"]:
                 # What the page says of each averaged form is what its runs say.
-                mine = own[own["form"] == form]
-                assert least == pytest.approx(mine[COLUMN[want]].min(), rel=1e-3)
-                reached = bool((mine[COLUMN[want]] * 1.001 <= error).any())
+                mine = errors[own["form"] == form]
+                assert least == pytest.approx(np.fmin.reduce(mine), rel=1e-3)
+                reached = bool((mine * 1.001 <= error).any())
                 assert not reached or seconds is not None
                 assert seconds is None or least <= error
             if "form" in answer and len(good):
-                assert answer["seconds"] <= good["seconds"].min() * 1.001
+                assert answer["seconds"] <= good.min() * 1.001
                 averaged_answers += is_averaged(answer["form"])
-    assert averaged_answers > 500
+    assert averaged_answers > 200
 
 
 def test_between_two_stokes_numbers_both_neighbours_answer(questions, answers, runs):
@@ -127,14 +128,14 @@ def test_below_what_was_measured_nothing_is_recommended(questions, answers, runs
     nothing = 0
     for (particle, want, _, error), found in zip(questions, answers, strict=True):
         for answer in found["answers"]:
-            least = runs[particle, answer["St"]][COLUMN[want]].min()
+            least = np.fmin.reduce(runs[particle, answer["St"]][COLUMN[want]])
             limit = limits[particle, want, answer["St"]] or 0.0
             if error < max(least, limit) * (1 - 1e-3):
                 assert "form" not in answer
                 nothing += 1
             elif error > max(least, limit) * (1 + 1e-3):
                 assert "form" in answer
-    assert nothing > 500
+    assert nothing > 400
 
 
 def test_the_map_and_the_look_up_agree(columns):
