@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
 from queue import SimpleQueue
+from time import sleep
 from typing import Any, NamedTuple
 
 from polhode.harness.common.worker import Failure, Reply, Worker
@@ -17,6 +18,7 @@ from polhode.models.libraries import how_to_install, installed
 # Tasks that wait for each worker: enough that none is ever idle, few enough to stop soon.
 AHEAD = 2
 CONNECT_SECONDS = 30
+_STOP_EVERY = 0.1  # Seconds between two attempts to kill processes that are starting.
 # Host and port as Dask reads them.
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
@@ -55,10 +57,13 @@ def processes(
     function: Callable[[Any], Any],
     tasks: Iterable[Any],
     max_seconds: float = 24 * 3600.0,
+    ahead: int = AHEAD,
 ) -> Generator[Finished, None, None]:
-    """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does."""
-    # One per core; more gain nothing. A process that takes twice `max_seconds` for a task is
-    # killed.
+    """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does.
+
+    One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
+    `ahead` tasks wait for each process; with 0 a task is taken when a process is free for it.
+    """
     workers = [Worker() for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
     for worker in workers:
@@ -81,7 +86,7 @@ def processes(
     pending = set()
     try:
         while True:
-            room = (1 + AHEAD) * count - len(pending)
+            room = (1 + ahead) * count - len(pending)
             pending |= {threads.submit(attempt, task) for task in islice(remaining, room)}
             if not pending:
                 return
@@ -90,12 +95,19 @@ def processes(
                 yield future.result()
     finally:
         threads.shutdown(wait=False, cancel_futures=True)
-        while not all(future.done() for future in pending):
-            for worker in workers:
-                worker.stop()
-            futures.wait(pending, timeout=0.1)
+        _stop(workers)
+        # A process that was just starting is killed once it is there.
+        while idle.qsize() < count:
+            sleep(_STOP_EVERY)
+            _stop(workers)
         for worker in workers:
             worker.close()
+
+
+def _stop(workers: Iterable[Worker]) -> None:
+    """Kill their processes; they begin no further call."""
+    for worker in workers:
+        worker.stop()
 
 
 def check_dask(address: str) -> None:

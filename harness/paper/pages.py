@@ -2,18 +2,18 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from math import floor, isfinite, log10
-from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import duration, markdown, short
+from polhode.harness.ensembles import engines
 from polhode.harness.pages.tables import fill
 from polhode.harness.paper import store
 from polhode.harness.paper.claims import find_items, section_of, sections
@@ -195,34 +195,23 @@ def run(
             data[item.name] = stored[0]
     missing = [item for item in items if item.name not in data]
     report(_ahead(items, missing, processes))
-    outcomes = _kept(data)
     if processes == 1:
-        outcomes = chain(outcomes, _in_turn(missing, folder, grid, report))
+        computed = _in_turn(missing, folder, grid, report)
     else:
         missing.sort(key=lambda item: -item.experiment.seconds)
-        outcomes = chain(outcomes, _side_by_side(missing, folder, grid, processes, report))
+        computed = _side_by_side(missing, folder, grid, processes, report)
     failed = []
     by_name = {item.name: item for item in items}
-    for number, outcome in enumerate(outcomes, start=1):
-        item = by_name[outcome.name]
-        words = outcome.failure
-        if outcome.data is not None:
-            try:
-                with style():
-                    save(
-                        item.experiment.draw(outcome.data),
-                        folder / section_of(item).name,
-                        item.name,
-                        svg=svg,
-                    )
-                words = str(item.experiment.judge(outcome.data).word)
-            except store.ITEM_FAILURES as error:
-                outcome = replace(outcome, failure=str(error))
-        if outcome.failure:
-            failed.append(item.name)
-            words = f"failed: {outcome.failure}"
-        took = "   kept " if outcome.seconds is None else f"{outcome.seconds:6.1f} s"
-        report(f"[{number:2}/{len(items)}] {item.name:28} {took}  {words}")
+    # Ctrl-C while a figure is drawn ends the processes too.
+    with closing(computed):
+        for number, outcome in enumerate(chain(_kept(data), computed), start=1):
+            item = by_name[outcome.name]
+            failure, words = _drawn(item, outcome, folder, svg)
+            if failure:
+                failed.append(item.name)
+                words = f"failed: {failure}"
+            took = "   kept " if outcome.seconds is None else f"{outcome.seconds:6.1f} s"
+            report(f"[{number:2}/{len(items)}] {item.name:28} {took}  {words}")
     write_pages(folder, sections())
     report(f"{perf_counter() - began:.0f} s; index: {folder / 'README.md'}")
     return failed
@@ -236,6 +225,23 @@ class _Outcome:
     data: Data | None
     seconds: float | None = None
     failure: str = ""
+
+
+def _drawn(item: Item, outcome: _Outcome, folder: Path, svg: bool) -> tuple[str, str]:
+    """Draw the item's figure; how that or the computation failed, and the word of its verdict."""
+    if outcome.data is None:
+        return outcome.failure, ""
+    try:
+        with style():
+            save(
+                item.experiment.draw(outcome.data),
+                folder / section_of(item).name,
+                item.name,
+                svg=svg,
+            )
+        return "", str(item.experiment.judge(outcome.data).word)
+    except store.ITEM_FAILURES as error:
+        return str(error), ""
 
 
 def _kept(data: Mapping[str, Data]) -> Iterator[_Outcome]:
@@ -255,24 +261,23 @@ def _side_by_side(
     items: Sequence[Item],
     folder: Path,
     grid: Grid,
-    processes: int,
+    count: int,
     report: Callable[[str], None],
-) -> Iterator[_Outcome]:
-    """Outcomes as they come; heavy libraries have threads, so that processes are spawned."""
-    with (
-        _single_threaded_children(),
-        ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool,
-    ):
-        waiting = list(items)
-        running: set[Future[_Outcome]] = set()
-        while waiting or running:
-            while waiting and len(running) < processes:
-                item = waiting.pop(0)
-                report(_begun(item))
-                running.add(pool.submit(_computed_by_name, item.name, folder, grid))
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
+) -> Generator[_Outcome, None, None]:
+    """Outcomes as they come; closing the generator ends what is under way at once."""
+    starts: dict[str, float] = {}
+
+    def begun() -> Iterator[str]:
+        for item in items:
+            report(_begun(item))
+            starts[item.name] = perf_counter()
+            yield item.name
+
+    compute = partial(_computed_by_name, folder=folder, grid=grid)
+    outcomes = engines.processes(count, compute, begun(), ahead=0)
+    with _single_threaded_children(), closing(outcomes):
+        for name, outcome, message in outcomes:
+            yield outcome or _Outcome(name, None, perf_counter() - starts[name], message)
 
 
 def _ahead(items: Sequence[Item], missing: Sequence[Item], processes: int) -> str:

@@ -2,13 +2,17 @@
 
 import json
 import os
+import signal
+import subprocess
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from commandline import SCRIPT
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -103,6 +107,24 @@ def test_items_side_by_side_say_when_they_begin_the_longest_first(tmp_path, monk
     assert during[1] == "1"
     assert os.environ["OPENBLAS_NUM_THREADS"] == "3"
     assert "MKL_NUM_THREADS" not in os.environ
+
+
+def test_ctrl_c_in_the_command_alone_ends_its_processes_too(tmp_path):
+    """The two items take a minute; nobody waits for them, and nothing of them is written afterwards."""
+    words = [SCRIPT, "paper", "averaging-order", "poincare-slender", "--out", str(tmp_path)]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as command:
+        assert command.stderr
+        begun = [command.stderr.readline().split()[0] for _ in range(3)]
+        began = perf_counter()
+        command.send_signal(signal.SIGINT)
+        # The stream ends when no process holds it any more.
+        said = command.stderr.read()
+    assert begun[1:] == ["averaging-order", "poincare-slender"]
+    assert command.returncode == 1
+    assert said.endswith("polhode: interrupted\n")
+    assert "Traceback" not in said
+    assert perf_counter() - began < 20
+    assert not list(tmp_path.rglob("*.csv"))
 
 
 @pytest.mark.parametrize(
