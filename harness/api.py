@@ -16,6 +16,7 @@ from polhode.harness.answers.recommendation import Recommendation
 from polhode.harness.answers.request import check_answerable, check_request, check_tolerance
 from polhode.harness.answers.rules import Method, first_tolerance, method_for, methods_for
 from polhode.harness.answers.runs import Runner
+from polhode.harness.common.scene_words import scene_named
 from polhode.harness.events import Event, EventLike, as_events, with_events
 from polhode.harness.ivp import check_samples, increasing
 from polhode.harness.solution import SceneSolution
@@ -24,7 +25,6 @@ from polhode.models.flow import Flow
 from polhode.models.form import Form
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
-from polhode.models.scenes import find_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.compile import check_field
 from polhode.solvers.contract import Record, Solver, Status, Work
@@ -302,7 +302,7 @@ def as_scene(scene: SceneLike) -> Scene:
     if isinstance(scene, Scene):
         return _in_doubles(scene)
     if isinstance(scene, str | PathLike):
-        return find_scene(fspath(scene))
+        return scene_named(fspath(scene))
     raise ValueError(f"scene: got {scene!r}, expected a Scene, a file or a built-in scene's name")
 
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import click
 
+from polhode.harness.common.near_files import file_hint
 from polhode.harness.common.streams import forget_output, prepare_streams
 from polhode.models.libraries import MissingLibraryError, how_to_install, missing_library, need
 from polhode.models.registry import Question, hint
@@ -86,6 +87,8 @@ def bad_input() -> Iterator[None]:
             raise
         where = f"{error.filename}: " if error.filename else ""
         expected = _EXPECTED.get(error.errno or 0, "")
+        if error.errno == errno.ENOENT and error.filename:
+            expected = file_hint(str(error.filename)) + expected
         reason = str(error.strerror or error)
         raise BadInput(where + (reason if "expected" in reason else reason + expected)) from None
     except ValueError as error:
@@ -106,11 +109,23 @@ def command(
             need(words.name, *needs)
             function(*values, **options)
 
-        return click.command(words.name, help=text, epilog=f"Example: {words.example}", **how)(
-            checked
-        )
+        return click.command(
+            words.name, cls=_Command, help=text, epilog=f"Example: {words.example}", **how
+        )(checked)
 
     return made
+
+
+class _Command(click.Command):
+    """A command whose complaints say how it is called."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            # Click's parser leaves out which command it was.
+            error.ctx = error.ctx or ctx
+            raise
 
 
 class _Commands(click.Group):

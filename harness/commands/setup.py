@@ -263,13 +263,13 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
     """Write one web site: the documentation, what to run, costs, every page of the reports, motions."""
+    from polhode.harness.common.scene_words import scene_named
     from polhode.harness.site.build import build
-    from polhode.models.scenes import find_scene
 
     with bad_input():
         if reports != _REPORTS and not reports.is_dir():
             raise ValueError(f"--reports: got {str(reports)!r}, expected an existing folder")
-        user_scenes = {name: find_scene(name) for name in scene}
+        user_scenes = {name: scene_named(name) for name in scene}
         with Steps("report", None, "pages", quiet) as progress:
 
             def say(title: str) -> None:

@@ -69,13 +69,14 @@ def _shape_page(content: Mapping[str, Any]) -> str:
 @as_json
 def scenes(scene: str | None, as_json: bool) -> None:
     """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
-    from polhode.models.scenes import SCENES, find_scene
+    from polhode.harness.common.scene_words import scene_named
+    from polhode.models.scenes import SCENES
 
     if scene is not None:
         from polhode.models.files.scene_file import scene_table
 
         with bad_input():
-            table = scene_table(find_scene(scene))
+            table = scene_table(scene_named(scene))
         click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
         return
     rows = []
@@ -197,10 +198,10 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     from polhode.harness.answers.rules import simplest
     from polhode.harness.api import solve
     from polhode.harness.common.files import PartialFile
+    from polhode.harness.common.scene_words import scene_named
     from polhode.harness.pages.figures.motion import off_plane, tumbling
     from polhode.harness.references.rotations import rotations
     from polhode.models.scene import SlowStart
-    from polhode.models.scenes import find_scene
 
     if out.suffix not in _FORMATS:
         raise BadInput(
@@ -208,7 +209,7 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
         )
     with bad_input(), Progress() as progress:
         progress.begin("solving")
-        scene_shown = find_scene(scene)
+        scene_shown = scene_named(scene)
         alone = "a start by L and E alone" if isinstance(scene_shown.start, SlowStart) else ""
         if unseen := "a sphere" if scene_shown.ellipsoid.kind == "sphere" else alone:
             raise ValueError(

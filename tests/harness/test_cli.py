@@ -159,6 +159,13 @@ BAD_ARGUMENTS = [
         "expected a file or one of paper,",
     ),
     (["solve", "", "--out", "a.csv"], "got ''", "expected a file or one of paper,"),
+    (
+        ["solve", "sceen.toml", "--out", "a.csv"],
+        "got 'sceen.toml' (did you mean 'scene.toml'?)",
+        "expected a file or a built-in name of `polhode scenes`",
+    ),
+    (["bench", "sceen.toml"], "(did you mean 'scene.toml'?)", "expected an existing one"),
+    (["bench", "--resume=3"], "'--resume' does not take a value", "expected: polhode bench"),
     (["solve", "..", "--out", "a.csv"], "got '..'", "a folder, expected a file"),
     (
         ["solve", "scene.toml", "--out", "a.csv", "--form", "quarternion"],
