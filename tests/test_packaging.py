@@ -200,7 +200,7 @@ def test_the_wheel_works_from_another_folder(installed: Path, tmp_path: Path):
         "--out",
         "reports/bench",
     )
-    assert "polhode solve paper" in polhode("pick", "paper")
+    assert "polhode solve paper" in polhode("pick", "paper", "--error", "1e-2")
     assert "reports/site/index.html" in polhode("report", "--quiet")
 
 

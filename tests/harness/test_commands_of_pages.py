@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
-from commandline import SCENE, SCRIPT, importing
+from commandline import SCENE, SCRIPT, Run
 
 from polhode.harness.cli import COMMANDS, FORMER, polhode
 
@@ -89,13 +89,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(("page", "line"), quick())
 def test_a_quick_command_runs_as_printed(
-    page: str, line: str, folder: Path, environment: Mapping[str, str]
+    page: str, line: str, folder: Path, here: Run, monkeypatch: pytest.MonkeyPatch
 ):
     words = arguments(line) or []
-    own = {**environment, **importing(folder / "docs" / "examples")}
-    done = subprocess.run(
-        [SCRIPT, *words], cwd=folder, env=own, capture_output=True, text=True, check=False
-    )
+    monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder / "docs" / "examples")
+    done = here(*words)
     assert done.returncode == 0, f"{page}: {line}\n{done.stderr}"
     assert done.stdout or "--out" in words
 

@@ -54,7 +54,7 @@ def test_ctrl_c_keeps_the_finished_rows():
     assert process.stdout is not None
     for case in CASES:
         assert process.stdout.readline() == "running\n"
-        time.sleep(0.3)
+        time.sleep(0.1)
         began = time.perf_counter()
         process.send_signal(signal.SIGINT)
         assert process.stdout.readline() == f"{case.split(':')[0]} True True\n"
