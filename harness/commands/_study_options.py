@@ -46,6 +46,11 @@ workers = click.option(
     type=click.IntRange(min=0),
     help="Processes; by default one per core, 0 for this one alone.",
 )
+page_only = click.option(
+    "--page-only",
+    is_flag=True,
+    help="Measure nothing: write the page anew from the data in the folder.",
+)
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 to_json = partial(dumps, sort_keys=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)

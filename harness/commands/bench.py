@@ -51,11 +51,7 @@ _FOLDERS = {"all": "reports/accuracy", "2": "reports/second-order", "hybrid": "r
 @click.option(
     "--problems", is_flag=True, help="The classical test problems instead; --scene is one of them."
 )
-@click.option(
-    "--page-only",
-    is_flag=True,
-    help="Measure nothing: write the page anew from the folder's records or its runs.csv.",
-)
+@options.page_only
 def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     """Run a work-precision study and write its page, figures and records."""
     if problems:
@@ -162,11 +158,7 @@ def _object_in(location: str) -> Any:
 
 
 @command(needs=_PAGE_LIBRARIES)
-@click.option(
-    "--page-only",
-    is_flag=True,
-    help="Measure nothing: write the page anew from the runs.csv in --out.",
-)
+@options.page_only
 @options.study_options
 def regimes(request: StudyRequest, page_only: bool) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
@@ -211,11 +203,7 @@ def ahead(study: "Study", store: "Store") -> str:
 @options.quick
 @options.resume
 @options.quiet
-@click.option(
-    "--page-only",
-    is_flag=True,
-    help="Measure nothing: write the pages anew from the data in the folder.",
-)
+@options.page_only
 def equal_error(out: Path, quick: bool, resume: bool, quiet: bool, page_only: bool) -> None:
     """Compare all solvers at equal error, with every back end, and with the bare library calls."""
     from polhode.harness.pages.equal_error import Measured, rewrite_pages, write_page
@@ -343,9 +331,7 @@ def paper(
     type=click.Choice([*ACCURACY_PARTS["2"], *ACCURACY_PARTS["hybrid"]]),
     help="Measure that alone anew.",
 )
-@click.option(
-    "--page-only", is_flag=True, help="Measure nothing: write the page anew from the data in --out."
-)
+@options.page_only
 @click.option("--resume", is_flag=True, help="Keep the bodies that are measured; measure the rest.")
 @click.option(
     "--seconds",
@@ -471,11 +457,7 @@ def _one_form(
 @click.option(
     "--resume", is_flag=True, help="Take up an interrupted run, or join one that is under way."
 )
-@click.option(
-    "--page-only",
-    is_flag=True,
-    help="Run nothing: draw the pictures anew from the tables in the folder.",
-)
+@options.page_only
 @options.as_json
 @options.quiet
 def sweep(
@@ -519,11 +501,7 @@ def sweep(
 
 @command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/sweep")
-@click.option(
-    "--page-only",
-    is_flag=True,
-    help="Measure nothing: write the page anew from the folder's throughput.json.",
-)
+@options.page_only
 @options.quiet
 def throughput(out: Path, page_only: bool, quiet: bool) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory."""
@@ -541,9 +519,7 @@ def throughput(out: Path, page_only: bool, quiet: bool) -> None:
 @command(needs=(*_PAGE_LIBRARIES, "llvmlite", "heyoka"))
 @options.out_folder("reports/flows")
 @options.quick
-@click.option(
-    "--page-only", is_flag=True, help="Write the page anew from the tables in the folder."
-)
+@options.page_only
 @options.quiet
 def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
     """Measure scenes in linear flows other than shear: cost, closed orbits, tracks, stated errors."""

@@ -14,6 +14,7 @@ from polhode.harness.commands._study_options import (
     as_json,
     command_line,
     out_folder,
+    page_only,
     quiet,
     resume,
     stored,
@@ -190,11 +191,7 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
     help="Scenes on which `solve` is timed against plain practice instead.",
 )
 @click.option("--fit", is_flag=True, help="With --errors: fit the factors of the statements anew.")
-@click.option(
-    "--page-only",
-    is_flag=True,
-    help="Measure nothing: write the page anew from the tables in the folder.",
-)
+@page_only
 @resume
 @quiet
 def validate(

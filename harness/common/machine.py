@@ -55,8 +55,11 @@ def here(**more: Any) -> dict[str, Any]:
     return {"date": now(), "machine": machine(), "versions": versions(), **more}
 
 
-def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """First lines of a page: the command that made it, dates, machines and versions, where these were kept."""
+def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Lines that say how a page was made: by which command, when, on which machines, with which versions.
+
+    Records without a date or a machine leave it out.
+    """
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     where = f" on {' and '.join(machines)}" if machines else ""
     disturbed, judged = disturbance(records)
@@ -66,7 +69,7 @@ def header(title: str, command: str, records: Sequence[Mapping[str, Any]]) -> li
         f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if judged else ""
     )
     notice = f"Made by `{command}`. Do not edit: the next run overwrites this page."
-    return [f"# {title}", "", notice, "", f"Measured {dates(records)}{where}.{said}", ""]
+    return [notice, "", f"Measured {dates(records)}{where}.{said}", ""]
 
 
 def made_lines(page: Path) -> list[str]:

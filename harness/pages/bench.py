@@ -12,7 +12,7 @@ from polhode.harness.analysis import pareto
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
 from polhode.harness.analysis.pareto import Method
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record, write_records
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.pages.figures.style import measured, save
@@ -56,7 +56,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         .groupby(["scene_name", "stokes"], sort=False)
         .first()
     )
-    made = header(study.title, command, records)[2:]
+    made = provenance(command, records)
     machine = measured(made)
     groups = runs.groupby("scene_name", sort=False)
     described = []

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from polhode.harness.common.files import PartialFile, write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Store
 from polhode.harness.common.text import short
 from polhode.harness.ensembles import summary
@@ -71,7 +71,7 @@ def write_results(
             pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
             tables = {name: pd.DataFrame(rows) for name, rows in drawn.items()}
             save(_picture(tables, sweep), folder, pictures[-1][0])
-    made = header("", command, surroundings(sweep, store))[2:]
+    made = provenance(command, surroundings(sweep, store))
     write_file(
         folder / "README.md",
         _page(
@@ -192,7 +192,7 @@ def write_page(throughput: Found, folder: Path) -> Path:
 
 
 def _made(throughput: Found) -> list[str]:
-    return header("", "polhode throughput", [throughput])[2:]
+    return provenance("polhode throughput", [throughput])
 
 
 def page(throughput: Found) -> str:

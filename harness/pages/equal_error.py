@@ -14,7 +14,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record, read_export, record_file, write_records
 from polhode.harness.common.text import duration, markdown, scientific, short
 from polhode.harness.pages.figures.style import measured as measured_on, save
@@ -69,7 +69,7 @@ def draw(measured: Measured, folder: Path, command: str) -> None:
     """Draw time against error of every solver into a folder."""
     runs = frame(measured.solvers)
     scene = str(runs["scene_name"].iloc[0])
-    note = conditions(runs, measured_on(header("", command, measured.solvers)))
+    note = conditions(runs, measured_on(provenance(command, measured.solvers)))
     label = "error of L and E over $I_{max}$"
     save(work_precision_panels(runs, "slow_error", label, scene=scene, note=note), folder, "slow")
 
@@ -109,7 +109,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
     records = [*measured.solvers, *measured.spheroid, *measured.backends]
-    made = header("", command, records)[2:]
+    made = provenance(command, records)
     times = costs(by_stokes(solvers), COMPARED_ERRORS)
     forms = _ratios(
         costs(by_stokes(spheroid), _FORMS_ERRORS),

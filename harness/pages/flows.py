@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record
 from polhode.harness.flows import measure
 from polhode.harness.pages.figures.style import (
@@ -60,7 +60,7 @@ def page(folder: Path, command: str) -> str:
     return fill(
         "flows",
         title=_TITLE,
-        made=header("", command, [timed])[2:],
+        made=provenance(command, [timed]),
         findings=findings(tables),
         fields=_rows(tables["fields"]),
         costs=_rows(tables["costs"]),

@@ -14,7 +14,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import by_stokes, frame, where
 from polhode.harness.analysis.pareto import costs
 from polhode.harness.common.files import digest, read_file, write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record, record_lines, write_records
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.common.timing import seconds_of
@@ -56,7 +56,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     page = fill(
         "known-stokes",
         title=study.title,
-        made=header(study.title, command, records)[2:],
+        made=provenance(command, records),
         met=met.count(True),
         targets=len(met),
         known=ratios,

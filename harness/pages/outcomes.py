@@ -9,7 +9,7 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, rows_of
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record, write_records
 from polhode.harness.common.text import duration, markdown, scientific
 from polhode.harness.pages.figures.style import rank
@@ -135,7 +135,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     page = fill(
         "outcomes",
         title=study.title,
-        made=header(study.title, command, records)[2:],
+        made=provenance(command, records),
         sentences=sentences(outcomes, stopped),
         counts=markdown(
             ["solver", "runs", "got through", *_KINDS], surest, right=range(1, 3 + len(_KINDS))

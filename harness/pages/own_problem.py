@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from polhode.harness.analysis.equal_error import STUDY_TARGETS, over_table, seconds_to
 from polhode.harness.analysis.frames import rows_of, where
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.style import looks, measured, save
 from polhode.harness.pages.figures.work_precision import (
@@ -100,7 +100,7 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
     frame = study.frame
     record = {name: settings[name] for name in ("machine", "versions")}
     record["date"] = datetime.now(UTC).isoformat()
-    made = header("", command or "WorkPrecision.write", [record])[2:]
+    made = provenance(command or "WorkPrecision.write", [record])
     note = conditions(frame, measured(made))
     lines = [f"# {title(study)}", ""]
     if study.over:

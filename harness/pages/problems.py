@@ -11,7 +11,7 @@ import pandas as pd
 from polhode.harness.analysis.frames import where
 from polhode.harness.analysis.pareto import TIE, costs
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header, made_lines
+from polhode.harness.common.machine import made_lines, provenance
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, in_two_digits, markdown, short
 from polhode.harness.pages.figures.style import measured, power, rank, save
@@ -28,7 +28,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
     kept = pd.DataFrame(rows).drop(columns=["machine", "versions"])
     write_file(folder / "runs.csv", kept.to_csv(index=False))
-    return _write(kept, folder, header("", command, rows)[2:])
+    return _write(kept, folder, provenance(command, rows))
 
 
 def rewrite_page(folder: Path) -> Path:

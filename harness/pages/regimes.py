@@ -13,7 +13,7 @@ from polhode.harness.analysis.frames import frame, where, write_runs
 from polhode.harness.analysis.in_full import HYBRID, ran_in_full
 from polhode.harness.analysis.pareto import TIE, Cell, Method, Standing, cells, standings
 from polhode.harness.common.files import read_file, write_file
-from polhode.harness.common.machine import header, made_lines
+from polhode.harness.common.machine import made_lines, provenance
 from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, factor, markdown, short
 from polhode.harness.pages.figures.map_picture import HEADINGS, MAP_ERRORS, picture
@@ -46,7 +46,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page, its pictures and its data into a folder and return the page's path."""
     runs = frame(records)
     write_runs(runs, folder)
-    return _write(study, runs, folder, header(study.title, command, records)[2:])
+    return _write(study, runs, folder, provenance(command, records))
 
 
 def rewrite_page(study: Study, folder: Path) -> Path:

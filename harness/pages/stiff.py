@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record, write_records
 from polhode.harness.common.text import duration, markdown, percent, short
 from polhode.harness.pages.figures.style import (
@@ -123,7 +123,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     ]
     write_records(shared, folder)
     runs = [Run.of(record) for record in records]
-    made = header(study.title, command, records)[2:]
+    made = provenance(command, records)
     note = conditions(frame(records), measured(made))
     save(figure(runs, note), folder, "stiff")
     first = [_winner_cells(found) for found in winners(runs)]

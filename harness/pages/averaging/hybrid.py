@@ -11,7 +11,7 @@ from polhode.harness.averaging.data import write_study
 from polhode.harness.averaging.hybrid import HybridError, Speed, Study
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import wilson
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.hybrid import errors_and_speed
 from polhode.harness.pages.figures.style import measured, save
@@ -60,7 +60,7 @@ def page(study: Study, command: str) -> str:
 def _made(study: Study, command: str) -> list[str]:
     """The lines by which the page says how it was made."""
     timed = [study.timed.get(part, {}) for part in hybrid.HYBRID_PARTS if getattr(study, part)]
-    return header("", command, timed)[2:]
+    return provenance(command, timed)
 
 
 def findings(study: Study) -> list[str]:

@@ -41,7 +41,7 @@ from polhode.harness.averaging.shares import (
     quantile,
 )
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.text import aligned, cells, in_two_digits, markdown, short
 from polhode.harness.pages.figures.averaging import Band, bands
 from polhode.harness.pages.figures.style import save
@@ -92,7 +92,7 @@ def page(data: Data, command: str) -> str:
     every = all_times(data)
     return fill(
         "accuracy",
-        made=header("", command, list(data.timed.values()))[2:],
+        made=provenance(command, list(data.timed.values())),
         findings=findings(data),
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},

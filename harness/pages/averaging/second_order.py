@@ -17,7 +17,7 @@ from polhode.harness.averaging.data import (
 )
 from polhode.harness.averaging.orders import Slope, slopes
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import header
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import write_table
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.orders import Line, against_stokes
@@ -72,7 +72,7 @@ def page(study: SecondOrderStudy, fitted: Sequence[Slope], command: str) -> str:
     )
     return fill(
         "second-order",
-        made=header("", command, list(study.timed.values()))[2:],
+        made=provenance(command, list(study.timed.values())),
         findings=findings(study),
         orders=frame_of(Slope, fitted).merge(last, on=["shape", "start"]).to_dict("records"),
         runs=dict.fromkeys([*second[:1], *compared, *second[-1:]]),

@@ -9,7 +9,7 @@ import pytest
 from polhode.harness.cli import RunFailed
 from polhode.harness.commands._study_options import FEW_TIMED_RUNS, command_line, steady, stored
 from polhode.harness.commands.bench import bench, equal_error, paper
-from polhode.harness.common.machine import header, machine
+from polhode.harness.common.machine import machine, provenance
 from polhode.harness.common.store import Store
 
 STEADY, DISTURBED = {"disturbed": False}, {"disturbed": True}
@@ -53,7 +53,7 @@ def test_the_line_of_a_page_can_be_typed_again(file: str):
 def test_a_page_says_how_many_times_were_disturbed():
     records = [{**PLACE, **each} for each in (STEADY, DISTURBED, STEADY, {})]
     assert "Disturbed by other work: 1 of 3 timed runs (" in "\n".join(
-        header("A title", "polhode bench", records)
+        provenance("polhode bench", records)
     )
 
 

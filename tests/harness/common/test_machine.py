@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from polhode.harness.common.machine import dates, header, machine
+from polhode.harness.common.machine import dates, machine, provenance
 
 ONE = {
     "machine": {"processor": "One", "cores": 2, "system": "Linux", "python": "3.11"},
@@ -26,13 +26,13 @@ def test_a_page_says_how_long_its_runs_took_without_pauses():
     runs = [
         {**ONE, "date": f"2026-01-02T{time}Z", "seconds": 1.0, "disturbed": False} for time in times
     ]
-    assert "0 of 5 timed runs, made in 9 minutes (the fastest" in header("", "", runs)[4]
-    assert "0 of 2 timed runs (the fastest" in header("", "", runs[-2:])[4]
+    assert "0 of 5 timed runs, made in 9 minutes (the fastest" in provenance("", runs)[2]
+    assert "0 of 2 timed runs (the fastest" in provenance("", runs[-2:])[2]
 
 
 def test_every_machine_is_named_once():
-    text = "\n".join(header("A title", "polhode bench", [ONE, TWO, ONE]))
-    assert text.startswith("# A title\n\nMade by `polhode bench`.")
+    text = "\n".join(provenance("polhode bench", [ONE, TWO, ONE]))
+    assert text.startswith("Made by `polhode bench`.")
     assert (
         text.count("One, 2 cores, Linux, Python 3.11 (polhode 1)")
         == text.count("Two, 2 cores")
@@ -44,4 +44,4 @@ def test_an_unknown_processor_stands_on_no_page_of_another_one(monkeypatch: pyte
     monkeypatch.setattr(Path, "read_text", lambda *_, **__: "")
     monkeypatch.setattr("platform.processor", lambda: "")
     known = {**ONE, "machine": {**machine(), "processor": "One"}}
-    assert str(machine()["processor"]) not in "\n".join(header("A title", "polhode bench", [known]))
+    assert str(machine()["processor"]) not in "\n".join(provenance("polhode bench", [known]))
