@@ -71,7 +71,7 @@ SAYINGS = {
         r"(?P<hard_best>\S+) comes nearest, with (?P<hard_through>\d+) of (?P<hard_runs>\d+):",
     ),
     "reports/second-order/README.md": (
-        r"Spheroids, (?P<order_starts>\d+) starts: the slow error falls like "
+        r"Spheroids, (?P<order_starts>\d+) starts: the error of L and E falls like "
         r"St\^-(?P<order_from>\S+) to St\^-(?P<order_to>\S+), where second order predicts St\^-2",
     ),
     "reports/flows/README.md": (

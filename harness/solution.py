@@ -85,13 +85,13 @@ class SceneSolution(LikeSolveIvp):
 
     def until(self, end: "SceneSolution") -> "SceneSolution":
         """The motion up to the one row of `end`, with which it counts as finished, unless it is known to be wrong."""
-        kept = self.times < end.times[0]
-        states = np.vstack([self.states[kept], end.states])
-        times = np.append(self.run.times[kept], end.run.times)
+        before = self.times < end.times[0]
+        states = np.vstack([self.states[before], end.states])
+        times = np.append(self.run.times[before], end.run.times)
         run = replace(self.run, times=times, states=states)
         if run.status is not Status.FALSE_SUCCESS:
             run = replace(run, status=Status.REACHED_END, message="")
-        return self.at(np.append(self.times[kept], end.times), run)
+        return self.at(np.append(self.times[before], end.times), run)
 
     def __repr__(self) -> str:
         """One fact a line, without the arrays."""

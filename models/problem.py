@@ -125,7 +125,7 @@ class Problem:
         The form (or test problem) it comes from.
     field : callable
         The vector field's factory: ``field(ops) -> rhs(y, p) -> tuple``. A function of a module, so
-        that it pickles and compiled versions can be kept under it.
+        that it pickles and compiled versions can be cached under it.
     start : tuple of float, length d
         Initial state.
     end : float

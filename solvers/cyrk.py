@@ -330,10 +330,10 @@ class Call:
             ]
         )
         result = address_of(passed)
-        states, parameters, wanted, rtols, atols, events = range(result + 8, result + 152, 24)
+        states, parameters, requested, rtols, atols, events = range(result + 8, result + 152, 24)
         entry(
             *(result, self.code.address, start, end, states, self.method, 0, 0, parameters),
-            *(max_steps, _MAX_RAM_MB, dense, wanted, None, events, rtols, atols),
+            *(max_steps, _MAX_RAM_MB, dense, requested, None, events, rtols, atols),
             *(self.max_step, first_step, True, self.jacobian.address),
         )
         return int(passed[0])

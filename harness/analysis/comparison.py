@@ -32,7 +32,7 @@ _IDENTITY = [
 _LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's.
 _LEAST_SECONDS = 2e-5
-_ERRORS = ("slow_error", "orientation_error")
+_ERRORS = {"slow_error": "error of L and E", "orientation_error": "orientation error"}
 # Timed cases of which the median ratio tells how much slower another machine is.
 _MIN_MACHINE_CASES = 5
 
@@ -140,12 +140,12 @@ def _changes(
         noise = _scatter(before) + _scatter(after) / pace
         if second > slower * first and second - first > max(_LEAST_SECONDS, noise):
             changes.append({"what": "seconds", "before": first, "after": second})
-    for error in _ERRORS:
+    for error, words in _ERRORS.items():
         first = before.get(error)
         second = after.get(error)
         floor = max(_LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
         if first is not None and second is not None and second > max(floor, less_accurate * first):
-            changes.append({"what": error.replace("_", " "), "before": first, "after": second})
+            changes.append({"what": words, "before": first, "after": second})
     return changes
 
 

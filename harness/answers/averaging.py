@@ -117,7 +117,7 @@ def _second_in_segments(runner: Runner, run: Run) -> Run:
 
 
 def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.ndarray, float]:
-    """The slow error of first-order averaging at the compared times, from a surrogate, and the latter's St."""
+    """The error of L and E of first-order averaging at the compared times, from a surrogate, and the latter's St."""
     scene = oriented(runner.scene)
     ratio = min(1.0, _SURROGATE_TURNS / max(turns, 1e-300))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)

@@ -53,7 +53,7 @@ class Passage:
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall times of one run in s, `seconds` with the observables; the slow error where it was measured."""
+    """Wall times of one run in s, `seconds` with the observables; the error of L and E where it was measured."""
 
     form: str
     solver: str

@@ -11,7 +11,7 @@ from polhode.harness.api import plan
 from polhode.harness.averaging.second_order import (
     FULL_TOLERANCES,
     REFERENCE_TOLERANCES,
-    true_observables,
+    reference_observables,
 )
 from polhode.harness.common import cache
 from polhode.harness.common.files import digest
@@ -41,17 +41,18 @@ SEED = 15
 _HELD_OUT = (20261122, 7771)
 _RANDOM = 120  # Starts of each held-out seed.
 HYBRID_SAMPLES = 201  # Output times of a run.
-WINDOW_SOLVER = "cyrk-vern8"
+SEGMENT_SOLVER = "cyrk-vern8"  # Of every segment of a hybrid run.
 _LEAST_AXIS = 0.15  # Random semi-axes lie between this and 1.
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
-# The truth of a run up to this duration, in inverse shear rates, is a run in long double; a looser
-# run shows its error.
+# The reference of a run up to this duration, in inverse shear rates, is a run in long double; a
+# looser run shows its error.
 _LONG_DOUBLE_UP_TO = 1.2e5
-# Longer runs have two unrelated methods in double, whose difference is the truth's uncertainty.
+# Longer runs are solved by two unrelated methods in double. Their difference is the reference's
+# uncertainty. Pairs of solver and tolerance.
 _DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
-# Longer runs, in inverse shear rates, have no truth, which would take minutes.
+# Runs above this duration, in inverse shear rates, have no reference: it would take minutes.
 _LONGEST = 5.1e6
 # The speed of random starts is measured at one slow time and error, against FULL_SOLVERS at the
 # loosest tolerance that meets the error.
@@ -73,24 +74,23 @@ HYBRID_PARTS = ("errors", "speed")
 
 @dataclass(frozen=True)
 class HybridError:
-    """One run of a random start: errors over I_max and in rad against the truth, NaN where there is none."""
+    """One run of a random start: errors of L and E over I_max, of the orientation in rad; NaN without a reference."""
 
     start: int
     kind: str
     axes: str
     stokes: float
     slow_time: float
-    error: float  # asked for
+    error: float  # requested
     status: str
-    slow: float
-    orientation: float
-    estimated: float  # slow: below it are the stated share of runs
-    uncertainty: float  # of the truth, slow
-    full_share: float  # of the time, followed by the full equations
-    pieces: int
-    mirror: (
-        float  # 1 if it ends the same way up as the truth, 0 if not, NaN where that is uncertain
-    )
+    slow: float  # measured error of L and E
+    orientation: float  # measured error of the orientation
+    estimated: float  # stated upper end of the error of L and E
+    uncertainty: float  # of the reference's L and E
+    full_share: float  # share of the time that the full equations follow
+    segments: int = field(metadata={"former": "pieces"})
+    # 1 if the body ends the same side up as in the reference, 0 if not, NaN if that is uncertain.
+    mirror: float
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,10 @@ class Speed:
     new_shape: float = 0.0  # seconds that the tables of a triaxial shape take, not seen before,
     known_shape: float = 0.0  # and read from disk
     knowing_seconds: float = nan  # of the full solver that knows St
-    window_steps: float = nan  # of the full equations over windows,
-    full_steps: float = nan  # and of the best full solution, if that is by the same solver
+    # Steps of the segments that the full equations follow, and of the best full solution; NaN
+    # unless the same solver took both.
+    segment_steps: float = field(default=nan, metadata={"former": "window_steps"})
+    full_steps: float = nan
 
 
 def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
@@ -130,7 +132,7 @@ def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
         yield Scene(Ellipsoid(tuple(axes.tolist())), stokes, start, time)
 
 
-def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, float, float]:
+def reference_of(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, float, float]:
     """The full equations' solution at equispaced times, from the cache or computed, and how far it may be off."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -149,7 +151,7 @@ def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, flo
     cached = cache.load(key)
     if cached is None:
         if problem.end <= _LONG_DOUBLE_UP_TO:
-            tight, apart = true_observables(scene, samples)
+            tight, apart = reference_observables(scene, samples)
         else:
             times = np.linspace(0.0, problem.end, samples)
             runs = (
@@ -168,23 +170,23 @@ def truth(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, flo
 
 
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
-    """Runs of the scenes at every error; scenes whose truth takes minutes are left out."""
+    """Runs of the scenes at every error; scenes whose reference takes minutes are left out."""
     rows = []
     for i, scene in enumerate(in_steps(scenes, "errors", "scenes", quiet)):
         if scene.time <= _LONGEST:
-            reference = truth(scene)
+            reference = reference_of(scene)
             rows += [_measured(i, scene, error, reference) for error in REQUESTED_ERRORS]
     return rows
 
 
 def _measured(
-    start: int, scene: Scene, error: float, reference: tuple[Observables, float, float]
+    start: int, scene: Scene, error: float, reference_and_doubt: tuple[Observables, float, float]
 ) -> HybridError:
-    true, slow_off, orientation_off = reference
+    reference, slow_off, orientation_off = reference_and_doubt
     run = plan(
         scene,
         Hybrid.name,
-        available_like(WINDOW_SOLVER),
+        available_like(SEGMENT_SOLVER),
         error / ERROR_PER_TOLERANCE,
         error,
         "slow",
@@ -192,12 +194,12 @@ def _measured(
     ).run()
     slow = orientation = mirror = nan
     if run.success:
-        measured = errors(scene.ellipsoid, run.observables, true)
+        measured = errors(scene.ellipsoid, run.observables, reference)
         slow = measured.slow
         orientation = measured.orientation or nan
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
-        up = float(true.rotation[-1, axis, 2])
+        up = float(reference.rotation[-1, axis, 2])
         if abs(up) > _SETTLED and orientation_off < 1 - _SETTLED:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
     axes = ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
@@ -222,49 +224,49 @@ def _timed(start: int, scene: Scene) -> Speed:
     times = np.linspace(0.0, scene.time, HYBRID_SAMPLES)
     problem = form.problem(scene)
     tolerance = FAST_ERROR / ERROR_PER_TOLERANCE
-    solver_of_windows = available_like(WINDOW_SOLVER)
+    segment_solver = available_like(SEGMENT_SOLVER)
 
     def seconds(times: np.ndarray) -> float:
-        for kept in (outline, path_of):
-            kept.cache_clear()
+        for cached in (outline, path_of):
+            cached.cache_clear()
         began = perf_counter()
-        solve(problem, solver_of_windows, tolerance, times)
+        solve(problem, segment_solver, tolerance, times)
         return perf_counter() - began
 
-    run = solve(problem, solver_of_windows, tolerance, times)
+    run = solve(problem, segment_solver, tolerance, times)
     slow = nan
     full = dict[tuple[str, float], float]()
     exact = find_form(full_form(scene)).problem(scene)
     if scene.time <= _LONGEST:
-        true, *_ = truth(scene)
+        reference, *_ = reference_of(scene)
         slow = (
-            errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
+            errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
             if run.success
             else nan
         )
-        full = _full(scene, exact, times, true)
+        full = _full(scene, exact, times, reference)
     # In turns, so that a slow moment of the machine hits them alike; each warm, whatever the one
     # before left in caches.
-    ways: list[Callable[[], float]] = [
+    timed_runs: list[Callable[[], float]] = [
         lambda: seconds(times),
         lambda: seconds(times[:: HYBRID_SAMPLES // (FEW_SAMPLES - 1)]),
     ]
-    ways += [
+    timed_runs += [
         lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full
     ]
-    turns = [[*map(_fastest, ways)] for _ in range(SPEED_REPEATS)]
+    turns = [[*map(_fastest, timed_runs)] for _ in range(SPEED_REPEATS)]
     taken, few, *full_seconds = np.min(turns, axis=0).tolist()
     seconds_of = dict(zip(full, full_seconds, strict=True))
-    knowing = min((seconds_of.pop(way) for way in full if way[0] == KNOWING), default=nan)
+    knowing = min((seconds_of.pop(pair) for pair in full if pair[0] == KNOWING), default=nan)
     (solver, at), best = min(
         seconds_of.items(), key=lambda entry: entry[1], default=(("", nan), nan)
     )
     costs = slow, _share(run.segments, scene.time), taken, few, solver, at, best
     steps = (
         sum(stage.steps or 0 for stage in run.segments if not stage.averaged),
-        full.get((solver_of_windows, at), nan),
+        full.get((segment_solver, at), nan),
     )
-    steps = steps if solver == solver_of_windows else (nan, nan)
+    steps = steps if solver == segment_solver else (nan, nan)
     return Speed(
         start,
         scene.ellipsoid.kind,
@@ -282,8 +284,8 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
         return 0.0, 0.0
 
     def read() -> float:
-        for kept in (tables.table, swing.series_for, squares_for):
-            kept.cache_clear()
+        for cached in (tables.table, swing.series_for, squares_for):
+            cached.cache_clear()
         began = perf_counter()
         for longest in (False, True):
             tables.table(ellipsoid, longest)
@@ -299,13 +301,13 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
     return perf_counter() - began, read()
 
 
-def _fastest(way: Callable[[], float]) -> float:
+def _fastest(run: Callable[[], float]) -> float:
     """Shortest wall time, in seconds, of several runs one after the other."""
-    return min(way() for _ in range(SPEED_REPEATS))
+    return min(run() for _ in range(SPEED_REPEATS))
 
 
 def _full(
-    scene: Scene, problem: Problem, times: np.ndarray, true: Observables
+    scene: Scene, problem: Problem, times: np.ndarray, reference: Observables
 ) -> dict[tuple[str, float], float]:
     """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
     form = find_form(full_form(scene))
@@ -320,7 +322,7 @@ def _full(
             run = solve(problem, solver, tolerance, times)
             if (
                 run.success
-                and errors(scene.ellipsoid, form.observe(scene, run.states), true).slow
+                and errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
                 <= FAST_ERROR
             ):
                 steps[solver, tolerance] = run.work.steps or nan
@@ -328,8 +330,10 @@ def _full(
     return steps
 
 
-def _share(pieces: Sequence[SolvedSegment], whole: float) -> float:
-    return sum(piece.end - piece.begin for piece in pieces if not piece.averaged) / whole
+def _share(segments: Sequence[SolvedSegment], whole: float) -> float:
+    """Share of a run's time that the full equations follow."""
+    full = sum(segment.end - segment.begin for segment in segments if not segment.averaged)
+    return full / whole
 
 
 def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Study":

@@ -65,7 +65,7 @@ _STATED_STOKES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 STATED_BODIES = 40
 # Bodies of each kind of which forms are timed.
 TIMED_BODIES = 8
-# Bodies of each kind that `hybrid` follows by St, and the errors that it is asked for. At smaller St
+# Bodies of each kind that `hybrid` follows by St, and the requested errors. At smaller St
 # full equations are all of it.
 HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
@@ -133,7 +133,7 @@ class Task(NamedTuple):
         return digest([_SCHEMA, *self])
 
 
-class Truth(NamedTuple):
+class Reference(NamedTuple):
     """The full equations' solution at TIMES, and how far it may be off up to each of STUDIED_SLOW_TIMES."""
 
     observables: Observables
@@ -162,7 +162,7 @@ def _turn(task: Task) -> float:
     return seconds**_COST_POWER * (task.body + _HEAD_START)
 
 
-def truth(scene: Scene) -> Truth:
+def reference_of(scene: Scene) -> Reference:
     """The reference of a scene; raises ReferenceFailedError if two methods do not confirm each other."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -188,7 +188,7 @@ def truth(scene: Scene) -> Truth:
     if not max(slow) < _APART:
         raise ReferenceFailedError(f"{method}: runs are {max(slow):.1g} apart")
     least = attainable(scene.ellipsoid, tight)
-    return Truth(tight, [max(least, value) for value in slow], turned, method)
+    return Reference(tight, [max(least, value) for value in slow], turned, method)
 
 
 def _states(problem: Problem, solver: str, tolerance: float, times: Array) -> Array:
@@ -217,30 +217,31 @@ def measure(task: Task, body: Body | None = None) -> Record:
     began = process_time()
     head = task._asdict()
     try:
-        true = truth(scene)
+        reference = reference_of(scene)
     except ReferenceFailedError as failure:
-        reference = {**head, "method": "", "failure": str(failure), "seconds": nan}
+        row = {**head, "method": "", "failure": str(failure), "seconds": nan}
         blank = [nan] * len(STUDIED_SLOW_TIMES)
-        reference |= _columns("slow", blank) | _columns("turned", blank)
-        return {"body": asdict(body), "reference": reference, "errors": [], "costs": []}
-    reference = {**head, "method": true.method, "failure": "", "seconds": process_time() - began}
-    reference |= _columns("slow", true.slow) | _columns("turned", true.turned)
+        row |= _columns("slow", blank) | _columns("turned", blank)
+        return {"body": asdict(body), "reference": row, "errors": [], "costs": []}
+    seconds = process_time() - began
+    row = {**head, "method": reference.method, "failure": "", "seconds": seconds}
+    row |= _columns("slow", reference.slow) | _columns("turned", reference.turned)
     with_stated = task.body < STATED_BODIES and task.stokes in _STATED_STOKES
     errors = [
-        _first_order(body, task, true, with_stated),
-        _second_order(body, task, true, with_stated),
+        _first_order(body, task, reference, with_stated),
+        _second_order(body, task, reference, with_stated),
     ]
     if task.body < HYBRID_BODIES.get(task.stokes, 0):
         timed = task.body < TIMED_BODIES
-        errors += [_hybrid(scene, true, requested, timed) for requested in REQUESTED_ERRORS]
+        errors += [_hybrid(scene, reference, requested, timed) for requested in REQUESTED_ERRORS]
     costs = []
     if task.body < COST_BODIES.get(task.stokes, 0):
-        costs = list(_costs(scene, true))
+        costs = list(_costs(scene, reference))
     return {
         "body": asdict(body),
-        "reference": reference,
-        "errors": [head | row for row in errors],
-        "costs": [head | row for row in costs],
+        "reference": row,
+        "errors": [head | error for error in errors],
+        "costs": [head | cost for cost in costs],
     }
 
 
@@ -261,17 +262,17 @@ def _row(form: str, requested: float = nan, refused: str = "") -> Record:
     return row | {"solver_error": nan, "seconds": nan, "refused": refused}
 
 
-def _first_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Record:
+def _first_order(body: Body, task: Task, reference: Reference, with_stated: bool) -> Record:
     scene = body.scene(task.stokes)
     form = find_form(averaged_form(scene))
     try:
         form.check(scene)
     except FormNotValidError as refusal:
         return _row(form.name, refused=refusal.condition)
-    return _averaged(body, task, form, true, STUDIED_SLOW_TIMES, with_stated)
+    return _averaged(body, task, form, reference, STUDIED_SLOW_TIMES, with_stated)
 
 
-def _second_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Record:
+def _second_order(body: Body, task: Task, reference: Reference, with_stated: bool) -> Record:
     """As much of the run as the form follows."""
     form = SecondOrder()
     reached = []
@@ -285,12 +286,17 @@ def _second_order(body: Body, task: Task, true: Truth, with_stated: bool) -> Rec
         reached.append(slow_time)
     if not reached:
         return _row(form.name, refused=reason)
-    row = _averaged(body, task, form, true, reached, with_stated)
+    row = _averaged(body, task, form, reference, reached, with_stated)
     return row | {"refused": reason}
 
 
 def _averaged(
-    body: Body, task: Task, form: Form, true: Truth, slow_times: Sequence[float], with_stated: bool
+    body: Body,
+    task: Task,
+    form: Form,
+    reference: Reference,
+    slow_times: Sequence[float],
+    with_stated: bool,
 ) -> Record:
     """The model error of a form up to its last slow time, the solver error of a usual run, what it states."""
     scene = body.scene(task.stokes, slow_times[-1])
@@ -306,7 +312,7 @@ def _averaged(
         began = thread_time()
         _observed(scene, form, FORM_TOLERANCE, times)
         row["seconds"] = thread_time() - began
-    slow, turned = _largest(difference(scene.ellipsoid, exact, true.observables[:last]))
+    slow, turned = _largest(difference(scene.ellipsoid, exact, reference.observables[:last]))
     row |= _columns("slow", slow) | _columns("turned", turned)
     row["solver_error"] = float(difference(scene.ellipsoid, usual, exact).slow.max())
     if with_stated:
@@ -333,7 +339,7 @@ def _observed(scene: Scene, form: Form, tolerance: float, slow_times: Array) -> 
     return form.observe(scene, run.states) if run.success else None
 
 
-def _hybrid(scene: Scene, true: Truth, requested: float, timed: bool) -> Record:
+def _hybrid(scene: Scene, reference: Reference, requested: float, timed: bool) -> Record:
     form = Hybrid()
     row = _row(form.name, requested)
     runner = Runner(scene, TIMES * scene.stokes)
@@ -342,15 +348,15 @@ def _hybrid(scene: Scene, true: Truth, requested: float, timed: bool) -> Record:
     run = runner.run(method, tolerance)
     if timed:
         # Tables and what was compiled count no more, the look ahead does.
-        for kept in (outline, path_of):
-            kept.cache_clear()
+        for cached in (outline, path_of):
+            cached.cache_clear()
         began = thread_time()
         runner.run(method, tolerance)
         row["seconds"] = thread_time() - began
     if not run.success:
         return row | {"refused": f"ended with {run.solution.status}"}
     observables = form.observe(scene, runner.rows(run.solution).states)
-    slow, turned = _largest(difference(scene.ellipsoid, observables, true.observables))
+    slow, turned = _largest(difference(scene.ellipsoid, observables, reference.observables))
     row |= _columns("slow", slow) | _columns("turned", turned)
     along = confirmation(runner, run).at(TIMES / TIMES[-1]).along
     if along.slow is None:
@@ -359,7 +365,7 @@ def _hybrid(scene: Scene, true: Truth, requested: float, timed: bool) -> Record:
     return row | _columns("bound", slow) | _columns("turned_bound", turned)
 
 
-def _costs(scene: Scene, true: Truth) -> Iterator[Record]:
+def _costs(scene: Scene, reference: Reference) -> Iterator[Record]:
     """Runs of the full equations at ever tighter tolerances, until errors are small enough."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
@@ -372,7 +378,9 @@ def _costs(scene: Scene, true: Truth) -> Iterator[Record]:
             if not run.success:
                 continue
             observables = form.observe(scene, run.states)
-            error = float(difference(scene.ellipsoid, observables, true.observables).slow.max())
+            error = float(
+                difference(scene.ellipsoid, observables, reference.observables).slow.max()
+            )
             yield {"solver": name, "tolerance": tolerance, "error": error, "seconds": seconds}
             if error <= _COST_LEAST_ERROR:
                 break

@@ -42,9 +42,9 @@ COST_SLOW_TIME = 0.5  # Duration in slow time.
 COST_SAMPLES = 11  # Output times.
 _EXPONENTS = tuple(range(3, 9))  # Powers of ten of St.
 COMPARED = 1e6  # St at which first order and the full equations are run too.
-TARGET = 1e-6  # Slow error that the full equations have to meet.
+TARGET = 1e-6  # Error of L and E that the full equations have to meet.
 _COST_TOLERANCE = 1e-9  # Of averaged forms.
-_TRUE_TOLERANCE = 1e-16  # Of the truth of these runs.
+_REFERENCE_TOLERANCE = 1e-16  # Of the references of these runs.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
@@ -81,7 +81,7 @@ def timed_run(
     return TimedRun(observables, solution.seconds, solution.seconds + perf_counter() - began)
 
 
-def true_observables(
+def reference_observables(
     scene: Scene, samples: int = SECOND_ORDER_SAMPLES
 ) -> tuple[Observables, Errors]:
     """Observables of the full form in long double, and what a hundredfold tolerance changes in them."""
@@ -97,12 +97,12 @@ def true_observables(
 
 
 def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any], Errors]:
-    """Cells of a run for both tables: errors, first order's, the form's estimate; and the truth's uncertainty."""
-    true, uncertainty = true_observables(scene)
+    """Cells of a run for both tables: errors, first order's, the form's estimate; and the reference's uncertainty."""
+    reference, uncertainty = reference_observables(scene)
     first = timed_run(
         scene, averaged_form(scene), SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES
     ).observables
-    error = errors(scene.ellipsoid, run.observables, true)
+    error = errors(scene.ellipsoid, run.observables, reference)
     estimate = SecondOrder().estimate(scene)
     row = {
         "shape": case.axes,
@@ -110,7 +110,7 @@ def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any
         "slow_time": case.slow_time,
         "stokes": scene.stokes,
     }
-    row |= {"slow": error.slow, "first_order_slow": errors(scene.ellipsoid, first, true).slow}
+    row |= {"slow": error.slow, "first_order_slow": errors(scene.ellipsoid, first, reference).slow}
     row |= {"orientation": _known(error.orientation), "estimated_orientation": estimate.orientation}
     return row | {"estimated_slow": estimate.slow}, uncertainty
 
@@ -151,7 +151,7 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
     row, _ = _compared(case, scene, fastest)
-    # Kicks far below the slow error estimated are not named.
+    # Kicks far below the estimated error of L and E are not named.
     strong = [kick for kick in outline(scene).kicks if kick.size > 0.1 * row["estimated_slow"]]
     different = dict.fromkeys(kick.mode for kick in strong)
     modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in different)
@@ -169,11 +169,11 @@ def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> 
     name = SecondOrder.name
     full = full_form(there)
     first = averaged_form(there)
-    true = timed_run(there, full, _TRUE_TOLERANCE, COST_SAMPLES).observables
+    reference = timed_run(there, full, _REFERENCE_TOLERANCE, COST_SAMPLES).observables
     averaged_by = available_like("taylor")
 
     def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
-        slow = errors(scene.ellipsoid, run.observables, true).slow if scene == there else nan
+        slow = errors(scene.ellipsoid, run.observables, reference).slow if scene == there else nan
         return Cost(
             name, solver, tolerance, scene.stokes, COST_SAMPLES, run.integration, run.seconds, slow
         )

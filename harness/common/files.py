@@ -112,7 +112,7 @@ def write_file(path: Path, content: str | bytes, *, summed: bool = False) -> Pat
     """Write a whole file at once, its folder too, and return its path; a failure leaves nothing behind."""
     path.parent.mkdir(parents=True, exist_ok=True)
     target = PartialFile(path, binary=isinstance(content, bytes), summed=summed)
-    # FILE.partial may be of an earlier failure, whose rows are wanted.
+    # FILE.partial may hold the rows of an earlier failure, which are not to be lost.
     target.partial = target._private
     try:
         with target as file:

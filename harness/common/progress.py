@@ -214,7 +214,7 @@ class Steps:
             self._line(f"{self._title}: {self._finished}{of} {self._unit} after {after}")
 
     def over(self, items: Iterable[T]) -> Iterator[T]:
-        """The items, each a step that is finished when the next one is asked for."""
+        """The items, each a step that is finished when the next one is requested."""
         with self:
             for item in items:
                 yield item
@@ -245,6 +245,6 @@ def in_steps(
     quiet: bool = False,
     stream: IO[str] | None = None,
 ) -> Iterator[T]:
-    """The items, each a finished step of `Steps` when the next one is asked for."""
+    """The items, each a finished step of `Steps` when the next one is requested."""
     total = len(items) if isinstance(items, Sized) else None
     return Steps(title, total, unit, quiet, stream).over(items)

@@ -308,14 +308,17 @@ def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
 
 def read_table(path: Path, kind: type[Entry]) -> list[Entry]:
     """Rows as `write_table` wrote them; raises ValueError if the file is missing, damaged, or has others."""
-    expected = [field.name for field in fields(kind)]  # pyright: ignore[reportArgumentType]
+    columns = fields(kind)  # pyright: ignore[reportArgumentType]
+    expected = [column.name for column in columns]
+    # Tables written before a column was renamed: `metadata={"former": "pieces"}` of its field.
+    present = {column.metadata.get("former"): column.name for column in columns}
     try:
         head, *lines = list(csv.reader(StringIO(read_file(path).decode(), newline=""))) or [[]]
     except OSError as error:
         raise ValueError(
             f"{path}: {error.strerror}, expected a table of {', '.join(expected)}"
         ) from None
-    if head != expected:
+    if [present.get(name, name) for name in head] != expected:
         raise ValueError(
             f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}"
         )

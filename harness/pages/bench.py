@@ -39,9 +39,7 @@ _SHOWN = 2
 _SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
 _SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
 _NOTHING = "No run gave a result: how each ended stands in runs.csv."
-_FULL_ALONE = (
-    "No form measured averages: the tables show the cheapest ways through the full equations."
-)
+_FULL_ALONE = "No form measured averages: the tables show the cheapest runs of the full equations."
 # St further apart than this leave open where between them averaging begins to pay.
 _GAP = 10.0 * (1 + 1e-9)
 

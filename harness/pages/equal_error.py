@@ -24,17 +24,17 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-COMPARED_ERRORS = (1e-4, 1e-6, 1e-8)  # Slow errors at which solvers are compared.
-_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Slow errors at which forms are compared.
+COMPARED_ERRORS = (1e-4, 1e-6, 1e-8)  # Errors of L and E at which solvers are compared.
+_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Errors of L and E at which forms are compared.
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
 _VERNER = "cyrk-vern8"
-# Libraries that run without Python in the loop, and what a right-hand side is called in each back
-# end.
+# Libraries that run without Python in the loop.
 _ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # Fields of `Measured` that hold no records.
 _COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
-_WAYS: dict[Backend, str] = {
+# How a right-hand side is called by each back end.
+_BACKENDS: dict[Backend, str] = {
     "python": "plain Python",
     "numba": "compiled, called from Python",
     "compiled": "alone",
@@ -56,9 +56,9 @@ class Measured:
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
     """Write the page, its figures and its data."""
-    kept = {name: getattr(measured, name) for name in _COSTS}
+    saved = {name: getattr(measured, name) for name in _COSTS}
     write_file(
-        folder / "costs.json", json.dumps(kept, default=asdict, indent=1) + "\n", summed=True
+        folder / "costs.json", json.dumps(saved, default=asdict, indent=1) + "\n", summed=True
     )
     for name in ("solvers", "spheroid", "backends"):
         write_records(getattr(measured, name), folder, name)
@@ -127,7 +127,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         claims=claims,
         worth=worth,
         measured=measured,
-        ways=_WAYS,
+        backends=_BACKENDS,
         interpreter=_interpreter(backends),
         crossings=_crossings(solvers, times),
         forms=_table(
@@ -178,7 +178,7 @@ def _worth(times: Any) -> tuple[list[str], str]:
         rows.append([short(target), short(stokes), *cells])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
     claims = lines_of("equal-error-claims", shares=shares, places=len(places))
-    return claims, _table(["slow error", "St", *_ALONE], rows, 2)
+    return claims, _table(["error of L and E", "St", *_ALONE], rows, 2)
 
 
 def _finished(table: pd.DataFrame) -> Any:
@@ -191,7 +191,7 @@ def _finished(table: pd.DataFrame) -> Any:
 
 
 def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
-    """Times of an algorithm in the three ways, and how many times as long as alone the others take."""
+    """Times of an algorithm by the three back ends, and over the time of compiled code alone."""
     done = _finished(table)
     done = done[
         [
@@ -201,7 +201,7 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     ]
     done["method"] = done["solver"].str.removeprefix("cyrk-")
     times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(
-        columns=[*_WAYS]
+        columns=[*_BACKENDS]
     )
     return (
         times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio"))
@@ -210,7 +210,7 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     )
 
 
-def _comparable(solver: str, way: str, jacobian: str) -> bool:
+def _comparable(solver: str, backend: str, jacobian: str) -> bool:
     """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their counterparts in CyRK."""
     method = find_solver(solver)
     same = (
@@ -218,16 +218,16 @@ def _comparable(solver: str, way: str, jacobian: str) -> bool:
         if method.implicit
         else True
     )
-    return same and (way == "compiled" or method.family != "CyRK")
+    return same and (backend == "compiled" or method.family != "CyRK")
 
 
 def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
     """Runs by exact Jacobians beside those by finite differences."""
     done = _finished(table)
-    done["way"] = done["backend"].map(_WAYS)
+    done["called"] = done["backend"].map(_BACKENDS)
     exact, differences = (where(done, done["jacobian"] == kind) for kind in ("exact", "difference"))
     pairs = exact.merge(
-        differences, on=["stokes", "solver", "way"], suffixes=("", "_by_differences")
+        differences, on=["stokes", "solver", "called"], suffixes=("", "_by_differences")
     )
     return pairs.assign(ratio=pairs["seconds_by_differences"] / pairs["seconds"]).to_dict("records")
 
@@ -269,7 +269,7 @@ def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
 
 
 def _times(times: Any) -> dict[float, str]:
-    """Every solver's times by St, a table for each slow error."""
+    """Every solver's times by St, a table for each error of L and E."""
     tables = {}
     for target in COMPARED_ERRORS:
         by_solver = times.loc[target]["quaternion"].T.dropna(how="all")

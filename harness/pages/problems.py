@@ -26,9 +26,9 @@ _PROFILED = 1e-6  # Error at the end of the figure of profiles.
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
-    kept = pd.DataFrame(rows).drop(columns=["machine", "versions"])
-    write_file(folder / "runs.csv", kept.to_csv(index=False))
-    return _write(kept, folder, provenance(command, rows))
+    table = pd.DataFrame(rows).drop(columns=["machine", "versions"])
+    write_file(folder / "runs.csv", table.to_csv(index=False))
+    return _write(table, folder, provenance(command, rows))
 
 
 def rewrite_page(folder: Path) -> Path:
@@ -38,13 +38,13 @@ def rewrite_page(folder: Path) -> Path:
     return _write(runs, folder, made)
 
 
-def _write(kept: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
+def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     # With the columns that runs of scenes have.
-    runs = kept.assign(
+    runs = table.assign(
         form="",
         slow_uncertainty=0.0,
-        slow_error=kept["error"],
-        seconds_spread=kept["spread"],
+        slow_error=table["error"],
+        seconds_spread=table["spread"],
     )
     groups = [
         (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)

@@ -105,7 +105,7 @@ class Run:
 def _gains_table(
     runs: Sequence[Run], choice: str, pair: tuple[str, str], heads: tuple[str, str, str]
 ) -> str:
-    """What one way of a choice gains over another; `heads` name the other choice and who alone gets through."""
+    """What one option of a choice gains over the other; `heads` name the further column and who alone gets through."""
     beside, only_first, only_second = heads
     return markdown(
         ["solver", beside, "pairs", "median", "least", "most", only_first, only_second],

@@ -21,19 +21,19 @@ END = "<!-- end of which form -->"
 # Errors of the columns, for L and E and for the orientation.
 _TARGETS = (1e-2, 1e-4, 1e-6)
 _BODIES = {"ellipsoid": "a triaxial body", "spheroid": "a spheroid"}
-_WANTED = {"slow_error": "L, E to", "orientation_error": "orientation to"}
+_REQUESTED = {"slow_error": "L, E to", "orientation_error": "orientation to"}
 _AVERAGED = {**ORDERS, "hybrid": "hybrid"}
 
 
 def tables(maps: Maps) -> str:
-    """One table for each kind of body: St by what is wanted and its error."""
+    """One table for each kind of body: the best form by St and requested error."""
     return "\n".join(_table(maps, body) for body in _BODIES)
 
 
 def _table(maps: Maps, body: str) -> str:
     words = dict[float, list[str]]()
     header = [f"St, {_BODIES[body]}"]
-    for error, title in _WANTED.items():
+    for error, title in _REQUESTED.items():
         for target in _TARGETS:
             header.append(f"{title} {short(target)}")
             for cell in maps[body, error]:

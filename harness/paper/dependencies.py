@@ -1,6 +1,6 @@
 """Code and data of an experiment: the definitions and modules that its `compute` reaches by import.
 
-Data that were kept are today's if none of these has changed. Inside `harness/paper` single
+Cached data are today's if none of these has changed. Inside `harness/paper` single
 definitions count, so that words, ranges and figures may change beside the computation. Elsewhere
 whole modules count. A catalogue's entry counts where its name stands as a string in what is
 reached: "taylor" brings `polhode.solvers.taylor`.

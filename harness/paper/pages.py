@@ -204,13 +204,13 @@ def run(
     by_name = {item.name: item for item in items}
     # Ctrl-C while a figure is drawn ends the processes too.
     with closing(computed):
-        for number, outcome in enumerate(chain(_kept(data), computed), start=1):
+        for number, outcome in enumerate(chain(_cached(data), computed), start=1):
             item = by_name[outcome.name]
             failure, words = _drawn(item, outcome, folder, svg)
             if failure:
                 failed.append(item.name)
                 words = f"failed: {failure}"
-            took = "   kept " if outcome.seconds is None else f"{outcome.seconds:6.1f} s"
+            took = " cached " if outcome.seconds is None else f"{outcome.seconds:6.1f} s"
             report(f"[{number:2}/{len(items)}] {item.name:28} {took}  {words}")
     write_pages(folder, sections())
     report(f"{perf_counter() - began:.0f} s; index: {folder / 'README.md'}")
@@ -244,7 +244,7 @@ def _drawn(item: Item, outcome: _Outcome, folder: Path, svg: bool) -> tuple[str,
         return str(error), ""
 
 
-def _kept(data: Mapping[str, Data]) -> Iterator[_Outcome]:
+def _cached(data: Mapping[str, Data]) -> Iterator[_Outcome]:
     for name, tables in data.items():
         yield _Outcome(name, tables)
 

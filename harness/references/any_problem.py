@@ -119,7 +119,7 @@ def _by_taylor(
     units = np.full(problem.dimension, _size(problem))
     runs = []
     for precision, tolerance in LONG_DOUBLE:
-        # Compilation, which is kept, is not the run's time.
+        # Compilation, which is cached, is not the run's time.
         Bound(problem, tolerance, precision, units)
         deadline = perf_counter() + max_seconds
         runs.append(extended_run(problem, times, precision, tolerance, deadline, units=units))

@@ -200,15 +200,15 @@ def _tried(
 
 
 def _compare(
-    ellipsoid: Ellipsoid, runs: list[Observables], true: Observables, tolerance: float
+    ellipsoid: Ellipsoid, runs: list[Observables], reference: Observables, tolerance: float
 ) -> float:
     """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
     # The second run is compared; the first is looser, and the others start elsewhere by an ulp.
     loose, tight, *moved = runs
-    deviation = errors(ellipsoid, tight, true)
+    deviation = errors(ellipsoid, tight, reference)
     numerical_error = errors(ellipsoid, loose, tight)
     spread = [errors(ellipsoid, moved_run, tight) for moved_run in moved]
-    rounding = (_ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, true))
+    rounding = (_ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, reference))
     slow = numerical_error.slow + _ULPS * max(shift.slow for shift in spread) + rounding
     angle = (
         (numerical_error.orientation or 0.0)
@@ -234,11 +234,14 @@ def _backward(
         ]
         for state in (states[end], states[end] + ulp)
     )
-    true, returned_observables, moved_observables = (
+    reference, returned_observables, moved_observables = (
         observe(form, scene, state[None]) for state in (states[start], returned, moved)
     )
     return _compare(
-        scene.ellipsoid, [returned_observables, returned_observables, moved_observables], true, 0.0
+        scene.ellipsoid,
+        [returned_observables, returned_observables, moved_observables],
+        reference,
+        0.0,
     )
 
 

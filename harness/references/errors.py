@@ -26,14 +26,14 @@ _LEAST_INTERVALS = 16
 class Errors:
     """Errors along a run: each is the largest over the samples, and None where it cannot be known.
 
-    Slow errors are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3)
+    Errors of L and E (`slow`) are over I_max, angles in rad. The orientation error is the geodesic angle on SO(3)
     for a triaxial ellipsoid, and the angle between symmetry axes for a spheroid. It is None for a
     sphere or where a form gives no orientation. It splits, to first order, into a phase along the
     motion and a shape across it; not beyond `_SPLIT_LIMIT`.
     """
 
     slow: float
-    worst_sample: int  # that of the largest slow error
+    worst_sample: int  # of the largest error of L and E
     slow_each: tuple[float, ...]  # |ΔL_x|, |ΔL_y|, |ΔL_z| and |ΔE|
     orientation: float | None = None
     phase: float | None = None  # too early or too late on the same orbit
@@ -42,38 +42,38 @@ class Errors:
 
 
 def errors(
-    ellipsoid: Ellipsoid, found: Observables, true: Observables, scene: Scene | None = None
+    ellipsoid: Ellipsoid, found: Observables, reference: Observables, scene: Scene | None = None
 ) -> Errors:
     """Errors of observables at the same n times; ValueError if the numbers of samples differ.
 
     The scene that was solved is needed for `Errors.balance` alone, if the samples are equispaced
     over its duration.
     """
-    if len(found.energy) != len(true.energy):
-        raise ValueError(f"samples: got {len(found.energy)}, expected {len(true.energy)}")
+    if len(found.energy) != len(reference.energy):
+        raise ValueError(f"samples: got {len(found.energy)}, expected {len(reference.energy)}")
     with np.errstate(over="ignore", invalid="ignore"):
-        difference = np.abs(found.slow - true.slow) / max(ellipsoid.inertia)
+        difference = np.abs(found.slow - reference.slow) / max(ellipsoid.inertia)
     difference = np.where(np.isnan(difference), inf, difference)
     component_errors = np.max(difference, axis=0)
     worst = int(np.argmax(np.max(difference, axis=1)))
     slow = Errors(float(np.max(component_errors)), worst, tuple(component_errors.tolist()))
-    angle = orientation_difference(ellipsoid, found.rotation, true.rotation)
+    angle = orientation_difference(ellipsoid, found.rotation, reference.rotation)
     if angle is None:
         return slow
     phase = None
     shape = None
     if np.max(angle) <= _SPLIT_LIMIT:
-        along, across = phase_and_shape(ellipsoid, found, true)
+        along, across = phase_and_shape(ellipsoid, found, reference)
         phase = float(np.max(np.abs(along)))
         shape = float(np.max(across))
-    balance = None if scene is None else balance_residual(scene, found, true)
+    balance = None if scene is None else balance_residual(scene, found, reference)
     return replace(
         slow, orientation=float(np.max(angle)), phase=phase, shape=shape, balance=balance
     )
 
 
 def orientation_difference(
-    ellipsoid: Ellipsoid, found: np.ndarray, true: np.ndarray
+    ellipsoid: Ellipsoid, found: np.ndarray, reference: np.ndarray
 ) -> np.ndarray | None:
     """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3); None where there is none."""
     # Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2
@@ -82,11 +82,11 @@ def orientation_difference(
     if ellipsoid.kind == "sphere":
         return None
     if ellipsoid.kind == "triaxial":
-        apart = (found - true).astype(float)
+        apart = (found - reference).astype(float)
         half_chord = np.sqrt(np.einsum("nij,nij->n", apart, apart) / 8)
     else:
         axis = ellipsoid.symmetry_axis
-        apart = (found[:, axis] - true[:, axis]).astype(float)
+        apart = (found[:, axis] - reference[:, axis]).astype(float)
         half_chord = np.sqrt(np.einsum("ni,ni->n", apart, apart) / 4)
     lost = np.isnan(half_chord)
     if lost.all():
@@ -97,23 +97,23 @@ def orientation_difference(
 
 
 def phase_and_shape(
-    ellipsoid: Ellipsoid, found: Observables, true: Observables
+    ellipsoid: Ellipsoid, found: Observables, reference: Observables
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Signed part along the true motion and part across it, of shape (n,) in rad, of a difference of orientation."""
-    # To first order it is a rotation vector δ in space axes, t_found = t_true(1 + [δ]×), of which
+    """Parts of a difference of orientation along the reference's motion, signed, and across it; shape (n,), in rad."""
+    # To first order it is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×), of which
     # δ·ω/|ω| lies along the motion; of a spheroid the symmetry axes' difference, along the axis'
     # own velocity. At rest all of it is shape.
     if ellipsoid.kind == "triaxial":
-        product = np.einsum("nij,nik->njk", true.rotation, found.rotation - true.rotation).astype(
-            float
-        )
+        product = np.einsum(
+            "nij,nik->njk", reference.rotation, found.rotation - reference.rotation
+        ).astype(float)
         skew = 0.5 * (np.swapaxes(product, 1, 2) - product)
         offset = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-        velocity = angular_velocity(ellipsoid, true).astype(float)
+        velocity = angular_velocity(ellipsoid, reference).astype(float)
     else:
-        direction = true.rotation[:, ellipsoid.symmetry_axis].astype(float)
+        direction = reference.rotation[:, ellipsoid.symmetry_axis].astype(float)
         offset = found.rotation[:, ellipsoid.symmetry_axis].astype(float) - direction
-        velocity = np.cross(true.angular_momentum.astype(float), direction)
+        velocity = np.cross(reference.angular_momentum.astype(float), direction)
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
     along = np.divide(velocity, speed, out=np.zeros_like(velocity), where=speed > 0)
     phase = np.sum(offset * along, axis=1)
@@ -126,11 +126,11 @@ def magnitude(ellipsoid: Ellipsoid, observables: Observables) -> float:
 
 
 def attainable(ellipsoid: Ellipsoid, observables: Observables) -> float:
-    """Smallest slow error that double precision can hold: eps times the largest |L|, E over I_max."""
+    """Smallest error of L and E that double precision can hold: eps times the largest |L|, E over I_max."""
     return float(np.finfo(float).eps) * magnitude(ellipsoid, observables)
 
 
-def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observables) -> float:
+def statistics_distance(ellipsoid: Ellipsoid, found: Observables, reference: Observables) -> float:
     """Largest distance (Wasserstein's W₁) between the distributions over the two runs of an observable.
 
     They can be compared where trajectories cannot. The observables are the squares of the known
@@ -145,7 +145,7 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
         ).astype(float)
 
     a = columns(found)
-    b = columns(true)
+    b = columns(reference)
     scale = np.ones(b.shape[1])
     scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
     levels = (np.arange(len(a)) + 0.5) / len(a)
@@ -153,13 +153,13 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, true: Observab
     return float(np.nanmax(np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0)))
 
 
-def balance_residual(scene: Scene, found: Observables, true: Observables) -> float | None:
+def balance_residual(scene: Scene, found: Observables, reference: Observables) -> float | None:
     """Largest residual over I_max of E(t) - E(0) - (1/St)∫P dt along a run, with P the power of the viscous torque.
 
     None where it cannot be known: without orientation, at St = 0, where E has no balance of its
     own, or where the samples, equispaced over the scene's duration, do not resolve the power.
     """
-    # The true solution has the residual 0, and its quadrature over the same samples hardly another
+    # The reference has the residual 0, and its quadrature over the same samples hardly another
     # error than the quadrature of the solution found: the difference of the two residuals is what
     # is measured.
     intervals = len(found.energy) - 1
@@ -167,13 +167,13 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
         return None
     ellipsoid = scene.ellipsoid
     unit = max(scene.ellipsoid.inertia)
-    completions = (completed(ellipsoid, run.rotation) for run in (found, true))
+    completions = (completed(ellipsoid, run.rotation) for run in (found, reference))
     rotations = [rotation for rotation in completions if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
     omega = [
         body_angular_velocity(ellipsoid, *pair)
-        for pair in zip((found, true), rotations, strict=True)
+        for pair in zip((found, reference), rotations, strict=True)
     ]
     if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > _LARGEST_TURN:
         return None
@@ -183,7 +183,7 @@ def balance_residual(scene: Scene, found: Observables, true: Observables) -> flo
         ellipsoid, rotations[1], omega[1], flow
     )
     power = power * scene.torque_factor / unit
-    energy = (found.energy - true.energy).astype(float) / unit
+    energy = (found.energy - reference.energy).astype(float) / unit
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine = _residual(times, energy, power)
     coarse = _residual(times[even], energy[even], power[even])

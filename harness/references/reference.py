@@ -73,7 +73,7 @@ _AGAINST_WITHOUT = ("dop853", 1e-13)
 # their distance.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
-# Slow error, over I_max, from which on the two do not confirm each other.
+# Error of L and E, over I_max, from which on the two do not confirm each other.
 APART = 1e-4
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
 # chaotic, trajectories mean something until it has grown too large.
@@ -120,7 +120,7 @@ def reference(scene: Scene, form: str | Form, samples: int, seconds: float = inf
     A full form gives the reference of all full forms; an averaged one its own exact solution. The
     times are equispaced from 0 to the end, both included. Raises ReferenceFailedError if a run does
     not reach its end or takes more than `seconds`, is contradicted by its certificate, or is beyond
-    the horizon; what failed is kept too, and not tried again within as many seconds. Long runs,
+    the horizon; a failure is cached too, and not tried again within as many seconds. Long runs,
     within limited seconds or above St = 1e6, are known in double precision alone, by methods that
     confirm each other. So are all runs where heyoka, which brings extended precision, is missing.
     """

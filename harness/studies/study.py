@@ -93,8 +93,8 @@ class Study:
                     cases = []
                     for solver_name in accepted:
                         method = scene_name, scene, form_name, solver_name
-                        ways = self._ways(solver_name)
-                        cases += [Case(*method, *limits, *way, *settings) for way in ways]
+                        pairs = self._compilations(solver_name)
+                        cases += [Case(*method, *limits, *pair, *settings) for pair in pairs]
                     yield cases
 
     def choice(self, scene_name: str, scene: Scene) -> Choice:
@@ -113,7 +113,7 @@ class Study:
             "solver": _known("solver", solvers, self.solvers),
         }
 
-        def kept(kind: str, *names: str) -> bool:
+        def passes(kind: str, *names: str) -> bool:
             return not filters[kind] or not filters[kind].isdisjoint(names)
 
         part = replace(
@@ -121,10 +121,10 @@ class Study:
             scenes=tuple(
                 (name, scene)
                 for name, scene in self.scenes
-                if kept("scene", name) and kept("tag", *self.choice(name, scene).tags)
+                if passes("scene", name) and passes("tag", *self.choice(name, scene).tags)
             ),
-            forms=tuple(name for name in self.forms if kept("form", name)),
-            solvers=tuple(name for name in self.solvers if kept("solver", name)),
+            forms=tuple(name for name in self.forms if passes("form", name)),
+            solvers=tuple(name for name in self.solvers if passes("solver", name)),
         )
         if not any(part.batches()):
             named = []
@@ -145,8 +145,8 @@ class Study:
         seconds = min(self.max_seconds, 0.2)
         return replace(self, tolerances=self.tolerances[::2], max_seconds=seconds, choices=choices)
 
-    def _ways(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
-        """Back ends and Jacobians with which to run a solver."""
+    def _compilations(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
+        """Pairs of back end and Jacobian with which to run a solver."""
         solver = find_solver(solver_name)
         offered = {None, *(backend for backend in solver.backends if not solver.lacks(backend))}
         jacobians: list[Jacobian | None] = [

@@ -212,7 +212,7 @@ class Callbacks:
         steps = 0
         reached = float(times[0])
         while True:
-            # The first step is guessed from the first time wanted.
+            # The first step is guessed from the first requested time.
             result = self._to(end if steps else times[1], record, "onestep")
             # After an interpolation the library first hands back the step it has.
             advanced = result.t > reached

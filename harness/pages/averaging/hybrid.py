@@ -1,4 +1,4 @@
-"""The page of the study of the form `hybrid`: how often it keeps its word, and how fast it is."""
+"""The page of the study of the form `hybrid`: how often it meets the requested error, and how fast it is."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ def write_page(study: Study, folder: Path, command: str) -> None:
     if study.errors:
         runs = _judged(study.errors)
         note = (
-            f"{runs['start'].nunique()} random starts by {hybrid.WINDOW_SOLVER}. Allowed: the error "
+            f"{runs['start'].nunique()} random starts by {hybrid.SEGMENT_SOLVER}. Allowed: the error "
             "requested, or the reference's uncertainty if larger. Speed: error "
             f"{short(hybrid.FAST_ERROR)}, t₂ = {hybrid.FAST_SLOW_TIME:g}, beside "
             f"{' and '.join(hybrid.FULL_SOLVERS)} at tolerances {short(hybrid.FULL_TOLERANCES[0])} to "
@@ -89,7 +89,7 @@ def findings(study: Study) -> list[str]:
 
 
 def _judged(rows: Sequence[HybridError]) -> Any:
-    """The runs as a table, with whether each kept its word and how its estimate compares."""
+    """The runs as a table, with whether each met its error, and its estimate over the measured error."""
     runs = frame_of(HybridError, rows)
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
     runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(
@@ -105,5 +105,5 @@ def _compared(rows: Sequence[Speed]) -> Any:
     runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")
     runs["gain"] = runs["full_seconds"] / runs["seconds"]
     runs["over_knowing"] = runs["knowing_seconds"] / runs["seconds"]
-    runs["fewer"] = (runs["full_steps"] / runs["window_steps"]).where(runs["window_steps"] > 0)
+    runs["fewer"] = (runs["full_steps"] / runs["segment_steps"]).where(runs["segment_steps"] > 0)
     return runs

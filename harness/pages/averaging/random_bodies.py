@@ -57,7 +57,7 @@ _GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 100
 _BOUNDED = 0.975
 # Errors that are shown by slow time.
 _SHOWN_TARGET = 1e-3
-# St at which the cost of `hybrid` is shown, and the error asked for.
+# St at which the cost of `hybrid` is shown, and the requested error.
 _HYBRID_SHOWN = (1e4, 1e5, 1e6)
 _HYBRID_ERROR = 1e-6
 # Examples of cancellation.
@@ -241,15 +241,15 @@ def _pays(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
 
 
 def hybrid_rows(data: Data, runs: Frame) -> list[dict[str, str]]:
-    """How often `hybrid` keeps to the error asked for, and how many times as fast as the full equations it is."""
+    """How often `hybrid` meets the requested error, and how many times as fast as the full equations it is."""
     rows = []
     hybrid = runs[runs["order"] == HYBRID]
     for kind in kinds_in(hybrid):
         own = hybrid[hybrid["kind"] == kind]
         row = {"kind": kind, "bodies": str(own["body"].nunique())}
         for i, requested in enumerate(random_study.REQUESTED_ERRORS):
-            asked = own[own["requested"] == requested]
-            met = asked["slow"] <= np.maximum(requested, asked["uncertainty"])
+            runs_at = own[own["requested"] == requested]
+            met = runs_at["slow"] <= np.maximum(requested, runs_at["uncertainty"])
             row[f"met{i}"] = f"{100 * met.mean():.3g} % of {len(met)}"
         full = full_seconds(data, kind, _HYBRID_ERROR)
         form = form_seconds(own, kind, HYBRID, _HYBRID_ERROR)

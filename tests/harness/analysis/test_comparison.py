@@ -62,7 +62,7 @@ CHANGES = [
     # As pages share their records.
     ({"seconds": 0.0151, "seconds_runs": None}, ["seconds"]),
     ({"slow_error": 2.9e-7}, []),
-    ({"slow_error": 3.1e-7}, ["slow error"]),
+    ({"slow_error": 3.1e-7}, ["error of L and E"]),
     ({"slow_error": 1e-12}, []),
     ({"slow_error": 3.1e-7, "slow_uncertainty": 1e-7}, []),
     ({"orientation_error": 1e-3, **timed(1.0)}, ["seconds", "orientation error"]),
@@ -321,7 +321,7 @@ def test_the_command(polhode: Run, tmp_path: Path):
         1.0,
     )
     (worse,) = found["regressions"]
-    assert (worse["what"], worse["before"], worse["after"]) == ("slow error", 1e-7, 1e-3)
+    assert (worse["what"], worse["before"], worse["after"]) == ("error of L and E", 1e-7, 1e-3)
     assert polhode("compare", "before.json", "worse.json", "--less-accurate", 2e4).returncode == 0
 
     for arguments, reason in {

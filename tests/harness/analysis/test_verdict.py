@@ -127,8 +127,8 @@ def test_from_which_st_on_the_averaged_form_wins(
 def test_sentences_say_what_the_table_says():
     lines = verdict(across({1e2: False, 1e3: True}), targets=(1e-2, 1e-6))
     assert lines == [
-        "For a slow error of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
-        "For a slow error of 1e-6 no averaged form is the cheapest at the largest St measured.",
+        "For an error of L and E of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
+        "For an error of L and E of 1e-6 no averaged form is the cheapest at the largest St measured.",
     ]
 
 
@@ -161,8 +161,9 @@ def test_scenes_are_told_of_one_by_one():
     first, second = across({1e2: False, 1e3: True}), across({1e2: True, 1e3: True})
     both = pd.concat([first.assign(scene_name="one"), second.assign(scene_name="two")])
     assert verdict(both, targets=(1e-2,)) == [
-        "one: For a slow error of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
-        "two: For a slow error of 0.01 an averaged form is the cheapest from St = 100 on, the smallest measured.",
+        "one: For an error of L and E of 0.01 an averaged form is the cheapest at St = 1000, the largest measured.",
+        "two: For an error of L and E of 0.01 an averaged form is the cheapest from St = 100 on, the "
+        "smallest measured.",
     ]
 
 

@@ -20,7 +20,7 @@ HERE = Path(__file__).parent
 
 
 def largest(found: SceneSolution, true: SceneSolution) -> tuple[float, float]:
-    """Slow error and error of the orientation, 0 where there is none."""
+    """Error of L and E and error of the orientation, 0 where there is none."""
     off = errors(found.scene.ellipsoid, found.observables, true.observables)
     return off.slow, off.orientation or 0.0
 

@@ -24,10 +24,10 @@ from polhode.harness.averaging.random_study import (
     Task,
     measure,
     read_data,
+    reference_of,
     run,
     tables_of,
     tasks,
-    truth,
     write_data,
 )
 from polhode.harness.averaging.shares import ORDER_ONE, ORDER_TWO, Quantile, at, bounded, cancelled
@@ -139,7 +139,7 @@ def test_tasks_are_cheap_first_and_hold_every_body():
 @pytest.mark.parametrize("kind", ["oblate", "crosses"])
 def test_two_unlike_methods_know_what_long_double_knows(kind: str):
     scene = drawn(kind, 1).scene(3160.0)
-    found = truth(scene)
+    found = reference_of(scene)
     form = find_form("spheroid-axis" if kind == "oblate" else "quaternion")
     runs = (("long double", 1e-18), ("long double", 1e-17))
     states, _ = reference_runs(form.problem(scene), TIMES * scene.stokes, runs)
@@ -155,7 +155,7 @@ def test_a_reference_that_nothing_confirms_is_refused(monkeypatch: pytest.Monkey
     unlike = {"quaternion": ("cyrk-vern8", 1e-2)}
     monkeypatch.setattr(random_study, "_UNLIKE", unlike)
     with pytest.raises(ReferenceFailedError, match="runs are"):
-        truth(drawn("crosses", 1).scene(3160.0))
+        reference_of(drawn("crosses", 1).scene(3160.0))
     found = measure(Task("crosses", 1, 3160.0))
     assert "apart" in found["reference"]["failure"]
     assert found["errors"] == []

@@ -22,6 +22,7 @@ from polhode.harness.averaging.hybrid import (
     measure_speed,
     random_scenes,
 )
+from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import here
 from polhode.harness.pages.averaging.hybrid import findings, page
 from polhode.models.problem import Problem
@@ -91,8 +92,8 @@ def test_findings_count_what_was_kept():
         in said
     )
     assert (
-        "Of 9 runs with windows, beside full solutions by cyrk-vern8 too, these took 5 times fewer steps than the full"
-        in said
+        "Of 9 runs with segments of the full equations, beside full solutions by cyrk-vern8 too, these segments took 5 "
+        "times fewer steps than the full" in said
     )
     assert (
         "took 250 ms in the median, 250 at most, when not seen before; read from disk 4 ms in the"
@@ -113,7 +114,7 @@ def short_scene() -> Scene:
     return next(islice(random_scenes(), 1, None))
 
 
-def test_a_run_is_measured_against_the_truth(
+def test_a_run_is_measured_against_the_reference(
     short_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
@@ -122,7 +123,7 @@ def test_a_run_is_measured_against_the_truth(
     for row in rows:
         assert row.uncertainty < 1e-12
         assert row.slow <= row.error
-    # The second time the truth is read.
+    # The second time the reference is read.
     assert len(list(tmp_path.glob("references/*"))) == 1
 
 
@@ -150,10 +151,24 @@ def test_runs_compared_in_speed_take_turns(
         True,
         True,
     )
-    assert row.solver != hybrid.WINDOW_SOLVER or row.full_steps > 0
+    assert row.solver != hybrid.SEGMENT_SOLVER or row.full_steps > 0
     assert min(row.seconds, row.few_seconds, row.full_seconds, row.knowing_seconds) > 0
-    ways = [("hybrid", hybrid.WINDOW_SOLVER)] * 2 + [
+    runs = [("hybrid", hybrid.SEGMENT_SOLVER)] * 2 + [
         ("spheroid-axis", solver) for solver in (*hybrid.FULL_SOLVERS, hybrid.KNOWING)
     ]
-    turn = [way for way in ways for _ in range(hybrid.SPEED_REPEATS)]
+    turn = [run for run in runs for _ in range(hybrid.SPEED_REPEATS)]
     assert called[-len(turn) * hybrid.SPEED_REPEATS :] == turn * hybrid.SPEED_REPEATS
+
+
+def test_tables_of_former_column_names_are_read(tmp_path: Path):
+    study = Study([ROW, BAD], SPEEDS, {"errors": here(), "speed": here()})
+    write_study(study, tmp_path)
+    for name, present, former in (
+        ("errors", "segments", "pieces"),
+        ("speed", "segment_steps", "window_steps"),
+    ):
+        path = tmp_path / f"{name}.csv"
+        text = path.read_text(encoding="utf-8")
+        assert text.count(present) == 1
+        write_file(path, text.replace(present, former), summed=True)
+    assert read_study(Study, tmp_path) == study

@@ -107,18 +107,20 @@ def test_findings_are_those_of_the_numbers():
     orders, estimates, gains, crossings, there, steady, compared = findings(
         replace(STUDY, crossings=[replace(PASSED, slow=3.5e-5), REFUSED])
     )
-    assert orders.startswith("Spheroids, 1 starts: the slow error falls like St^-2.00 to St^-2.00")
+    assert orders.startswith(
+        "Spheroids, 1 starts: the error of L and E falls like St^-2.00 to St^-2.00"
+    )
     assert (
-        "away from resonances: 1.5 to 1.5 times the slow error measured, 8 to 8 times the orientation's"
-        in estimates
+        "away from resonances: 1.5 to 1.5 times the measured error of L and E, 8 to 8 times the "
+        "measured error of the orientation" in estimates
     )
     assert "50 to 50 times smaller" in gains
     assert "10 to 10 times smaller" in crossings
     assert "Refused at all St: 1 of 2 runs" in crossings
-    assert "0.57 to 2.9 times the slow error" in there
+    assert "0.57 to 2.9 times the measured error of L and E" in there
     assert "500 µs to 600 µs at St from 1000 to 1e6: at the largest St 1.20 times" in steady
     assert (
-        "210 ms for a slow error of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times"
+        "210 ms for an error of L and E of at most 1e-6 (`cyrk-vern8`, the fastest of 2 solvers), 350 times"
         in compared
     )
     assert findings(SecondOrderStudy([], [], [], [], {})) == []

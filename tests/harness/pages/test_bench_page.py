@@ -17,7 +17,7 @@ from polhode.harness.studies.study import Study, read_study
 
 mpl.use("Agg")
 
-# The reference knows the slow error to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot
+# The reference knows the error of L and E to 1e-9, the orientation to 1e-7: below 1e-8 and 1e-6 it cannot
 # tell.
 RUN: dict[str, Any] = {
     "scene_name": "paper",
@@ -198,7 +198,7 @@ def test_a_study_without_averaged_forms_has_no_verdict_on_them(study: Study, tmp
         encoding="utf-8"
     )
     assert (
-        "- For a slow error of 1e-4 an averaged form is the cheapest at St = 50, the only one measured."
+        "- For an error of L and E of 1e-4 an averaged form is the cheapest at St = 50, the only one measured."
         in page
     )
 

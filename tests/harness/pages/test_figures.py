@@ -122,7 +122,7 @@ def test_points_that_the_reference_cannot_tell_are_grey_and_the_legend_says_so()
         run("taylor", 1e-8, 0.02, 1e-8, form="averaged", **near),
         run("ida", 1e-4, 1.0, 1e-4, **near),
     ]
-    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    figure = work_precision_panels(frame(records), "slow_error", "error of L and E")
     (panel,) = figure.axes
     lines = {line.get_label(): line for line in panel.get_lines()}
     grey = [line for line in panel.get_lines() if line.get_color() == GREY]
@@ -149,7 +149,7 @@ def test_the_legend_lies_within_the_picture():
         for record in [*RECORDS, *second]
     ]
     for records in (numbers, numbers[: len(numbers) // 2]):
-        figure = work_precision_panels(frame(records), "slow_error", "slow error")
+        figure = work_precision_panels(frame(records), "slow_error", "error of L and E")
         figure.canvas.draw()
         (legend,) = figure.legends
         box, page = legend.get_window_extent(), figure.bbox
@@ -208,7 +208,7 @@ def test_every_line_of_the_front_is_named_beside_its_panel_and_no_two_names_meet
         for i, name in enumerate([*[*SOLVERS][:8], long])
         for form in ("quaternion", "own_form:Directions" if name == long else "euler-angles")
     ]
-    figure = work_precision_panels(frame([*RECORDS, *front]), "slow_error", "slow error")
+    figure = work_precision_panels(frame([*RECORDS, *front]), "slow_error", "error of L and E")
     figure.canvas.draw()
     (panel,) = figure.axes
     names = {text.get_text(): Text.get_window_extent(text) for text in panel.texts}
@@ -241,7 +241,7 @@ def test_powers_of_ten(value: float, text: str):
 @pytest.mark.parametrize(("numbers", "visible"), [((1e2,), 1), ((1e2, 1e3, 1e4), 3)])
 def test_one_panel_per_st(tmp_path: Path, numbers: tuple[float, ...], visible: int):
     records = [{**record, "scene": {"stokes": stokes}} for stokes in numbers for record in RECORDS]
-    figure = work_precision_panels(frame(records), "slow_error", "slow error over I_max")
+    figure = work_precision_panels(frame(records), "slow_error", "error of L and E over I_max")
     panels = [axes for axes in figure.axes if axes.get_visible()]
     assert len(panels) == visible
     labels = {1e2: "100", 1e3: "$10^{3}$", 1e4: "$10^{4}$"}
@@ -269,7 +269,9 @@ def test_decades_of_error_and_time_are_as_long():
     records = [
         {**record, "scene": {"stokes": stokes}} for stokes in (1e2, 1e3) for record in RECORDS
     ]
-    figure = work_precision_panels(frame(records), "slow_error", "slow error", note="Some words.")
+    figure = work_precision_panels(
+        frame(records), "slow_error", "error of L and E", note="Some words."
+    )
     figure.canvas.draw()
     for axes in figure.axes:
         box = axes.get_window_extent()
@@ -281,7 +283,7 @@ def test_decades_of_error_and_time_are_as_long():
 
 
 def test_words_stand_in_ink_beside_a_marker_in_the_solvers_colour():
-    figure = work_precision_panels(frame(RECORDS), "slow_error", "slow error", scene="paper")
+    figure = work_precision_panels(frame(RECORDS), "slow_error", "error of L and E", scene="paper")
     (panel,) = figure.axes
     names = [text for text in panel.texts if text.get_text() in SOLVERS]
     assert names
@@ -300,14 +302,14 @@ def test_what_was_measured_is_said_below_the_panels():
         "Tolerances 1e-4 to 1e-8. Times: warm runs, the fastest of up to 5, which vary by 10 % in the "
         "median; A CPU, 2 cores."
     )
-    figure = work_precision_panels(table, "slow_error", "slow error", note=words)
+    figure = work_precision_panels(table, "slow_error", "error of L and E", note=words)
     assert " ".join(figure.texts[-1].get_text().split()) == " ".join(words.split())
     plt.close(figure)
 
 
 def test_a_study_in_which_every_run_failed_is_drawn_empty(tmp_path: Path):
     records = [run("cyrk-radau", tolerance, None, None) for tolerance in (1e-4, 1e-8)]
-    figure = work_precision_panels(frame(records), "slow_error", "slow error")
+    figure = work_precision_panels(frame(records), "slow_error", "error of L and E")
     assert len(figure.axes[0].get_lines()) == 2
     save(figure, tmp_path, "picture")
 
@@ -317,7 +319,7 @@ def test_exact_solutions_without_error_are_drawn_at_no_place_but_do_not_stop_the
 ):
     both = RECORDS, [*RECORDS, run("exact", 1e-4, 0.1, 0.0)]
     without, figure = (
-        work_precision_panels(frame(records), "slow_error", "slow error") for records in both
+        work_precision_panels(frame(records), "slow_error", "error of L and E") for records in both
     )
     assert figure.axes[0].get_xlim() == without.axes[0].get_xlim()
     save(figure, tmp_path, "picture")

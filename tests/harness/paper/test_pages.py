@@ -85,7 +85,7 @@ def test_what_is_there_is_kept(tmp_path, catalogue):
     for _ in range(2):
         assert run([item], tmp_path, told.append, grid=Grid.REDUCED) == []
     assert calls == [Grid.REDUCED]
-    assert "kept" in told[-2]
+    assert "cached" in told[-2]
 
 
 def test_items_side_by_side_say_when_they_begin_the_longest_first(tmp_path, monkeypatch):
