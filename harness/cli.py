@@ -23,7 +23,7 @@ from polhode.models.registry import Question, hint
 
 
 class Words(NamedTuple):
-    """The module of a command, and its texts."""
+    """A command: its name, its module in `harness.commands`, and its texts."""
 
     name: str
     module: str
@@ -33,15 +33,17 @@ class Words(NamedTuple):
 
 
 def _words(section: str) -> Words:
+    """A command from its section of `words.md`: heading "name (module)", summary, example, more."""
     head, summary, example, *more = section.strip().split("\n\n")
     name, module = head.rstrip(")").split(" (")
     return Words(name, module, summary, example, "\n\n".join(more))
 
 
-# A text of its own, since the libraries that read other formats take longer than all else before
-# `polhode --help`.
+# Plain text that is split here: the libraries that read other formats take longer than all else
+# before `polhode --help`.
 _TEXT = Path(__file__).with_name("commands").joinpath("words.md").read_text(encoding="utf-8")
 _GROUPS = (group.split("\n## ") for group in _TEXT.split("\n# ")[1:])
+# Commands by the heading under which `polhode --help` lists them, and by name.
 GROUPS = {
     title.strip(): {words.name: words for words in map(_words, group)} for title, *group in _GROUPS
 }
@@ -64,6 +66,7 @@ class RunFailed(click.ClickException):
     exit_code = 1
 
 
+# What was expected, by the operating system's error about a file.
 _EXPECTED = {
     errno.ENOENT: ", expected an existing one",
     errno.EISDIR: ", expected a file",
@@ -98,7 +101,10 @@ def bad_input() -> Iterator[None]:
 def command(
     *, needs: Sequence[str] = (), **how: Any
 ) -> Callable[[Callable[..., None]], click.Command]:
-    """Make the command of its name of a function; it is refused where one of the libraries that it needs is missing."""
+    """A decorator: the function becomes the command of its name, with the texts of `words.md`.
+
+    The command is refused if one of the libraries that it needs is missing; `how` goes to click.
+    """
 
     def made(function: Callable[..., None]) -> click.Command:
         words = COMMANDS[function.__name__.replace("_", "-")]
@@ -196,6 +202,7 @@ def complaint(error: click.ClickException) -> str:
     command = error.ctx.command
     message = message.removesuffix(".")
     if not isinstance(error, click.BadParameter) or isinstance(error, click.MissingParameter):
+        # Click may end with "Did you mean …?".
         message += " expected: " if message.endswith("?") else ", expected: "
         message += " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
     return f"{error.ctx.command_path}: {message}"
@@ -211,9 +218,10 @@ def _terminated(number: int, frame: FrameType | None) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 on success, 2 on bad input, 1 when a run failed; SIGTERM is met as Ctrl-C is.
+    """Run the command line and exit: 0 on success, 2 on bad input, 1 if a run failed; SIGTERM acts as Ctrl-C.
 
-    1 too when standard output is closed or full before all is written: files of --out are whole.
+    The code is 1 too if standard output is closed or full before all is written; files of --out are
+    whole.
     """
     prepare_streams()
     if threading.current_thread() is threading.main_thread():
@@ -234,7 +242,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except (KeyboardInterrupt, click.Abort):
         said = "polhode: interrupted"
     except BrokenPipeError:
-        # Who reads has seen enough.
+        # The reader of the pipe has closed it, as `head` does.
         forget_output()
     except MemoryError:
         said = "polhode: out of memory, expected a smaller problem: fewer samples, a shorter time"

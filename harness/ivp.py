@@ -273,7 +273,7 @@ def _words(run: Solution) -> str:
 
 
 def _on_rtol(rtol: float | Sequence[float]) -> str:
-    """What is said of a relative tolerance that allows anything."""
+    """The warning about a relative tolerance that allows anything; else empty."""
     largest = float(np.max(rtol))
     return f"rtol = {largest:g} allows errors as large as the solution" if largest >= 1 else ""
 

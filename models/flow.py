@@ -302,10 +302,10 @@ def jeffery_angular_velocity(ops: Operations) -> Callable:
 def jeffery_in_any_flow(ops: Operations) -> Callable:
     """Jeffery's angular velocity in body axes, in any linear flow.
 
-    Of multiples x, y, z of the columns of t_ij, the scale that makes columns of them, (c² - b²)/(b² +
-    c²) and cyclic (`gyration`), and the flow's numbers. With the strain rate in body axes S' = t S tᵀ
-    it is ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²), which is (b² G₃₂ - c² G₂₃)/(b² + c²) with the gradient
-    G in body axes.
+    The compiled function takes multiples x, y, z of the columns of t_ij, the scale that makes columns
+    of them, (c² - b²)/(b² + c²) and cyclic (`gyration`), and the flow's numbers. With half the
+    vorticity h' and the strain rate S' = t S tᵀ in body axes, ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²).
+    With the gradient G in body axes this is (b² G₃₂ - c² G₂₃)/(b² + c²).
     """
 
     def spin(x, y, z, scale, g, f):

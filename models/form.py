@@ -1,4 +1,4 @@
-"""What every form of the equations of motion offers, whoever wrote it."""
+"""The contract of a form of the equations of motion, and its errors."""
 
 from abc import ABC, abstractmethod
 from math import inf
@@ -47,9 +47,9 @@ class Form(ABC):
     4. A form has no data of its own: everything comes from the scene, so that forms pickle and
        compare by name.
     5. The vector field is a factory at the top of the form's module, over generic numbers, in mass
-       form: the rows of the angular velocity carry the mass ``p[0]`` (alpha) and the torque the
-       factor ``p[1]`` (beta), so that (alpha, beta) = (1, 1/St) is the explicit form and (St, 1) the
-       implicit one.
+       form: the rows of the angular velocity carry the mass ``p[0]`` (alpha), the torque carries the
+       factor ``p[1]`` (beta). (alpha, beta) = (1, 1/St) is the explicit form, (St, 1) the implicit
+       one.
     """
 
     required: ClassVar[tuple[str, ...]] = ("name", "state", "orientation")

@@ -24,7 +24,8 @@ import numpy as np
 
 from polhode.models.operations import NUMPY_NAMES, Operations
 
-# A node is the name of an operation and the indices of its operands, or of an input and its place.
+# A node is the name of an operation and the indices of its operands, or the name of an input and its
+# place: ("mul", 0, 3), ("y", 1), ("t",), ("constant", 0.5).
 Node = tuple[Any, ...]
 # Names of nodes that no operation computes.
 _INPUTS = ("y", "p", "t", "constant")
@@ -46,10 +47,11 @@ _ARITHMETIC: dict[str, Callable[..., Any]] = {
     "pow": _power,
     "neg": operator.neg,
 }
-# Functions that every kind of number has a field for in `Operations`.
+# Functions of one number that are fields of `Operations`, for every kind of number. So is
+# `where_positive(x, a, b)`, which is a if x > 0 and b if not.
 _COMMON = ("sin", "cos", "sqrt", "exp", "log")
-# Advice in messages.
-_WAYS_OUT = (
+# What messages advise in place of a function that cannot be recorded.
+_ADVICE = (
     "NumPy's functions for math's, np.where for a branch, np.zeros_like(y) or np.array for np.zeros"
 )
 
@@ -62,7 +64,7 @@ class UntraceableError(Exception):
 
 
 class _NeedsNumbersError(TypeError):
-    """Something in a function wants a plain number; the words say what that does."""
+    """A recorded number was used as a plain one; the words say what the function did with it."""
 
 
 class Recording:
@@ -148,7 +150,7 @@ class _Recorder:
         digits = value.hex()
         index = self.constants.get(digits)
         if index is None:
-            # The digits keep constants apart that are equal.
+            # With their digits 0.0 and -0.0, which are equal, are two nodes.
             index = self.constants[digits] = len(self.nodes)
             self.nodes["constant", value, digits] = index
         return index
@@ -240,7 +242,7 @@ _NUMPY_NAMES = NUMPY_NAMES | {
 class _Protocols:
     """NumPy's protocols, of a number as of an array of them."""
 
-    # The operators of arrays leave themselves to it.
+    # Arrays on the left leave their operators to the number on the right.
     __array_priority__ = 1000.0
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
@@ -311,7 +313,7 @@ class Recorded(_Protocols):
 
 
 class Condition(_Protocols):
-    """A comparison: it chooses between two numbers."""
+    """A comparison: `choose(a, b)` is a where it holds and b where it does not."""
 
     __slots__ = ("choose",)
 
@@ -368,6 +370,7 @@ def _where_positive(x: Any, a: Any, b: Any) -> Any:
 
 
 def _greater(left: Any, right: Any) -> Any:
+    """Whether left > right: a bool for constants, else a `Condition`."""
     difference = _apply("sub", _number(left), _number(right))
     if not isinstance(difference, Recorded):
         return difference > 0
@@ -379,6 +382,7 @@ def _not(condition: Any) -> Any:
 
 
 def _both(one: Any, other: Any) -> Any:
+    """Conjunction of two conditions or bools."""
     if not isinstance(one, Condition):
         return other if one else False
     if not isinstance(other, Condition):
@@ -387,6 +391,7 @@ def _both(one: Any, other: Any) -> Any:
 
 
 def _one_of(one: Any, other: Any) -> Any:
+    """Disjunction, by De Morgan's law."""
     return _not(_both(_not(one), _not(other)))
 
 
@@ -399,6 +404,7 @@ def _where(condition: Any, a: Any, b: Any) -> Any:
 
 
 def _chosen(x: Any, above: Any, below: Any, between: Any) -> Any:
+    """One of three numbers, by the sign of x; the last if x is 0 or NaN."""
     return _where_positive(x, above, _where_positive(_apply("neg", x), below, between))
 
 
@@ -411,7 +417,7 @@ def _half_sum(a: Any, b: Any) -> Any:
 
 
 def _maximum(a: Any, b: Any) -> Any:
-    # NaN stays NaN, as in NumPy.
+    # Of equal numbers half their sum is either of them, and NaN if one is NaN, as in NumPy.
     return _chosen(_apply("sub", a, b), a, b, _half_sum(a, b))
 
 
@@ -419,7 +425,7 @@ def _minimum(a: Any, b: Any) -> Any:
     return _chosen(_apply("sub", a, b), b, a, _half_sum(a, b))
 
 
-def _nothing_of(x: Any) -> Any:
+def _zero_or_nan(x: Any) -> Any:
     """Zero, or NaN if x is NaN or infinite."""
     return _apply("mul", 0.0, x)
 
@@ -440,10 +446,12 @@ def _hypot(a: Any, b: Any) -> Any:
 
 
 def _noted(name: str) -> Callable[..., Any]:
+    """The function that notes an operation."""
     return lambda *operands: _apply(name, *operands)
 
 
-# NumPy's functions, by name, of numbers one by one.
+# NumPy's elementwise functions, by name, in terms of recorded operations. A comparison asks whether
+# a difference is positive, which NaN is not: with NaN, <=, >= and == hold, unlike in NumPy.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: _noted(name) for name in _COMMON},
     **{name: _noted(name) for name in ("tan", "sinh", "cosh", "tanh", "expm1", "log1p")},
@@ -460,8 +468,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "cbrt": _cbrt,
     "absolute": _absolute,
     "fabs": _absolute,
-    "sign": lambda x: _chosen(x, 1.0, -1.0, _nothing_of(x)),
-    "heaviside": lambda x, at_zero: _chosen(x, 1.0, 0.0, _apply("add", at_zero, _nothing_of(x))),
+    "sign": lambda x: _chosen(x, 1.0, -1.0, _zero_or_nan(x)),
+    "heaviside": lambda x, at_zero: _chosen(x, 1.0, 0.0, _apply("add", at_zero, _zero_or_nan(x))),
     "maximum": _maximum,
     "minimum": _minimum,
     "fmax": _maximum,
@@ -527,6 +535,7 @@ def _ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...], named: dict[str, An
     """One of NumPy's elementwise functions, or a way to apply it."""
     name = ufunc.__name__
     out = named.pop("out", None)
+    # Options at their defaults are none.
     for option, usual in (("where", True), ("dtype", None), ("initial", np._NoValue)):
         if named.get(option, usual) is usual:
             named.pop(option, None)
@@ -596,12 +605,15 @@ def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
 
 
 def _extreme(ufunc: Any) -> Callable[..., Any]:
+    """`np.max` or `np.min` of an array, from the function of two numbers."""
+
     def of_array(x: Any, axis: Any = None, **named: Any) -> Any:
         return ufunc.reduce(x, axis=axis, **named)
 
     return of_array
 
 
+# NumPy's functions that need the numbers themselves; `_array_function` calls all others as they are.
 _ARRAY_FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where_arrays,
     np.clip: _clip,
@@ -675,7 +687,7 @@ def record(function: Callable[..., Any], dimension: int, parameters: int) -> Rec
         _current.recorder = before
     if recorder.failure:
         name = getattr(function, "__name__", "f")
-        raise UntraceableError(f"{name} {recorder.failure}; use {_WAYS_OUT}")
+        raise UntraceableError(f"{name} {recorder.failure}; use {_ADVICE}")
     return recording
 
 
@@ -683,9 +695,9 @@ def _in_words(error: Exception, words: str) -> str:
     """The expression that cannot be recorded, the reason, and the user's line with it."""
     frame = line_of(error)
     if frame is None:
-        return f"f {words} ({type(error).__name__}: {error}); use {_WAYS_OUT}"
+        return f"f {words} ({type(error).__name__}: {error}); use {_ADVICE}"
     place = f"{frame.filename}:{frame.lineno}: {frame.line:.100}"
-    return f"{_segment(frame):.60} {words}; use {_WAYS_OUT} ({place})"
+    return f"{_segment(frame):.60} {words}; use {_ADVICE} ({place})"
 
 
 def _segment(frame: FrameSummary) -> str:

@@ -1,4 +1,4 @@
-"""Built-in scenes: those of the paper, and the hard cases on which forms and solvers are tried."""
+"""Built-in scenes: the paper's, and hard cases for forms and solvers."""
 
 import tomllib
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Where the wall time of a thread goes: every moment counts for the innermost piece of work alone."""
+"""Wall time of a thread, by kind of work: every moment counts for the innermost kind alone."""
 
 from collections import defaultdict
 from contextlib import ContextDecorator
@@ -7,7 +7,7 @@ from time import perf_counter
 
 
 class _Spent(local):
-    """Seconds by piece of work, of the thread that asks."""
+    """Seconds by kind of work, in the calling thread."""
 
     def __init__(self) -> None:
         self.seconds: defaultdict[str, float] = defaultdict(float)
@@ -17,7 +17,7 @@ SPENT = _Spent()
 
 
 class _Block(ContextDecorator):
-    """A piece of work, timed from its beginning to its end; a generator would cost three times as much."""
+    """A kind of work, timed from its beginning to its end; a generator would cost three times as much."""
 
     def __init__(self, work: str) -> None:
         self._work = work

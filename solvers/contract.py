@@ -25,15 +25,16 @@ Jacobian = Literal["exact", "difference"]
 
 # More steps than any run takes.
 UNLIMITED = 10**9
-# Seconds before a deadline from which on it is looked at so many times as often.
+# This many seconds before its deadline a run looks at the clock more often, by this factor.
 _NEAR = 0.05
 _OFTEN = 16
 
-# A run crawls if its steps are shorter than this share of those before, and more than so many are
-# left: minutes of compiled code. Relaxation oscillations shrink theirs as far, for a few steps.
+# A run crawls if its steps are shorter than this share of the steps before, and if more than
+# `_MAX_STEPS_AHEAD` are left: minutes of compiled code. Relaxation oscillations shrink their steps
+# as far, for a few steps.
 _CRAWLING = 1e-3
 _MAX_STEPS_AHEAD = 1e8
-# Steps have shrunk that are shorter than this share of those before.
+# Steps count as shrunk below this share of the steps before.
 _SHRUNK = 0.1
 
 # Libraries that a choice of back end or Jacobian needs besides the solver's own.

@@ -33,13 +33,16 @@ from polhode.solvers.singularity import jumped
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# An invariant may drift by this many tolerances, within these bounds, before success counts as
-# false; and at each step by so many, up to the limit: norms of quaternions, which fields divide
-# out, drift by 0.6 in 5000 good steps at 1e-4.
+# A success whose invariant drifts by more than a limit counts as false: this many tolerances,
 INVARIANT_TOLERANCES = 1e6
-_EACH_STEP = 3.0
+# but at least this drift,
 INVARIANT_FLOOR = 1e-6
+# and at most this drift,
 _INVARIANT_CEILING = 0.5
+# or this many tolerances per step, if that is more: norms of quaternions, which fields divide out,
+# drift by 0.6 in 5000 good steps at 1e-4,
+_INVARIANT_PER_STEP = 3.0
+# but never more than this drift.
 _INVARIANT_LIMIT = 2.0
 
 
@@ -390,7 +393,8 @@ def _doubt(solution: Solution, times: np.ndarray) -> str | None:
     if invariant is not None:
         worst = float(np.abs(invariant(solution.states)).max())
         tolerance = solution.settings.tolerance
-        most = min(_INVARIANT_LIMIT, max(_INVARIANT_CEILING, _EACH_STEP * tolerance * (steps or 0)))
+        of_steps = _INVARIANT_PER_STEP * tolerance * (steps or 0)
+        most = min(_INVARIANT_LIMIT, max(_INVARIANT_CEILING, of_steps))
         allowed = min(most, max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance))
         if not worst <= allowed:
             return f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"

@@ -25,8 +25,8 @@ _MAX_UNROLLED = 50
 # Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
 # the range of double precision, which ends at 308: rates may be faster or slower than the time says.
 _MAX_EXPONENT = 200.0
-# Steps of a chunk in one unit of time, in paced runs (`propagate_paced`): a rate may change by a
-# factor of 1e8 in so many.
+# Steps of a chunk in `propagate_paced`, which share one unit of time: rates may change by a factor
+# of 1e8 in this many steps.
 _PACED_STEPS = 16
 # A paced run is given up if its chunks have not doubled in length over this many chunks,
 _PACED_CHUNKS = 40
@@ -379,9 +379,9 @@ class Taylor(Solver):
 
         def integrate(record: Record) -> Outcome:
             duration = float(record.times[-1]) - float(record.times[0])
-            # First in the problem's own units; in units that follow the run where that fails, or may.
-            # In a long time coefficients of slow rates vanish, and with them the error that they
-            # show; those of fast rates overflow, as does a state that becomes infinite.
+            # First in the problem's own units; in units that follow the run if that fails, or may. In
+            # units of a long time, coefficients of slow rates vanish, and with them the error that
+            # they show. Coefficients of fast rates overflow, as does a state that becomes infinite.
             outcome = None
             # Parameters that change, along a track, do so in moderate times.
             as_it_is = bool(record.events) or record.changed is not None

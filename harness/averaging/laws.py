@@ -50,7 +50,7 @@ def laws_of(data: Data) -> dict[str, Any]:
         own = lawful[(lawful["order"] == order) & (lawful["crosses"] == crosses)]
         measured = _measured(own)
         laws["measured"][name] = measured
-        # The measured exponent replaces that of theory if errors fall more slowly.
+        # The measured exponent replaces the exponent of theory if errors fall more slowly.
         slower = measured is not None and measured["low"] > theory
         laws["exponents"][name] = measured["high"] if measured and slower else theory
     every = all_times(data)

@@ -82,8 +82,8 @@ _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
 # spheroids a splitting method, shows its error.
 _TAYLOR = ("taylor", 1e-13)
 _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1e-11)}
-# Beyond this St a splitting method gives the reference of a spheroid. Stroboscopic averaging, whose
-# steps take many turns each, shows its error.
+# Largest St at which Taylor's method gives the reference of a spheroid. At larger St a splitting
+# method does; stroboscopic averaging, whose steps take many turns each, shows its error.
 _TAYLOR_UP_TO = 1e6
 _FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
 # Error of L and E, over I_max, from which on the two do not confirm each other.
@@ -444,7 +444,7 @@ def _flat(body: Record) -> dict[str, Any]:
 
 
 def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None) -> Data:
-    """Tables of records, added to those of an earlier study."""
+    """Tables of records, added to the tables of an earlier study."""
     frames: dict[str, list[Any]] = {name: [] for name in _DATA_TABLES}
     for record in records:
         frames["bodies"].append(_flat(record["body"]))

@@ -16,7 +16,7 @@ from polhode.harness.common.fits import median_interval, wilson
 
 HYBRID = "hybrid"
 _ORDERS = {**ORDERS, HYBRID: HYBRID}
-# Exponents of St by theory, by order of averaging; a crossing of L² = 2EI₂ has that of its jump.
+# Exponents of St by theory, by order of averaging. At a crossing of L² = 2EI₂ the jump decides.
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
 _RESONANCE = -0.5  # Of both orders, which leave out the kicks.
@@ -38,7 +38,7 @@ _NEAR = 0.03
 STATED_FROM = 1e4
 # Nothing is extrapolated to larger St.
 LARGEST_STOKES = 1e8
-# Exponents are those of errors below this one.
+# Exponents are fitted to errors below this one.
 MAX_ERROR_OF_LAWS = 0.1
 
 
@@ -171,8 +171,8 @@ def slopes_between(table: Frame, begin: float, end: float) -> np.ndarray | None:
 def predicted(row: Exponent) -> tuple[float, float]:
     """The exponents between which theory puts this one.
 
-    Crossings (first order) and resonances (both orders) add an error that falls like 1/√St: the
-    exponent goes from the order's own to that of this error as St grows.
+    Crossings (first order) and resonances (both orders) add an error that falls like 1/√St: as St
+    grows, the exponent goes from the order's own to -½.
     """
     if row.error == "turned":
         return _ORIENTATION, _ORIENTATION

@@ -537,7 +537,7 @@ def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
 
 
 def _loading(quiet: bool) -> Progress:
-    """What says so while libraries are loaded, which takes seconds where the disk is slow."""
+    """Progress shown while libraries are loaded, which takes seconds from a slow disk."""
     return Progress(quiet).begin("loading")
 
 
@@ -549,7 +549,7 @@ def _cores() -> int:
 
 
 def _engine(workers: int | None, address: str | None) -> Any:
-    """What runs the tasks of a sweep: this process, processes, or a Dask cluster at an address."""
+    """The engine that runs the tasks of a sweep: this process, processes, or a Dask cluster at an address."""
     from polhode.harness.ensembles.engines import check_dask, dask, processes, serial
 
     if address is not None:

@@ -113,7 +113,7 @@ def pick(
 
 
 def _racing(seconds: float) -> str:
-    """What is said of a question that takes longer than seconds."""
+    """Words of the progress line once a question takes longer than some seconds."""
     return f"methods have raced on the scene for {duration(seconds)}"
 
 

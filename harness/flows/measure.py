@@ -26,14 +26,16 @@ from polhode.solvers.taylor import forget_integrators
 
 # Shear's gradient but for a number far below rounding: it has the equations of any flow.
 AS_SHEAR = Flow.planar(1e-300)
+# Forms that take any linear flow.
 _FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jeffery")
+# θ, φ, ψ in rad and their rates in shear rates: a start without symmetry.
 START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 
-# Random states of each form at which the fields are compared, and shapes among them.
+# Random states of each form at which the fields are compared, shared evenly by random shapes.
 _STATES = 10_000
 _SHAPES = 100
 
-# Scenes, St and solvers whose cost is compared, at one tolerance, and the duration of a run.
+# Tolerance and duration, in inverse shear rates, of the runs whose cost is compared.
 COST_TOLERANCE = 1e-9
 COST_TIME = 2000.0
 # Times that heyoka compiles a field: the same code takes up to 1.5 times as long, by where it lies
@@ -42,6 +44,7 @@ COMPILATIONS = 5
 # Timed runs of each compilation.
 ROUNDS = 3
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
+# Scene, form, St and solvers of these runs.
 _COSTS = (
     ("paper", "quaternion", 10.0, _EXPLICIT),
     ("spheroid", "euler-angles", 10.0, _EXPLICIT),
@@ -53,23 +56,24 @@ _COSTS = (
 # Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them.
 _ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 _RATIOS = (0.25, 1.5, 2.0, 5.0)
-_ORBIT_TOLERANCE = 1e-14
-# Time in which an axis aligns, to rounding, where it does.
+_ORBIT_TOLERANCE = 1e-14  # Of the solver: periods are compared to rounding.
+# Time, in inverse shear rates, in which an axis aligns to rounding, if the flow makes it align.
 ALIGNING = 400.0
 
-# Knots of tracks: how many a run of so long a time has.
+# Durations of runs along tracks, in inverse shear rates, and the numbers of knots tried in them: for
+# the order of the spline, and for the cost of a knot.
 TRACK_TIME = 20.0
 _KNOTS = (10, 20, 40, 80, 160, 320)
 LONG_TRACK_TIME = 100.0
 _LONG_TRACK_KNOTS = (100, 300, 1000)
 _TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
 
-# Runs whose stated errors are held against long double; equal steps of that, knots and rows.
+# Random runs whose stated errors are compared with an integration in long double.
 _RUNS = 400
-_RUN_STEPS = 600
-_RUN_KNOTS = 30
-_RUN_ROWS = 11
-_RUN_TIME = 30.0
+_RUN_STEPS = 600  # Equal steps of that integration, a multiple of the knots.
+_RUN_KNOTS = 30  # Intervals between the knots of a track.
+_RUN_ROWS = 11  # Compared times.
+_RUN_TIME = 30.0  # Longest duration, in inverse shear rates.
 
 
 def random_gradient(random: np.random.Generator) -> Any:
@@ -99,6 +103,7 @@ def fields(quick: bool = False) -> Iterator[Record]:
 
 
 def _as_shear(scene: Scene) -> Scene:
+    """The scene in shear, by the equations of any flow."""
     return replace(scene, flow=AS_SHEAR)
 
 
@@ -174,6 +179,7 @@ def orbits(quick: bool = False) -> Iterator[Record]:
                 scene = Scene(shape, 0.0, START, ALIGNING, flow)
                 yield row | {"period": inf, "apart": _from_eigenvector(scene, ratio)}
                 continue
+            # Three passages lie within 1.6 periods, from any phase.
             scene = Scene(shape, 0.0, START, 1.6 * theory, flow)
             yield row | {"period": _measured_period(scene), "apart": _not_closed(scene, theory)}
 
@@ -226,7 +232,7 @@ def extension(quick: bool = False) -> Iterator[Record]:
 
 
 def source(time: Any) -> Any:
-    """A gradient that changes smoothly, shape (..., 3, 3), of which tracks are made."""
+    """The gradient of all tracks, shape (..., 3, 3), at times: it changes smoothly, at two frequencies."""
     phase = np.asarray(time)[..., None, None]
     steady = np.array(Flow.planar(0.2).gradient)
     wave = np.array([[0.15, 0.05, -0.2], [0.1, -0.25, 0.15], [0.05, 0.1, 0.1]])
@@ -234,6 +240,7 @@ def source(time: Any) -> Any:
 
 
 def _along(count: int, time: float) -> Scene:
+    """A scene along the track that `count` intervals between knots make of `source`."""
     times = np.linspace(0.0, time, count + 1)
     shape = Ellipsoid((1.0, 0.8, 0.5))
     return Scene(shape, 10.0, START, time, Flow.track(times, source(times)))
@@ -242,6 +249,7 @@ def _along(count: int, time: float) -> Scene:
 def orders(quick: bool = False) -> Iterator[Record]:
     """Error of L and E of runs along tracks of the source against its integration in long double."""
     scene = _along(_KNOTS[0], TRACK_TIME)
+    # 200 equal steps, of which the start and the end are rows.
     momentum = _by_long_double([scene], lambda time, _: source(time), 200, 2)[0].angular_momentum
     for count in _KNOTS[:3] if quick else _KNOTS:
         solution = solve(
@@ -255,7 +263,7 @@ def orders(quick: bool = False) -> Iterator[Record]:
 
 
 def knots(quick: bool = False) -> Iterator[Record]:
-    """Cost of a knot beyond the same run in a constant flow, by solver."""
+    """Cost of a knot: time of a run along a track less the time of one in a constant flow, by solver."""
     equations = find_form("quaternion")
     for solver in _TRACK_SOLVERS:
         for count in _LONG_TRACK_KNOTS[:1] if quick else _LONG_TRACK_KNOTS:
@@ -329,7 +337,7 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
 
 
 def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
-    """Gradients of scenes at times within a step: each entry by SciPy's spline of the nine."""
+    """A function of times within a step, and the step: the gradients of scenes, by SciPy's splines in long double."""
     from scipy.interpolate import CubicSpline
 
     cubics = np.zeros((len(scenes), _RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
@@ -356,7 +364,7 @@ def stated(quick: bool = False) -> Iterator[Record]:
     """Errors of random runs against long double, over those that they state."""
     scenes = random_scenes(16 if quick else _RUNS)
     alone = [scene for _, scene in scenes]
-    truth = _by_long_double(alone, _gradients(alone), _RUN_STEPS, _RUN_ROWS)
+    references = _by_long_double(alone, _gradients(alone), _RUN_STEPS, _RUN_ROWS)
     random = np.random.default_rng(12)
     for number, (name, scene) in enumerate(scenes):
         requested = float(10 ** random.uniform(-9, -3))
@@ -366,9 +374,11 @@ def stated(quick: bool = False) -> Iterator[Record]:
         if not solution.success:
             yield row | {"slow": inf, "slow_high": inf, "angle": inf, "angle_high": inf}
             continue
-        exact = truth[number]
-        slow = np.max(np.abs(solution.observables.slow - exact.slow)) / max(scene.ellipsoid.inertia)
-        angle = orientation_difference(scene.ellipsoid, solution.rotation, exact.rotation)
+        reference = references[number]
+        slow = np.max(np.abs(solution.observables.slow - reference.slow)) / max(
+            scene.ellipsoid.inertia
+        )
+        angle = orientation_difference(scene.ellipsoid, solution.rotation, reference.rotation)
         row |= {"slow": float(slow), "angle": inf if angle is None else float(np.max(angle))}
         slow_error = solution.error.slow
         orientation = solution.error.orientation

@@ -22,7 +22,8 @@ from polhode.harness.pages.figures.ensembles import picture, speeds
 from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.tables import fill
 
-# Files beside the page; `texts/sweep.md` describes them.
+# Files beside the page, and the function that makes an ensemble's rows of each; `texts/sweep.md`
+# describes them.
 _FILES = {
     "moments.csv": summary.moment_rows,
     "voigt.csv": summary.voigt_rows,
@@ -33,13 +34,14 @@ _FILES = {
     "distributions.csv": summary.distribution_rows,
     "arrivals.csv": summary.arrival_rows,
 }
-# Of these a shape's picture is drawn.
+# The tables from which the picture of a shape is drawn.
 _DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
-# Sweeps whose cost is laid out.
+# Large sweeps whose cost the page predicts.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
 _BLOCK = 100_000  # Particles of one task of such a sweep.
 
-Found = dict[str, Any]
+# What `throughput.measure` returns: tables by name, as plain data.
+Throughput = dict[str, Any]
 
 
 def write_results(
@@ -129,6 +131,7 @@ def _page(
     *,
     in_flow: bool,
 ) -> str:
+    """The page of a sweep; `in_flow` if the flow is not simple shear."""
     rows = []
     for ensemble in ensembles:
         arrived_at = ensemble["arrived"].items()
@@ -161,23 +164,25 @@ def _page(
 
 
 def _shape(row: dict[str, Any]) -> str:
+    """The semi-axes of an ensemble's row, as a : b : c."""
     return " : ".join(short(row[name]) for name in "abc")
 
 
 def _interval(interval: dict[str, float | None], none: str) -> str:
+    """A value and its interval in words; `none` stands for an end that is unknown."""
     value, low, high = (none if end is None else f"{end:.4g}" for end in interval.values())
     return f"{value} ({low} to {high})"
 
 
-def read_throughput(folder: Path) -> Found:
-    """What `write_page` wrote into a folder; ValueError if there is nothing."""
+def read_throughput(folder: Path) -> Throughput:
+    """The numbers that `write_page` wrote into a folder; ValueError if there are none."""
     path = folder / "throughput.json"
     if not path.is_file():
         raise ValueError(f"{path}: no such file, expected the numbers of `polhode throughput`")
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def write_page(throughput: Found, folder: Path) -> Path:
+def write_page(throughput: Throughput, folder: Path) -> Path:
     """Write ``throughput.json``, a picture of it and ``throughput.md`` into a folder; returns the page's path."""
     write_file(folder / "throughput.json", json.dumps(throughput, indent=1) + "\n")
     settings = throughput["settings"]
@@ -191,11 +196,11 @@ def write_page(throughput: Found, folder: Path) -> Path:
     return write_file(folder / "throughput.md", page(throughput))
 
 
-def _made(throughput: Found) -> list[str]:
+def _made(throughput: Throughput) -> list[str]:
     return provenance("polhode throughput", [throughput])
 
 
-def page(throughput: Found) -> str:
+def page(throughput: Throughput) -> str:
     """The measured figures as a page."""
     # Tasks, bytes in the store and core hours of large sweeps, in blocks of `_BLOCK`, from measured
     # whole tasks.
@@ -210,7 +215,7 @@ def page(throughput: Found) -> str:
             if plan["equations"] == "full"
             else 1.0
         )
-        count = -(-plan["particles"] // _BLOCK)
+        count = -(-plan["particles"] // _BLOCK)  # Tasks, rounded up.
         seconds = plan["particles"] / row["per_second"] * slower
         rows.append(
             plan

@@ -75,7 +75,7 @@ def draw(measured: Measured, folder: Path, command: str) -> None:
 
 
 def read_measured(folder: Path) -> Measured:
-    """What `write_page` wrote into a folder."""
+    """The measurements that `write_page` wrote into a folder."""
     records = {
         name: list(read_export(record_file(folder, name)))
         for name in ("solvers", "spheroid", "backends")

@@ -35,7 +35,7 @@ from polhode.solvers.contract import Status
 _ERRORS = (1e-4, 1e-6, 1e-8)
 # The error of the figure.
 _SHOWN_ERROR = 1e-6
-# What the shared records leave out: there are 1500 of them.
+# Fields that the 1500 shared records leave out.
 _LEFT_OUT = (
     "key",
     "errors",
@@ -105,7 +105,7 @@ class Run:
 def _gains_table(
     runs: Sequence[Run], choice: str, pair: tuple[str, str], heads: tuple[str, str, str]
 ) -> str:
-    """What one option of a choice gains over the other; `heads` name the further column and who alone gets through."""
+    """The gain of one option of a choice over the other; `heads` name the further column and who alone gets through."""
     beside, only_first, only_second = heads
     return markdown(
         ["solver", beside, "pairs", "median", "least", "most", only_first, only_second],
@@ -176,7 +176,7 @@ class Winner:
 
     @property
     def lead(self) -> float:
-        """Time of the other solver over that of the fastest; NaN if no other gets there."""
+        """Time of the other solver over the fastest's; NaN if no other gets there."""
         return self.other.seconds / self.run.seconds if self.other else float("nan")
 
 

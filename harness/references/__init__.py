@@ -1,1 +1,1 @@
-"""Certified references and errors against them; imports `common`."""
+"""Certified references and errors against them. Of the harness it may import `common` alone."""

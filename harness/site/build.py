@@ -132,7 +132,7 @@ def build(
         sources = Path(folder) / "sources"
         pages = Path(folder) / "pages"
         write_sources(reports, docs, scenes, sources, say)
-        # What Sphinx registers ends with the block: a process may build several sites.
+        # The block undoes what Sphinx registers: a process may build several sites.
         with patch_docutils(), docutils_namespace(), warnings.catch_warnings():
             # Sphinx's own extensions call what a later Sphinx will not have.
             warnings.simplefilter("ignore", DeprecationWarning)

@@ -1,4 +1,4 @@
-"""What the site asks of Sphinx beyond its own: formulas as MathML, notation, links, a search without numbers."""
+"""The site's extension of Sphinx: formulas as MathML, notation, links, a search without numbers."""
 
 import re
 from html import escape, unescape
@@ -13,8 +13,9 @@ from sphinx.search.en import SearchEnglish
 
 from polhode.harness.site.markup import notation
 
-# Elements whose text stands as it is.
+# Elements in whose text no notation is set.
 _LITERAL = (nodes.FixedTextElement, nodes.literal, nodes.math, nodes.raw, nodes.comment)
+# Elements for the HTML that `notation` writes; class n keeps a number in one line.
 _INLINE = {"sub": nodes.subscript, "sup": nodes.superscript, "span class=n": nodes.inline}
 
 
@@ -30,12 +31,12 @@ class ProseSearch(SearchEnglish):
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Tell Sphinx."""
+    """Register the renderers of formulas, the search and the handlers with Sphinx."""
     app.add_html_math_renderer("mathml", (_formula, None), (_displayed, None))
     app.add_search_language(ProseSearch)
     app.connect("doctree-read", _set_notation)
     app.connect("doctree-read", _drop_links_outside)
-    # After the theme's own, which makes the navigation.
+    # Handlers run by priority, 500 unless told: after the theme's, which makes the navigation.
     app.connect("html-page-context", _shorten_navigation, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -56,7 +57,7 @@ def _set_notation(_: Sphinx, document: nodes.document) -> None:
         parent = text.parent
         if isinstance(parent, _LITERAL) or isinstance(parent.parent, nodes.literal):
             continue
-        # Columns of numbers are as wide as these.
+        # A column of numbers is as wide as its numbers, which need no mark to stay in one line.
         if isinstance(parent.parent, nodes.entry) and "text-right" in parent.parent["classes"]:
             continue
         parts = re.split(
@@ -75,9 +76,9 @@ def _set_notation(_: Sphinx, document: nodes.document) -> None:
 
 
 def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
-    """Links to files that the site does not hold become plain text."""
+    """Links to files that the site does not hold become plain text; a link to README.md, the opening page."""
     for link in list(document.findall(pending_xref)):
-        # MyST has found no such file.
+        # MyST resolves the files that it finds; these it has not found.
         missing = link["reftype"] == "myst" and not link.get("refdomain")
         target = link["reftarget"].partition("#")[0]
         if missing and target.endswith("../README.md"):
@@ -88,7 +89,7 @@ def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
 
 
 def _shorten_navigation(_: Sphinx, __: str, ___: str, context: dict[str, Any], ____: Any) -> None:
-    """Captions are headings of a level; pages below another are listed on it and on each other alone."""
+    """Make captions headings of level 2, and list pages below another only there and on each other."""
     tree = BeautifulSoup(context["furo_navigation_tree"], "html.parser")
     for caption in tree.select("p.caption"):
         caption["aria-level"] = "2"

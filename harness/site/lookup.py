@@ -78,7 +78,7 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
 
 
 def _best_of_each(averaged: Sequence[list[Any]]) -> list[list[Any]]:
-    """Of each averaged form its least error, and the least time of a run that is good enough."""
+    """The least error of each averaged form, and the least time of a run that is good enough."""
     best: dict[str, list[Any]] = {}
     for form, _, least, seconds in averaged:
         entry = best.setdefault(form, [form, least, None])

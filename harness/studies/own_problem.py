@@ -1,4 +1,4 @@
-"""What is checked and said of a problem that a user states: its Jacobian, and a start that was moved."""
+"""Checks and notes of a problem that a user states: its Jacobian, and a start that was moved."""
 
 from typing import Any
 
@@ -11,12 +11,16 @@ from polhode.solvers.structure import structure_of
 
 
 def check_jacobian(problem: Problem) -> None:
-    """Raise ValueError unless the user's Jacobian, where it is a function, is a matrix at the start."""
+    """Raise ValueError unless the user's Jacobian, where it is a function, is a matrix at the start.
+
+    Its shape is (d, d) for the user's d components.
+    """
     field = problem.field
     structure = structure_of(problem)
     if structure is None or not callable(structure.jacobian):
         return
     assert isinstance(field, OwnField)
+    # The last component of a timed problem is the time, for the user's functions an argument of its own.
     start = np.array(problem.start[: problem.dimension - problem.timed])
     shape = (len(start), len(start))
     time = float(field.time_at(0.0))
@@ -37,10 +41,11 @@ def check_jacobian(problem: Problem) -> None:
 
 
 def moved_start(problem: Problem, states: np.ndarray, rtol: Any, atol: Any) -> str:
-    """How algebraic equations have moved the start, beyond the tolerance; empty if they have not.
+    """A sentence on how algebraic equations have moved the start beyond the tolerance; empty if they have not.
 
     `states`, shape (n, d), begin at the start of the run.
     """
+    # Problems with parameters of the explicit form have no algebraic equations.
     if problem.parameters is not None or not len(states):
         return ""
     given = np.array(problem.start[: problem.dimension - problem.timed])

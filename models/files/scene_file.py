@@ -105,7 +105,7 @@ class FlowTable(Table):
     times: Annotated[list[Finite], Field(min_length=2)] | None = None
     gradients: list[NineVector] | None = None
 
-    # What may be given together.
+    # Sets of fields that may be given together.
     ways: ClassVar[tuple[str, ...]] = ("gradient", "track", "times + gradients")
 
     @model_validator(mode="after")
@@ -161,7 +161,7 @@ class SceneTable(Table):
 
 
 def read_scene(path: str | Path) -> Scene:
-    """Read a scene file: TOML, whose keys are those of `SceneTable`; raises as `read_toml` does."""
+    """Read a scene file: TOML with the keys of `SceneTable`; raises as `read_toml` does."""
     parse = partial(parse_scene, folder=Path(path).parent)
     return read_toml(Path(path), parse, where=str(path))
 

@@ -127,13 +127,13 @@ def require_distance_from_pole(form: Form, theta: float, instead: str) -> None:
 class EulerAngles(Form):
     """State (θ, φ, ψ, θ̇, φ̇, ψ̇): the form the paper integrates.
 
-    A passage of θ = 0 or π at a distance δ turns φ and ψ by about π each within a time δ/θ̇, and
-    rounding costs about 1e-15/δ rad (measured: torque-free tops, median; at worst twenty times
-    that). Smaller steps do not help, for the error is in the state, and nothing shows it
-    afterwards, for with viscous torque neither L nor E is conserved. Hence the vector field itself
-    ends at |sin θ| = `POLE_LIMIT`: there it is NaN, and every solver stops with a failure
-    (`non_finite` or `step_underflow`) instead of going on with digits lost. A run at a tolerance
-    looser than the limit may step over it, and is then wrong by its tolerance anyway.
+    A passage of θ = 0 or π at a distance δ turns φ and ψ by about π each within a time δ/θ̇.
+    Rounding then costs about 1e-15/δ rad, the median of torque-free tops, and at worst twenty times
+    as much. Smaller steps do not help: the error is in the state. Nothing shows the error
+    afterwards: with viscous torque neither L nor E is conserved. Hence the vector field itself ends
+    at |sin θ| = `POLE_LIMIT`: there it is NaN, and every solver stops with a failure (`non_finite` or
+    `step_underflow`) instead of going on with digits lost. A run at a tolerance looser than the limit
+    may step over it, and is then wrong by its tolerance anyway.
     """
 
     name = "euler-angles"

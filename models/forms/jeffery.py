@@ -227,7 +227,7 @@ class Jeffery(Form):
         )
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
-        """Observables; L and E are those of Jeffery's angular velocity, quaternions are normalised first."""
+        """Observables, with L and E from Jeffery's angular velocity; quaternions are normalised first."""
         rotation = matrix_from_quaternion(states[:, :4])
         numbers = None if scene.flow is None else scene.flow.numbers_at(states[:, -1])
         spin = jeffery_spin(scene.ellipsoid, rotation, numbers)

@@ -1,4 +1,4 @@
-"""What full forms share: the one vector equation (`ultima`), resolved along the body axes, and a quaternion's turning.
+"""Common to the full forms: the vector equation `ultima` along the body axes, and the rates of a quaternion.
 
 Parameters p of a full form: (alpha, beta, *shape), for a triaxial one in simple shear (alpha, beta,
 gyro₁₋₃, damping₁₋₃, share₁₋₆), in any other linear flow (alpha, beta, gyro₁₋₃, damping₁₋₃, flow₁₋₈)

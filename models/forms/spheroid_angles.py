@@ -22,9 +22,9 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 
 def _field(ops: Operations, slip: Factory) -> Field:
     """Rates of (θ, φ, θ̇, φ̇, ω₃); p = (alpha, beta, I_a/I_e, 8πX_c/I_a, 8πY_c/I_e, Λ), and a flow's numbers."""
-    # From `ultima` in the axes of the line of nodes (ψ = 0), which turn with (θ̇, φ̇ sin θ, φ̇ cos
-    # θ) while the body turns with (θ̇, φ̇ sin θ, ω₃), and from `spheroid_wj1`–`spheroid_wj3`. As
-    # printed, `fsptho`–`fpsso` have misprints.
+    # From `ultima` in the axes of the line of nodes (ψ = 0), and from `spheroid_wj1`–`spheroid_wj3`.
+    # These axes turn with (θ̇, φ̇ sin θ, φ̇ cos θ), the body with (θ̇, φ̇ sin θ, ω₃). As printed,
+    # `fsptho`–`fpsso` have misprints.
     cos = ops.cos
     sine = ops.use(guarded_sine)
     slip_of = ops.use(slip)
@@ -53,7 +53,7 @@ def _field(ops: Operations, slip: Factory) -> Field:
 
 
 def _slip_in_shear(ops: Operations) -> Callable:
-    """(θ̇, φ̇, ω₃) less those of Jeffery's angular velocity, in simple shear."""
+    """(θ̇, φ̇, ω₃) less their values at Jeffery's angular velocity, in simple shear."""
     sin = ops.sin
     cos = ops.cos
 
@@ -68,7 +68,7 @@ def _slip_in_shear(ops: Operations) -> Callable:
 
 
 def _slip_in_any_flow(ops: Operations) -> Callable:
-    """(θ̇, φ̇, ω₃) less those of Jeffery's angular velocity, in a linear flow."""
+    """(θ̇, φ̇, ω₃) less their values at Jeffery's angular velocity, in a linear flow."""
     sin = ops.sin
     cos = ops.cos
 
@@ -118,8 +118,8 @@ def field_in_any_flow(ops: Operations) -> Field:
 class SpheroidAngles(Form):
     """State (θ, φ, θ̇, φ̇, ω₃) of the symmetry axis, whichever body axis it is.
 
-    The spin angle ψ says nothing about a spheroid and is left out; of the spin rate, ω₃ = ψ̇ + φ̇
-    cos θ is kept, whose equation `fpsso` is regular where that of ψ̇ is not. Near θ = 0 and π the
+    The spin angle ψ says nothing about a spheroid and is left out. The state has ω₃ = ψ̇ + φ̇ cos θ
+    in place of ψ̇: its equation `fpsso` is regular at θ = 0 and π, the equation of ψ̇ is not. Near θ = 0 and π the
     form ends as `EulerAngles` does.
     """
 

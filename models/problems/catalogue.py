@@ -1,4 +1,4 @@
-"""The test problems by name, those of plug-ins too."""
+"""The test problems by name, also from plug-ins."""
 
 from importlib.resources import files
 from typing import Any

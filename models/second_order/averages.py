@@ -129,7 +129,7 @@ def second_order(torus: Torus) -> Array:
     changed = torus.torque(dm, plus(turning(p.side, dx, y), 1, turning(p.side, x, dy)))
     change_space = plus(times(torus.rows, changed), 1, cross(turn, times(torus.rows, tau)))
     # dh/dt₂ = 2(ω·τ - h L·τ)/l²
-    beyond = [factor[..., None, None] for factor in p.beyond.T]
+    beyond = [factor[..., None, None] for factor in p.excess.T]
     # ω - hL, and its derivative.
     relative = [factor * part for factor, part in zip(beyond, m, strict=True)]
     relative_change = [factor * part for factor, part in zip(beyond, dm, strict=True)]

@@ -19,38 +19,40 @@ from polhode.models.second_order.tables import Kick
 
 Array = np.ndarray
 
-# Above this rho the expansion in 1/St means nothing.
-_MEANINGLESS = 0.35
-# The highest harmonic of the torque: an error φ of the phase, in rad, makes an error of this many
-# φ rho in the swing.
+# Largest rho at which a run is averaged: beyond it the expansion in 1/St means nothing.
+_MAX_RHO = 0.35
+# The highest harmonic of the torque in a phase: an error φ of the phase, in rad, makes an error of
+# this many φ rho |L| in what the generator puts back.
 _HARMONIC = 2
 # Share of the requested error that averaging may cost; by trial.
-_SHARE = 0.5
-# Share of it that all kicks left out may cost together; by trial.
-_LEFT_OUT = 0.3
-# Share of it that one kick left out may cost; by trial.
-_ONE = 0.15
+_SHARE_OF_AVERAGING = 0.5
+# Share of the requested error that all kicks left out may cost together; by trial.
+_SHARE_OF_KICKS = 0.3
+# Share of the requested error that one kick left out may cost; by trial.
+_SHARE_OF_ONE_KICK = 0.15
 # In 97.5 % of runs kicks of random phases stay below this multiple of the root of the sum of their
 # squares: 2.5/√2, as a walk's largest distance exceeds a bound at most twice as often as its last.
-_RANDOM = 1.77
+_RANDOM_PHASES = 1.77
 # Least turns of the body in an averaged segment: a shorter one costs more than it saves.
-_TURNS = 300
-# A full segment is cut where this share of its weighted turning is left, but far more turns, for a looser
-# tolerance.
-_FALLEN = 0.1
+_LEAST_TURNS = 300
+# A full segment is cut where this share of its `PlannedSegment.turned` is left, if more than twice
+# that share of its turns is left: its later part is solved to a looser tolerance.
+_CUT_AT = 0.1
 # Errors are forgotten at this share of the slowest damping rate; by trial.
-_FADING = 0.15
-# Most e-foldings of forgetting in a run, lest exponentials overflow.
-_LONG_AGO = 600.0
-# Full segments are chosen at falling levels of the error per time: ratio of one level to the one before.
-_FALL = 0.53
-# Least level over the largest one.
-_LEAST = 1e-8
-# Times at which errors in a full segment are estimated, in half widths from its middle.
-_INSIDE = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
+_FORGETTING = 0.15
+# Most e-foldings of forgetting in a run: exp(709) overflows.
+_MAX_FORGETTING = 600.0
+# `gains` above a level become full segments. The level falls by this ratio until the rest is within
+# the allowed error; by trial.
+_LEVEL_RATIO = 0.53
+# Least level over the highest one; below it the level is 0, and every gain a full segment.
+_LEAST_LEVEL = 1e-8
+# Times at which errors in the full segment of a kick are estimated, in half widths from the kick:
+# nine inside, and one just beyond either end.
+_HALF_WIDTHS = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
-# Reasons by number; beyond the first two, for which averaging means nothing, a first-order path
-# means little.
+# Reasons not to average, by number; resonances follow. Behind a segment of either of the first two
+# the first-order path means little.
 _REASONS = ("", "L² = 2EI₂", "St is too small for |L|", "the requested error")
 _SEPARATRIX = 1
 _TOO_SLOW = 2
@@ -124,7 +126,10 @@ class Ahead:
             # Mean square of the kick's error at the end of the run, and of the error per radian.
             square = 0.5 * (response.conj() @ g @ response).real
             size = max(kick.size, sqrt(square))
-            if size <= _ONE * budget and hypot(together, size) <= _LEFT_OUT / _RANDOM * budget:
+            if (
+                size <= _SHARE_OF_ONE_KICK * budget
+                and hypot(together, size) <= _SHARE_OF_KICKS / _RANDOM_PHASES * budget
+            ):
                 ahead.left[kick] = size
                 together = hypot(together, size)
                 continue
@@ -134,7 +139,7 @@ class Ahead:
             ahead.behind.append((kick.time, g, last))
             if kick.width:
                 ahead.strong[kick] = kick.half_width(
-                    _ONE * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
+                    _SHARE_OF_ONE_KICK * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
                 )
         return ahead
 
@@ -161,22 +166,26 @@ class Ahead:
 def outline(scene: Scene, budget: float = inf) -> Outline:
     """Outline of a run with orientation and 0 < St < inf.
 
-    Full segments are as long as the requested error demands.
+    The budget is the requested error of L and E, over I_max: full segments are as long as it
+    demands. At inf the whole run is averaged, unless averaging means nothing. Section 9 of
+    docs/second-order.md has the same steps.
     """
     path = path_of(scene)
-    allowed = _SHARE * budget
+    allowed = _SHARE_OF_AVERAGING * budget
     ahead = Ahead.of(path, budget)
     kicks = path.kicks
     if kicks:
         # A full segment may be shorter than the path's steps.
         halves = [ahead.strong.get(kick, kick.width) for kick in kicks]
-        path = path.at(np.outer(_INSIDE, halves) + [kick.time for kick in kicks])
+        path = path.at(np.outer(_HALF_WIDTHS, halves) + [kick.time for kick in kicks])
     times = path.times
     amplification = ahead.weight(path.times)
     reasons = [*_REASONS]
-    # Number of the reason for which averaging does not hold, per time: 0 if it holds.
+    # `cause` is the number of the reason for which averaging does not hold, per time: 0 if it holds.
+    # Step 1: L² = 2EI₂.
     at_separatrix = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    cause = np.where(at_separatrix, _SEPARATRIX, np.where(path.swing < _MEANINGLESS, 0, _TOO_SLOW))
+    # Step 2: St is too small for |L|.
+    cause = np.where(at_separatrix, _SEPARATRIX, np.where(path.swing < _MAX_RHO, 0, _TOO_SLOW))
     cause[~(path.size > TINY)] = _TOO_SLOW
     cause[(cause == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
     averaged = cause == 0
@@ -184,7 +193,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     swing, smaller, third = (
         np.where(averaged, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
     )
-    # Errors that pass with the swing: its next order.
+    # Step 3: resonances. The kicks that matter get full segments, whose ends miss some of the mode.
+    # Local errors are the passing ones of each time: the next order of the swing, and that.
     local_errors = swing * np.hypot(smaller, path.fading) * path.scale
     for kick, half in ahead.strong.items():
         cause[np.abs(times - kick.time) <= half] = len(reasons)
@@ -197,8 +207,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     averaged = cause == 0
     # Sum of the kicks left out so far, at random phases.
     if kicks:
-        kick_errors = _RANDOM * np.sqrt(np.cumsum(np.where(averaged, kick_errors, 0) ** 2))
-    # Lasting errors that third order adds at each time, as later kicks amplify them.
+        kick_errors = _RANDOM_PHASES * np.sqrt(np.cumsum(np.where(averaged, kick_errors, 0) ** 2))
+    # Step 4: the requested error. `gains` are the lasting errors that third order adds at each time,
+    # as later kicks amplify them.
     gains = third * np.gradient(times) * amplification
     unknown = averaged & ~(np.isfinite(gains) & np.isfinite(local_errors))
     cause[unknown] = _INACCURATE
@@ -207,7 +218,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     local_errors = np.where(unknown, 0, local_errors)
     # Lasting errors fade: an error of the past counts by the ratio of growth then and now.
     growth = np.exp(
-        min(_FADING * min(scene.ellipsoid.damping), _LONG_AGO / float(times[-1])) * times
+        min(_FORGETTING * min(scene.ellipsoid.damping), _MAX_FORGETTING / float(times[-1])) * times
     )
     # An error of the phase puts the swing back wrongly.
     swing_per_radian = np.where(averaged & (local_errors <= allowed), swing * path.scale, 0)
@@ -218,12 +229,12 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         phase_errors = path.phase(lasting_errors) * swing_per_radian
         if not (lasting_errors + phase_errors).max() > allowed:
             break
-        level = _FALL * level if level > _LEAST * highest_level else 0.0
+        level = _LEVEL_RATIO * level if level > _LEAST_LEVEL * highest_level else 0.0
     cause[averaged & ((gains > level) | (local_errors > allowed))] = _INACCURATE
     lag = path.lag(np.where(cause == 0, swing, 0))
     local_errors = local_errors + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
     cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE
-    # Errors that last, and errors that pass.
+    # The averaged segments state errors that last, and errors that pass.
     drifting = lasting_errors + kick_errors
     passing = np.where(cause == 0, local_errors + phase_errors, 0)
     orientation = pi
@@ -253,7 +264,7 @@ def _segments(
     for first, last in pairwise([0, *changes, len(between)]):
         if (
             ranges
-            and (between[first] or turns[last] - turns[first] < _TURNS)
+            and (between[first] or turns[last] - turns[first] < _LEAST_TURNS)
             and between[ranges[-1][0]]
         ):
             ranges[-1] = ranges[-1][0], last
@@ -269,10 +280,10 @@ def _segments(
             until = last
             while first < last:
                 cut = int(
-                    np.searchsorted(gained, gained[last] - _FALLEN * (gained[last] - gained[first]))
+                    np.searchsorted(gained, gained[last] - _CUT_AT * (gained[last] - gained[first]))
                 )
                 lasting = turns[last] - turns[cut] > max(
-                    _TURNS, 2 * _FALLEN * (turns[last] - turns[first])
+                    _LEAST_TURNS, 2 * _CUT_AT * (turns[last] - turns[first])
                 )
                 until = cut if cut > first and lasting else last
                 ends = (float(times[first]), float(times[until]))

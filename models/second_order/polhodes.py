@@ -39,15 +39,16 @@ class SidedBody:
         """The side on which a body angular momentum, shape (3,), lies."""
         squares = momentum * momentum
         middle = ellipsoid.inertia[ellipsoid.order[1]]
-        beyond = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
-        return cls._of(ellipsoid, beyond, bool(momentum[ellipsoid.order[0 if beyond else 2]] < 0))
+        longest = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
+        return cls._of(ellipsoid, longest, bool(momentum[ellipsoid.order[0 if longest else 2]] < 0))
 
     @classmethod
     @lru_cache(maxsize=256)
-    def _of(cls, ellipsoid: Ellipsoid, beyond: bool, below: bool) -> "SidedBody":
+    def _of(cls, ellipsoid: Ellipsoid, longest: bool, below: bool) -> "SidedBody":
         inertia = np.array(ellipsoid.inertia)
         order = list(ellipsoid.order)
-        if beyond:
+        # Whether the polhode circles the longest axis, and whether at its negative end.
+        if longest:
             order.reverse()
         axes = np.eye(3)[order]
         axes[1] *= np.linalg.det(axes)
@@ -109,7 +110,7 @@ class Polhodes:
         return i3 + (i2 - i3) * self.x
 
     @cached_property
-    def beyond(self) -> Array:
+    def excess(self) -> Array:
         """1/I - h, shape (m, 3), exact where h comes near i₃."""
         i1, i2, i3 = self.side.inverse_inertia
         risen = (i2 - i3) * self.x
@@ -137,7 +138,7 @@ class Polhodes:
         return self.side.normal(self.x[:, None], 1 / (1 + np.exp(self.y))[:, None], phases)
 
     @cached_property
-    def along(self) -> Array:
+    def per_phase(self) -> Array:
         """∂z/∂α, shape (m, a, 3), by Euler's equations."""
         return np.cross(self.z, self.side.inverse_inertia * self.z) / self.rate[:, None, None]
 
@@ -145,7 +146,7 @@ class Polhodes:
     def _turn(self) -> tuple[Array, Array]:
         """Turn of S about e₃ per α, shape (m,), and χ, shape (m, a)."""
         z = self.z
-        dz = self.along
+        dz = self.per_phase
         lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
         spectrum = np.fft.fft(lag, axis=1)
         order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
@@ -165,7 +166,7 @@ class Polhodes:
         return self.h - self.rate * self.turn
 
     @cached_property
-    def beside(self) -> "Derivatives":
+    def per_y(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
         steps, weights = np.array(_DIFFERENCES).T
         steps = np.concatenate([steps, -steps])

@@ -274,8 +274,8 @@ def series_of(side: SidedBody) -> Series:
     """The series of a side."""
     p = Polhodes(side, level(DEPTHS**2), np.zeros(_NODES), _PHASES)
     z = p.z
-    dz = p.along
-    yz = p.beside.z
+    z_per_phase = p.per_phase
+    z_per_y = p.per_y.z
     body = carried(z, p.lead)
     tensors = np.einsum("naik,jil,nalm->jnakm", body, _BASIS, body, optimize=True)
     flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)
@@ -283,8 +283,8 @@ def series_of(side: SidedBody) -> Series:
     rate_y, rate_a = polhode_rates(
         1.0,
         p.slope[:, None],
-        _triple(p.beyond[:, None] * z),
-        (_triple(dz), _triple(yz)),
+        _triple(p.excess[:, None] * z),
+        (_triple(z_per_phase), _triple(z_per_y)),
         _triple(tau),
     )
     lx, ly, lz = np.moveaxis(np.einsum("naik,jnak->jnai", body, tau), -1, 0)
@@ -298,10 +298,10 @@ def series_of(side: SidedBody) -> Series:
     spectrum = np.fft.fft(np.stack(values), axis=-1, norm="forward")
     orders = _ORDERS.T[_K2 - _HARMONICS[0]][:, None] % _PHASES
     picked = np.take_along_axis(spectrum, orders, axis=-1).T
-    waves = np.fft.fft(np.stack([p.lead, *np.moveaxis(yz, -1, 0)]), axis=-1, norm="forward")
+    waves = np.fft.fft(np.stack([p.lead, *np.moveaxis(z_per_y, -1, 0)]), axis=-1, norm="forward")
     waves = waves[..., : _PHASES // 2] * np.where(np.arange(_PHASES // 2) > 0, 2, 1)
     shape = np.stack([-waves[0].imag, waves[1].real, -waves[2].imag, waves[3].real], axis=-1)
-    frequencies = np.stack([p.rate, p.precession, p.beside.rate, p.beside.precession], axis=-1)
+    frequencies = np.stack([p.rate, p.precession, p.per_y.rate, p.per_y.precession], axis=-1)
     weights = 2 / _NODES * np.cos(np.outer(np.arange(_NODES), _ANGLES))
     weights[0] /= 2
     values = (picked / _UNIT).real.swapaxes(0, 1), shape, frequencies

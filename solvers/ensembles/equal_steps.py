@@ -17,31 +17,39 @@ from polhode.solvers.ensembles.methods import RUNGE_KUTTA, Array, Method, method
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.machine_code.lanes import by_particle
 
-# Segments that a run has at least; two runs of a particle are compared after every other one, or at
-# as many times.
+# Least number of segments of a run. The two runs of a particle are compared after every other segment,
+# or at about this many times if there are more segments.
 MIN_SEGMENTS = 16
-# Share of the sample whose error the chosen steps keep to.
+# Share of the sample whose error stays below the one that the chosen steps are to meet.
 _BOUNDED_SHARE = 0.98
-# Error aimed at, over the tolerance.
+# Error for which steps are chosen, over the tolerance: particles outside the sample may err more.
 _AIM = 0.5
-# Error of a reference over the tolerance, by comparison with half as many steps.
+# Largest error of a reference over the tolerance, by comparison with half as many steps.
 _SURE = 0.05
-# Times that a reference's steps are doubled at most.
+# Most times that a reference's number of steps is doubled.
 _DOUBLINGS = 8
-# Order by which the number of steps follows from an error.
+# Order of the methods by which the number of steps follows from an error.
 _ORDER = 8
 # Trials of a number of steps, per method.
 _ROUNDS = 6
-# This many times as many steps may pay, as they leave fewer particles in doubt.
-_SMALLER = 1.15
-# Times that a doubtful particle's steps are doubled; then Taylor's method runs it.
+# Factor by which more steps than the fewest are tried too: they leave fewer particles in doubt.
+_MORE_STEPS = 1.15
+# Most times that a doubtful particle's number of steps is doubled; then Taylor's method runs it.
 _HALVINGS = 4
 # Tolerance of Taylor's method over the requested one.
 TAYLOR = 1e-3
-# Steps are first tried at this angle, in rad.
+# First guess of a step: it turns the body by about this angle, in rad,
 _ANGLE = 1.0
-# They are first tried at no more than this multiple of a relaxation time.
+# at rates of at least this, in shear rates: the shear turns all bodies about as fast,
+_LEAST_RATE = 0.5
+# and at most this multiple of a relaxation time.
 _RELAXATION = 2.0
+# Flows of a particle's run with its check, over those of the run alone: the check has half as many
+# steps.
+_WITH_CHECK = 1.5
+# Flows of a particle that is run anew, over those of its run, by estimate: twice as many steps, and
+# for some four times as many.
+_ANEW = 3.0
 
 
 @dataclass(frozen=True)
@@ -85,8 +93,9 @@ def unplanned(problem: Problem, starts: Array, times: Array, tolerance: float) -
     """
     by = method(RUNGE_KUTTA, problem)
     times, _ = _in_segments(times)
+    # An even number: the check has half as many steps.
     steps = 2 * int(np.ceil(_first_steps(problem, starts, times) * tolerance ** (-1 / _ORDER) / 2))
-    return Plan(by.name, steps, tolerance * by.sure, tolerance, 1.5 * by.cost * steps)
+    return Plan(by.name, steps, tolerance * by.sure, tolerance, _WITH_CHECK * by.cost * steps)
 
 
 def run(
@@ -152,7 +161,7 @@ def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -
 
 
 def _in_segments(times: Array) -> tuple[Array, int]:
-    """Times with others between them, if there are few, and how many of these make one."""
+    """Times with others between them, if there are few, and the number of segments from one given time to the next."""
     intervals = len(times) - 1
     segments = -(-MIN_SEGMENTS // intervals)
     return np.linspace(0.0, times[-1], intervals * segments + 1), segments
@@ -161,7 +170,7 @@ def _in_segments(times: Array) -> tuple[Array, int]:
 def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
     rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
-    length = _ANGLE / max(0.5, *(float(np.max(np.abs(rate))) for rate in rates))
+    length = _ANGLE / max(_LEAST_RATE, *(float(np.max(np.abs(rate))) for rate in rates))
     if (
         problem.parts is not None
         and (strength := problem.parts.strength(problem.parameters or ())) > 0
@@ -210,24 +219,26 @@ def _bound_of_most(errors: Array) -> float:
 def _fitting(
     by: Method, sample: Array, times: Array, tolerance: float, reference: _Reference, steps: int
 ) -> Plan | None:
-    """The fewest steps found that keep the sample's errors, if any do."""
+    """The plan of a method: the fewest steps that keep the sample's errors, or a few more; None if none do."""
     tried: dict[int, Array] = {}
     good: list[int] = []
     for _ in range(_ROUNDS):
         states = tried[steps] = _march(by, sample, times, steps)
         error = reference.error_of(states) / (_AIM * tolerance)
         good += [steps] if error <= 1 else []
+        # The error falls with the order of the method; one trial may change the steps by 2.5 times.
         steps = int(np.ceil(steps * float(np.clip(error ** (1 / _ORDER), 0.4, 2.5))))
         if steps in tried:
             break
     if not good:
         return None
     plans = []
-    for count in {min(good), int(np.ceil(_SMALLER * min(good)))}:
+    for count in {min(good), int(np.ceil(_MORE_STEPS * min(good)))}:
         states = tried[count] if count in tried else _march(by, sample, times, count)
         errors = _apart(reference.states, states)[: len(sample)]
         apart = _doubt(by, sample, times, count, states)
         wrong = ~(errors <= _AIM * tolerance)
+        # Doubtful are as many as most, and all that err too much in the sample.
         doubt = min(
             float(apart[wrong].min(initial=np.inf)), _bound_of_most(apart), tolerance * by.sure
         )
@@ -238,7 +249,7 @@ def _fitting(
                 count,
                 doubt,
                 _bound_of_most(errors) + reference.error,
-                by.cost * count * (1.5 + 3 * again),
+                by.cost * count * (_WITH_CHECK + _ANEW * again),
             )
         )
     return min(plans, key=lambda fitting: fitting.cost)

@@ -201,8 +201,8 @@ def _callback(
     """The "field" or its "jacobian" as the library calls it."""
     traced = trace if what == "field" else trace_jacobian
     lines = traced(factory, dimension, parameters, mass=library.prefix == "IDA")
-    # Where an entry is not finite, their sum times zero is no number: at code 1 the library tries a
-    # shorter step.
+    # The sum of the entries times zero is NaN if an entry is not finite: the function returns 1, and
+    # the library tries a shorter step.
     total = "0.0"
     for i, entry in enumerate(re.findall(r"store double (\S+),", lines)):
         lines += f"\n%sum{i} = fadd reassoc double {total}, {entry}"

@@ -100,7 +100,7 @@ class _Differences:
 
 
 def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
-    """The function that fills the library's matrix with a Jacobian, or with that of ``mass * y' - f``."""
+    """The function that fills the library's matrix with the Jacobian of f, or of ``mass * y' - f``."""
 
     def at(t: float, y: np.ndarray) -> Any:
         return jacobian(t, y) if callable(jacobian) else jacobian

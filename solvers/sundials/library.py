@@ -105,7 +105,7 @@ def _files(pattern: str) -> list[Path]:
     packages = (
         [Path(place) for place in (sundae.submodule_search_locations or ())] if sundae else []
     )
-    # Where its wheels for Linux and Windows, and for macOS, keep them.
+    # Folders of the C libraries in its wheels: for Linux and Windows, and for macOS.
     folders = [
         folder
         for package in packages

@@ -5,11 +5,11 @@ events and full mass matrices need scikit-sundae.
 
 Tolerance: `rtol` and `atol`, one number for both unless told otherwise, for the error of a step in
 the weighted root-mean-square norm; `atol` may have one number per component. Rows come from the
-library's own interpolation, of the order of the step; of the requested times the first alone has a
-say in the steps, the first one being at most a tenth of it (CVODE). The order and the step change
-seldom and by large factors (a step grows by half or not at all), so that the error falls with the
-tolerance on the average only: by a factor of ten up or down between neighbours, whatever the
-Jacobian or the corrector.
+library's own interpolation, of the order of the step. Requested times do not change the steps, but
+for CVODE's first step, which is at most a tenth of the first time. The order and the step change
+seldom and by large factors: a step grows by half or not at all. So the error falls with the tolerance
+on the average only: between neighbouring tolerances it jumps by up to a factor of ten either way,
+whatever the Jacobian or the corrector.
 
 Through scikit-sundae Python is in the loop. It reports steps only where it is called step by step,
 which takes several times as long: so it runs when counts or a limit of steps are requested, over
@@ -87,15 +87,15 @@ class SundialsSolver(Solver):
     takes_parameter_table = True
     backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
-    # How the names of the C library's functions begin, the arguments of its constructor, and those
-    # of scikit-sundae's.
+    # The prefix of the C library's functions, and the arguments of its constructor and of
+    # scikit-sundae's.
     prefix: ClassVar[str] = "CVode"
     number: ClassVar[tuple[int, ...]] = ()
     options: ClassVar[dict[str, str]] = {}
 
     @property
     def why_not(self) -> str | None:
-        """What is missing: scikit-sundae, unless sundials4py brings the C libraries and llvmlite is there."""
+        """The missing package: scikit-sundae, unless sundials4py brings the C libraries and llvmlite is there."""
         alone = not installed(self.library) and self.lacks("compiled") is None
         return None if alone else super().why_not
 
@@ -111,7 +111,7 @@ class SundialsSolver(Solver):
 
     @property
     def note(self) -> str | None:
-        """Whether Python is in the loop, or the C libraries are those of sundials4py."""
+        """Whether Python is in the loop, or the C libraries come from sundials4py."""
         if not self.available:
             return None
         if self.lacks("compiled"):

@@ -51,21 +51,22 @@ from polhode.harness.pages.tables import columns_of, fill, lines_of
 WHOLE = STUDIED_SLOW_TIMES[-1]
 # St between which exponents are given.
 _DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
-# St at which the paper calls the averaged equations good.
+# St from which on the paper calls the averaged equations good, by kind of body.
 _GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
-# Share of the runs that a statement is to bound.
+# Target share of the runs whose error is below the stated one.
 _BOUNDED = 0.975
-# Errors that are shown by slow time.
+# Error of L and E, over I_max, of the table by slow time.
 _SHOWN_TARGET = 1e-3
 # St at which the cost of `hybrid` is shown, and the requested error.
 _HYBRID_SHOWN = (1e4, 1e5, 1e6)
 _HYBRID_ERROR = 1e-6
-# Examples of cancellation.
+# Examples of cancellation that the page shows.
 _EXAMPLES = 3
-# Orders and errors of the table which form when.
+# Orders and errors of L and E of the columns of `which_form`.
 _WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
-# Quantiles of a band.
+# Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)
+# Words for the errors, by column.
 _ERRORS = {"slow": "L, E", "turned": "orientation"}
 
 
@@ -218,6 +219,7 @@ def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple
     form = form_seconds(runs, kind, order)
     if isnan(stokes) or not full or not form:
         return nan, source
+    # The full equations were timed by decades of St.
     beyond = stokes / max(full)
     place = min((decade for decade in full if decade >= stokes), default=max(full))
     seconds = form[shares.nearest(form, max(stokes, place))]
@@ -288,6 +290,7 @@ def exponent_rows(fitted: Sequence[Exponent]) -> list[dict[str, str]]:
 
 
 def _place(row: Exponent | Bounded) -> tuple[str, str, int]:
+    """Key by which rows are sorted: order, error, kind."""
     return row.order, row.error, [*KINDS].index(row.kind)
 
 
@@ -380,6 +383,7 @@ def _panels(data: Data) -> dict[str, list[Band]]:
 
 
 def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
+    """The band of an error over St; none if a quantile is unknown."""
     ends = []
     for share in _BAND:
         found = quantile(group, share, column)
@@ -397,6 +401,7 @@ def _both(runs: Frame, kind: str, order: str, target: float) -> str:
 
 
 def _needed(stokes: float, source: str) -> str:
+    """St from which an error is met, with the sign of its source: <, ~, > or –."""
     if source == "beyond":
         return f"> {short(shares.LARGEST_STOKES)}"
     if isnan(stokes):
@@ -406,6 +411,7 @@ def _needed(stokes: float, source: str) -> str:
 
 
 def _gain(ratio: float, source: str) -> str:
+    """A ratio of times, with ~ if it is extrapolated."""
     if isnan(ratio):
         return "–"
     shown = in_two_digits(ratio)
@@ -413,4 +419,5 @@ def _gain(ratio: float, source: str) -> str:
 
 
 def _signed(value: float, spec: str) -> str:
+    """A number in a format, with the minus sign of typography."""
     return format(value, spec).replace("-", "−")

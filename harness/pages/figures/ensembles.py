@@ -31,7 +31,7 @@ from polhode.harness.pages.figures.style import (
 _DASHES = ("-", "--", ":")
 # In standard deviations: 95 % of a normal variable lie within this distance of its mean.
 _STANDARD = 1.96
-# Of the height of a panel: the least distance between two names.
+# Least distance between two names, over the height of a panel.
 _NAME_SPACING = 0.09
 _COMPONENTS = ("xx", "yy", "zz")
 _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")

@@ -38,7 +38,7 @@ MAP_ERRORS = {
     "orientation_error": ("orientation", "Full solution: orientation error, rad"),
     "slow_error": ("slow variables", "Slow variables: error over $I_{max}$"),
 }
-# What stands in a cell beside the colour: letters of the winner.
+# Letters of the winner, which stand in a cell beside the colour.
 CODES = {
     "taylor": "T",
     "cyrk-vern8": "V8",
@@ -164,7 +164,7 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {"St": [power(stokes) for stokes in numbers]}
-    # Where runs go over the usual slow time, this says more than the time itself.
+    # The usual slow time says more than the time itself.
     rows["over"] = [
         f"$t_2$={short(value)}"
         if value == usual and slow.count(usual) > 1

@@ -125,7 +125,7 @@ def both_colours(name: str) -> str:
 
 
 def ramp(count: int) -> list[str]:
-    """So many colours of one hue, from light to dark."""
+    """A number of colours of one hue, from light to dark."""
     places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int) if count > 1 else [2]
     return [_RAMP[place] for place in places]
 

@@ -46,24 +46,30 @@ _BODIES = tuple(
         (1.0, 0.95, 0.5),
     )
 )
-# Full runs that decay to the stable rotation.
+# St of the full runs that decay to the stable rotation: so large that they follow the averaged rates.
 _DECAY_STOKES = 1e5
-_START_OFFSET = 0.03  # Rad, or shear rates of the angular velocity, off the rotation at the start.
-# Runs from large L.
-_LARGE = 1e3  # |L|/I_max at the start.
+# Distance of their starts from the rotation: a tilt in rad, or an angular velocity in shear rates.
+_START_OFFSET = 0.03
+# Runs from large L: |L|/I_max at the start, the direction of L in body axes, and St.
+_LARGE = 800.0
+_LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
+# The modes in which a start is off the rotation: L tilted to x or to y, faster, wobbling. Their
+# numbers are those of `eigenvalues`.
 _MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
-_WOBBLE = 3  # Place of the wobble among the modes.
+_FASTER = 2
+_WOBBLE = 3
 
 
 def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
-    if mode == 3:
+    if mode == _WOBBLE:
         return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
+    # θ and φ of z' at the start; ψ = 0.3 is any.
     tilt, azimuth = ((_START_OFFSET, pi / 2), (_START_OFFSET, 0.0), (0.0, 0.0))[mode]
     return BodyStart(
         quaternion_from_euler((tilt, azimuth, 0.3)),
-        (0.0, 0.0, -0.5 - (_START_OFFSET if mode == 2 else 0.0)),
+        (0.0, 0.0, -0.5 - (_START_OFFSET if mode == _FASTER else 0.0)),
     )
 
 
@@ -72,9 +78,9 @@ def amplitude(run: Run, mode: int) -> np.ndarray:
     momentum = run.observables.angular_momentum
     energy = run.observables.slow[:, 3]
     inertia = run.scene.ellipsoid.inertia[2]
-    if mode == 3:
+    if mode == _WOBBLE:
         return 2 * energy * inertia - np.sum(momentum**2, axis=1)
-    return np.abs(momentum[:, mode] + (inertia / 2 if mode == 2 else 0.0))
+    return np.abs(momentum[:, mode] + (inertia / 2 if mode == _FASTER else 0.0))
 
 
 def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
@@ -93,6 +99,7 @@ def _rates(grid: Grid) -> Computed:
     for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
         for mode, printed in enumerate(eigenvalues(body, 2)):
+            # A run lasts 1.5 relaxation times of the printed rate.
             slow_times = np.linspace(0.0, 1.5 / abs(printed), grid.of(4001, 1001))
             times = _DECAY_STOKES * slow_times
             run = full_run(Scene(body, _DECAY_STOKES, displaced(body, mode), times[-1]), times)
@@ -109,7 +116,8 @@ def _from_large(grid: Grid) -> Computed:
         body = spheroid(kappa)
         slow_times = np.linspace(0.0, 2.0 / min(body.damping), grid.of(401, 101))
         times = _LARGE_STOKES * slow_times
-        omega = _LARGE * np.array([0.48, 0.0, 0.64]) / np.array(body.inertia) * max(body.inertia)
+        momentum = _LARGE * np.array(_LARGE_DIRECTION)  # Over I_max, in body axes.
+        omega = momentum / np.array(body.inertia) * max(body.inertia)
         start = BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega))
         observables = full_run(Scene(body, _LARGE_STOKES, start, times[-1]), times).observables
         momentum = observables.angular_momentum
@@ -134,8 +142,8 @@ def large_decay(large: Table) -> list[float]:
 
 
 def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
-    """Rates of L_z per St, per St* of the longest axis, and per St* of the axis turned about."""
-    chosen = table[table.mode == 2]
+    """Rates of L_z per St, per St* of the longest axis, and per St* of the axis along the vorticity."""
+    chosen = table[table.mode == _FASTER]
     rate = -chosen.measured
     clock = chosen.clock
     longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in _BODIES]
@@ -290,12 +298,12 @@ class EllipsoidClock(_Decay):
         return figure
 
 
-# The figure on the collapse.
-_STOKES_STAR = 2.071  # Effective Stokes number.
+# The scenes of the paper's figure on the collapse.
+_STOKES_STAR = 2.071  # Effective Stokes number St* = I_a St/(8πX_c) of all of them.
 _MOMENTUM = -1.0  # L_z over I_max at the start.
 _ENERGY = 0.6  # E over I_max at the start.
 _COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
-# Scaled time after which the curves should have become one.
+# Scaled time t/St* after which the curves should have become one.
 _LATE = 6.0
 # Oscillation of L_z/I_max below which a spheroid counts as at rest by then.
 _CALM = 0.01

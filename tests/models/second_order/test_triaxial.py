@@ -105,10 +105,10 @@ def test_torque_does_not_turn_the_body(longest):
     rates, size = np.moveaxis(torus.perturbation, 0, -1), 1.3
     z = polhode.z[:, :, None]
     turn = rates[..., 4:5] * (
-        np.cross(polhode.along[:, :, None], z) + polhode.turn[:, None, None, None] * z
+        np.cross(polhode.per_phase[:, :, None], z) + polhode.turn[:, None, None, None] * z
     )
     turn = turn + rates[..., 3:4] * (
-        np.cross(polhode.beside.z[:, :, None], z) + torus.turn_beside[..., None, None] * z
+        np.cross(polhode.per_y.z[:, :, None], z) + torus.turn_per_y[..., None, None] * z
     )
     turn = np.einsum("mabij,mabj->mabi", torus.rotation, turn + rates[..., 5:] * z)
     tilt = np.stack([-rates[..., 1], rates[..., 0], 0 * rates[..., 0]], axis=-1) / size
