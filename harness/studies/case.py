@@ -162,9 +162,9 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
         so_far = errors(ellipsoid, observables, full.observables[: len(states)])
         return {**record, "slow_error_so_far": so_far.slow}
     n = full.meaningful
-    truth = full.observables[:n]
+    full_observables = full.observables[:n]
     early = observables[:n]
-    total = errors(ellipsoid, early, truth, case.scene if n == case.samples else None)
+    total = errors(ellipsoid, early, full_observables, case.scene if n == case.samples else None)
     distance = (
         None if n == case.samples else statistics_distance(ellipsoid, observables, full.observables)
     )
@@ -182,7 +182,7 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
             "certified_pieces": full.certificate.segments,
             "errors": asdict(total),
         }
-        | _parted(case, early, truth, total, full, exact)
+        | _parted(case, early, full_observables, total, full, exact)
         | ({} if form.averaged else _broken_balance(total, case.tolerance))
     )
 
@@ -218,7 +218,7 @@ def prepared(case: Case) -> float:
 def _parted(
     case: Case,
     observables: Observables,
-    truth: Observables,
+    full_observables: Observables,
     total: Errors,
     full: Reference,
     exact: Reference | None,
@@ -234,10 +234,10 @@ def _parted(
         return dict.fromkeys(names)
     values = total.slow, total.orientation, 0.0, 0.0
     if exact is not full:
-        own_truth = exact.observables[: len(truth.slow)]
+        exact_observables = exact.observables[: len(full_observables.slow)]
         solver_error, model = (
             errors(case.scene.ellipsoid, *pair)
-            for pair in ((observables, own_truth), (own_truth, truth))
+            for pair in ((observables, exact_observables), (exact_observables, full_observables))
         )
         values = solver_error.slow, solver_error.orientation, model.slow, model.orientation
     return dict(zip(names, values, strict=True)) | {

@@ -59,7 +59,7 @@ def kinds(solution: Solution) -> list[bool]:
     return [segment.averaged for segment in solution.segments]
 
 
-def test_a_window_goes_on_at_a_looser_tolerance_where_less_is_to_amplify_its_errors():
+def test_a_full_segment_goes_on_at_a_looser_tolerance_where_less_is_to_amplify_its_errors():
     scene = replace(CROSSING, start=EulerStart((pi / 3, pi / 6, 0.0), (1.0, -1.0, 1.0)))
     first, second, *_ = plan.foreseen(scene, 1e-6)
     assert not first.second_order
