@@ -16,7 +16,7 @@ from PIL import Image
 
 from polhode.harness.analysis.frames import frame
 from polhode.harness.answers.averaging_laws import LAWS_FILE
-from polhode.harness.answers.rules import _HYBRID_FROM
+from polhode.harness.answers.rules import HYBRID_LEAST_ERROR
 from polhode.harness.averaging.data import SecondOrderStudy, read_study
 from polhode.harness.averaging.hybrid import Study as HybridStudy
 from polhode.harness.averaging.laws import laws_of
@@ -165,12 +165,14 @@ def test_the_readme_says_which_form_when_as_the_study_found():
     assert random_bodies.which_form(laws) in readme
 
 
-def test_hybrid_is_tried_from_a_stokes_number_on_below_which_it_is_slower():
+def test_hybrid_is_not_tried_at_a_stokes_number_where_it_is_slower():
+    stokes = 1e4
+    assert 1e-6 * stokes**2 < HYBRID_LEAST_ERROR
     data = read_data(REPORTS / "accuracy")
     runs = at(data, 1.0)
     for kind in kinds_in(runs):
-        full = full_seconds(data, kind, 1e-6)[_HYBRID_FROM]
-        assert form_seconds(runs, kind, HYBRID, 1e-6)[_HYBRID_FROM] > full
+        full = full_seconds(data, kind, 1e-6)[stokes]
+        assert form_seconds(runs, kind, HYBRID, 1e-6)[stokes] > full
 
 
 def test_the_page_of_solvers_that_know_stokes_follows_from_the_data(tmp_path: Path):

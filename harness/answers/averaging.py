@@ -14,37 +14,27 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.answers.averaging_laws import ORDER_ONE, power
+from polhode.harness.answers.fitted import PACED_TOLERANCE
 from polhode.harness.answers.rules import (
     EXPLICIT,
+    SHARP,
+    TABLED_FROM,
     Method,
     first_available,
     full_method,
+    hybrid_family,
+    is_efficient,
     rotations,
     steps_of,
 )
-from polhode.harness.answers.runs import Run, Runner
+from polhode.harness.answers.runs import MAX_STEPS, TIGHTER, Run, Runner
 from polhode.harness.answers.statement import INNER, Difference, difference
 from polhode.harness.references.rotations import damping_times
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 
-# Rotations up to which an averaged run is compared with a full one.
-_DIRECT_TURNS = 1_000.0
-# Rotations of a surrogate.
-_SURROGATE_TURNS = 500.0
-# Tolerance of full runs that averaged ones are compared with.
-_FULL_TOLERANCE = 1e-8
-# Steps of such a run, at most.
-_MAX_STEPS = 300_000
-# Tolerance of an averaged run whose own error counts for nothing.
-_EXACT_TOLERANCE = 1e-12
-# Rotations in a damping time from which on there is something to average over.
-_LEAST_TURNS = 0.3
-# Steps of a full run from which on resonances are looked up.
-_KICKS_FROM = 1e5
-# Ratio of the tolerances of a second run in segments and the run: it has fewer and shorter full
-# segments.
-_LOOSER_SEGMENTS = 10.0
+# Rotations of a full run that an averaged one is compared with, at most.
+COMPARED_TURNS = 1_000.0
 
 
 class NotKnownError(ValueError):
@@ -53,25 +43,21 @@ class NotKnownError(ValueError):
 
 def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
     """Kind of confirmation, family, difference and note of a run that averages."""
-    form = run.method.form
     if run.solution.segments:
-        second = _second_in_segments(runner, run)
-        note = f"estimate of its segments, and {second.words}"
-        return "estimate", "hybrid", with_estimate(runner, run, second), note
+        return "estimate", hybrid_family(runner.scene), *_of_segments(runner, run)
+    form = run.method.form
     turns = rotations(runner.scene)
-    if turns <= _DIRECT_TURNS and not isinstance(runner.scene.start, SlowStart):
-        method = full_method(runner.scene)
-        second = runner.run(method, _FULL_TOLERANCE, _MAX_STEPS)
+    ellipsoid = runner.scene.ellipsoid
+    if turns <= COMPARED_TURNS and not isinstance(runner.scene.start, SlowStart):
+        second = runner.run(full_method(runner.scene), SHARP, MAX_STEPS)
         if second.success:
-            apart = difference(runner.scene.ellipsoid, run.observables, second.observables)
+            apart = difference(ellipsoid, run.observables, second.observables)
             return "unlike", "averaged", apart, f"unlike: {second.words}"
     usual = run.method
-    if not run.method.solver.implicit:
+    if not usual.solver.implicit:
         usual = Method(form, first_available(EXPLICIT))
-    exact = runner.run(usual, min(run.tolerance, _EXACT_TOLERANCE), _MAX_STEPS)
-    if not exact.success:
-        raise NotKnownError(f"a second run ended with {exact.solution.status}")
-    numerical_error = difference(runner.scene.ellipsoid, run.observables, exact.observables)
+    exact = _ended(runner.run(usual, min(run.tolerance, SHARP), MAX_STEPS), "a second run")
+    numerical_error = difference(ellipsoid, run.observables, exact.observables)
     if hasattr(form, "estimate"):
         said: Any = form.estimate(runner.scene)  # pyright: ignore[reportAttributeAccessIssue]
         apart = _raised(numerical_error, said.slow, said.orientation)
@@ -79,6 +65,29 @@ def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
     model, stokes = _surrogate_difference(runner, exact, turns)
     apart = Difference(numerical_error.slow + model, None)
     return "estimate", "first order", apart, f"estimate from St = {stokes:.2g}"
+
+
+def _of_segments(runner: Runner, run: Run) -> tuple[Difference, str]:
+    """The errors that the segments of a run estimate, raised by its difference from a second run, and a note.
+
+    The second one, by the usual solver, is looser: its segments of the full equations are fewer and
+    shorter. A run that averages all along by a solver that follows its tolerance has no other.
+    """
+    method = run.method
+    if is_efficient(method.solver) and all(segment.averaged for segment in run.solution.segments):
+        return with_estimate(runner, run, run), "estimate of its segments"
+    usual = method._replace(solver=first_available(EXPLICIT))
+    looser = min(1.0, run.tolerance / TIGHTER)
+    second = _ended(runner.run(usual, looser, run.limit), "a second run")
+    note = f"estimate of its segments, and {second.words}"
+    return with_estimate(runner, run, second), note
+
+
+def _ended(run: Run, name: str) -> Run:
+    """The run; raises NotKnownError if it did not reach its end."""
+    if not run.success:
+        raise NotKnownError(f"{name} ended with {run.solution.status}")
+    return run
 
 
 def with_estimate(runner: Runner, run: Run, second: Run) -> Difference:
@@ -101,32 +110,15 @@ def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
     return Difference(apart.slow + slow, orientation)
 
 
-def _second_in_segments(runner: Runner, run: Run) -> Run:
-    """A second run in segments: by an unlike solver where the run's own is not the usual one, else looser."""
-    usual = first_available(EXPLICIT)
-    if run.method.solver.name == usual.name:
-        method = run.method
-        tolerance = min(1.0, _LOOSER_SEGMENTS * run.tolerance)
-    else:
-        method = Method(run.method.form, usual)
-        tolerance = run.tolerance
-    second = runner.run(method, tolerance, _MAX_STEPS + 4 * run.steps)
-    if not second.success:
-        raise NotKnownError(f"a second run ended with {second.solution.status}")
-    return second
-
-
 def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.ndarray, float]:
     """The error of L and E of first-order averaging at the compared times, from a surrogate, and the latter's St."""
     scene = oriented(runner.scene)
-    ratio = min(1.0, _SURROGATE_TURNS / max(turns, 1e-300))
+    ratio = min(1.0, COMPARED_TURNS / max(turns, 1e-300))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
-    if _LEAST_TURNS * damping_times(surrogate) > _SURROGATE_TURNS:
+    if damping_times(surrogate) > COMPARED_TURNS:
         raise NotKnownError("St is too small to average over rotations")
     small = Runner(surrogate, np.array([0.0, surrogate.time]))
-    full = small.run(full_method(surrogate), _FULL_TOLERANCE, _MAX_STEPS)
-    if not full.success:
-        raise NotKnownError(f"the surrogate's run ended with {full.solution.status}")
+    full = _ended(small.run(full_method(surrogate), SHARP, MAX_STEPS), "the surrogate's run")
     apart = difference(scene.ellipsoid, exact.observables, full.observables)
     crossing = crosses(scene, exact.observables)
     model = apart.slow * ratio ** power(ORDER_ONE, crossing)
@@ -138,12 +130,11 @@ def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.
 def _kicks(scene: Scene) -> np.ndarray | float:
     """Changes of L by resonances, over I_max, at the compared times of a triaxial run; first order leaves them out.
 
-    The kicks of a run fall like 1/√St. Looking them up takes tables of the shape: where a full run
-    takes less than that, first order's own error outweighs them.
+    The kicks of a run fall like 1/√St: in short runs first order's own error outweighs them.
     """
     if scene.ellipsoid.kind != "triaxial":
         return 0.0
-    if steps_of(scene, full_method(scene), _FULL_TOLERANCE) < _KICKS_FROM:
+    if steps_of(scene, full_method(scene), PACED_TOLERANCE) < TABLED_FROM:
         return 0.0
     from polhode.models.second_order.outline import outline
 

@@ -11,17 +11,23 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from math import acos, inf, pi
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from polhode.harness.answers.confirmed import Answer, confirm, meet
+from polhode.harness.answers.fitted import (
+    FITTED_FILE,
+    PACED_TOLERANCE,
+    factors,
+    forget,
+    steps_per_turn,
+)
 from polhode.harness.answers.request import WANTS
 from polhode.harness.answers.rules import Method, full_method, methods_for, rotations, stiff
 from polhode.harness.answers.runs import Runner
-from polhode.harness.answers.statement import difference, factors
+from polhode.harness.answers.statement import difference
 from polhode.harness.common.files import digest, write_file
 from polhode.harness.common.fits import wilson
 from polhode.harness.common.progress import in_steps
@@ -33,8 +39,7 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
-_FACTORS = Path(__file__).with_name("factors.json")
-_SCHEMA = 2
+_SCHEMA = 3
 # Times at which a solution is compared with its reference.
 COMPARED_TIMES = 2001
 # Seconds that a reference may take.
@@ -54,6 +59,15 @@ _LEAST_AVERAGED_TURNS = 1_200.0
 # Share of the runs of a fit above the upper end, and below the lower one.
 _FITTED_ABOVE = 0.015
 _FITTED_BELOW = 0.025
+# Share of the runs that a fit of first tolerances lets meet the error.
+_FITTED_MET = 0.8
+# Runs at tighter tolerances have rounding errors, which say nothing of the tolerance.
+_LEAST_TOLERANCE = 1e-12
+# Rotations from which on a run's steps follow them.
+_MANY_TURNS = 20.0
+# The solver that a family's first tolerances and steps are fitted to, and the forms.
+_USUAL = {"explicit": "cyrk-vern8", "implicit": "cyrk-radau", "splitting": "splitting"}
+_FULL = ("quaternion", "spheroid-axis")
 # Fewer runs fit nothing.
 _LEAST_FITTED = 40
 # The upper end over what the runs of a fit show: another set of runs shows a little more.
@@ -224,6 +238,7 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
         "error": case.error if to_error else None,
         "want": case.want,
         "note": stated.note,
+        "steps": answer.solution.work.steps or 0,
         "seconds": answer.solution.seconds,
         "confirmation_seconds": stated.seconds,
     }
@@ -443,7 +458,51 @@ def answered(rows: Sequence[Record]) -> list[Answers]:
     return answers
 
 
-def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]]]:
+def fitted(rows: Sequence[Record]) -> dict[str, dict[str, Any]]:
+    """Numbers that `solve` and `pick` take from runs: factors, growth of errors and steps, as in `FITTED_FILE`."""
+    growths: dict[str, Any] = {}
+    steps: dict[str, Any] = {}
+    for family, solver in _USUAL.items():
+        members = [row for row in rows if row.get("solver") == solver and row["form"] in _FULL]
+        growths[family] = _fitted_growth(members)
+        if family != "implicit":
+            steps[family] = _fitted_steps(members, steps_per_turn(family).order)
+    return {"factors": _fitted_factors(rows), "growth": growths, "steps": steps}
+
+
+def _fitted_growth(rows: Sequence[Record]) -> dict[str, list[float]]:
+    """Error over tolerance as an amount times a power of the rotations, by want; none of too few runs."""
+    growths = {}
+    for want in WANTS:
+        clear = [
+            row
+            for row in rows
+            if row.get(want, 0.0) > _CLEAR * row.get(f"{want}_uncertainty", 0.0)
+            and row["tolerance"] >= _LEAST_TOLERANCE
+        ]
+        if len(clear) < _LEAST_FITTED:
+            continue
+        turns = np.log([1 + row["turns"] for row in clear])
+        ratios = np.log([row[want] / row["tolerance"] for row in clear])
+        power = max(0.0, float(np.polyfit(turns, ratios, 1)[0]))
+        amount = float(np.exp(np.quantile(ratios - power * turns, _FITTED_MET)))
+        growths[want] = [_in_two_digits(amount), _in_two_digits(power)]
+    return growths
+
+
+def _fitted_steps(rows: Sequence[Record], order: float) -> list[float]:
+    """Steps of a rotation at `PACED_TOLERANCE`, in the median of runs of many, and the order."""
+    counts = [
+        row["steps"] / row["turns"] * (row["tolerance"] / PACED_TOLERANCE) ** (1 / order)
+        for row in rows
+        if row["turns"] >= _MANY_TURNS
+    ]
+    if len(counts) < _LEAST_FITTED:
+        return []
+    return [_in_two_digits(float(np.median(counts))), order]
+
+
+def _fitted_factors(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]]]:
     """Factors by kind, family and want: true errors over the differences of two runs."""
     ratios: dict[tuple[str, str, str], list[float]] = {}
     for row in rows:
@@ -465,17 +524,27 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, list[float]]
             continue
         low, middle, high = np.quantile(values, [_FITTED_BELOW, 0.5, 1 - _FITTED_ABOVE])
         three = [low, middle, _FIT_MARGIN * max(high, middle)]
-        rounded = [float(f"{factor:.2g}") for factor in three]
+        rounded = [_in_two_digits(factor) for factor in three]
         factors_by_kind.setdefault(kind, {}).setdefault(family, {})[want] = rounded
     return factors_by_kind
 
 
-def save(fitted_factors: Mapping[str, Any], command: str) -> None:
-    """Write fitted factors beside this module; kinds and families without a run keep theirs."""
-    stored_factors = json.loads(_FACTORS.read_text(encoding="utf-8"))["factors"]
-    for kind, families in fitted_factors.items():
-        for family, wants in families.items():
-            stored_factors.setdefault(kind, {}).setdefault(family, {}).update(wants)
-    text = json.dumps({"command": command, "factors": stored_factors}, indent=1)
-    write_file(_FACTORS, text + "\n")
-    factors.cache_clear()
+def _in_two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def save(numbers: Mapping[str, Any], command: str) -> None:
+    """Write fitted numbers beside this module; those of which there were too few runs stay."""
+    contents = json.loads(FITTED_FILE.read_text(encoding="utf-8"))
+    _update(contents, {"command": command, **numbers})
+    write_file(FITTED_FILE, json.dumps(contents, indent=1) + "\n")
+    forget()
+
+
+def _update(contents: dict[str, Any], numbers: Mapping[str, Any]) -> None:
+    """Replace the values of a nested mapping, keeping those that have no new one."""
+    for name, value in numbers.items():
+        if isinstance(value, Mapping):
+            _update(contents.setdefault(name, {}), value)
+        elif value:
+            contents[name] = value

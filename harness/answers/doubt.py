@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from polhode.harness.answers.rules import full_solver
+from polhode.harness.answers.rules import SHARP, full_solver
 from polhode.harness.answers.runs import Run, Runner
 from polhode.harness.answers.statement import RunError
 from polhode.harness.common.text import scientific, short
@@ -13,14 +13,11 @@ from polhode.solvers.contract import SolverNotValidError
 # largest of them.
 OFF = 0.1
 OFF_SHARE = 0.01
-# Tolerances of two sharp runs.
-_SHARP = (1e-10, 1e-12)
+# Tolerances of two sharp runs, far enough apart that chaos shows.
+_SHARP = (100 * SHARP, SHARP)
 # The sharp runs agree if their distance is this share of the run's from them: runs of a chaotic
 # motion do not agree, and say nothing.
 _AGREE = 0.1
-# Most steps of a sharp run: this many, and this multiple of the steps of the run.
-_MAX_STEPS = 1_000_000
-_STEP_RATIO = 4
 
 
 def doubt(runner: Runner, run: Run, stated: RunError) -> str:
@@ -40,7 +37,7 @@ def doubt(runner: Runner, run: Run, stated: RunError) -> str:
     off = 0.0
     for tolerance in _SHARP:
         try:
-            sharp_run = runner.run(method, tolerance, _MAX_STEPS + _STEP_RATIO * run.steps)
+            sharp_run = runner.run(method, tolerance, run.limit)
         except SolverNotValidError:
             return ""
         if not sharp_run.success:

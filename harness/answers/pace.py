@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 from functools import lru_cache
-from time import perf_counter
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
 
+from polhode.harness.answers.fitted import PACED_TOLERANCE
 from polhode.harness.answers.rules import Method
 from polhode.models.form import Form
 from polhode.models.scene import Scene
@@ -19,8 +20,6 @@ from polhode.solvers.solve import Solution, solve
 _TIMED = ("paper", "spheroid", "jeffery", "top", "tumbler", "sphere")
 # The scene on which steps of implicit solvers are timed: each solves equations there.
 _TIMED_IMPLICIT = ("stiff", *_TIMED)
-# Tolerance of these runs; solvers whose order follows the tolerance are timed at their own.
-_TOLERANCE = 1e-7
 # Times that a run is repeated: the quickest one is the least disturbed.
 _REPEATS = 5
 # Share of the scene's time that the short run covers: its steps cost as much as in the long run.
@@ -46,7 +45,8 @@ class Pace(NamedTuple):
 
 def pace(method: Method, tolerance: float) -> Pace:
     """The pace of a method, measured in some milliseconds where this process does not know it."""
-    return _measured(method, tolerance if method.solver.order_by_tolerance else _TOLERANCE)
+    # Steps of solvers whose order follows the tolerance cost what it asks for.
+    return _measured(method, tolerance if method.solver.order_by_tolerance else PACED_TOLERANCE)
 
 
 def forget() -> None:
@@ -86,17 +86,17 @@ def _quickest(method: Method, tolerance: float, scene: Scene, rows: int) -> tupl
     return best.seconds, steps_in(best)
 
 
-def seconds_of(solution: Solution) -> float:
-    """Seconds that a run took."""
-    return solution.seconds
+def seconds_of(solution: Solution, processor: float) -> float:
+    """Seconds of a run that had the processor for so long: without compilation, and without waiting for others."""
+    return min(solution.seconds, processor)
 
 
 def around(form: Form, scene: Scene, solution: Solution) -> float:
     """Seconds that a form takes to look ahead along a run, its tables made already, and to give what it is run for."""
-    began = perf_counter()
+    began = thread_time()
     form.problem(unseen(scene, 1))
     form.observe(scene, solution.states)
-    return perf_counter() - began
+    return thread_time() - began
 
 
 def unseen(scene: Scene, number: int) -> Scene:

@@ -9,18 +9,19 @@ took.
 
 import tomllib
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from itertools import product
 from math import floor, inf, log10
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
 
-from polhode.harness.answers.averaging import NotKnownError
-from polhode.harness.answers.averaging_laws import ORDERS, few_error
-from polhode.harness.answers.confirmed import confirmation, meet
+from polhode.harness.answers.averaging import NotKnownError, oriented
+from polhode.harness.answers.averaging_laws import ORDER_TWO, ORDERS, few_error
+from polhode.harness.answers.confirmed import MAX_STRIDE, PLANNED_SHARE, confirmation, meet
+from polhode.harness.answers.fitted import PACED_TOLERANCE
 from polhode.harness.answers.forecast import RacedSegment, beginning_of, raced_segment
 from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.pace import Pace, around, pace, seconds_of, steps_in
@@ -29,15 +30,17 @@ from polhode.harness.answers.rules import (
     IMPLICIT,
     LOOSEST,
     SPLITTING,
+    TABLED_FROM,
     TIGHTEST,
     Method,
+    cheapest_full,
     first_tolerance,
     full_method,
     splits,
     steps_of,
     stiff,
 )
-from polhode.harness.answers.runs import Run, Runner, Watch
+from polhode.harness.answers.runs import MAX_STEPS, Run, Runner, Watch
 from polhode.harness.answers.statement import INNER, RunError, difference
 from polhode.harness.common.text import scientific, short
 from polhode.harness.references.rotations import damping_times
@@ -50,37 +53,15 @@ from polhode.solvers.contract import UNLIMITED, SolverNotValidError
 
 # A method is cut that costs more than this times the best one so far.
 _CUT = 1.5
-# Rotations up to which splitting runs the scene itself: its beginning takes more steps a rotation.
-_SPLITTING_TURNS = 2e5
-# The upper end of an error over the usual one, of a run that is judged by a looser one: 1 in 20 runs
-# errs by more.
-_JUDGED = 3.0
-# Steps that a run of a race may take before anything else is known of the scene.
-_MAX_STEPS = 300_000
-# Steps that a run may take however cheap the best one is.
-_MIN_STEPS = 20.0
 # Runs of a method in a race, at most.
 _MAX_RUNS = 3
-# Share of the error requested that a method is planned to have, and the least that will do.
-_PLANNED = 0.5
-_LEAST = 0.08
-# A tolerance changes by this factor at most from one run to the next, and by this one at least if
-# the run erred by too much.
-_STRIDE = 1e4
-_LEAST_STRIDE = 0.3
+# The least share of the error requested that a method need not use better.
+_LEAST_SHARE = 0.08
 # A reference is known to this share of the error requested.
 _KNOWN = 0.5
-# The error that is attainable over the least one of a method's runs and of the reference.
-_ATTAINABLE = 2.0
 # Steps that a full run is expected to take from which on runs that average are tried: below them, to
-# look ahead and to put the rotation back takes longer. Tables of a new shape are not counted.
-_AVERAGED_FROM = {"averaged": 8_000, "averaged-second-order": 50_000, "hybrid": 200_000}
-# The least error that `hybrid` is tried for.
-_HYBRID_LEAST_ERROR = 1e-10
-# Ratio of its first tolerance to the one of `solve`.
-_HYBRID_LOOSER = 10.0
-# Steps from which on runs of spheroids that average are tried.
-_AVERAGED_SPHEROIDS_FROM = 2_000
+# look ahead and to put the rotation back takes longer.
+_AVERAGED_FROM = 2_000
 # Damping times from which on implicit methods take part.
 _IMPLICIT_FROM = 100.0
 # A difference that grows by a larger power of time tells of chaos.
@@ -247,7 +228,8 @@ class _Segment:
         if self.raced.whole or (self.reference and growth <= _MOST_GROWTH):
             return
         whole = self.raced.of_the_whole()
-        if self.reference or whole.turns <= _MAX_STEPS / 10:
+        steps = steps_of(whole.scene, self.usual, PACED_TOLERANCE)
+        if self.reference or steps <= MAX_STEPS:
             self.budget *= self.raced.growth(self.want) * self.raced.spread / whole.spread
             self.raced = whole
             self.runner = _Remembering(whole.scene)
@@ -294,9 +276,7 @@ class _Race:
         self.uncut: list[Method] = []
         self.raced = raced_segment(scene)
         self.usual = full_method(self.raced.scene)
-        first = self.usual
-        if splits(scene):
-            first = Method(find_form("spheroid-axis"), find_solver(SPLITTING[0]))
+        first = cheapest_full(oriented(scene))
         # Steps that a full run is expected to take.
         self.steps = steps_of(scene, first, first_tolerance(scene, first, error, want))
         self.segment = _Segment(self.raced, self.usual, error, want)
@@ -324,8 +304,8 @@ class _Race:
         elif method.solver.closed_form:
             self.closed_form(method)
         else:
-            itself = _averages(method)
-            itself = itself or (_splits(method) and self.raced.turns <= _SPLITTING_TURNS)
+            # The beginning of a run by splitting takes more steps a rotation.
+            itself = _averages(method) or (_splits(method) and self.steps <= MAX_STEPS)
             if self.bare or (itself and not self.segment.raced.whole):
                 self.judge(method)
             else:
@@ -344,20 +324,18 @@ class _Race:
         """Refuse a method that averages where St is too small, or the run too short."""
         if self.bare or method in self.uncut or not _averages(method):
             return False
+        tabled = _in_tables(method.form)
         least = 0.0
-        if method.form.name in ORDERS:
-            least = few_error(ORDERS[method.form.name], self.scene.stokes)
-        if method.form.name == "hybrid":
-            least = _HYBRID_LEAST_ERROR
+        if method.form.averaged or tabled:
+            least = few_error(ORDERS.get(method.form.name, ORDER_TWO), self.scene.stokes)
         if least > self.error:
             why = f"St is too small: averaging mostly errs by more than {scientific(least)}"
             self._refuse(method, why, least)
             return True
-        enough = _AVERAGED_SPHEROIDS_FROM
-        if self.scene.ellipsoid.kind == "triaxial":
-            enough = _AVERAGED_FROM[method.form.name]
-        tabled = _in_tables(method.form) or not self.segment.raced.whole
-        if tabled and self.steps < enough:
+        enough = _AVERAGED_FROM
+        if tabled and self.scene.ellipsoid.kind == "triaxial":
+            enough = TABLED_FROM
+        if (tabled or not self.segment.raced.whole) and self.steps < enough:
             why = f"a full run takes some {self.steps:.1g} steps: too few to average"
             self._refuse(method, why)
             return True
@@ -371,9 +349,9 @@ class _Race:
     def limit(self, method: Method, cost: Pace, ratio: float) -> int:
         """Steps that a run may take without being cut."""
         if self.best == inf or cost.step == 0 or method in self.uncut:
-            return _MAX_STEPS
+            return MAX_STEPS
         left = _CUT * self.best - cost.start - cost.row * self.samples
-        return int(min(_MAX_STEPS, max(_MIN_STEPS, left / cost.step / ratio)))
+        return int(min(MAX_STEPS, max(1.0, left / cost.step / ratio)))
 
     def closed_form(self, method: Method) -> None:
         """Enter a method that evaluates a closed form."""
@@ -384,7 +362,7 @@ class _Race:
 
     def follow(self, method: Method, segment: _Segment) -> None:
         """Run a method on a segment until its error is close to the one requested."""
-        cost = pace(method, 1e-8)
+        cost = pace(method, PACED_TOLERANCE)
         met: tuple[float, float, int] | None = None  # Tolerance, error and steps.
         least = inf
         why = ""
@@ -408,7 +386,7 @@ class _Race:
             least = min(least, error + segment.apart)
             if error <= budget and (met is None or tolerance > met[0]):
                 met = tolerance, error, steps_in(run.solution)
-            if error <= budget and (error >= _LEAST * budget or tolerance >= LOOSEST):
+            if error <= budget and (error >= _LEAST_SHARE * budget or tolerance >= LOOSEST):
                 break
             if met and error > budget:
                 break
@@ -422,7 +400,7 @@ class _Race:
         growth = segment.raced.growth(self.want)
         if met is None:
             why = why or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
-            self._refuse(method, why, _ATTAINABLE * growth * least)
+            self._refuse(method, why, growth * least / _KNOWN)
             return
         self._enter_followed(method, segment, *met)
 
@@ -448,51 +426,46 @@ class _Race:
     def judge(self, method: Method) -> None:
         """Run a method on the scene itself, and confirm the run; once more where it follows its tolerance."""
         runner = Runner(self.scene, np.array([0.0, self.scene.time]))
-        tolerance = first_tolerance(self.scene, method, self.error, self.want)
-        hybrid = method.form.name == "hybrid"
-        if hybrid:
-            # Few full segments cost little: a loose tolerance, which has few, is tried first.
-            tolerance *= _HYBRID_LOOSER
-        tolerance = _rounded(method, tolerance)
-        follows = method.solver.many_periods or hybrid
+        tolerance = _rounded(method, first_tolerance(self.scene, method, self.error, self.want))
+        follows = method.solver.many_periods or method.form.name == "hybrid"
         good: tuple[float, Interval, float, str] | None = None
-        refusal: tuple[str, float] = ("", inf)
-        for _ in range(_MAX_RUNS - 1):
+        why = ""
+        least = inf
+        for _ in range(_MAX_RUNS):
             try:
                 seconds, stated = self._judged(runner, method, tolerance)
             except (SolverNotValidError, FormNotValidError, NotKnownError) as failure:
-                refusal = refusal[0] or getattr(failure, "reason", "") or str(failure), refusal[1]
+                why = why or getattr(failure, "reason", "") or str(failure)
                 break
             error = stated.of(self.want)
             if error is None:
-                refusal = stated.note, inf
+                why = stated.note
                 break
-            bound = error.high
-            if method.solver.many_periods:
-                bound = min(bound, _JUDGED * error.predicted)
-            if bound <= self.error:
-                high = min(error.high, self.error)
-                good = tolerance, replace(error, high=high), seconds, stated.note
+            if error.high <= self.error:
+                good = tolerance, error, seconds, stated.note
             else:
-                why = f"errs by up to {scientific(bound)}: {stated.note}"
-                refusal = why, _ATTAINABLE * error.high
-            planned = _planned(method, tolerance, bound, self.error)
-            if not follows or planned == tolerance or _LEAST * self.error <= bound <= self.error:
+                why = f"errs by up to {scientific(error.high)}: {stated.note}"
+                least = error.high / _KNOWN
+            planned = _planned(method, tolerance, error.high, self.error)
+            close = _LEAST_SHARE * self.error <= error.high <= self.error
+            if close or not follows or planned == tolerance:
                 break
             tolerance = planned
         if good:
             self._enter(method, *good, self.raced.spread)
         else:
-            self._refuse(method, *refusal)
+            self._refuse(method, why, least)
 
     def _judged(self, runner: Runner, method: Method, tolerance: float) -> tuple[float, RunError]:
         """Seconds of a run of the scene itself, and what it states; raises NotKnownError if it is cut."""
         cost = pace(method, tolerance)
+        began = thread_time()
         run = runner.run(method, tolerance, self.limit(method, cost, 1.0))
+        processor = thread_time() - began
         if _splits(method):
             seconds = cost.seconds(steps_in(run.solution), self.samples)
         else:
-            seconds = seconds_of(run.solution) + cost.row * self.samples
+            seconds = seconds_of(run.solution, processor) + cost.row * self.samples
         if _in_tables(method.form):
             seconds += around(method.form, self.scene, run.solution)
         cut = seconds > _CUT * self.best and method not in self.uncut
@@ -519,10 +492,8 @@ class _Race:
 
 def _planned(method: Method, tolerance: float, error: float, budget: float) -> float:
     """The tolerance at which a method is planned to have its share of an error, from a run at another one."""
-    stride = _PLANNED * budget / max(error, 1e-99)
-    stride = min(_STRIDE, max(1 / _STRIDE, stride))
-    if error > budget:
-        stride = min(_LEAST_STRIDE, stride)
+    stride = PLANNED_SHARE * budget / max(error, 1e-99)
+    stride = min(MAX_STRIDE, max(1 / MAX_STRIDE, stride))
     return _rounded(method, min(LOOSEST, max(TIGHTEST, stride * tolerance)))
 
 

@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from polhode.harness.answers.fitted import factors, growth, steps_per_turn
 from polhode.harness.answers.request import EPS, one_digit
 from polhode.harness.references.rotations import damping_times, is_stiff
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.form import Form
+from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver
@@ -24,64 +26,25 @@ _ROUNDS_LESS = "cyrk-dop853"
 _ROUNDED_SHARE = 0.1
 # St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta.
 _SPLITTING_FROM = 300.0
-# St from which on a run is averaged where that is cheaper.
-_HYBRID_FROM = 1e4
-# The least error that `hybrid` is tried for: at tighter ones its full segments cover the run.
-_HYBRID_LEAST_ERROR = 3e-9
+# The least error times St² that `hybrid` is tried for: below it full segments cover the run. Of 12
+# timed runs that `hybrid` took the 8 above took 0.02 to 0.5 times plain practice, the 4 below 0.2 to 3.2.
+HYBRID_LEAST_ERROR = 1e5
 # Steps of a full run that cost as much as the second-order tables of a triaxial shape.
-_STEPS_OF_TABLES = 600_000
+STEPS_OF_TABLES = 600_000
+# Steps of a full run from which on tables of a triaxial shape are made to choose and to confirm:
+# more runs of the shape may follow.
+TABLED_FROM = 50_000
 # Steps of a full run that cost as much as a run of `hybrid` by a spheroid.
-_STEPS_OF_SPHEROID = 60_000
-# Tolerance of `hybrid` over the error that it meets with a margin.
-_HYBRID_TOLERANCE = 1 / 200
-# Tolerance of an averaged run over its error: its steps cost nothing.
-_AVERAGED_TOLERANCE = 1e-2
-# The same of triaxial shapes, where L² = 2EI₂ amplifies errors.
-_AVERAGED_TOLERANCE_TRIAXIAL = 1e-3
+STEPS_OF_SPHEROID = 60_000
+# Tolerance of an averaged run over its error: its steps cost nothing, and L² = 2EI₂ amplifies errors.
+_AVERAGED_TOLERANCE = 1e-3
 # The shear turns a body at half its rate, in rad per unit of time.
 _SHEAR = 0.5
+# Tolerance of a run whose own error counts for nothing.
+SHARP = 1e-12
 # The tightest and the loosest first tolerance.
 TIGHTEST = 1e-15
 LOOSEST = 1e-2
-
-
-class Pace(NamedTuple):
-    """Steps that a solver takes in a rotation at the tolerance 1e-8, and the order with which they grow."""
-
-    steps: float
-    order: float
-
-    def per_turn(self, tolerance: float) -> float:
-        """Steps a rotation at a tolerance."""
-        return self.steps * (1e-8 / tolerance) ** (1 / self.order)
-
-
-# In the median of random scenes; a step of splitting takes a third of the time of one of Runge and
-# Kutta.
-_EXPLICIT_PACE = Pace(12.0, 8.0)
-_SPLITTING_PACE = Pace(2.0, 6.0)
-
-
-class Growth(NamedTuple):
-    """Error over tolerance of a run in four of five scenes: a first amount, and a power of the rotations."""
-
-    amount: float
-    power: float
-
-    def after(self, turns: float) -> float:
-        """Error over tolerance after `turns` rotations."""
-        return self.amount * (1 + turns) ** self.power
-
-
-# Explicit, splitting and implicit methods: measured on random scenes at the tolerance 1e-8.
-_GROWTH = {
-    ("explicit", "slow"): Growth(6.0, 0.25),
-    ("explicit", "orientation"): Growth(1.5, 1.5),
-    ("splitting", "slow"): Growth(0.15, 0.1),
-    ("splitting", "orientation"): Growth(0.3, 0.85),
-    ("implicit", "slow"): Growth(2.0, 0.0),
-    ("implicit", "orientation"): Growth(4.0, 0.0),
-}
 
 
 class Method(NamedTuple):
@@ -207,48 +170,57 @@ def splits(scene: Scene) -> bool:
 
 def _hybrid_pays(scene: Scene, error: float, want: str) -> bool:
     """Whether a run by `hybrid`, and the tables of a shape, cost less than a full run."""
-    if want != "slow" or error < _HYBRID_LEAST_ERROR or not _HYBRID_FROM <= scene.stokes < inf:
+    if want != "slow" or isinf(scene.stokes) or error * scene.stokes**2 < HYBRID_LEAST_ERROR:
         return False
     if not find_form("hybrid").takes(scene):
         return False
-    turns = rotations(scene)
-    kind = "explicit"
-    pace = _EXPLICIT_PACE
-    most = _STEPS_OF_TABLES
+    method = cheapest_full(scene)
+    most = STEPS_OF_SPHEROID if splits(scene) else STEPS_OF_TABLES
+    return steps_of(scene, method, first_tolerance(scene, method, error, want)) > most
+
+
+def cheapest_full(scene: Scene) -> Method:
+    """The full method of the fewest steps."""
     if splits(scene):
-        kind = "splitting"
-        pace = _SPLITTING_PACE
-        most = _STEPS_OF_SPHEROID
-    tolerance = error / _GROWTH[kind, "slow"].after(turns)
-    return pace.per_turn(tolerance) * turns > most
+        return Method(find_form("spheroid-axis"), find_solver(SPLITTING[0]))
+    return full_method(scene)
 
 
 def first_tolerance(scene: Scene, method: Method, error: float, want: str) -> float:
     """The tolerance at which four of five runs meet an error."""
     if method.form.name == "hybrid":
-        return one_digit(_within(_HYBRID_TOLERANCE * error))
-    if method.form.averaged:
-        crosses = scene.ellipsoid.kind == "triaxial"
-        share = _AVERAGED_TOLERANCE_TRIAXIAL if crosses else _AVERAGED_TOLERANCE
-        return one_digit(_within(share * error))
-    if method.solver.many_periods:
-        kind = "splitting"
-    elif method.solver.implicit:
-        kind = "implicit"
+        of_kind = factors()["estimate"][hybrid_family(scene)]["slow"]
+        tolerance = error / ERROR_PER_TOLERANCE / of_kind.middle
+    elif method.form.averaged:
+        tolerance = _AVERAGED_TOLERANCE * error
     else:
-        kind = "explicit"
-    return one_digit(_within(error / _GROWTH[kind, want].after(rotations(scene))))
+        family = "implicit" if method.solver.implicit else _family_of_steps(method)
+        tolerance = error / growth(family, want).after(rotations(scene))
+    return one_digit(min(LOOSEST, max(TIGHTEST, tolerance)))
 
 
-def _within(tolerance: float) -> float:
-    return min(LOOSEST, max(TIGHTEST, tolerance))
+def hybrid_family(scene: Scene) -> str:
+    """The family of runs by `hybrid`: its estimates of angles are closer for triaxial bodies."""
+    return "hybrid" if scene.ellipsoid.kind == "triaxial" else "hybrid, spheroid"
 
 
 def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
     """Approximate steps of a run, in explicit ones; 0 where they do not follow the rotations."""
     if method.form.averaged or method.form.name == "hybrid" or method.solver.closed_form:
         return 0.0
-    turns = rotations(scene)
-    if method.solver.many_periods:
-        return _SPLITTING_PACE.per_turn(tolerance) * turns
-    return _EXPLICIT_PACE.per_turn(tolerance) * turns
+    return steps_per_turn(_family_of_steps(method)).at(tolerance) * rotations(scene)
+
+
+def _family_of_steps(method: Method) -> str:
+    return "splitting" if method.solver.many_periods else "explicit"
+
+
+def is_ours(thing: Form | Solver) -> bool:
+    """Whether it comes with this package, so that tests hold what it claims."""
+    return type(thing).__module__.startswith("polhode.")
+
+
+def is_efficient(solver: Solver) -> bool:
+    """Whether a solver is machine code of high order whose errors follow its tolerance."""
+    compiled = is_ours(solver) and solver.backends == ("compiled",)
+    return compiled and not (solver.implicit or solver.low_order or solver.order_by_tolerance)

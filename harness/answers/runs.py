@@ -19,6 +19,12 @@ from polhode.solvers.solve import Interrupted, Solution, solve
 
 Watch = Callable[[Record], None] | None
 
+# Steps that a run may take before anything is known that it could be compared with.
+MAX_STEPS = 300_000
+# Most steps of a second run: those, and this multiple of the steps of the run.
+STEP_RATIO = 30
+# Ratio of the tolerances of a tighter run and of a run: a third more steps at order 8.
+TIGHTER = 0.1
 # Times closer than this share of the run count as one: some solvers do not step between them.
 _CLOSE = 1e-9
 
@@ -40,6 +46,11 @@ class Run(NamedTuple):
     def steps(self) -> int:
         """Steps, 0 where they are not reported."""
         return self.solution.work.steps or 0
+
+    @property
+    def limit(self) -> int:
+        """Steps that a second run may take."""
+        return MAX_STEPS + STEP_RATIO * self.steps if self.steps else UNLIMITED
 
     @property
     def averaged(self) -> bool:

@@ -4,15 +4,13 @@ Both runs are compared at `INNER` times of their own, so that the statement hold
 and does not depend on the rows that the user asks for.
 """
 
-import json
 from dataclasses import dataclass, field, replace
-from functools import cache
-from importlib.resources import files
 from math import pi
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from polhode.harness.answers.fitted import factors
 from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.request import EPS
 from polhode.harness.common.text import in_two_digits, scientific
@@ -149,27 +147,6 @@ class RunError:
 
 
 UNKNOWN = RunError(None, None, "not estimated")
-
-
-class Factors(NamedTuple):
-    """The true error over the difference of two runs: below it in 2.5 %, 50 % and 98.5 % of the runs fitted."""
-
-    low: float
-    middle: float
-    high: float
-
-
-@cache
-def factors() -> dict[str, dict[str, dict[str, Factors]]]:
-    """Factors by kind of confirmation, family of methods, and what the error is of."""
-    text = files("polhode.harness.answers").joinpath("factors.json").read_text(encoding="utf-8")
-    return {
-        kind: {
-            family: {want: Factors(*numbers) for want, numbers in wants.items()}
-            for family, wants in families.items()
-        }
-        for kind, families in json.loads(text)["factors"].items()
-    }
 
 
 def stated(

@@ -190,7 +190,11 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
     default=0,
     help="Scenes on which `solve` is timed against plain practice instead.",
 )
-@click.option("--fit", is_flag=True, help="With --errors: fit the factors of the statements anew.")
+@click.option(
+    "--fit",
+    is_flag=True,
+    help="With --errors: fit the factors of the statements, first tolerances and steps anew.",
+)
 @page_only
 @resume
 @quiet
@@ -267,7 +271,7 @@ def _validate_errors(
         rows = study(store, seed, scenes, quiet)
     if fit:
         save(fitted(rows), command_line())
-        click.echo("The factors are fitted: count how they hold on runs of another seed.")
+        click.echo("The numbers are fitted: count how they hold on runs of another seed.")
         return
     page = write_page(out, rows, command_line())
     click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")

@@ -4,7 +4,7 @@ Run times of full forms follow these two numbers, not St alone.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from math import isinf, pi, sqrt
 
@@ -40,30 +40,13 @@ _SEPARATED = 1.5
 # averages serve from there on.
 _RISEN = 20.0
 _NODES = 64
-# Damping times from which on stability may hold an explicit method back, and the share of its
-# steps: where stability asks for more of them, errors do not follow the tolerance. Errors of
-# Taylor's method, whose order is higher, still do.
+# Damping times from which on stability may hold an explicit method back, and how many of them a
+# rotation and a unit of time that follows the flow outweigh: beyond, stability asks for 0.4 of the
+# steps, and errors do not follow the tolerance. Errors of Taylor's method, whose order is higher,
+# still do.
 STIFF = 2e4
-_HELD = 0.4
-
-
-@dataclass(frozen=True)
-class Gauge:
-    """How the steps of a kind of solvers are counted, and what they usually come to in the quaternion form."""
-
-    solver: str
-    tolerance: float
-    per_rotation: float
-    per_time: float
-    per_damping_time: float
-    any_run: float
-
-    def usual(self, turns: float, following: float) -> float:
-        """Steps that accuracy usually asks for over `turns` rotations and a time `following` the flow."""
-        return self.per_rotation * turns + self.per_time * following + self.any_run
-
-
-_EXPLICIT = Gauge("cyrk-vern8", 1e-9, 8.0, 1.6, 0.28, 4.0)
+_PER_ROTATION = 19.0
+_PER_TIME = 3.8
 
 
 def damping_times(scene: Scene) -> float:
@@ -85,9 +68,8 @@ def is_stiff(scene: Scene, turns: float | None = None) -> bool:
     damped = damping_times(scene)
     if damped <= STIFF:
         return False
-    accuracy = _EXPLICIT.usual(rotations(scene) if turns is None else turns, following_time(scene))
-    stability = _EXPLICIT.per_damping_time * damped
-    return stability > _HELD * (stability + accuracy)
+    turns = rotations(scene) if turns is None else turns
+    return damped > _PER_ROTATION * turns + _PER_TIME * following_time(scene)
 
 
 def rotations(scene: Scene) -> float:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from polhode import BodyStart, Ellipsoid, EulerStart, Scene, SceneSolution, pick, solve
-from polhode.harness.answers import confirmed
-from polhode.harness.answers.statement import UNKNOWN, factors
+from polhode.harness.answers import runs
+from polhode.harness.answers.fitted import factors
+from polhode.harness.answers.statement import UNKNOWN
 from polhode.harness.references.errors import errors
 from polhode.models.scene import SlowStart
 from polhode.models.scenes import find_scene, named_scene
@@ -147,8 +148,8 @@ def test_no_confirmation_no_error_and_why():
 
 
 def test_second_runs_that_end_too_early_confirm_nothing(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(confirmed, "STEP_FLOOR", 10)
-    monkeypatch.setattr(confirmed, "STEP_RATIO", 0)
+    monkeypatch.setattr(runs, "MAX_STEPS", 10)
+    monkeypatch.setattr(runs, "STEP_RATIO", 0)
     found = solve("paper", form="quaternion", solver="cyrk-vern8", tolerance=1e-8)
     assert found.success
     assert (found.error.slow, found.error.kind) == (None, None)

@@ -122,7 +122,7 @@ def clock(monkeypatch):
     monkeypatch.setattr(paces, "_quickest", quickest)
     steps = paces.steps_in
     monkeypatch.setattr(races, "around", lambda form, scene, run: factors[-1] * 2e-3)
-    monkeypatch.setattr(races, "seconds_of", lambda run: factors[-1] * 2e-6 * steps(run))
+    monkeypatch.setattr(races, "seconds_of", lambda run, _: factors[-1] * 2e-6 * steps(run))
     set_to(1.0)
     yield set_to
     forget()

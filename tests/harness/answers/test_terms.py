@@ -9,10 +9,11 @@ import pytest
 from polhode import BodyStart, Ellipsoid, EulerStart, Scene, solve
 from polhode.harness.answers import averaging, confirmed, rules
 from polhode.harness.answers.confirmed import Answer, advised
+from polhode.harness.answers.fitted import factors
 from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.rules import Method, full_method
 from polhode.harness.answers.runs import Runner
-from polhode.harness.answers.statement import INNER, Difference, RunError, factors, stated
+from polhode.harness.answers.statement import INNER, Difference, RunError, stated
 from polhode.harness.references.errors import errors
 from polhode.models.catalogue import form
 from polhode.models.scenes import named_scene

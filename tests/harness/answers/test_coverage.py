@@ -1,0 +1,90 @@
+"""What `polhode validate --errors N --fit` fits: rows of known laws give these laws back."""
+
+import json
+
+import numpy as np
+import pytest
+
+from polhode.harness.answers import coverage, fitted
+
+TURNS = np.geomspace(10.0, 3000.0, 60)
+
+
+def row(solver="cyrk-vern8", tolerance=1e-8, turns=100.0, slow=1e-7, **more):
+    """A run of the full equations, as the study records it."""
+    return {
+        "form": "quaternion",
+        "solver": solver,
+        "kind": "tighter",
+        "family": "explicit",
+        "tolerance": tolerance,
+        "turns": turns,
+        "steps": round(10 * turns),
+        "slow": slow,
+        "slow_uncertainty": 0.0,
+        "slow_stated": [0.0, 1e-7, 1e-6],
+        "slow_apart": 1e-6,
+        **more,
+    }
+
+
+def test_the_growth_of_errors_is_read_from_runs_of_many_rotations():
+    rows = [row(turns=turns, slow=3e-8 * (1 + turns) ** 0.5) for turns in TURNS]
+    assert coverage.fitted(rows)["growth"]["explicit"] == {"slow": [3.0, 0.5]}
+
+
+def test_errors_that_do_not_follow_the_tolerance_fit_no_growth():
+    """Rounding, and errors that the reference does not resolve."""
+    rows = [row(tolerance=1e-14, turns=turns) for turns in TURNS]
+    rows += [row(slow_uncertainty=1e-7, turns=turns) for turns in TURNS]
+    assert coverage.fitted(rows)["growth"]["explicit"] == {}
+
+
+def test_steps_of_a_rotation_are_those_at_one_tolerance():
+    order = fitted.steps_per_turn("explicit").order
+    rows = [row(turns=turns, tolerance=tol) for turns in TURNS for tol in (1e-8, 1e-4)]
+    for member in rows:
+        share = (fitted.PACED_TOLERANCE / member["tolerance"]) ** (1 / order)
+        member["steps"] = 14 * member["turns"] * share
+    assert coverage.fitted(rows)["steps"] == {"explicit": [14.0, order], "splitting": []}
+
+
+def test_a_factor_stands_above_nearly_all_runs():
+    factor = fitted.factors()["tighter"]["explicit"]["slow"].high
+    stated = [0.0, 1e-7, factor * 1e-6]
+    rows = [
+        row(turns=10 + share, slow=1e-8 * share, slow_stated=stated)
+        for share in np.linspace(1, 100, 200)
+    ]
+    low, middle, high = coverage.fitted(rows)["factors"]["tighter"]["explicit"]["slow"]
+    assert (low, middle) == (pytest.approx(0.035, rel=0.1), pytest.approx(0.5, rel=0.1))
+    assert 1.0 < high < 1.2
+
+
+def test_a_fit_replaces_what_it_has_and_leaves_the_rest(tmp_path, monkeypatch):
+    path = tmp_path / "fitted.json"
+    path.write_text(fitted.FITTED_FILE.read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.setattr(coverage, "FITTED_FILE", path)
+    before = json.loads(path.read_text(encoding="utf-8"))
+    numbers = {
+        "factors": {"tighter": {"explicit": {"slow": [0.1, 0.2, 0.3]}}},
+        "growth": {"explicit": {}},
+        "steps": {"explicit": [11.0, 8.0], "splitting": []},
+    }
+    coverage.save(numbers, "a command")
+    after = json.loads(path.read_text(encoding="utf-8"))
+    assert after["command"] == "a command"
+    assert after["factors"]["tighter"]["explicit"]["slow"] == [0.1, 0.2, 0.3]
+    kept = before["factors"]["tighter"]["explicit"]["orientation"]
+    assert after["factors"]["tighter"]["explicit"]["orientation"] == kept
+    assert after["growth"] == before["growth"]
+    assert after["steps"] == {**before["steps"], "explicit": [11.0, 8.0]}
+
+
+@pytest.mark.parametrize("sort", ["ordinary", "stiff", "spheroids", "exact"])
+def test_runs_of_every_group_state_what_they_err_by(sort):
+    rows = coverage.measured(sort, seed=77, index=0)
+    judged = [found for found in rows if "left_out" not in found]
+    assert judged
+    assert all(found["slow"] <= 3 * found["slow_stated"][2] for found in judged)
+    assert all(found["steps"] > 0 for found in judged if found["kind"] != "closed form")
