@@ -14,6 +14,7 @@ from polhode.solvers.solve import solve
 IMPLICIT = ["radau", "bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida"]
 
 
+@cache
 def heat(n):
     """The heat equation on n points, its Jacobian, and its pattern."""
     second = sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(n, n), format="csc") * (n + 1) ** 2
