@@ -54,17 +54,13 @@ def test_commands_work_or_say_before_any_work_what_is_missing(library: str, tmp_
 
 
 @pytest.mark.parametrize("library", ["CyRK", "heyoka", "llvmlite"])
-def test_solve_chooses_among_what_is_left(library: str, tmp_path: Path):
-    (answer,) = answers(library, tmp_path, [("solve", "paper", "--samples", "5")])
-    assert complaint(answer, library, refused=False) == ""
-    assert "Lx" in answer.out
-
-
-@pytest.mark.parametrize("library", ["CyRK", "heyoka", "llvmlite"])
-def test_pick_ranks_what_is_left(library: str, tmp_path: Path):
-    (answer,) = answers(library, tmp_path, [("pick", "paper", "--json")])
-    assert complaint(answer, library, refused=False) == ""
-    assert json.loads(answer.out)["ranking"]
+def test_solve_chooses_and_pick_ranks_what_is_left(library: str, tmp_path: Path):
+    commands = [("solve", "paper", "--samples", "5"), ("pick", "paper", "--json")]
+    solved, picked = answers(library, tmp_path, commands)
+    assert complaint(solved, library, refused=False) == ""
+    assert "Lx" in solved.out
+    assert complaint(picked, library, refused=False) == ""
+    assert json.loads(picked.out)["ranking"]
 
 
 # Solvers that are gone with a library.

@@ -65,7 +65,11 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error", gain: float = 1.
 
     Each but the first has at most 1/gain of the error of the one before it.
     """
-    points = runs[[error, "seconds"]].to_numpy(float)
+    return runs.iloc[_unbeaten(runs[[error, "seconds"]].to_numpy(float), gain)]
+
+
+def _unbeaten(points: np.ndarray, gain: float) -> list[int]:
+    """Places of the points, error and time, that no other one beats in both, the fastest first."""
     order = np.lexsort(points.T)
     least = np.inf
     kept = []
@@ -74,13 +78,15 @@ def pareto_front(runs: pd.DataFrame, error: str = "slow_error", gain: float = 1.
         if lower:
             kept.append(place)
             least = points[place, 0]
-    return runs.iloc[kept]
+    return kept
 
 
 def front(runs: pd.DataFrame, error: str = "slow_error") -> np.ndarray:
     """Errors and times, shape (n, 2), along the Pareto front of the runs that reached their end."""
-    done: Any = runs.loc[runs["status"] == Status.REACHED_END, [error, "seconds"]]
-    return pareto_front(done.dropna(), error).to_numpy(float)
+    points = runs[[error, "seconds"]].to_numpy(float, na_value=np.nan)
+    reached = (runs["status"] == Status.REACHED_END).to_numpy(bool)
+    points = points[reached & ~np.isnan(points).any(axis=1)]
+    return points[_unbeaten(points, 1.0)]
 
 
 def cost(points: np.ndarray, target: float) -> float:

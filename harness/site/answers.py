@@ -125,7 +125,8 @@ def _span(runs: pd.DataFrame) -> str:
 
 def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
     """The methods that are the first or the second at some error, or an averaged form's cheapest, with their runs."""
-    points = {method: front(own, error) for method, own in methods(runs)}
+    runs_of = dict(methods(runs))
+    points = {method: front(own, error) for method, own in runs_of.items()}
     points = {method: own for method, own in points.items() if len(own)}
     chosen: set[Method] = set()
     for target in _ERRORS:
@@ -143,17 +144,16 @@ def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
             "solver": method.solver,
             "label": method.label,
             "averaged": is_averaged(method.form),
-            "points": _points(runs, method, error),
+            "points": _points(runs_of[method], error),
         }
         for method in points
         if method in chosen
     ]
 
 
-def _points(runs: pd.DataFrame, method: Method, error: str) -> list[list[float]]:
+def _points(runs: pd.DataFrame, error: str) -> list[list[float]]:
     """Error, seconds, tolerance and relative spread of a method's runs that no other of its runs beats."""
-    own = where(runs, (runs["form"] == method.form) & (runs["solver"] == method.solver))
-    own = pareto_front(own.dropna(subset=[error, "seconds"]), error)
+    own = pareto_front(runs.dropna(subset=[error, "seconds"]), error)
     spread = (own["seconds_spread"].astype(float) / own["seconds"].astype(float)).fillna(0.0)
     rows = own.assign(spread=spread)[[error, "seconds", "tolerance", "spread"]].to_numpy(float)
     return [[_rounded_up(size), *more[:2], round(more[2], 2)] for size, *more in rows.tolist()]
