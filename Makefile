@@ -70,13 +70,18 @@ docs: report ## the same as report
 report: $(READY) ## one offline site of documentation, API and reports, into reports/site/
 	$(BIN)/polhode report
 
-# Finished lines of reports/commands.txt leave their mark in build/everything; the interrupted one is taken up.
+# Lines of reports/commands.txt are commands of polhode, or programs in docs. Finished ones leave their mark in
+# build/everything; the interrupted one is taken up. A row of durations.csv is one attempt.
 everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; an interrupted run goes on
-	@test -d build/everything || rm -f reports/sweep/store.sqlite; mkdir -p build/everything; while read -r line; do \
+	@test -d build/everything || rm -f reports/sweep/store.sqlite; mkdir -p build/everything; \
+	times=build/everything/durations.csv; test -e $$times || echo command,seconds,exit >$$times; \
+	while read -r line; do \
 	  mark=build/everything/$$(echo "$$line" | tr ' /' '__'); test -e "$$mark.done" && continue; \
-	  again=; if test -e "$$mark.begun" && $(BIN)/polhode $${line%% *} --help | grep -q -e --resume; then again=--resume; fi; \
-	  touch "$$mark.begun"; echo "polhode $$line $$again"; \
-	  $(BIN)/polhode $$line $$again </dev/null && mv "$$mark.begun" "$$mark.done" || exit 1; \
+	  case "$$line" in *.py) run="$(BIN)/python $$line";; *) run="$(BIN)/polhode $$line";; esac; \
+	  if test -e "$$mark.begun" && $(BIN)/polhode $${line%% *} --help 2>/dev/null | grep -q -e --resume; then run="$$run --resume"; fi; \
+	  touch "$$mark.begun"; echo "$$run"; began=$$(date +%s); $$run </dev/null; code=$$?; \
+	  echo "$$line,$$(($$(date +%s) - began)),$$code" >>$$times; \
+	  test $$code = 0 && mv "$$mark.begun" "$$mark.done" || exit 1; \
 	done <reports/commands.txt; rm -r build/everything
 
 hashes: ## requirements.txt anew: what `make setup` installs, as constraints.txt says, with hashes

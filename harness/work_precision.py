@@ -18,7 +18,7 @@ import pandas as pd
 from polhode.harness.analysis.equal_error import best_of_families
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.common.files import digest, dumps, write_file
-from polhode.harness.common.machine import machine, versions
+from polhode.harness.common.machine import surroundings, versions
 from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Timing, collector_off, within
@@ -365,8 +365,7 @@ class WorkPrecision:
             "max_seconds": self.max_seconds,
             "over": {name: [*values] for name, values in self.over.items()},
             "reference": sources if self.over else sources[0],
-            "machine": machine(),
-            "versions": versions(),
+            **surroundings(),
         }
 
     def write(self, folder: str | Path, command: str = "") -> Path:
@@ -604,12 +603,13 @@ def run_problems(
             store.put(
                 key,
                 {"problem": case["problem"]},
-                {"rows": rows, "machine": machine(), "versions": versions()},
+                {"rows": rows, **surroundings()},
             )
             progress.advance()
     for record in store:
         if record["key"] in cases_by_key:
-            kept = {name: record[name] for name in ("problem", "machine", "versions", "date")}
+            names = ("problem", "machine", "versions", "commit", "date")
+            kept = {name: record.get(name) for name in names}
             all_rows += [{**row, **kept} for row in record["rows"]]
     return all_rows
 

@@ -10,6 +10,7 @@ from subprocess import run
 from types import SimpleNamespace
 from typing import Any
 
+import click
 import pandas as pd
 import pytest
 from PIL import Image
@@ -30,6 +31,8 @@ from polhode.harness.averaging.shares import (
     full_seconds,
     kinds_in,
 )
+from polhode.harness.cli import polhode
+from polhode.harness.common.machine import makers_of
 from polhode.harness.common.store import read_export, record_file
 from polhode.harness.pages import ensembles, equal_error, flows, problems, stiff
 from polhode.harness.pages.averaging import hybrid, random_bodies, second_order
@@ -236,6 +239,50 @@ def test_the_page_of_pick_follows_from_the_data(tmp_path: Path):
     assert page.read_text(encoding="utf-8") == text("pick/README.md")
 
 
+def docs_program(name: str) -> Any:
+    """A program that writes a page from the reports."""
+    return SimpleNamespace(**run_path(str(ROOT / "docs" / f"{name}.py")))
+
+
+ALL_PAGES = sorted(path.relative_to(REPORTS).as_posix() for path in REPORTS.glob("*/*.md"))
+
+
+@pytest.mark.parametrize("page", ALL_PAGES)
+def test_each_page_names_in_one_form_what_measured_it(page: str):
+    said = text(page)
+    assert len(re.findall("^Measured (?:on|from) ", said, re.MULTILINE)) == 1
+    line = re.search("^Measured .*", said, re.MULTILINE)
+    makers = makers_of(said)
+    assert line
+    assert line[0].count("polhode ") == len(makers) >= 1
+
+
+def test_the_front_page_says_which_commits_measured_the_pages():
+    """Else `python docs/measured.py` is due."""
+    front = text("README.md")
+    assert front == docs_program("measured").page()
+    makers = {maker for page in ALL_PAGES for maker in makers_of(text(page))}
+    for version, commit in makers:
+        words = f"polhode {version or 'of an unknown version'}, commit {commit or 'not kept'}"
+        assert words in front
+    same = len(makers) == 1 and all(next(iter(makers)))
+    assert ("The pages were not all measured by one commit" in front) is not same
+
+
+@pytest.mark.parametrize(
+    "line", (REPORTS / "commands.txt").read_text("utf-8").splitlines() if REPORTS.is_dir() else []
+)
+def test_what_makes_everything_is_understood(line: str):
+    name, *words = line.split()
+    if name.endswith(".py"):
+        assert (ROOT / name).is_file()
+        return
+    context = click.Context(polhode)
+    command = polhode.get_command(context, name)
+    assert command
+    command.make_context(name, words, parent=context)
+
+
 FOLDED = sorted(
     path.relative_to(REPORTS).as_posix()
     for path in REPORTS.glob("*/*.md")
@@ -278,19 +325,14 @@ def test_the_pages_of_solvers_at_equal_error_follow_from_the_data():
     assert made == {name: text(f"solvers/{name}") for name in ("README.md", "times.md")}
 
 
-def paper_numbers() -> Any:
-    """The program that writes the draft of a paper."""
-    return SimpleNamespace(**run_path(str(ROOT / "docs" / "paper_numbers.py")))
-
-
 def test_the_draft_of_the_paper_has_the_numbers_of_the_reports():
     """Else `python docs/paper_numbers.py` is due."""
-    program = paper_numbers()
+    program = docs_program("paper_numbers")
     assert program.PAPER.read_text(encoding="utf-8") == program.paper()
 
 
 def test_each_number_of_the_draft_is_read_from_a_report():
-    program = paper_numbers()
+    program = docs_program("paper_numbers")
     template = program.TEMPLATE.read_text(encoding="utf-8")
     assert set(re.findall(r"\$(\w+)", template)) == set(program.numbers())
 
@@ -298,7 +340,7 @@ def test_each_number_of_the_draft_is_read_from_a_report():
 def test_a_number_that_a_report_says_no_more_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    program = paper_numbers()
+    program = docs_program("paper_numbers")
     monkeypatch.setitem(program.SAYINGS, "docs/threads.md", ("(?P<items>a number of nothing)",))
     assert program.main() == 1
     said = capsys.readouterr().err

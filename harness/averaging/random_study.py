@@ -20,7 +20,7 @@ from polhode.harness.answers.runs import Runner
 from polhode.harness.answers.statement import Difference, difference
 from polhode.harness.averaging.bodies import KINDS, Body, drawn
 from polhode.harness.common.files import digest, dumps, loads, read_file, write_file
-from polhode.harness.common.machine import here
+from polhode.harness.common.machine import surroundings
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.references.errors import attainable
@@ -537,10 +537,30 @@ def run(
     deadline = perf_counter() + seconds
     with Steps("accuracy", len(left), "references", quiet) as progress:
         for task, record in _measured(left, workers, deadline):
-            store.put(task.key, task._asdict(), record)
+            store.put(task.key, task._asdict(), {**record, **surroundings()})
             progress.advance()
-    timed = {**(old.timed if old else {}), "errors": here()}
-    return tables_of(store, timed, old)
+    records = list(store)
+    return tables_of(records, _timed(records, old), old)
+
+
+def _timed(records: Sequence[Record], old: Data | None) -> Record:
+    """Days, places and commits of all measurements, each once."""
+    entries = [*old.timed.values()] if old else []
+    for record in records:
+        places = {name: record.get(name) for name in ("machine", "versions", "commit")}
+        entries.append({"date": record["date"][:10], **places})
+    by_content = {dumps({**entry, "date": entry["date"][:10]}): entry for entry in entries}
+    return {
+        "errors" if i == 0 else f"errors {i + 1}": entry
+        for i, entry in enumerate(by_content.values())
+    }
+
+
+def first_references(data: Data) -> int | None:
+    """How many of the study's references a table holds, if these are its first ones but not all."""
+    every = tasks(BODIES)
+    count = len(data.done)
+    return count if 0 < count < len(every) and data.done == set(every[:count]) else None
 
 
 def _measured(left: Sequence[Task], workers: int, deadline: float) -> Iterator[tuple[Task, Record]]:

@@ -170,10 +170,10 @@ def pytest_benchmark_update_json(config: pytest.Config, output_json: dict[str, A
     """Add the rows without a time, machine and versions, where polhode ran."""
     if _FAILED not in config.stash:
         return
-    from polhode.harness.common.machine import machine, versions
+    from polhode.harness.common.machine import surroundings
 
     failed = [asdict(run) for run in failed_runs(config)]
-    output_json["polhode"] = {"machine": machine(), "versions": versions(), "failed": failed}
+    output_json["polhode"] = {**surroundings(), "failed": failed}
 
 
 @pytest.hookimpl(trylast=True)

@@ -338,6 +338,11 @@ def paper(
     type=click.FloatRange(min=0),
     help="Begin with no further body after this time; --resume goes on.",
 )
+@click.option(
+    "--references",
+    type=click.IntRange(min=1),
+    help="Measure only so many references, those that take the least time.",
+)
 @options.workers
 @click.option(
     "--fit", is_flag=True, help="Let solve, pick and sweeps use the laws that the data show."
@@ -382,6 +387,7 @@ def _random_bodies(
     quiet: bool,
     resume: bool,
     seconds: float | None,
+    references: int | None,
     workers: int | None,
     fit: bool,
 ) -> None:
@@ -399,6 +405,7 @@ def _random_bodies(
     data = old
     if not page_only:
         todo = random_study.tasks(random_study.QUICK_BODIES if quick else random_study.BODIES)
+        todo = todo[:references]
         with stored(out, resume, what="bodies") as store:
             data = random_study.run(
                 store,

@@ -1,13 +1,16 @@
-"""Which machine, versions and day a number came from, and the head of a page that says so."""
+"""Which machine, versions, commit and day a number came from, and the lines of a page that say so."""
 
 import os
 import platform
+import re
+import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
@@ -24,6 +27,15 @@ _PACKAGES = (
     "cyrk",
     "pandas",
     "matplotlib",
+)
+# Folders and files of a clone whose changes change numbers: pages may change.
+_CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constraints.txt")
+_CHANGED = " with changes"
+_DIGITS_OF_A_COMMIT = 9
+_UNKNOWN_VERSION = "of an unknown version"
+_UNKNOWN_COMMIT = "not kept"
+_MAKER = re.compile(
+    rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_UNKNOWN_COMMIT}),"
 )
 # Seconds between two records beyond which a study stood still.
 _PAUSE = 600.0
@@ -50,18 +62,49 @@ def now() -> str:
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
+@cache
+def commit() -> str | None:
+    """The commit of the clone that polhode runs from, and whether code was changed since; None without a clone."""
+    clone = Path(__file__).resolve().parents[2]
+    if not (clone / ".git").exists():
+        return None
+    name = _git(clone, "rev-parse", f"--short={_DIGITS_OF_A_COMMIT}", "HEAD")
+    if not name:
+        return None
+    changed = _git(clone, "status", "--porcelain", "--untracked-files=no", "--", *_CODE)
+    return name + _CHANGED * bool(changed)
+
+
+def _git(clone: Path, *words: str) -> str:
+    """What git prints; nothing if it fails or is not there."""
+    try:
+        done = subprocess.run(
+            ["git", *words], cwd=clone, capture_output=True, text=True, check=True, timeout=60
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip()
+
+
+def surroundings() -> dict[str, Any]:
+    """Machine, versions and commit of a measurement."""
+    return {"machine": machine(), "versions": versions(), "commit": commit()}
+
+
 def here(**more: Any) -> dict[str, Any]:
-    """Date, machine and versions of a measurement."""
-    return {"date": now(), "machine": machine(), "versions": versions(), **more}
+    """Date, machine, versions and commit of a measurement."""
+    return {"date": now(), **surroundings(), **more}
 
 
 def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Lines that say how a page was made: by which command, when, on which machines, with which versions.
+    """Lines that say how a page was made: by which command, when, on which machines, with which versions and commits.
 
     Records without a date or a machine leave it out.
     """
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
-    where = f" on {' and '.join(machines)}" if machines else ""
+    makers = dict.fromkeys(map(_maker, records)) or [_maker({})]
+    by = " and ".join(f"{maker}," for maker in makers)
+    where = f"on {' and '.join(machines)}" if machines else "on an unknown machine"
     disturbed, judged = disturbance(records)
     rule = f"had the processor for less than {percent(HAD)} of its time, or the machine took {BUSY:g} × its shortest"
     runs = f"{judged} timed runs{_took(records)}"
@@ -69,7 +112,7 @@ def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
         f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if judged else ""
     )
     notice = f"Made by `{command}`. Do not edit: the next run overwrites this page."
-    return [notice, "", f"Measured {dates(records)}{where}.{said}", ""]
+    return [notice, "", f"Measured {dates(records)} by {by} {where}.{said}", ""]
 
 
 def made_lines(page: Path) -> list[str]:
@@ -82,6 +125,24 @@ def made_lines(page: Path) -> list[str]:
     if not made:
         raise ValueError(f"{page}: no such file, expected a page of `polhode`")
     return [part for line in made for part in (line, "")]
+
+
+class Maker(NamedTuple):
+    """The version and the commit of polhode that measured a page; each empty if it was not kept."""
+
+    version: str
+    commit: str
+
+
+def makers_of(text: str) -> list[Maker]:
+    """What measured a page, by the line that `provenance` wrote; empty if it has no such line."""
+    line = re.search(r"^Measured (?:on|from) .*", text, re.MULTILINE)
+    makers = []
+    for version, name in _MAKER.findall(line[0] if line else ""):
+        makers.append(
+            Maker(version.replace(_UNKNOWN_VERSION, ""), name.replace(_UNKNOWN_COMMIT, ""))
+        )
+    return makers
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:
@@ -107,10 +168,16 @@ def _took(records: Sequence[Mapping[str, Any]]) -> str:
 
 def _place(record: Mapping[str, Any]) -> str:
     machine = record["machine"]
-    packages = ", ".join(f"{name} {number}" for name, number in record["versions"].items())
-    return (
-        "{processor}, {cores} cores, {system}, Python {python}".format(**machine) + f" ({packages})"
-    )
+    versions = record["versions"].items()
+    packages = ", ".join(f"{name} {number}" for name, number in versions if name != "polhode")
+    place = "{processor}, {cores} cores, {system}, Python {python}".format(**machine)
+    return f"{place} ({packages})" if packages else place
+
+
+def _maker(record: Mapping[str, Any]) -> str:
+    """Version and commit in the words of `_MAKER`."""
+    version = record.get("versions", {}).get("polhode") or _UNKNOWN_VERSION
+    return f"polhode {version}, commit {record.get('commit') or _UNKNOWN_COMMIT}"
 
 
 def _processor() -> str:

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from polhode.harness.answers.averaging_laws import ORDER_ONE, most_error
 from polhode.harness.common.files import digest, dumps
-from polhode.harness.common.machine import machine
+from polhode.harness.common.machine import commit, machine
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
@@ -129,7 +129,8 @@ def in_random_order(count: int) -> Iterator[int]:
 
 def perform(task: Task) -> Record:
     """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
-    return {"statistics": run_task(task), "machine": machine(), "timing": NO_TIMES}
+    measured = {"machine": machine(), "commit": commit()}
+    return {"statistics": run_task(task), **measured, "timing": NO_TIMES}
 
 
 def run_sweep(
@@ -178,7 +179,7 @@ def surroundings(sweep: Sweep, store: Store) -> list[Record]:
     entries = dict[str, Record]()
     for record in store:
         if digest({name: record.get(name) for name in names}) in ensembles:
-            entry = {name: record[name] for name in ("machine", "versions")}
+            entry = {name: record.get(name) for name in ("machine", "versions", "commit")}
             entry["date"] = record["date"][:10]
             entries[dumps(entry)] = entry
     return [*entries.values()]

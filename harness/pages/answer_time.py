@@ -8,7 +8,7 @@ import pandas as pd
 from polhode.harness.answers import timed
 from polhode.harness.answers.timed import Timing, strata
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import machine
+from polhode.harness.common.machine import here, provenance
 from polhode.harness.pages.tables import fill
 
 
@@ -18,10 +18,9 @@ def write_page(folder: Path, timings: Sequence[Timing], command: str) -> Path:
     write_file(folder / "times.csv", text, summed=True)
     page = fill(
         "answer-time",
-        command=command,
+        made=provenance(command, [here()]),
         limits=timed,
         rows=strata(timings),
         missed=[timing for timing in timings if timing.apart > timed.MISSED * timing.error],
-        processor=machine()["processor"],
     )
     return write_file(folder / "time.md", page)

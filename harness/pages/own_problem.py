@@ -98,7 +98,7 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
     study.to_json(folder / "runs.json")
     settings = study.settings()
     frame = study.frame
-    record = {name: settings[name] for name in ("machine", "versions")}
+    record = {name: settings[name] for name in ("machine", "versions", "commit")}
     record["date"] = datetime.now(UTC).isoformat()
     made = provenance(command or "WorkPrecision.write", [record])
     note = conditions(frame, measured(made))

@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from math import inf, nan
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ from matplotlib.lines import Line2D
 from polhode.harness.answers import heldout
 from polhode.harness.answers.heldout import Evaluation, break_even, judged
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import machine, made_lines
-from polhode.harness.pages.figures.style import INK, caption, key, panels, ramp, save
+from polhode.harness.common.machine import here, made_lines, provenance
+from polhode.harness.pages.figures.style import INK, caption, key, measured, panels, ramp, save
 from polhode.harness.pages.tables import fill, lines_of
 
 # Errors below this share of the one allowed are not told apart.
@@ -29,11 +30,12 @@ def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
     for name in ("scenes", "runs"):
         text = getattr(evaluation, name).to_csv(index=False, float_format="%.4g")
         write_file(folder / f"{name}.csv", text, summed=True)
-    return _write(folder, evaluation, command, str(machine()["processor"]))
+    return _write(folder, evaluation, provenance(command, [here()]))
 
 
-def _write(folder: Path, evaluation: Evaluation, command: str, processor: str) -> Path:
+def _write(folder: Path, evaluation: Evaluation, made: Sequence[str]) -> Path:
     """Write the page and its figure."""
+    processor = measured(made) or "an unknown machine"
     factors = evaluation.scenes["factor"].replace(inf, nan).dropna()
     low, middle, high = (f"{factors.quantile(share):.3g}" for share in (0.25, 0.5, 0.75))
     note = (
@@ -48,26 +50,22 @@ def _write(folder: Path, evaluation: Evaluation, command: str, processor: str) -
     left_out = Counter(evaluation.left_out.values()).most_common()
     page = fill(
         "pick",
-        command=command,
+        made=made,
         summary=summary(evaluation.scenes),
         rows=judged(evaluation.scenes),
         limits=heldout,
         missed=missed,
         left_out="; ".join(f"{count} × {reason}" for reason, count in left_out),
-        processor=processor,
     )
     return write_file(folder / "README.md", page)
 
 
 def rewrite_page(folder: Path) -> Path:
-    """Write page and figure anew from the tables in a folder; command, processor and what was left out stay.
+    """Write page and figure anew from the tables in a folder; how they were made and what was left out stay.
 
     Raises ValueError if there is no page.
     """
-    text = "\n".join(made_lines(folder / "README.md"))
-    made = re.search(r"Made by `(.*?)` on (.*?)\. Do not edit", text)
-    if made is None:
-        raise ValueError(f"{folder / 'README.md'}: expected the page of `polhode validate`")
+    made = made_lines(folder / "README.md")
     page = (folder / "README.md").read_text(encoding="utf-8")
     said = re.search(r"Scenes without a reference were left out: (.*?)\.\n", page)
     scenes, runs = (pd.read_csv(folder / f"{name}.csv") for name in ("scenes", "runs"))
@@ -78,7 +76,7 @@ def rewrite_page(folder: Path) -> Path:
     for part in said[1].split("; ") if said else ():
         count, _, reason = part.partition(" × ")
         left_out |= {f"{reason} {place}": reason for place in range(int(count))}
-    return _write(folder, Evaluation(scenes, runs, left_out), made[1], made[2])
+    return _write(folder, Evaluation(scenes, runs, left_out), made)
 
 
 def summary(scenes: Any) -> list[str]:

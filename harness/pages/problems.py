@@ -26,7 +26,7 @@ _PROFILED = 1e-6  # Error at the end of the figure of profiles.
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
-    table = pd.DataFrame(rows).drop(columns=["machine", "versions"])
+    table = pd.DataFrame(rows).drop(columns=["machine", "versions", "commit"])
     write_file(folder / "runs.csv", table.to_csv(index=False))
     return _write(table, folder, provenance(command, rows))
 

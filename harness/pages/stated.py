@@ -6,6 +6,7 @@ from pathlib import Path
 
 from polhode.harness.answers import coverage
 from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import here, provenance
 from polhode.harness.common.store import Record
 from polhode.harness.pages.tables import fill
 
@@ -17,7 +18,7 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     left_out = Counter(row["left_out"] for row in rows if "left_out" in row).most_common()
     page = fill(
         "stated",
-        command=command,
+        made=provenance(command, [here()]),
         limits=coverage,
         counts=counts,
         over=[count for count in counts if count.missed > coverage.MOST_MISSED * count.runs],

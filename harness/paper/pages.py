@@ -12,9 +12,11 @@ from pathlib import Path
 from time import perf_counter
 
 from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import provenance
+from polhode.harness.common.store import Record
 from polhode.harness.common.text import duration, markdown, short
 from polhode.harness.ensembles import engines
-from polhode.harness.pages.tables import fill
+from polhode.harness.pages.tables import fill, folded
 from polhode.harness.paper import store
 from polhode.harness.paper.claims import find_items, section_of, sections
 from polhode.harness.paper.drawing import save, style
@@ -34,21 +36,30 @@ _FIRST_WORDS = (
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 # Digits that the pages write of a value without an interval.
 _DIGITS = 4
-_NOTICE = "Made by `polhode paper`. Do not edit: the next run overwrites this page."
 
 
 def write_pages(folder: Path, sections: Sequence[Section]) -> None:
     """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
     judgements = {}
+    records = {}
     for section in sections:
         for item in section.items:
             judgements[item.name] = store.judged(folder / section.name, item)
+        records[section.name] = [
+            store.measured(folder / section.name, item)
+            for item in section.items
+            if not isinstance(judgements[item.name], str)
+        ]
     for section in sections:
         parts = [_described(section, item, judgements[item.name]) for item in section.items]
-        write_file(
-            folder / f"{section.name}.md", "\n".join([f"# {section.title}\n\n{_NOTICE}\n", *parts])
-        )
-    write_file(folder / "README.md", _index(sections, judgements))
+        lines = [f"# {section.title}", "", *parts, _made(records[section.name]), ""]
+        write_file(folder / f"{section.name}.md", "\n".join(lines))
+    index = _index(sections, judgements, [*chain.from_iterable(records.values())])
+    write_file(folder / "README.md", index)
+
+
+def _made(records: Sequence[Record]) -> str:
+    return folded(provenance("polhode paper", records))
 
 
 def _described(section: Section, item: Item, judgement: store.Judged) -> str:
@@ -128,7 +139,11 @@ def _digits(value: float, count: int = _DIGITS) -> str:
     return short(float(f"{value:.{count}g}"))
 
 
-def _index(sections: Sequence[Section], judgements: Mapping[str, store.Judged]) -> str:
+def _index(
+    sections: Sequence[Section],
+    judgements: Mapping[str, store.Judged],
+    records: Sequence[Record],
+) -> str:
     computed = {
         name: content for name, content in judgements.items() if not isinstance(content, str)
     }
@@ -152,7 +167,7 @@ def _index(sections: Sequence[Section], judgements: Mapping[str, store.Judged]) 
         "paper",
         count=len(judgements),
         counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
-        notice=_NOTICE,
+        made=_made(records),
         remarks=remarks,
         items=markdown(["verdict", "section", "item", "claim", "number"], rows),
         sections=", ".join(f"[{section.title}]({section.name}.md)" for section in sections),

@@ -7,6 +7,8 @@ from pathlib import Path
 import pandas as pd
 
 from polhode.harness.common.files import digest, read_file, write_file
+from polhode.harness.common.machine import here
+from polhode.harness.common.store import Record
 from polhode.harness.paper.dependencies import code_key
 from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdict
 from polhode.harness.paper.tables import tables_of
@@ -55,7 +57,12 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     record.unlink(missing_ok=True)
     for name, content in contents.items():
         write_file(folder / file_name(item, name), content, summed=True)
-    record_content = {"key": content_key(item, grid), "grid": grid, "tables": [*contents]}
+    record_content = {
+        "key": content_key(item, grid),
+        "grid": grid,
+        "tables": [*contents],
+        "measured": here(),
+    }
     write_file(record, json.dumps(record_content, indent=1) + "\n")
     return {name: _table(content) for name, content in contents.items()}
 
@@ -70,6 +77,15 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
         return None
     data = {name: _table(content) for name, content in contents.items()}
     return data, record["key"] == content_key(item, grid), grid
+
+
+def measured(folder: Path, item: Item) -> Record:
+    """When, where and by what the item's data were made; empty if that was not kept, or there are none."""
+    try:
+        record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return record.get("measured", {})
 
 
 def judged(folder: Path, item: Item) -> Judged:

@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import machine, versions
+from polhode.harness.common.machine import machine, makers_of, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill, templates
 from polhode.harness.site.answers import QUESTION_TITLE, cost_page, question
@@ -49,7 +49,8 @@ def write_sources(
         if not path.stem.endswith("_template")
     }
     files |= {
-        f"reports/{path.parent.name}/{path.stem}": path for path in sorted(reports.glob("*/*.md"))
+        path.relative_to(reports.parent).with_suffix("").as_posix(): path
+        for path in [*reports.glob("README.md"), *sorted(reports.glob("*/*.md"))]
     }
     for name, path in files.items():
         say(name)
@@ -135,6 +136,9 @@ def _report(name: str, text: str, names: list[str]) -> str:
     folder = name.removesuffix("/README")
     if name == "reports/hard-cases/README":
         text = re.sub(r"^\| ([\w-]+)(?= +\|)", _runs_of, text, flags=re.MULTILINE)
+    if folder == "reports":
+        # That pages differ is said in red.
+        return re.sub(r"^\*\*(.*)\*\*$", r"{.outdated}\n\1", text, count=1, flags=re.MULTILINE)
     if folder == name:
         return text
     beside = [other.rpartition("/")[2] for other in names if other.startswith(f"{folder}/")]
@@ -147,12 +151,19 @@ def _report(name: str, text: str, names: list[str]) -> str:
 
 def _outdated(text: str) -> str:
     """A warning above a page that another version than today's measured, by the page's own words."""
-    measured = re.search(r"^Measured .*?\bpolhode (\d[\w.]*)", text, re.MULTILINE)
-    today = versions().get("polhode", "")
-    if measured is None or _release(measured[1]) == _release(today):
+    line = re.search(r"^Measured .*", text, re.MULTILINE)
+    if line is None:
         return ""
-    words = f"Measured by polhode {measured[1]}, not by today's {today}: numbers may differ."
-    return f"{{.outdated}}\n{words}\n\n"
+    # Pages of 0.1 name the version among the libraries.
+    measured = [maker.version for maker in makers_of(text)] or re.findall(
+        r"\bpolhode (\d[\w.]*\w)", line[0]
+    )
+    today = versions().get("polhode", "")
+    others = [version for version in measured if _release(version) != _release(today)]
+    if not others:
+        return ""
+    names = " and ".join(dict.fromkeys(version or "of an unknown version" for version in others))
+    return f"{{.outdated}}\nMeasured by polhode {names}, not by today's {today}: numbers may differ.\n\n"
 
 
 def _release(version: str) -> str:

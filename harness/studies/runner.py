@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from math import inf
 
-from polhode.harness.common.machine import machine, now, versions
+from polhode.harness.common.machine import now, surroundings
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.text import short
@@ -48,7 +48,7 @@ class Runner:
         """The same of cases in batches, each of which is timed in interleaved order."""
         stored_keys = self.store.keys()
         study_keys = [case.key for case in chain.from_iterable(batches)]
-        surroundings = {"machine": machine(), "versions": versions()}
+        measured = surroundings()
         progress = Steps(name, len(study_keys), "cases", self.quiet)
         with self._worker, progress:
             for batch in batches:
@@ -58,7 +58,7 @@ class Runner:
                     if record is not None and _too_slow(record):
                         self._too_slow.setdefault(_group(case), record)
                 for case, record in self._measure(fresh, progress):
-                    self.store.put(case.key, case.content, {**record, **surroundings})
+                    self.store.put(case.key, case.content, {**record, **measured})
                 progress.advance(len(batch) - len(fresh))
         if self._lost:
             lost = f"{self._lost} of {len(study_keys)} cases were killed from outside {ATTEMPTS} times each"

@@ -93,7 +93,7 @@ def page(data: Data, command: str) -> str:
     every = all_times(data)
     return fill(
         "accuracy",
-        made=provenance(command, list(data.timed.values())),
+        made=provenance(command, [*data.timed.values()]),
         findings=findings(data),
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
@@ -107,6 +107,8 @@ def page(data: Data, command: str) -> str:
         count_columns=[short(stokes) for stokes in sorted(data.references["stokes"].unique())],
         kinds=KINDS,
         study=random_study,
+        first=random_study.first_references(data),
+        every=len(random_study.tasks(random_study.BODIES)),
         shares=shares,
         bodies=bodies,
         solver_error=runs["solver_error"],

@@ -7,6 +7,7 @@ from math import inf, isnan, nan
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -22,6 +23,7 @@ from polhode.harness.averaging.random_study import (
     TIMES,
     Data,
     Task,
+    first_references,
     measure,
     read_data,
     reference_of,
@@ -32,6 +34,7 @@ from polhode.harness.averaging.random_study import (
 )
 from polhode.harness.averaging.shares import ORDER_ONE, ORDER_TWO, Quantile, at, bounded, cancelled
 from polhode.harness.cli import polhode
+from polhode.harness.common.machine import makers_of
 from polhode.harness.common.store import Store
 from polhode.harness.pages.averaging.random_bodies import as_text, page, write_page
 from polhode.harness.references.errors import errors
@@ -44,6 +47,7 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.solve import solve
 
 TIMED = {"errors": {"date": "2026-05-04T03:02:01Z", "versions": {"polhode": "0.1.0"}}}
+MACHINE = {"processor": "abacus", "cores": 1, "system": "wood", "python": "3.11.7"}
 STOKES = (1e3, 1e4, 1e5, 1e6)
 
 
@@ -381,6 +385,38 @@ def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.Mo
     assert len(measured) == len(more)
     assert len(third.errors) == 2 * len(more)
     assert len(third.bodies) == 6
+
+
+def test_tables_name_every_commit_that_measured_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(
+        random_study,
+        "measure",
+        lambda task: record(drawn(task.kind, task.body), task.stokes, 1 / task.stokes, 2.0),
+    )
+    todo = tasks({100.0: 2}, ("prolate", "oblate"))
+    with Store(tmp_path / "store.sqlite") as store:
+        for commit, until in (("a" * 9, 1), ("b" * 9, 3), ("c" * 9, 3)):
+            place = {"machine": MACHINE, "versions": {"polhode": "1"}, "commit": commit}
+            monkeypatch.setattr(random_study, "surroundings", lambda place=place: place)
+            data = run(store, todo[:until], quiet=True)
+    write_data(data, tmp_path)
+    for found in (data, tables_of([], read_data(tmp_path).timed, data)):
+        assert [entry["commit"] for entry in found.timed.values()] == ["a" * 9, "b" * 9]
+    assert [maker.commit for maker in makers_of(page(data, "polhode accuracy"))] == [
+        "a" * 9,
+        "b" * 9,
+    ]
+
+
+def test_the_first_references_of_the_study_are_known(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(random_study, "BODIES", {100.0: 2})
+    every = tasks({100.0: 2})
+    data = planted(lambda kind, body, stokes: 1 / stokes)
+    for some, count in ((every[:5], 5), (every[1:5], None), (every, None)):
+        rows = pd.DataFrame(some, columns=["kind", "body", "stokes"])
+        assert first_references(data._replace(references=rows)) == count
 
 
 def test_processes_measure_what_one_does(tmp_path: Path):

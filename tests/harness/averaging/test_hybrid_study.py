@@ -63,8 +63,10 @@ def test_a_page_says_when_each_part_was_measured():
         page(Study([ROW], SPEEDS, timed), "polhode")
         for timed in ({}, {"speed": here(date="2026-01-02")})
     ]
-    assert "Measured on an unknown date.\n" in said[0]
-    assert "Measured on 2026-01-02, and on unknown dates on " in said[1]
+    assert (
+        "Measured on an unknown date by polhode of an unknown version, commit not kept" in said[0]
+    )
+    assert "Measured on 2026-01-02, and on unknown dates by " in said[1]
 
 
 def test_findings_count_what_was_kept():

@@ -92,7 +92,7 @@ def test_data_come_back(tmp_path):
 def test_the_page_shows_cases_and_costs(tmp_path):
     write_page(STUDY, tmp_path, COMMAND)
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "Measured on 2026-05-04 on abacus, 1 cores" in text
+    assert "Measured on 2026-05-04 by polhode 0.1.0, commit not kept, on abacus, 1 cores" in text
     (row,) = re.findall(r"\| 1:1:2 +\| paper .*", text)
     cells = [cell.strip() for cell in row.split("|")][3:-1]
     assert cells == ["-2.00", "-1.00", "1e6", "1.0e-10", "1.0e-6", "1.0e-6"]

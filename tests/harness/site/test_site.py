@@ -16,6 +16,7 @@ from sites import TAG, data_of, pages_of, site
 
 import polhode
 from polhode.harness.common.files import dumps
+from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import export, read_export
 from polhode.harness.common.text import duration
 from polhode.harness.pages.figures.style import looks
@@ -60,6 +61,14 @@ def test_a_page_that_another_version_measured_says_so(
     # What led to a release is that release: nothing is measured again for a name.
     for name in ("before", "new"):
         assert "outdated" not in pages[f"reports/{name}/README"]
+
+
+def test_a_page_warns_by_each_version_that_measured_it(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(sources, "versions", lambda: {"polhode": "0.2.0"})
+    records = [{"versions": {"polhode": version}} for version in ("0.1.0", "0.2.0")]
+    warned = sources._outdated("\n".join(provenance("", [*records, {}])))
+    assert "Measured by polhode 0.1.0 and of an unknown version, not by today's 0.2.0" in warned
+    assert sources._outdated("\n".join(provenance("", records[1:]))) == ""
 
 
 def links_of(page: str) -> set[str]:

@@ -1,0 +1,103 @@
+"""Write `reports/README.md`: which version and commit of polhode measured each page, and how long each command took.
+
+`python docs/measured.py` writes the page from the heads of the reports' pages and from
+`reports/durations.csv`, which `make everything` leaves.
+"""
+
+import csv
+import re
+import shutil
+from collections import Counter
+from pathlib import Path
+
+from polhode.harness.common.machine import Maker, makers_of
+from polhode.harness.common.text import duration, markdown
+
+ROOT = Path(__file__).parents[1]
+REPORTS = ROOT / "reports"
+PAGE = REPORTS / "README.md"
+# Left by `make everything`: a row for each command that it began.
+_LATEST_DURATIONS = ROOT / "build" / "everything" / "durations.csv"
+_DURATIONS = REPORTS / "durations.csv"
+_NOT_KEPT = "not kept"
+
+
+def pages() -> list[Path]:
+    """All pages of the reports."""
+    return sorted(REPORTS.glob("*/*.md"))
+
+
+def page() -> str:
+    """The text of the page."""
+    makers_by_page = {path: makers_of(path.read_text(encoding="utf-8")) for path in pages()}
+    counts = Counter(maker for makers in makers_by_page.values() for maker in makers)
+    rows = [_row(path, makers) for path, makers in makers_by_page.items()]
+    heads = ["page", "made by", "measured", "version", "commit"]
+    lines = ["# What measured these pages", "", *_summary(counts, len(rows)), ""]
+    lines += [markdown(heads, rows), *_durations()]
+    lines += ["Made by `python docs/measured.py`. Do not edit: the next run overwrites this page."]
+    return "\n".join(lines) + "\n"
+
+
+def _summary(counts: Counter[Maker], total: int) -> list[str]:
+    if len(counts) == 1 and all(next(iter(counts))):
+        return [f"All {total} pages were measured by {_words(next(iter(counts)))}."]
+    found = [
+        f"- {_words(maker)}: {count} of {total} pages" for maker, count in sorted(counts.items())
+    ]
+    return [
+        "**The pages were not all measured by one commit: numbers of two pages may differ.**",
+        "",
+        *found,
+    ]
+
+
+def _words(maker: Maker) -> str:
+    version = maker.version or "of an unknown version"
+    return f"polhode {version}, commit {maker.commit or _NOT_KEPT}"
+
+
+def _row(path: Path, makers: list[Maker]) -> list[str]:
+    text = path.read_text(encoding="utf-8")
+    name = path.relative_to(REPORTS).as_posix()
+    command = re.search(r"^Made by `(.*?)`", text, re.MULTILINE)
+    dates = re.search(r"^Measured (?:on )?(.*?) by polhode", text, re.MULTILINE)
+    versions = dict.fromkeys(maker.version or _NOT_KEPT for maker in makers)
+    commits = dict.fromkeys(maker.commit or _NOT_KEPT for maker in makers)
+    return [
+        f"[{name}]({name})",
+        f"`{command[1]}`" if command else "–",
+        dates[1] if dates else "–",
+        ", ".join(versions),
+        ", ".join(commits),
+    ]
+
+
+def _durations() -> list[str]:
+    """How long each command of the last `make everything` took, if one was kept."""
+    if not _DURATIONS.is_file():
+        return []
+    with _DURATIONS.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    seconds: dict[str, float] = {}
+    for row in rows:
+        # An interrupted command has a row for each time that it was begun.
+        seconds[row["command"]] = seconds.get(row["command"], 0.0) + float(row["seconds"])
+    cells = [[f"`{command}`", duration(taken)] for command, taken in seconds.items()]
+    cells.append(["in sum", duration(sum(seconds.values()))])
+    return [
+        "## How long `make everything` took",
+        "",
+        markdown(["command", "time"], cells, right=(1,)),
+    ]
+
+
+def main() -> None:
+    """Take the durations of a `make everything` under way, and write the page."""
+    if _LATEST_DURATIONS.is_file():
+        shutil.copyfile(_LATEST_DURATIONS, _DURATIONS)
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
