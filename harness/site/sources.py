@@ -48,9 +48,10 @@ def write_sources(
         for path in sorted(docs.glob("*.md"))
         if not path.stem.endswith("_template")
     }
+    if (reports / "README.md").is_file():
+        files["reports/README"] = reports / "README.md"
     files |= {
-        path.relative_to(reports.parent).with_suffix("").as_posix(): path
-        for path in [*reports.glob("README.md"), *sorted(reports.glob("*/*.md"))]
+        f"reports/{path.parent.name}/{path.stem}": path for path in sorted(reports.glob("*/*.md"))
     }
     for name, path in files.items():
         say(name)

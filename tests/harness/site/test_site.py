@@ -320,7 +320,10 @@ def test_docs_and_reports_are_one_small_site_with_the_api_and_no_dead_link(tmp_p
         for path in ROOT.glob("docs/*.md")
         if path.stem != "paper_template"
     }
-    there |= {path.relative_to(ROOT).with_suffix("").as_posix() for path in REPORTS.glob("*/*.md")}
+    there |= {
+        path.relative_to(ROOT).with_suffix("").as_posix()
+        for path in [REPORTS / "README.md", *REPORTS.glob("*/*.md")]
+    }
     assert set(pages) == there | {"index", "cost", "motion", "search"}
     assert dead_links(whole_site) == []
     # From docs to reports and back.
