@@ -142,19 +142,19 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
     lines = [
         "# False successes",
         "",
-        "Made by `python -m torture.successes` in the folder `tests`: random scenes, every third ten times as fast,",
-        "by every form and solver at tolerance 1e-4, one of 1e-5 to 1e-7, and one of 1e-8 to 1e-10. The truth is known",
-        f"by two unrelated sharp runs that agree to {KNOWN:g}. An averaged form's error includes that of averaging.",
-        "",
+        f"- Still called a success: {len(left)}, {len(unstated)} of them without a stated error that says so: "
+        f"{unsaid} of the runs that claim success"
+        + (f" (below {below} at 95 %, were all runs independent)." if not unstated else "."),
         f"- Runs: {len(rows)}, of which {len(claimed)} claimed success; the truth is known for {len(known)} of these.",
         f"- Off by more than {OFF:g} of I_max and {percent(OFF_SHARE)} of the largest L or E: {len(off)} before doubt "
         f"({by}).",
         f"- Caught: {', '.join(f'{count} by {by}' for by, count in caught.most_common()) or 'none'}.",
-        f"- Still called a success: {len(left)}, {len(unstated)} of them without a stated error that says so: "
-        f"{unsaid} of the runs that claim success"
-        + (f" (below {below} at 95 %, were all runs independent)." if not unstated else "."),
         f"- An error is stated for {len(bounds)} runs; it is exceeded in {exceeded}.",
         f"- Good runs (error up to {OFF:g}) doubted: {len(good)}.",
+        "",
+        "Made by `python -m torture.successes` in the folder `tests`: random scenes, every third ten times as fast,",
+        "by every form and solver at tolerance 1e-4, one of 1e-5 to 1e-7, and one of 1e-8 to 1e-10. The truth is known",
+        f"by two unrelated sharp runs that agree to {KNOWN:g}. An averaged form's error includes that of averaging.",
     ]
     return "\n".join(lines) + "\n", len(unstated) + len(good)
 

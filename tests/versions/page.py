@@ -12,19 +12,21 @@ PAGE = ROOT / "docs" / "versions.md"
 HEAD = """\
 # Versions
 
+polhode runs under Python 3.11 to 3.14. `pip install polhode` brings these libraries on each platform, by their wheels
+for Python 3.11; a dash is a library that has none there. polhode works without these libraries, and `polhode solvers`
+names the solvers that are missing:
+
+"""
+PYTHON_HEAD = """
+Linux on x86-64 is tested, Linux on ARM under emulation, the others are resolved alone (`make test-versions
+VERSIONS=platforms`).
+
+## Each Python, the oldest and the newest versions
+
 `make test-versions` runs the tests under each Python from 3.11 to 3.14 that it finds, with the oldest versions that
 `pyproject.toml` admits and that have wheels for it, and with the newest. This is what ran last. Steps are the runs and
 calls of `tests/versions/smoke.py` that give numbers: each form, each solver, `solve`, `pick`, `solve_ivp` and
 `WorkPrecision`. Python 3.11 runs all tests with the versions of `constraints.txt` at every change (`make test`).
-
-"""
-PLATFORM_HEAD = """
-## Platforms
-
-What `pip install polhode` brings on each platform for Python 3.11, by its wheels (`make test-versions
-VERSIONS=platforms`); a dash is a library that has none there. polhode works without these libraries, and `polhode
-solvers` names the solvers that are missing. Linux on x86-64 is tested, Linux on ARM under emulation, the others are
-resolved alone.
 
 """
 ARM_HEAD = """
@@ -105,6 +107,6 @@ def of_extras(results: dict[str, Found]) -> str:
 
 def page(results: dict[str, Found]) -> str:
     """The page of what ran."""
-    parts = [HEAD, of_pythons(results), PLATFORM_HEAD, of_platforms(results)]
+    parts = [HEAD, of_platforms(results), PYTHON_HEAD, of_pythons(results)]
     parts += [ARM_HEAD, of_arm(results.get("aarch64")), EXTRAS_HEAD, of_extras(results)]
     return "".join(parts)
