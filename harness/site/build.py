@@ -89,6 +89,8 @@ _SHORTER = {
     r'class="docutils literal notranslate"': 'class="literal"',
     r'class="((?:current )?reference) internal"': r'class="\1"',
 }
+# Names, blanks and brackets of code, which have the colour of the text around them.
+_UNCOLOURED = re.compile(r'<span class="(?:n|nn|nx|p|w)">([^<]*)</span>')
 # Files of Sphinx and of its theme that no page loads.
 _UNUSED = (
     "*.map",
@@ -168,4 +170,5 @@ def _finished(page: str) -> str:
     # By turns what lies between code or data, which stay as they are, and these.
     parts = re.split(r"(<(?:pre|script)\b.*?</(?:pre|script)>)", page, flags=re.DOTALL)
     parts[::2] = [re.sub(r"\s*\n\s*", "\n", part) for part in parts[::2]]
+    parts[1::2] = [_UNCOLOURED.sub(r"\1", part) for part in parts[1::2]]
     return "".join(parts)
