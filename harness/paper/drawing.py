@@ -1,6 +1,6 @@
-"""How the figures of the reproduction look: one style, one palette, panels with labels and units."""
+"""How the figures of the reproduction look: the style of all figures, panels with labels and units, keys above."""
 
-import tomllib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
@@ -17,23 +17,31 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 from polhode.harness.common.files import write_file
-from polhode.harness.pages.figures.style import few_colours, power
+from polhode.harness.pages.figures.style import (
+    BLUE,
+    DPI,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    RC,
+    SERIES,
+    TITLE,
+    VERMILLION,
+    WIDTH,
+    few_colours,
+    key,
+    power,
+)
 from polhode.harness.paper.item import Table
 from polhode.harness.paper.tables import groups
 
 # A column's name, or a function of the rows that gives the values.
 Values = str | Callable[[Table], Any]
 
-# Okabe and Ito's palette, safe for colour-blind readers.
-BLACK = "#000000"
-ORANGE = "#E69F00"
-SKY = "#56B4E9"
-GREEN = "#009E73"
-BLUE = "#0072B2"
-VERMILLION = "#D55E00"
-PURPLE = "#CC79A7"
-YELLOW = "#F0E442"
-CYCLE = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, BLACK)
+BLACK = INK
+YELLOW = "#F2E27A"  # Areas alone.
+CYCLE = SERIES
 # Colours of the averaged run and of full ones at several St, in turn. The planes have three runs at
 # most: green is a line of theirs.
 AVERAGED = BLACK
@@ -41,8 +49,20 @@ RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"  # Grey of the bounds of a plane.
 NODE = PURPLE
 FIGURE_FORMATS = ("png", "svg")
-_RESOLUTION = 150  # Dots per inch.
-_STYLE: dict[Any, Any] = tomllib.loads(Path(__file__).with_name("drawing.toml").read_text("utf-8"))
+# Settings beyond those of all figures. With a salt the same figure gives the same SVG.
+_STYLE: dict[Any, Any] = {
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 1.1,
+    "svg.hashsalt": "polhode",
+    "mathtext.fontset": "dejavusans",
+}
+# Letters of a line of a key as wide as the page, beside its lines and gaps, and those of a gap.
+_KEY_LETTERS = 74
+_GAP = 6
+_NAME_LETTERS = 50  # A longer name in a key above a panel as wide as the page breaks.
+_LETTER = 0.082  # Inches: the width of most letters.
 
 
 @contextmanager
@@ -50,21 +70,23 @@ def style() -> Iterator[None]:
     """Matplotlib with the settings of the reproduction, whatever the user's own are."""
     with mpl.rc_context():
         mpl.rcdefaults()
-        mpl.rcParams.update({**_STYLE, "axes.prop_cycle": cycler(color=CYCLE)})  # pyright: ignore
+        mpl.rcParams.update({**RC, **_STYLE, "axes.prop_cycle": cycler(color=CYCLE)})
         yield
 
 
 def panels(
     rows: int,
     columns: int,
-    width: float = 3.5,
-    height: float = 2.7,
+    height: float,
     spatial: Sequence[int] = (),
     **options: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of equal panels, and its axes in reading order; some may have three dimensions."""
+    """A figure as wide as a page, and its axes in reading order; some may have three dimensions.
+
+    `height` is that of a row of panels, in inches.
+    """
     layout = ConstrainedLayoutEngine(wspace=options.pop("wspace", None))
-    figure = Figure(figsize=(width * columns, height * rows), layout=layout)
+    figure = Figure(figsize=(WIDTH, height * rows), layout=layout)
     places: Any = np.arange(rows * columns).reshape(rows, columns).tolist()
     kinds: dict[Any, Any] = {place: {"projection": "3d"} for place in spatial}
     axes_by_place = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
@@ -126,10 +148,79 @@ def name_line(axes: Axes, label: str, **style: Any) -> None:
     axes.plot([], [], label=label, **style)
 
 
-def legend_below(figure: Figure, axes: Axes, **options: Any) -> None:
-    """Put the legend of one of the axes below all of them."""
+def key_above(figure: Figure, axes: Axes, **options: Any) -> None:
+    """Put the key of one of the axes above all of them."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", **options)
+    for handle, label in zip(handles, labels, strict=True):
+        handle.set_label(label)
+    key(figure, handles, _columns(labels, _KEY_LETTERS), **options)
+
+
+def key_of(axes: Axes, **options: Any) -> None:
+    """Put the key of a panel above it, below the panel's title."""
+    handles, labels = axes.get_legend_handles_labels()
+    columns = axes.get_gridspec().ncols  # pyright: ignore[reportOptionalMemberAccess]
+    names = [_wrapped(label, _NAME_LETTERS / columns) for label in labels]
+    style: dict[str, Any] = {
+        "loc": "lower left",
+        "bbox_to_anchor": (0.0, 1.0),
+        "ncols": _columns(names, _KEY_LETTERS / columns - _GAP),
+        "title": axes.get_title(loc="left") or None,
+        "title_fontsize": TITLE,
+        "alignment": "left",
+        "borderaxespad": 0.2,
+        "handlelength": 1.6,
+        "handletextpad": 0.5,
+        "columnspacing": 1.2,
+        "labelspacing": 0.3,
+    }
+    axes.legend(handles, names, **(style | options))
+    axes.set_title("", loc="left")
+
+
+def _columns(labels: Sequence[str], room: float) -> int:
+    """The most columns in which names, filled in column by column, have room."""
+    lengths = [max(len(_seen(line)) for line in label.split("\n")) for label in labels]
+    for columns in range(len(lengths), 1, -1):
+        widths = [max(part) for part in np.array_split(lengths, columns)]
+        if sum(widths) + _GAP * columns <= room:
+            return columns
+    return 1
+
+
+def _seen(text: str) -> str:
+    """About the letters that are seen of a text with formulas."""
+    return re.sub(r"\\(?:mathrm|dot)|(?<=\\)[a-z]+|[${}_^\\]", "", text)
+
+
+def _wrapped(text: str, letters: float) -> str:
+    """A text in lines of so many letters, which no formula breaks across."""
+    words = re.findall(r"(?:\$[^$]*\$|[^\s$])+", text)
+    lines = [""]
+    for word in words:
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and len(_seen(longer)) > letters:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return "\n".join(lines)
+
+
+def _fit_labels(figure: Figure) -> None:
+    """Break labels of axes that are longer than these."""
+    flat = [axes for axes in figure.axes if not hasattr(axes, "get_zlabel")]
+    labels = [label for axes in flat for label in (axes.xaxis.label, axes.yaxis.label)]
+    texts = [label.get_text() for label in labels]
+    # Too long ones would leave no room for the axes that are measured.
+    for label in labels:
+        label.set_text("")
+    # Labels of several lines leave less room than none: the second round measures that.
+    for _ in range(2):
+        figure.draw_without_rendering()
+        boxes = [axes.get_window_extent() for axes in flat]
+        lengths = [pixels for box in boxes for pixels in (box.width, box.height)]
+        for label, text, pixels in zip(labels, texts, lengths, strict=True):
+            label.set_text(_wrapped(text, pixels / figure.dpi / _LETTER))
 
 
 def require_rows(table: Table) -> None:
@@ -176,10 +267,11 @@ def save(figure: Figure, folder: Path, name: str, *, svg: bool = False) -> None:
 
     Few colours keep the PNG small.
     """
+    _fit_labels(figure)
     for ending in FIGURE_FORMATS if svg else FIGURE_FORMATS[:1]:
         drawn = BytesIO()
         metadata = {"Date": None} if ending == "svg" else {"Software": None}
-        figure.savefig(drawn, format=ending, dpi=_RESOLUTION, metadata=metadata)
+        figure.savefig(drawn, format=ending, dpi=DPI, metadata=metadata)
         if ending == "png":
             with Image.open(drawn) as image:
                 drawn = BytesIO()

@@ -1,14 +1,8 @@
-"""Common parts of the L_z–E phase planes: slow trajectories with L along the vorticity, parabolas, fixed points."""
-
-from collections.abc import Sequence
+"""Common parts of the L_z–E phase planes: slow trajectories with L along the vorticity, and fixed points."""
 
 import numpy as np
-from matplotlib.axes import Axes
 
-from polhode.harness.paper.drawing import AVERAGED, BLACK, BOUND, GREEN, NODE, draw_broken
-from polhode.harness.paper.item import Table
 from polhode.harness.paper.runs import Run, slow_run, slow_run_to_pinch
-from polhode.harness.paper.tables import groups
 from polhode.models.scene import Scene
 from polhode.models.scenes import aligned_start
 from polhode.models.shape import Ellipsoid
@@ -22,9 +16,6 @@ Differences = dict[float, dict[float, float]]
 ABOVE_PINCH = 0.2
 # Distance from the node, over I_max, at which a trajectory has reached it.
 REACHED = 1e-2
-POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
-# Markers of fixed points and their sizes.
-_MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
 
 
 def plane_path(ellipsoid: Ellipsoid, momentum: float, energy: float, slow_times: np.ndarray) -> Run:
@@ -81,76 +72,6 @@ def distance_from_node(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     return np.max(
         np.abs(slow - np.array([0.0, 0.0, *fixed_point(ellipsoid, "stable node")])), axis=-1
     )
-
-
-def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> None:
-    """Draw parabolas, the line L_z + 4E = 0 and the fixed points of a plane; L_z runs from low to high."""
-    momentum = np.linspace(low, high, 201)
-    inertia = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
-    for number, moment in enumerate(inertia):
-        middle = len(inertia) == 3 and number == 1
-        axes.plot(
-            momentum,
-            momentum**2 / (2 * moment),
-            color=BOUND,
-            linestyle="--" if middle else "-",
-            lw=1.4,
-        )
-    axes.plot([low, 0.0], [-low / 4, 0.0], color=GREEN, linewidth=0.9)
-    for point in fixed_points(ellipsoid):
-        draw_point(axes, point.stability, place_of(ellipsoid, point))
-    axes.set(xlim=(low, high), xlabel="$L_z/I_{max}$", ylabel="$E/I_{max}$")
-
-
-def draw_point(
-    axes: Axes, stability: str, place: tuple[float, ...] = (), text: str | None = None
-) -> None:
-    """Draw a fixed point with the marker of its stability; without a place it stands in the legend alone."""
-    marker, size = _MARKERS[stability]
-    x, y = place or ([], [])
-    axes.scatter(
-        x,
-        y,
-        s=size,
-        marker=marker,
-        color=NODE,
-        edgecolor=BLACK,
-        zorder=6,
-        linewidth=0.6,
-        label=text,
-    )
-
-
-def name_points(axes: Axes, names: dict[str, str]) -> None:
-    """Put the markers of fixed points into the legend; stability to text."""
-    for stability, text in names.items():
-        draw_point(axes, stability, text=text)
-
-
-def name_lines(axes: Axes, ellipsoid: Ellipsoid, bounds: str) -> None:
-    """Put the lines of a frame into the legend."""
-    axes.plot([], [], color=BOUND, label=bounds)
-    if ellipsoid.kind == "triaxial":
-        axes.plot([], [], color=BOUND, linestyle="--", label="$L_z^2 = 2EI_2$")
-    axes.plot([], [], color=GREEN, label="$L_z + 4E = 0$")
-
-
-def draw_paths(axes: Axes, table: Table, heights: Sequence[float]) -> None:
-    """Draw slow trajectories, each with an arrow where its E first falls through each of the heights."""
-    draw_broken(axes, table.Lz, table.E, table.path, color=AVERAGED, linewidth=0.8)
-    for _, part in groups(table, "path"):
-        for height in heights:
-            below = int(np.argmax(part["E"] < height))
-            if below > 0:
-                ends = [(part["Lz"][index], part["E"][index]) for index in (below - 1, below)]
-                arrow = {
-                    "arrowstyle": "-|>",
-                    "color": AVERAGED,
-                    "linewidth": 0.0,
-                    "shrinkA": 0,
-                    "shrinkB": 0,
-                }
-                axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "mutation_scale": 7})
 
 
 def plane_steps(slow: np.ndarray, count: int) -> np.ndarray:

@@ -12,8 +12,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 
 from polhode.harness.pages.figures.style import (
+    BLUE,
     INK,
     TITLE,
+    VERMILLION,
     caption,
     key,
     panels,
@@ -22,7 +24,7 @@ from polhode.harness.pages.figures.style import (
 )
 
 # Bodies that stay on one side of L² = 2EI₂, and those that cross it.
-_COLOURS = {False: "#0072B2", True: "#C25500"}
+_COLOURS = {False: BLUE, True: VERMILLION}
 _DASHES = {"first order": "-", "second order": "--"}
 # Bands in a row: a decade of the error is then as long as one of St, and slopes can be compared.
 _COLUMNS = 4

@@ -15,10 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
+    BLUE,
     INK,
     LETTERS,
     SOFT,
     TITLE,
+    VERMILLION,
     caption,
     key,
     panels,
@@ -39,7 +41,7 @@ _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
 _SKETCH = (0.42, 0.46)
 # The body's axes in that sketch, a column each: right, up and towards the eye.
 _VIEW = Rotation.from_euler("zyx", (-25, 25, -60), degrees=True).as_matrix()
-_SPEED_COLOURS = ("#175E96", "#B8500B")
+_SPEED_COLOURS = (BLUE, VERMILLION)
 
 
 def last_axis(axes: Sequence[float]) -> str:

@@ -426,10 +426,10 @@ def profile_lines(
         return []
     scenes = [str(scene) for scene in dict.fromkeys(runs["scene_name"])]
     shown = ", ".join(scenes) if len(scenes) <= _FEW_SCENES else f"{len(scenes)} scenes"
+    stokes = runs["stokes"].to_numpy(float)
     problems = (
-        f"A problem is a scene ({shown}), an St from {short(float(runs['stokes'].min()))} to "
-        f"{short(float(runs['stokes'].max()))} and an error from {short(TARGETS[0])} to "
-        f"{short(TARGETS[-1])}."
+        f"A problem is a scene ({shown}), an St from {short(stokes.min())} to "
+        f"{short(stokes.max())} and an error from {short(TARGETS[0])} to {short(TARGETS[-1])}."
     )
     save(profiles(seconds, f"{problems} {note}".strip()), folder, name)
     return [

@@ -11,16 +11,8 @@ from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
 from polhode.harness.common.text import in_two_digits, short
-from polhode.harness.paper.drawing import (
-    AVERAGED,
-    BLUE,
-    ORANGE,
-    SKY,
-    VERMILLION,
-    draw_power,
-    legend_below,
-    panels,
-)
+from polhode.harness.pages.figures.style import BLUE, ORANGE, SKY, VERMILLION, square_decades
+from polhode.harness.paper.drawing import AVERAGED, draw_power, key_above, key_of, panels
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -98,8 +90,7 @@ class _Averages(Experiment):
         table = data[""]
         columns = 1 if len(table) < _ONE_COLUMN else 2
         count = -(-len(table) // columns)
-        size = (6.4 / columns + (columns - 1), 1.2 + 0.15 * count)
-        figure, axes = panels(1, columns, *size)
+        figure, axes = panels(1, columns, 0.9 + 0.165 * count)
         for place, panel in enumerate(axes):
             rows = table[place * count : (place + 1) * count]
             heights = -np.arange(len(rows))
@@ -118,15 +109,15 @@ class _Averages(Experiment):
                 label="printed",
                 **style,
             )
-            panel.set_yticks(heights, rows.entry.tolist(), fontsize=6.5 if columns > 1 else 8)
+            panel.set_yticks(heights, rows.entry.tolist(), fontsize=8.5)
             panel.set(
-                xlabel="largest deviation from brute force",
-                ylabel="entry",
+                xlabel="deviation from brute force",
                 xscale="log",
                 xlim=(1e-18, 10),
+                xticks=(1e-16, 1) if columns > 1 else (1e-16, 1e-8, 1),
                 ylim=(-count + 0.3, 0.7),
             )
-        legend_below(figure, axes[0], ncols=4)
+        key_above(figure, axes[0])
         return figure
 
 
@@ -338,13 +329,13 @@ class FirstOrder(Experiment):
         """L_z at one St; errors against St."""
         table = data[""]
         errors = data["errors"]
-        figure, (left, right) = panels(1, 2, 4.0, 3.1)
+        figure, (left, right) = panels(1, 2, 3.1)
         left.plot(table.t2, table.full, color=BLUE, linewidth=2.0, label="full")
         left.plot(table.t2, table.averaged, color=AVERAGED, label="averaged")
         text = "with first-order correction"
         left.plot(table.t2, table.corrected, color=ORANGE, linestyle="--", label=text)
         left.set(xlabel="slow time $t_2$", ylabel="$L_z/I_e$", title=f"St = {_SHOWN_STOKES:g}")
-        left.legend()
+        key_of(left)
         for name, color, slope in (
             ("averaged", AVERAGED, -1),
             ("printed", SKY, -1),
@@ -357,7 +348,8 @@ class FirstOrder(Experiment):
             xscale="log",
             yscale="log",
         )
-        right.legend()
+        square_decades(right, fill=True)
+        key_of(right)
         return figure
 
     def _draw_errors(self, axes: Any, errors: Table, name: str, color: str, slope: int) -> None:

@@ -12,18 +12,15 @@ from matplotlib.figure import Figure
 from scipy import optimize, stats
 
 from polhode.harness.common.text import in_two_digits, short
-from polhode.harness.pages.figures.style import power
+from polhode.harness.pages.figures.style import BLUE, GREEN, SKY, VERMILLION, power, square_decades
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLACK,
-    BLUE,
-    GREEN,
-    SKY,
-    VERMILLION,
     YELLOW,
     draw_broken,
     draw_each,
     draw_power,
+    key_of,
     panels,
 )
 from polhode.harness.paper.item import (
@@ -219,7 +216,7 @@ class AveragingOrder(Experiment):
     def draw(self, data: Data) -> Figure:
         """Errors of single starts and their means, without and with a crossing."""
         laws = Laws.of(data[""])
-        figure, axes = panels(1, 2, 3.8, 3.1, sharey=True)
+        figure, axes = panels(1, 2, 3.4, sharey=True)
         titles = ("no crossing of $L^2 = 2EI_2$", "crossing $L^2 = 2EI_2$")
         for panel, rows, size, title in zip(
             axes, (laws.without, laws.crossing), laws.sizes, titles, strict=True
@@ -250,7 +247,8 @@ class AveragingOrder(Experiment):
         text = r"$\mathrm{St}^{-1/2}\,\ln\,$St"
         axes[1].plot(laws.stokes, bound, linestyle="--", color=VERMILLION, label=text)
         for panel in axes:
-            panel.legend(loc="lower left", fontsize=8)
+            square_decades(panel, fill=True)
+            key_of(panel)
         return figure
 
 
@@ -529,7 +527,7 @@ class CrossingJumps(Experiment):
         before, after = _scatters(data[""])
         stokes = np.array(list(after))
         along = after[stokes[0]].along
-        figure, (left, right) = panels(1, 2, 3.8, 3.1)
+        figure, (left, right) = panels(1, 2, 3.1)
         places = np.linspace(-2.0, 5.0, 401)
         shares = (np.arange(len(along)) + 0.5) / len(along)
         style: dict[str, Any] = {
@@ -547,7 +545,7 @@ class CrossingJumps(Experiment):
             ylabel="share of starts below",
             title=f"St = {short(stokes[0])}",
         )
-        left.legend()
+        key_of(left)
         for scatters, color, label in (
             (after, BLUE, "after the crossing"),
             (before, GREEN, "before it"),
@@ -561,7 +559,8 @@ class CrossingJumps(Experiment):
             xscale="log",
             yscale="log",
         )
-        right.legend()
+        square_decades(right, fill=True)
+        key_of(right)
         return figure
 
 
@@ -704,7 +703,7 @@ class SaddleEndings(Experiment):
     def draw(self, data: Data) -> Figure:
         """Arrivals of full against averaged runs; shares against St."""
         table = data[""]
-        figure, (left, right) = panels(1, 2, 3.9, 3.4)
+        figure, (left, right) = panels(1, 2, 3.4)
         bounds = [0.9 * min(table.averaged), 1.1 * max(table.full)]
         left.plot(bounds, bounds, color=AVERAGED, linewidth=0.8, label="equal")
         draw_each(
@@ -727,14 +726,15 @@ class SaddleEndings(Experiment):
         for axis in (left.xaxis, left.yaxis):
             axis.set_ticks(*_TICKS)
             axis.set_ticks([], minor=True)
-        left.legend()
+        square_decades(left, fill=True)
+        key_of(left)
         draw_each(
             right,
             table,
             "near",
             lambda rows: list(late(rows)),
             lambda rows: list(late(rows).values()),
-            label=lambda spread: f"arrival off by a fifth, {spread:g} from the saddle",
+            label=lambda spread: f"{spread:g} off the saddle",
             marker="o",
         )
         flips = _flips(table)
@@ -747,9 +747,13 @@ class SaddleEndings(Experiment):
         }
         right.plot(list(flips), list(flips.values()), **style)
         right.set(
-            xlabel="Stokes number St", ylabel="share of starts", xscale="log", ylim=(-0.03, 1.03)
+            xlabel="Stokes number St",
+            ylabel="share of starts",
+            xscale="log",
+            ylim=(-0.03, 1.03),
+            title="arrival off by a fifth from",
         )
-        right.legend(loc="center right", bbox_to_anchor=(1.0, 0.3), fontsize=7)
+        key_of(right)
         return figure
 
 
@@ -864,7 +868,7 @@ class Basins(Experiment):
 
     def draw(self, data: Data) -> Figure:
         """Both maps."""
-        figure, (left, right) = panels(1, 2, 4.3, 3.4)
+        figure, (left, right) = panels(1, 2, 2.5)
         cosines, heights, transients = map_of(data["transients"], "cosine share t2")
         mesh = left.pcolormesh(cosines, heights, transients.T, cmap="cividis", rasterized=True)
         figure.colorbar(mesh, ax=left, label="slow time to the node")

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from polhode.harness.paper.drawing import BLUE, GREEN, ORANGE, VERMILLION, draw_each, panels
+from polhode.harness.pages.figures.style import BLUE, GREEN, ORANGE, VERMILLION, square_decades
+from polhode.harness.paper.drawing import draw_each, key_above, key_of, panels
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -218,7 +219,7 @@ class DecayRates(_Decay):
         """Measured against printed rates; decay from large L."""
         table = data[""]
         large = data["large"]
-        figure, (left, right) = panels(1, 2, 3.8, 3.1)
+        figure, (left, right) = panels(1, 2, 3.2)
         draw_each(
             left,
             table,
@@ -241,7 +242,8 @@ class DecayRates(_Decay):
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(NullFormatter())
-        left.legend()
+        square_decades(left, fill=True)
+        key_of(left)
         for kappa, line in ((0.5, "-"), (2.0, "--")):
             rows = large[large.kappa == kappa]
             for name, color in (("axial", BLUE), ("transverse", VERMILLION)):
@@ -249,7 +251,7 @@ class DecayRates(_Decay):
                 share = rows[name] / rows[name][0]
                 right.plot(rows.t2, share, color=color, linestyle=line, label=label)
         right.set(xlabel="slow time $t_2$", ylabel="over its start", yscale="log")
-        right.legend()
+        key_of(right)
         return figure
 
 
@@ -285,7 +287,7 @@ class EllipsoidClock(_Decay):
 
     def draw(self, data: Data) -> Figure:
         """The rates on three clocks."""
-        figure, (axes,) = panels(1, 1, 5.6, 3.2)
+        figure, (axes,) = panels(1, 1, 3.6)
         names = ("per St", "per St* of the longest axis", "per St* of the axis along $z$")
         places = np.arange(len(_BODIES))
         for rates, name, color in zip(
@@ -294,7 +296,7 @@ class EllipsoidClock(_Decay):
             axes.plot(places, rates / rates.mean(), color=color, marker="o", label=name)
         axes.set_xticks(places, [axes_of(body) for body in _BODIES])
         axes.set(xlabel="semi-axes", ylabel="relaxation rate of $L_z$ over its mean")
-        axes.legend()
+        key_of(axes)
         return figure
 
 
@@ -407,7 +409,7 @@ class Collapse(Experiment):
         """L_z and E on the clock t/St*."""
         rates = data["rates"]
         stokes = dict(zip(rates.kappa.tolist(), rates.stokes.tolist(), strict=True))
-        figure, (left, right) = panels(1, 2, 3.8, 3.0)
+        figure, (left, right) = panels(1, 2, 2.5)
         draw_each(
             left,
             data[""],
@@ -420,7 +422,7 @@ class Collapse(Experiment):
         scaled = r"$t\dot\gamma/\mathrm{St}^*$"
         left.set(xlabel=scaled, ylabel="$L_z/I_{max}$")
         right.set(xlabel=scaled, ylabel="$E/I_{max}$")
-        left.legend()
+        key_above(figure, left)
         return figure
 
 

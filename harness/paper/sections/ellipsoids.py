@@ -11,17 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from polhode.harness.common.text import in_two_digits, short
-from polhode.harness.paper import planes
+from polhode.harness.pages.figures.style import BLUE, ORANGE, VERMILLION
+from polhode.harness.paper import plane_drawing, planes
 from polhode.harness.paper.drawing import (
     AVERAGED,
     BLACK,
-    BLUE,
     BOUND,
     NODE,
-    ORANGE,
-    VERMILLION,
     draw_each,
-    legend_below,
+    key_above,
     name_line,
     panels,
     white_panes,
@@ -257,7 +255,7 @@ class SingularPoint(Experiment):
         """The passage above, the rates below."""
         trajectory = data["trajectory"]
         rates = data["rates"]
-        figure, axes = panels(2, 2, 3.9, 2.7)
+        figure, axes = panels(2, 2, 2.1)
         time = "slow time from the singular point"
         for panel, name in ((axes[0], "y"), (axes[1], "shift")):
             _draw_sides(panel, trajectory, "t2", f"averaged_{name}", f"local_{name}")
@@ -265,7 +263,7 @@ class SingularPoint(Experiment):
             panel.locator_params(nbins=5)
         name_line(axes[0], "local solution", color=AVERAGED, linestyle=":")
         axes[0].set_ylabel("$y = \\mu'\\delta$")
-        axes[0].legend()
+        key_above(figure, axes[0])
         axes[1].set_ylabel("$L_z'/I_{max}$")
         axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2), useMathText=True)
         for panel, name in ((axes[2], "y"), (axes[3], "shift")):
@@ -453,11 +451,11 @@ class Plane(Experiment):
 
     def draw(self, data: Data) -> Figure:
         """The plane, and the neighbourhood of the singular point."""
-        figure, (whole, close) = panels(1, 2, 4.6, 4.4)
+        figure, (whole, close) = panels(1, 2, 3.0)
         critical = data["critical"]
         for axes in (whole, close):
-            planes.draw_frame(axes, _ELLIPSOID, -1.0, 1.0)
-            planes.draw_paths(axes, data[""], (0.6, 0.2, 0.1))
+            plane_drawing.draw_frame(axes, _ELLIPSOID, -1.0, 1.0)
+            plane_drawing.draw_paths(axes, data[""], (0.6, 0.2, 0.1))
             for kind, color, line, order in ((0, ORANGE, "--", 5), (1, VERMILLION, "-", 4)):
                 style: dict[str, Any] = {
                     "colors": (color,),
@@ -467,8 +465,8 @@ class Plane(Experiment):
                 }
                 draw_each(axes, critical[critical.kind == kind], "side", "Lz", "E", **style)
         whole.set(ylim=(0.0, 0.8))
-        planes.name_points(whole, planes.POINTS)
-        planes.name_lines(whole, _ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
+        plane_drawing.name_points(whole, plane_drawing.POINTS)
+        plane_drawing.name_lines(whole, _ELLIPSOID, "$L_z^2 = 2EI_1, 2EI_3$")
         name_line(whole, "critical, averaged", color=VERMILLION, linewidth=2)
         name_line(whole, "critical, local solution", color=ORANGE, linewidth=2, linestyle="--")
         momentum, energy = planes.fixed_point(_ELLIPSOID, "singular")
@@ -479,7 +477,8 @@ class Plane(Experiment):
             title="around the singular point",
         )
         close.locator_params(axis="x", nbins=5)
-        legend_below(figure, whole, ncols=4)
+        close.locator_params(axis="x", nbins=4)
+        key_above(figure, whole)
         return figure
 
 
@@ -585,7 +584,7 @@ class Space(Experiment):
     def draw(self, data: Data) -> Figure:
         """Both subspaces in three dimensions."""
         paths = by(data[""], "path")
-        figure, axes = panels(1, 2, 4.4, 3.5, spatial=[0, 1])
+        figure, axes = panels(1, 2, 2.7, spatial=[0, 1])
         for panel, zero in zip(axes, (1, 0), strict=True):
             self._draw_subspace(panel, paths[zero], zero)
         return figure
@@ -612,6 +611,7 @@ class Space(Experiment):
             zlabel="$E/I_{max}$",
             ylim=(-0.6, 0.6),
         )
+        space.locator_params(nbins=4)
         space.set_title(f"$L_{'xy'[zero]} = 0$", y=1.0)
         space.view_init(22, 35)
         space.set_box_aspect((1, 1, 0.8), zoom=1.0)

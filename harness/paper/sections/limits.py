@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from polhode.harness.common.text import in_two_digits, percent
-from polhode.harness.paper.drawing import BLACK, BLUE, VERMILLION, legend_below, panels, unit_sphere
+from polhode.harness.pages.figures.style import BLUE, VERMILLION
+from polhode.harness.paper.drawing import BLACK, key_above, panels, unit_sphere
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -171,7 +172,7 @@ class _Sections(Experiment):
         """The section, and one saddle magnified; chaotic orbits stand out."""
         orbits = data["orbits"]
         wild = orbits.orbit[orbits.chaotic > 0]
-        figure, (whole, saddle) = panels(1, 2, 4.2, 3.6)
+        figure, (whole, saddle) = panels(1, 2, 2.9)
         for axes, points, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
             table = points[:: -(-len(points) // _MOST_DRAWN)]
             chaotic = np.isin(table.orbit, wild)
@@ -198,7 +199,7 @@ class _Sections(Experiment):
             title="at the saddle",
         )
         saddle.locator_params(axis="x", nbins=6)
-        legend_below(figure, whole, ncols=2, markerscale=5)
+        key_above(figure, whole, markerscale=5)
         return figure
 
     def caption(self, data: Data) -> str:
@@ -437,7 +438,7 @@ class _Top(Experiment):
     def draw(self, data: Data) -> Figure:
         """The path of z' on the unit sphere."""
         path = data[""]
-        figure, (axes,) = panels(1, 1, 4.4, 4.2, spatial=[0])
+        figure, (axes,) = panels(1, 1, 4.6, spatial=[0])
         unit_sphere(axes)
         axes.plot(path.x, path.y, path.z, color=BLUE, linewidth=0.6)
         style: dict[str, Any] = {"marker": "o", "color": VERMILLION, "markersize": 5, "zorder": 5}

@@ -13,12 +13,14 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize_scalar
 
 from polhode.harness.common.text import short
+from polhode.harness.pages.figures.style import square_decades
 from polhode.harness.paper.drawing import (
     BLACK,
     draw_each,
     draw_levels,
     draw_power,
-    legend_below,
+    key_above,
+    key_of,
     name_line,
     panels,
 )
@@ -127,7 +129,7 @@ class PeriodChange(Experiment):
     def draw(self, data: Data) -> Figure:
         """The change against St, and over the law against St/κ²."""
         table = data[""]
-        figure, (left, right) = panels(1, 2, 3.9, 3.2)
+        figure, (left, right) = panels(1, 2, 3.0, width_ratios=[2, 3])
         draw_each(
             left,
             table,
@@ -146,7 +148,8 @@ class PeriodChange(Experiment):
             xlim=(1e-2, 1e4),
             ylim=(1e-9, 1e3),
         )
-        left.legend()
+        square_decades(left)
+        key_above(figure, left)
         draw_each(
             right,
             table,
@@ -255,7 +258,7 @@ class Period(Experiment):
     def draw(self, data: Data) -> Figure:
         """Period against St."""
         table = data[""]
-        figure, (axes,) = panels(1, 1, 5.2, 3.6)
+        figure, (axes,) = panels(1, 1, 4.3)
         draw_each(
             axes, table, "kappa", "stokes", "period", label=lambda kappa: rf"$\kappa$ = {kappa:g}"
         )
@@ -274,7 +277,7 @@ class Period(Experiment):
         ticks = (4, 8, 16, 32)
         axes.set_yticks([n * pi for n in ticks], [rf"${n}\pi$" for n in ticks])
         axes.minorticks_off()
-        legend_below(figure, axes, ncols=3)
+        key_above(figure, axes)
         return figure
 
 
@@ -415,7 +418,7 @@ class SpinDrift(Experiment):
         """The rate against St, with both power laws."""
         table = data[""]
         peaks = data["peaks"]
-        figure, (axes,) = panels(1, 1, 5.2, 3.6)
+        figure, (axes,) = panels(1, 1, 4.3)
         # Peaks are points of the curves: some are sharp.
         columns = ("kappa", "stokes", "growth")
         # NumPy's types say that names are None.
@@ -443,7 +446,8 @@ class SpinDrift(Experiment):
             xscale="log",
             yscale="log",
         )
-        axes.legend()
+        square_decades(axes, fill=True)
+        key_of(axes)
         return figure
 
 
@@ -526,7 +530,7 @@ class PlanarFlows(Experiment):
     def draw(self, data: Data) -> Figure:
         """Thresholds against St."""
         table = data[""]
-        figure, (axes,) = panels(1, 1, 5.2, 3.4)
+        figure, (axes,) = panels(1, 1, 4.1)
         draw_each(
             axes,
             table,
@@ -545,7 +549,7 @@ class PlanarFlows(Experiment):
             xlim=(-0.2, 150.0),
             ylim=(0.0, 1.0),
         )
-        axes.legend()
+        key_of(axes)
         return figure
 
 

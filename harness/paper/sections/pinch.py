@@ -10,7 +10,16 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from polhode.harness.common.text import short
-from polhode.harness.paper.drawing import CYCLE, RUNS, draw_power, panels, run_name
+from polhode.harness.pages.figures.style import square_decades
+from polhode.harness.paper.drawing import (
+    CYCLE,
+    RUNS,
+    draw_power,
+    key_above,
+    key_of,
+    panels,
+    run_name,
+)
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -22,7 +31,8 @@ from polhode.harness.paper.item import (
     Verdict,
     Word,
 )
-from polhode.harness.paper.planes import aligned_scene, draw_frame
+from polhode.harness.paper.plane_drawing import draw_frame
+from polhode.harness.paper.planes import aligned_scene
 from polhode.harness.paper.runs import (
     Run,
     averaged_run,
@@ -206,10 +216,10 @@ class Pinch(Experiment):
 
     def draw(self, data: Data) -> Figure:
         """The planes, and the smallest |L| against St."""
-        figure, axes = panels(2, 2, 3.9, 3.0)
+        figure, axes = panels(2, 2, 2.9)
         _draw_runs(axes[0], data["aligned"])
         axes[0].set(title="$L_x = L_y = 0$ at the start", ylim=(0.0, 0.16))
-        axes[0].legend(loc="upper center", fontsize=7)
+        key_above(figure, axes[0])
         _draw_runs(axes[1], data["aligned"])
         width, height = _CLOSE
         title = "the same at the pinch point"
@@ -228,7 +238,8 @@ class Pinch(Experiment):
             xscale="log",
             yscale="log",
         )
-        axes[3].legend(fontsize=7, loc="lower left")
+        square_decades(axes[3], fill=True)
+        key_of(axes[3])
         return figure
 
 

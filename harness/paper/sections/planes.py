@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from polhode.harness.paper import planes
-from polhode.harness.paper.drawing import AVERAGED, BLUE, draw_broken, legend_below, panels
+from polhode.harness.pages.figures.style import BLUE
+from polhode.harness.paper import plane_drawing, planes
+from polhode.harness.paper.drawing import AVERAGED, draw_broken, key_above, panels
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -134,9 +135,9 @@ class PlanesOfBodies(Experiment):
         body = self.bodies[name]
         table = data[""][data[""].body == name]
         slow = table[np.isinf(table.stokes)]
-        figure, axes = panels(2, 2, 4.4, 2.9)
+        figure, axes = panels(2, 2, 2.1)
         for panel, stokes in zip(axes[:2], PLANE_STOKES, strict=True):
-            planes.draw_frame(panel, body, -0.8, 0.8)
+            plane_drawing.draw_frame(panel, body, -0.8, 0.8)
             full = table[table.stokes == stokes]
             style: dict[str, Any] = {"linewidth": 0.9}
             draw_broken(panel, full.Lz, full.E, full.path, color=BLUE, label="full", **style)
@@ -145,22 +146,24 @@ class PlanesOfBodies(Experiment):
             )
             title = f"{name_of(body)}, St = {stokes:g}"
             panel.set(title=title, ylim=(0.0, 1.05 * max(table.E)))
-        points = {point.stability: planes.POINTS[point.stability] for point in fixed_points(body)}
-        planes.name_points(axes[0], points)
-        planes.name_lines(axes[0], body, "bounds of $L_z^2/2E$")
+        points = {
+            point.stability: plane_drawing.POINTS[point.stability] for point in fixed_points(body)
+        }
+        plane_drawing.name_points(axes[0], points)
+        plane_drawing.name_lines(axes[0], body, "bounds of $L_z^2/2E$")
         differences = by(data["differences"], "stokes")
         for panel, stokes in zip(axes[2:], PLANE_STOKES, strict=True):
             for place, (_, rows) in enumerate(groups(differences[stokes], "body")):
                 offsets = np.linspace(-0.3, 0.3, len(rows))
                 panel.bar(place + offsets, rows.difference, 0.1, color=BLUE)
             names = [name_of(body) for body in self.bodies.values()]
-            panel.set_xticks(range(len(names)), names, fontsize=6.5, rotation=15)
+            panel.set_xticks(range(len(names)), names, fontsize=8.5, rotation=30, ha="right")
             panel.set(
                 xlabel="body, one bar per start",
                 ylabel="largest difference$/I_{max}$",
                 title=f"St = {stokes:g}",
             )
-        legend_below(figure, axes[0], ncols=4)
+        key_above(figure, axes[0])
         return figure
 
 

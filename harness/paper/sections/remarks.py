@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
+from polhode.harness.pages.figures.style import BLUE, GREEN, ORANGE, VERMILLION, square_decades
 from polhode.harness.paper import planes
-from polhode.harness.paper.drawing import BLUE, GREEN, ORANGE, VERMILLION, draw_each, panels
+from polhode.harness.paper.drawing import draw_each, key_above, panels
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -111,7 +112,7 @@ class Drift(Experiment):
     def draw(self, data: Data) -> Figure:
         """θ against the number of half turns."""
         bodies = by(data[""], "ratio")
-        figure, (axes,) = panels(1, 1, 6.4, 3.8)
+        figure, (axes,) = panels(1, 1, 3.7)
         draw_each(axes, bodies[_NEARLY_CIRCULAR], "orbit", "turn", "theta", linewidth=0.9)
         style = {"linestyle": ":", "linewidth": 0.9}
         draw_each(axes, bodies[1.0], "orbit", "turn", "theta", **style)
@@ -153,7 +154,8 @@ class StokesStar(Experiment):
             f"(exponent {oblate:.3f} in their axis ratio's inverse). St* of needles falls like "
             f"κ^({squared:.3f}), as κ^-2 does, with no logarithm: the printed ln κ/κ² belongs to "
             "the transverse resistance, and St* is defined by the axial one.",
-            "St*/St of prolate spheroids (κ) and the complementary oblate ones (1/κ).",
+            "St*/St of prolate spheroids (κ) and the complementary oblate ones (1/κ); right: its "
+            "exponent between neighbouring points.",
             [
                 Number(
                     "St* oblate over prolate, smallest",
@@ -174,18 +176,19 @@ class StokesStar(Experiment):
         )
 
     def draw(self, data: Data) -> Figure:
-        """St*/St against κ."""
+        """St*/St against κ, and its local exponents."""
         table = data[""]
-        figure, (axes,) = panels(1, 1, 5.2, 3.4)
+        figure, (left, right) = panels(1, 2, 3.6, width_ratios=[2, 3])
+        middle = np.sqrt(table.kappa[1:] * table.kappa[:-1])
         for name, color in (("prolate", BLUE), ("oblate", ORANGE)):
-            axes.plot(table.kappa, table[name], marker="o", color=color, label=name)
-        axes.set(
-            xlabel=r"$\kappa$ (prolate), $1/\kappa$ (oblate)",
-            ylabel=r"$\mathrm{St}^*/\mathrm{St}$",
-            xscale="log",
-            yscale="log",
-        )
-        axes.legend()
+            left.plot(table.kappa, table[name], marker="o", color=color, label=name)
+            exponents = np.diff(np.log(table[name])) / np.diff(np.log(table.kappa))
+            right.plot(middle, exponents, marker="o", color=color)
+        kappa = r"$\kappa$ (prolate), $1/\kappa$ (oblate)"
+        left.set(xlabel=kappa, ylabel=r"$\mathrm{St}^*/\mathrm{St}$", xscale="log", yscale="log")
+        right.set(xlabel=kappa, ylabel="exponent between two points", xscale="log")
+        square_decades(left)
+        key_above(figure, left)
         return figure
 
 
@@ -265,11 +268,11 @@ class Waves(Experiment):
         """Frequencies and irregularities of all bodies."""
         table = data[""]
         places = np.arange(len(table))
-        figure, (left, right) = panels(1, 2, 4.4, 3.6)
+        figure, (left, right) = panels(1, 2, 2.6)
         left.bar(places, table.frequency, color=GREEN)
         right.bar(places, np.exp(table.scatter), color=VERMILLION)
         for axes in (left, right):
-            axes.set_xticks(places, table.name.tolist(), rotation=35, ha="right", fontsize=7)
+            axes.set_xticks(places, table.name.tolist(), rotation=45, ha="right", fontsize=8.5)
             axes.set_xlabel("body")
         left.set_ylabel(r"angular frequency$/\dot\gamma$")
         right.set_ylabel("median factor between swings")

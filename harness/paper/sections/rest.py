@@ -9,18 +9,23 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_trapezoid
 
-from polhode.harness.pages.figures.style import power
-from polhode.harness.paper.drawing import (
-    BLACK,
+from polhode.harness.pages.figures.style import (
     BLUE,
-    CYCLE,
     GREEN,
-    NODE,
     ORANGE,
     PURPLE,
     VERMILLION,
+    power,
+    square_decades,
+)
+from polhode.harness.paper.drawing import (
+    BLACK,
+    CYCLE,
+    NODE,
     draw_each,
     draw_power,
+    key_above,
+    key_of,
     name_line,
     panels,
     unit_sphere,
@@ -233,7 +238,7 @@ class Sphere(Experiment):
         onset = Change.of(table).time
         before = table[table.t <= onset]
         after = table[table.t >= onset]
-        figure, (sphere, plain) = panels(1, 2, 4.3, 3.9, spatial=[0], wspace=0.06)
+        figure, (sphere, plain) = panels(1, 2, 3.2, spatial=[0], wspace=0.16)
         unit_sphere(sphere)
         close = after[after.t <= 3 * onset]
         sphere.plot(before.x, before.y, before.z, color=BLUE, linewidth=1.8, zorder=2.8)
@@ -246,7 +251,7 @@ class Sphere(Experiment):
         plain.set(
             xlabel=r"time $t\dot\gamma$", ylabel="z component of the axis", ylim=(-1.05, 1.05)
         )
-        plain.legend(loc="lower right", fontsize=7)
+        key_above(figure, plain)
         return figure
 
 
@@ -313,9 +318,9 @@ class Transient(Experiment):
             f"t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as "
             "an earlier sentence of the paper has it.",
             f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) "
-            "against t/√St; below, early and scaled by √St and St, from St = 5000 on; dotted, "
+            "against t/√St; last three panels: early and scaled by √St and St, from St = 5000 on; dotted, "
             "where the particle has turned by one radian at the largest St; dashed, where the "
-            "torque along the vorticity is weakest for the first time; right, both against St.",
+            "torque along the vorticity is weakest for the first time; fifth panel: both against St.",
             [
                 Number(
                     f"exponent in St of the time of the first radian, St ≥ {_LARGE_STOKES:g}",
@@ -364,19 +369,18 @@ class Transient(Experiment):
         """Slow variables on the scaled time; onset times against St."""
         table = data[""]
         onset = data["onset"]
-        figure, axes = panels(3, 3, 3.2, 2.3)
+        figure, axes = panels(4, 2, 2.0)
         scaled = r"$t\dot\gamma/\mathrm{St}^{1/2}$"
-        for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 3), ("E", 4)):
+        for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 2), ("E", 3)):
             panel = axes[place]
             label = _stokes_label
             draw_each(panel, table, "stokes", "scaled", name, label=label, linewidth=0.8)
             _draw_marks(panel, onset)
             panel.set(xlabel=scaled, ylabel=SLOW_LABELS[name])
-        self._draw_onsets(axes[2], onset)
-        axes[5].axis("off")
-        axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
+        self._draw_onsets(axes[4], onset)
+        key_above(figure, axes[0])
         early = table[(table.stokes >= 5e3) & (table.scaled <= _EARLY)]
-        for name, place in (("Ly", 6), ("Lz", 7), ("E", 8)):
+        for name, place in (("Ly", 5), ("Lz", 6), ("E", 7)):
             panel = axes[place]
             root = 1.0 if name == "E" else 0.5
             draw_each(
@@ -409,7 +413,8 @@ class Transient(Experiment):
             xscale="log",
             yscale="log",
         )
-        axes.legend()
+        square_decades(axes, fill=True)
+        key_of(axes)
 
 
 def _stokes_label(stokes: float) -> str:
@@ -496,7 +501,7 @@ class Short(Experiment):
         """Paths on the sphere, and their lengths against St."""
         table = data[""]
         length = data["length"]
-        figure, (sphere, plain) = panels(1, 2, 4.3, 3.9, spatial=[0], wspace=0.06)
+        figure, (sphere, plain) = panels(1, 2, 3.2, spatial=[0], wspace=0.16)
         unit_sphere(sphere)
         space: Any = sphere
         shown = by(table, "stokes")
@@ -506,7 +511,7 @@ class Short(Experiment):
             label = _stokes_label(stokes)
             space.plot(rows.x, rows.y, rows.z, color=color, linewidth=1.4, label=label)
         _draw_orbit(sphere, data["jeffery"])
-        sphere.legend(loc="upper left", fontsize=7)
+        key_above(figure, sphere)
         plain.plot(length.stokes, length.length, marker="o", color=BLUE)
         plain.set(
             xlabel="Stokes number St",

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from polhode.harness.common.text import short
-from polhode.harness.paper.drawing import BLUE, RUNS, draw_power, panels, run_name
+from polhode.harness.pages.figures.style import BLUE, square_decades
+from polhode.harness.paper.drawing import RUNS, draw_power, key_of, panels, run_name
 from polhode.harness.paper.item import (
     Computed,
     Data,
@@ -159,7 +160,7 @@ class SlowMotion(Experiment):
         return (
             f"Slow variables of the ellipsoid with semi-axes {axes_of(self.ellipsoid)} from "
             f"(θ, φ, ψ, θ̇, φ̇, ψ̇) = ({start}), full at St = {joined(self.shown)} and averaged; "
-            f"right, the largest difference along the run.{met}"
+            f"below, the largest difference along the run.{met}"
         )
 
     def _ends(self, data: Data) -> str:
@@ -225,8 +226,8 @@ class SlowMotion(Experiment):
     def draw(self, data: Data) -> Figure:
         """Slow variables against slow time; the largest error against St."""
         errors = data["errors"]
-        figure, axes = panels(2, 3, 3.2, 2.4)
-        for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 3), ("E", 4)):
+        figure, axes = panels(3, 2, 2.0)
+        for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 2), ("E", 3)):
             self._draw_variable(axes[place], data, name)
         style: dict[str, Any] = {
             "marker": "o",
@@ -234,15 +235,16 @@ class SlowMotion(Experiment):
             "markersize": 3.5,
             "label": "measured",
         }
-        axes[2].plot(errors.stokes, errors.error, **style)
-        draw_power(axes[2], errors.stokes, errors.error[-1], -1)
-        axes[2].set(
+        axes[4].plot(errors.stokes, errors.error, **style)
+        draw_power(axes[4], errors.stokes, errors.error[-1], -1)
+        axes[4].set(
             xlabel="Stokes number St",
             ylabel="largest error of L and E$/I_{max}$",
             xscale="log",
             yscale="log",
         )
-        axes[2].legend()
+        square_decades(axes[4], fill=True)
+        key_of(axes[4])
         axes[5].axis("off")
         axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
         return figure

@@ -11,15 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
-from polhode.harness.paper import planes
+from polhode.harness.pages.figures.style import BLUE, ORANGE
+from polhode.harness.paper import plane_drawing, planes
 from polhode.harness.paper.drawing import (
     BLACK,
-    BLUE,
     BOUND,
     CYCLE,
-    ORANGE,
     draw_broken,
-    legend_below,
+    key_above,
+    key_of,
     panels,
 )
 from polhode.harness.paper.item import (
@@ -100,14 +100,14 @@ class Plane(Experiment):
 
     def draw(self, data: Data) -> Figure:
         """The plane with its bounds, fixed points and trajectories."""
-        figure, (axes,) = panels(1, 1, 6.0, 4.2)
-        planes.draw_frame(axes, _BODY, -1.0, 1.0)
-        planes.draw_paths(axes, data[""], (0.6, 0.2))
+        figure, (axes,) = panels(1, 1, 4.4)
+        plane_drawing.draw_frame(axes, _BODY, -1.0, 1.0)
+        plane_drawing.draw_paths(axes, data[""], (0.6, 0.2))
         names = {"stable node": "stable node (tumbling)", "saddle": "saddle (spinning)"}
-        planes.name_points(axes, names)
-        planes.name_lines(axes, _BODY, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
+        plane_drawing.name_points(axes, names)
+        plane_drawing.name_lines(axes, _BODY, "$L_z^2 = 2EI_a$ and $L_z^2 = 2EI_e$")
         axes.set(ylim=(0.0, 0.8))
-        axes.legend(loc="upper center")
+        key_of(axes)
         return figure
 
 
@@ -227,13 +227,13 @@ class Projections(Experiment):
     def draw(self, data: Data) -> Figure:
         """Both planes at each of the energies."""
         table = data[""]
-        figure, axes = panels(3, 2, 3.9, 2.4)
+        figure, axes = panels(3, 2, 1.9)
         node = planes.fixed_point(_BODY, "stable node")
         places = product(np.unique(table.E0), ("E", "Lxy"))
         for panel, (energy, across) in zip(axes, places, strict=True):
             self._draw_plane(panel, table[energy == table.E0], energy, across, node)
-        planes.name_points(axes[0], {"stable node": "stable node"})
-        legend_below(figure, axes[0], ncols=4)
+        plane_drawing.name_points(axes[0], {"stable node": "stable node"})
+        key_above(figure, axes[0])
         return figure
 
     def _draw_plane(
@@ -254,7 +254,7 @@ class Projections(Experiment):
             style: dict[str, Any] = {"color": color, "linewidth": 0.8, "label": _AZIMUTHS[azimuth]}
             draw_broken(axes, rows.Lz, rows[across], rows.cosine, **style)
         place = (node[0], node[1] if across == "E" else 0.0)
-        planes.draw_point(axes, "stable node", place)
+        plane_drawing.draw_point(axes, "stable node", place)
 
 
 def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
@@ -321,7 +321,7 @@ class LPlanes(Experiment):
     def draw(self, data: Data) -> Figure:
         """A plane for each sign of L_z and each component that is zero."""
         table = data[""]
-        figure, axes = panels(2, 2, 3.9, 2.6)
+        figure, axes = panels(2, 2, 2.1)
         for panel, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
             rows = table[(table.zero == zero) & (np.sign(table.ratio) == sign)]
             starts = rows[np.unique(rows.path, return_index=True)[1]]
@@ -335,7 +335,7 @@ class LPlanes(Experiment):
             for point in fixed_points(_BODY):
                 along, height = planes.place_of(_BODY, point)
                 share = float(share_of(np.array(height), np.array(along)))
-                planes.draw_point(panel, point.stability, (abs(along), share))
+                plane_drawing.draw_point(panel, point.stability, (abs(along), share))
             panel.set(
                 xlabel="$|L|/I_{max}$",
                 ylabel="E, share between bounds",
@@ -343,8 +343,8 @@ class LPlanes(Experiment):
                 xlim=(0.0, 1.02),
                 ylim=(-0.05, 1.05),
             )
-        planes.name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
-        legend_below(figure, axes[0], ncols=3)
+        plane_drawing.name_points(axes[0], {"stable node": "stable node", "saddle": "saddle"})
+        key_above(figure, axes[0])
         return figure
 
 

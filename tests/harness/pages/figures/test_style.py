@@ -1,6 +1,7 @@
 """One look for every solver, told apart by all eyes, on white and on a dark ground."""
 
 import re
+from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from polhode.harness.pages.figures.style import (
     INK,
     LOOKS,
     OTHER,
+    SERIES,
     SOFT,
     both_colours,
     caption,
@@ -152,8 +154,12 @@ MOTION = re.findall(
 
 
 @pytest.mark.parametrize("eye", EYES)
-@pytest.mark.parametrize("colours", [[*SLOW_COLOURS.values()], MOTION], ids=["L and E", "motion"])
-def test_other_lines_of_a_figure_are_told_apart(colours: list[str], eye: str):
+@pytest.mark.parametrize(
+    "colours",
+    [[*SLOW_COLOURS.values()], MOTION, SERIES],
+    ids=["L and E", "motion", "series"],
+)
+def test_other_lines_of_a_figure_are_told_apart(colours: Sequence[str], eye: str):
     assert len(colours) >= 3
     seen = [lab(colour, eye) for colour in colours]
     assert min(distance(a, b) for a, b in combinations(seen, 2)) >= LEAST_DISTANCE
