@@ -26,9 +26,9 @@ _ROUNDS_LESS = "cyrk-dop853"
 _ROUNDED_SHARE = 0.1
 # St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta.
 _SPLITTING_FROM = 300.0
-# The least error times St² that `hybrid` is tried for: below it full segments cover the run. Of 12
-# timed runs that `hybrid` took the 8 above took 0.02 to 0.5 times plain practice, the 4 below 0.2 to 3.2.
-HYBRID_LEAST_ERROR = 1e5
+# The least error times St² that `hybrid` is tried for: below it full segments cover the run. Of ten
+# timed runs by `hybrid` the six above took 0.02 to 0.2 times plain practice, the four below 1.0 to 3.2.
+HYBRID_LEAST_ERROR = 2e5
 # Steps of a full run that cost as much as the second-order tables of a triaxial shape.
 STEPS_OF_TABLES = 600_000
 # Steps of a full run from which on tables of a triaxial shape are made to choose and to confirm:

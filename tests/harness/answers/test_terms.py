@@ -219,3 +219,14 @@ def test_what_is_said_of_an_error_that_was_requested(interval, words):
     advice = advised(answer, PAPER, 1e-6, "slow").advice
     assert words in advice
     assert bool(advice) == bool(words)
+
+
+def test_an_averaged_run_at_a_loose_tolerance_is_not_thought_lucky():
+    """Its segments go at a tolerance of their own: a loose one costs no accuracy, and states none away."""
+    start = BodyStart((1.0, 0.0, 0.0, 0.0), (0.9, -0.7, 1.1))
+    scene = Scene(Ellipsoid((1.0, 0.5, 0.5)), 1e8, start, 3e4)
+    found = solve(scene, form="hybrid", solver="cyrk-vern8", tolerance=1e-4)
+    true = solve(scene, form="quaternion", solver="taylor", tolerance=1e-16, estimate=False)
+    off = errors(scene.ellipsoid, found.observables, true.observables).slow
+    assert found.run.segments[0].averaged
+    assert off <= found.error.slow.high <= 1e-7
