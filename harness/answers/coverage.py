@@ -39,7 +39,7 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
-_SCHEMA = 3
+_SCHEMA = 4
 # Times at which a solution is compared with its reference.
 COMPARED_TIMES = 2001
 # Seconds that a reference may take.
@@ -50,8 +50,8 @@ _REFERENCE_TOLERANCES = (1e-19, 1e-17)
 _UNCERTAINTY = 3.0
 # A reference of a larger uncertainty, of L and E over I_max or in rad, judges nothing: chaos.
 _MOST_UNCERTAINTY = 1e-10
-# Runs of each group by a scene, which share its reference.
-_RUNS_PER_SCENE = 2
+# Runs of each group by a scene: they share its reference, which takes most of the time.
+_RUNS_PER_SCENE = 4
 # Rotations of a scene, at most: references of more take minutes.
 _MAX_TURNS = 3_000.0
 # Rotations from which on solvers and forms that average do so.
