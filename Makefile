@@ -77,7 +77,7 @@ everything: $(READY) ## all that reports/ holds anew: hours of an idle machine; 
 	times=build/everything/durations.csv; test -e $$times || echo command,seconds,exit >$$times; \
 	while read -r line; do \
 	  mark=build/everything/$$(echo "$$line" | tr ' /' '__'); test -e "$$mark.done" && continue; \
-	  case "$$line" in *.py) run="$(BIN)/python $$line";; *) run="$(BIN)/polhode $$line";; esac; \
+	  case "$$line" in docs/*|tests/*) run="$(BIN)/python $$line";; *) run="$(BIN)/polhode $$line";; esac; \
 	  if test -e "$$mark.begun" && $(BIN)/polhode $${line%% *} --help 2>/dev/null | grep -q -e --resume; then run="$$run --resume"; fi; \
 	  touch "$$mark.begun"; echo "$$run"; began=$$(date +%s); $$run </dev/null; code=$$?; \
 	  echo "$$line,$$(($$(date +%s) - began)),$$code" >>$$times; \

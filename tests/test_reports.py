@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from runpy import run_path
 from shutil import copytree
-from subprocess import run
+from subprocess import CalledProcessError, run
 from types import SimpleNamespace
 from typing import Any
 
@@ -274,13 +274,51 @@ def test_the_front_page_says_which_commits_measured_the_pages():
 )
 def test_what_makes_everything_is_understood(line: str):
     name, *words = line.split()
-    if name.endswith(".py"):
+    if "/" in name:
         assert (ROOT / name).is_file()
         return
     context = click.Context(polhode)
     command = polhode.get_command(context, name)
     assert command
     command.make_context(name, words, parent=context)
+
+
+def test_cold_starts_become_a_page_like_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    program = run_path(str(ROOT / "tests" / "benchmarks" / "cold_start.py"))
+    write = program["write"]
+    monkeypatch.setitem(write.__globals__, "FOLDER", tmp_path)
+    write([["`polhode --help`", "0.06", "0.05"], ["`polhode solve paper`", "0.33", "0.32"]])
+    page = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "- `polhode solve paper` takes 0.33 s, which is the longest of 2." in page
+    assert len(makers_of(page)) == 1
+    rows = (tmp_path / "seconds.csv").read_text(encoding="utf-8").splitlines()
+    assert rows == [
+        "command,wall,processor",
+        "`polhode --help`,0.06,0.05",
+        "`polhode solve paper`,0.33,0.32",
+    ]
+
+
+def test_what_changed_since_0_1_follows_from_reports_and_history():
+    """Else `python docs/since.py` is due."""
+    program = docs_program("since")
+    try:
+        program.before("README.md")
+    except (OSError, CalledProcessError):
+        pytest.skip("no clone with the history of 0.1")
+    said = program.PAGE.read_text(encoding="utf-8")
+    for part in ("time_to_an_answer", "stated_errors", "cold_start", "throughput", "sources"):
+        assert "\n".join(getattr(program, part)()) in said, part
+    # Lines change with every commit.
+    tables = [said[said.index(program.LINES) :], "\n".join(program.lines_of_code())]
+    counts = [
+        re.findall(r"^\| (\w+) +\| +(\d+) .*\| +(\d+) \| +\d+ \|$", table, re.MULTILINE)
+        for table in tables
+    ]
+    assert len(counts[0]) == len(counts[1]) == 6
+    for (part, old, new), (_, old_now, new_now) in zip(*counts, strict=True):
+        assert old == old_now
+        assert int(new) == pytest.approx(int(new_now), rel=0.1), part
 
 
 FOLDED = sorted(

@@ -1,13 +1,25 @@
-"""Cold commands, each in processes of their own: wall and processor time, the medians of five."""
+"""Cold commands, each in processes of their own: wall and processor time, the medians of five.
 
+With --write the table goes into reports/cold-start too.
+"""
+
+import csv
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from io import StringIO
 from itertools import pairwise
+from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
+
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import here, provenance
+from polhode.harness.common.text import markdown
+from polhode.harness.pages.tables import folded
 
 COMMANDS = (
     "polhode --help",
@@ -21,6 +33,9 @@ COMMANDS = (
 )
 PYTHON = ("import polhode", "import polhode; polhode.solve('paper')")
 RUNS = 5
+FOLDER = Path(__file__).parents[2] / "reports" / "cold-start"
+HEADS = ("command", "wall", "processor")
+_UNSEEN = " --out /dev/null"
 AGAIN = """
 import time, polhode
 polhode.solve("paper")
@@ -46,29 +61,50 @@ def clocks() -> tuple[float, float]:
     return perf_counter(), used.ru_utime + used.ru_stime
 
 
-def seconds(*words: str, fresh: bool = False) -> str:
-    """Cells of a table: both times of a process, after one that fills the caches."""
+def seconds(*words: str, fresh: bool = False) -> list[str]:
+    """Both times of a process, after one that fills the caches."""
     python(*words, fresh=fresh)
     marks = [clocks()]
     for _ in range(RUNS):
         python(*words, fresh=fresh)
         marks.append(clocks())
-    wall, processor = (
-        median(b - a for a, b in pairwise(column)) for column in zip(*marks, strict=True)
-    )
-    return f"{wall:.2f} | {processor:.2f}"
+    return [
+        f"{median(b - a for a, b in pairwise(column)):.2f}" for column in zip(*marks, strict=True)
+    ]
+
+
+def rows() -> Iterator[list[str]]:
+    """Rows of the table: what is run, wall and processor time in s."""
+    for command in COMMANDS:
+        yield [f"`{command.replace(_UNSEEN, '')}`", *seconds("-m", *command.split())]
+    solve = COMMANDS[5]
+    new = "with a new shape and an empty cache"
+    yield [f"`{solve.replace(_UNSEEN, '')}` {new}", *seconds("-m", *solve.split(), fresh=True)]
+    for code in PYTHON:
+        yield [f'`python -c "{code}"`', *seconds("-c", code)]
+    again = median(float(python("-c", AGAIN)) for _ in range(RUNS))
+    yield ["`polhode.solve('paper')` once more in a process", f"{again:.4f}", ""]
+
+
+def write(table: list[list[str]]) -> None:
+    """Write the page and its data."""
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows([HEADS, *table])
+    write_file(FOLDER / "seconds.csv", text.getvalue(), summed=True)
+    longest = max(table, key=lambda row: float(row[1]))
+    answer = f"{longest[0]} takes {longest[1]} s, which is the longest of {len(table)}."
+    made = folded(provenance("python tests/benchmarks/cold_start.py --write", [here()]))
+    cells = markdown(["what", "wall, s", "processor, s"], table, right=(1, 2))
+    how = f"Medians of {RUNS} processes each, after one that fills the caches. [seconds.csv](seconds.csv)"
+    lines = ["# Cold start", "", f"- {answer}", "", cells, f"{how}", "", made, ""]
+    write_file(FOLDER / "README.md", "\n".join(lines))
 
 
 if __name__ == "__main__":
     print("| what | wall, s | processor, s |\n|---|---|---|")
-    for command in COMMANDS:
-        print(f"| `{command}` | {seconds('-m', *command.split())} |", flush=True)
-    print(
-        f"| `{COMMANDS[5]}`, a new shape | {seconds('-m', *COMMANDS[5].split(), fresh=True)} |",
-        flush=True,
-    )
-    for code in PYTHON:
-        print(f'| `python -c "{code}"` | {seconds("-c", code)} |', flush=True)
-    print(
-        f"| `polhode.solve('paper')` once more | {median(float(python('-c', AGAIN)) for _ in range(RUNS)):.4f} | |"
-    )
+    measured = []
+    for row in rows():
+        measured.append(row)
+        print(f"| {' | '.join(row)} |", flush=True)
+    if "--write" in sys.argv[1:]:
+        write(measured)
