@@ -32,7 +32,7 @@ _ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 _SHOWN_CODE = (".py", ".toml", ".cpp", ".ipynb")
 # Pictures have few colours, which halve a file: red, green and blue are multiples of 17, by which greys stay grey.
 _ROUNDED = [round(value / 17) * 17 for value in range(256)]
-_COLOURS = 48
+_COLOURS = 128
 
 
 def write_sources(

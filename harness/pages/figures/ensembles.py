@@ -224,7 +224,11 @@ def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
         ):
             style: dict[str, Any] = {"color": shade, "marker": marker, "ls": dash, "markersize": 6}
             label = f"{name}, {shape}"
-            axes.loglog(some[f"{whose}error"], some[f"{whose}per_second"], **style)
+            errors, fastest = some[f"{whose}error"], some[f"{whose}per_second"]
+            axes.loglog(errors, fastest, **style)
+            if f"{whose}slower_per_second" in some:
+                slower = some[f"{whose}slower_per_second"]
+                axes.vlines(errors, slower, fastest, color=shade, linewidth=3.0, alpha=0.5)
             handles.append(Line2D([], [], label=label, **style))
     axes.set(xlabel="largest error of the whole state", ylabel="particles/(s · core)")
     # Decades of both axes are as long.

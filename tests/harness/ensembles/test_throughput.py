@@ -29,6 +29,8 @@ def test_equal_steps_are_held_against_taylor_at_the_same_largest_error(
     assert 0 < row["median_error"] < row["error"] <= 1e-4
     assert 0 < row["taylor_error"] <= 1e-4
     assert row["speedup"] == pytest.approx(row["per_second"] / row["taylor_per_second"])
+    assert 0 < row["slower_per_second"] <= row["per_second"]
+    assert 0 < row["taylor_slower_per_second"] <= row["taylor_per_second"]
     assert row["steps"] % ensemble_bench.MIN_SEGMENTS == 0
 
 

@@ -206,6 +206,11 @@ def test_speeds_stand_on_square_decades():
     assert axes.get_aspect() == 1.0
     drawn = [np.asarray(line.get_xydata()).tolist() for line in axes.get_lines()]
     assert drawn == [[[1e-6, 1e5]], [[1e-6, 2e4]]]
+    assert not axes.collections, "no spread was kept"
+    spread = {"slower_per_second": 8e4, "taylor_slower_per_second": 1e4}
+    (axes,) = speeds([rows[0] | spread]).axes
+    bars = [bar.get_segments()[0].tolist() for bar in axes.collections]
+    assert bars == [[[1e-6, 8e4], [1e-6, 1e5]], [[1e-6, 1e4], [1e-6, 2e4]]]
 
 
 @pytest.mark.skipif(not REPORTS.is_dir(), reason="no committed pages here")
