@@ -266,7 +266,7 @@ def _cached(data: Mapping[str, Data]) -> Iterator[_Outcome]:
 
 def _in_turn(
     items: Sequence[Item], folder: Path, grid: Grid, report: Callable[[str], None]
-) -> Iterator[_Outcome]:
+) -> Generator[_Outcome, None, None]:
     for item in items:
         report(_begun(item))
         yield _computed(item, folder, grid)

@@ -19,23 +19,6 @@ from polhode.models.scene import Scene
 _HERE = Path(__file__).resolve().parent
 # A clone has its documentation beside the harness; an installation has none.
 DOCS = _HERE.parents[1] / "docs"
-# Colours on which text and lines keep their contrast in both themes: 4.5 and more for text.
-_LIGHT = {
-    "color-brand-primary": "#0b5c94",
-    "color-brand-content": "#0b5c94",
-    "color-brand-visited": "#5c3d99",
-    "color-foreground-muted": "#5b6470",
-    "color-foreground-secondary": "#4f5864",
-}
-_DARK = {
-    "color-brand-primary": "#6db3e6",
-    "color-brand-content": "#6db3e6",
-    "color-brand-visited": "#c3a6f0",
-    "color-foreground-muted": "#a3adba",
-    "color-foreground-secondary": "#b4bdc9",
-    "color-background-primary": "#14181e",
-    "color-background-secondary": "#1a2027",
-}
 _CONFIG: dict[str, Any] = {
     "project": "polhode",
     "html_title": "polhode",
@@ -57,14 +40,10 @@ _CONFIG: dict[str, Any] = {
     # Dashes alone.
     "smartquotes_action": "D",
     "html_theme": "furo",
-    "html_theme_options": {
-        "light_css_variables": _LIGHT,
-        "dark_css_variables": _DARK,
-        "top_of_page_buttons": [],
-    },
+    "html_theme_options": {"top_of_page_buttons": []},
     "templates_path": [str(_HERE / "templates")],
     "html_static_path": [str(path) for path in sorted(_HERE.glob("*.[cj]s*"))],
-    "html_css_files": ["site.css"],
+    "html_css_files": ["theme.css", "site.css"],
     "html_js_files": ["tables.js"],
     "html_math_renderer": "mathml",
     "html_search_language": "prose",
@@ -90,7 +69,7 @@ _SHORTER = {
     r'class="((?:current )?reference) internal"': r'class="\1"',
 }
 # Names, blanks and brackets of code, which have the colour of the text around them.
-_UNCOLOURED = re.compile(r'<span class="(?:n|nn|nx|p|w)">([^<]*)</span>')
+_UNCOLOURED = re.compile(r'<span class="(?:n|nx|p|w)">([^<]*)</span>')
 # Files of Sphinx and of its theme that no page loads.
 _UNUSED = (
     "*.map",
