@@ -32,6 +32,7 @@ from polhode.harness.answers.statement import INNER, Difference, difference
 from polhode.harness.references.rotations import damping_times
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
+from polhode.models.shape import Ellipsoid
 
 # Rotations of a full run that an averaged one is compared with, at most.
 COMPARED_TURNS = 1_000.0
@@ -144,12 +145,17 @@ def _kicks(scene: Scene) -> np.ndarray | float:
     return np.sqrt(square)
 
 
+def above_separatrix(ellipsoid: Ellipsoid, observables: Observables) -> np.ndarray:
+    """L² - 2EI₂ of each sample, I₂ the middle moment of inertia of a triaxial body."""
+    middle = ellipsoid.inertia[ellipsoid.order[1]]
+    return (observables.angular_momentum**2).sum(axis=1) - 2 * middle * observables.energy
+
+
 def crosses(scene: Scene, observables: Observables) -> bool:
     """Whether a run crosses L² = 2EI₂."""
     if scene.ellipsoid.kind != "triaxial":
         return False
-    middle = scene.ellipsoid.inertia[scene.ellipsoid.order[1]]
-    excess = (observables.angular_momentum**2).sum(axis=1) - 2 * middle * observables.energy
+    excess = above_separatrix(scene.ellipsoid, observables)
     return bool(excess.min() < 0 < excess.max())
 
 

@@ -8,6 +8,7 @@ from math import inf, nan, sqrt
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from polhode.harness.answers.averaging import above_separatrix
 from polhode.models.catalogue import averaged_form, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.rotation import Triple
@@ -120,8 +121,7 @@ def _crossing(body: Body) -> float:
     times = np.linspace(0.0, problem.end, _PATH_SAMPLES)
     run = solve(problem, available_like("cyrk-vern8"), _PATH_TOLERANCE, times)
     observables = form.observe(scene, run.states)
-    middle = scene.ellipsoid.inertia[scene.ellipsoid.order[1]]
-    excess = (observables.angular_momentum**2).sum(axis=1) - 2 * middle * observables.energy
+    excess = above_separatrix(scene.ellipsoid, observables)
     other_side = np.flatnonzero(excess * excess[0] < 0)
     return float(times[other_side[0]]) if len(other_side) else nan
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.common.files import PartialFile, write_file
-from polhode.harness.common.machine import provenance
+from polhode.harness.common.files import PartialFile, dumps, loads, read_file, write_file
+from polhode.harness.common.machine import made_lines, provenance
 from polhode.harness.common.store import Store
 from polhode.harness.common.text import short
 from polhode.harness.ensembles import summary
@@ -34,6 +34,8 @@ _FILES = {
     "distributions.csv": summary.distribution_rows,
     "arrivals.csv": summary.arrival_rows,
 }
+# A row for each ensemble, from which the page is written anew.
+_ENSEMBLES = "ensembles.json"
 # The tables from which the picture of a shape is drawn.
 _DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
 # Large sweeps whose cost the page predicts.
@@ -74,17 +76,9 @@ def write_results(
             tables = {name: pd.DataFrame(rows) for name, rows in drawn.items()}
             save(_picture(tables, sweep), folder, pictures[-1][0])
     made = provenance(command, surroundings(sweep, store))
-    write_file(
-        folder / "README.md",
-        _page(
-            sweep.title,
-            made,
-            ensembles,
-            [name for name in _FILES if name in written],
-            pictures,
-            in_flow=sweep.ensembles[0].any_scene.flow is not None,
-        ),
-    )
+    write_file(folder / _ENSEMBLES, dumps(ensembles, sort_keys=False) + "\n", summed=True)
+    names = [name for name in _FILES if name in written]
+    write_file(folder / "README.md", _page(sweep, made, ensembles, names, pictures))
     for name in _FILES.keys() - written.keys():
         # A run by an earlier version left it.
         (folder / name).unlink(missing_ok=True)
@@ -92,9 +86,10 @@ def write_results(
 
 
 def redraw(sweep: Sweep, folder: Path) -> Path:
-    """Draw the pictures of a sweep anew from the tables in its folder; the path of its page.
+    """Draw the pictures of a sweep, and write its page, anew from the tables in its folder; the page's path.
 
-    Raises ValueError if there are none.
+    Raises ValueError if there are none. The page stays as it is without the table that polhode 0.1
+    did not write.
     """
     if not (folder / "distributions.csv").is_file():
         raise ValueError(f"{folder / 'distributions.csv'}: no such file, expected those of a sweep")
@@ -103,13 +98,20 @@ def redraw(sweep: Sweep, folder: Path) -> Path:
         for name in _DRAWN
     }
     shapes = tables["distributions.csv"].groupby(["a", "b", "c"], sort=False)
+    pictures = []
     for number, (shape, _) in enumerate(shapes, start=1):
         own: dict[str, pd.DataFrame] = {}
         for name, table in tables.items():
             of_shape = (table[list("abc")] == list(shape)).all(axis=1) if len(table) else []
             own[name] = table.loc[of_shape] if len(table) else table
-        save(_picture(own, sweep), folder, f"shape-{number}")
-    return folder / "README.md"
+        pictures.append((f"shape-{number}", " : ".join(map(short, shape))))
+        save(_picture(own, sweep), folder, pictures[-1][0])
+    page = folder / "README.md"
+    if (folder / _ENSEMBLES).is_file():
+        ensembles = loads(read_file(folder / _ENSEMBLES).decode())
+        names = [name for name in _FILES if (folder / name).is_file()]
+        write_file(page, _page(sweep, made_lines(page), ensembles, names, pictures))
+    return page
 
 
 def _picture(tables: dict[str, pd.DataFrame], sweep: Sweep) -> Any:
@@ -123,15 +125,13 @@ def _picture(tables: dict[str, pd.DataFrame], sweep: Sweep) -> Any:
 
 
 def _page(
-    title: str,
+    sweep: Sweep,
     made: list[str],
     ensembles: list[dict[str, Any]],
     names: list[str],
     pictures: list[tuple[str, str]],
-    *,
-    in_flow: bool,
 ) -> str:
-    """The page of a sweep; `in_flow` if the flow is not simple shear."""
+    """The page of a sweep."""
     rows = []
     for ensemble in ensembles:
         arrived_at = ensemble["arrived"].items()
@@ -152,14 +152,14 @@ def _page(
     settled = groupby((row for row in rows if row["shares"]), key=_shape)
     return fill(
         "sweep",
-        title=title,
+        title=sweep.title,
         made=made,
         rows=rows,
         settled=[(shape, list(same)) for shape, same in settled],
         pictures=pictures,
         files=names,
         no_times=NO_TIMES,
-        in_flow=in_flow,
+        in_flow=sweep.ensembles[0].any_scene.flow is not None,
     )
 
 

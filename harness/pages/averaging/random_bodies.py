@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from math import inf, isnan, nan
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from polhode.harness.averaging.shares import (
     SHARES,
     THEORY,
     Bounded,
+    Cancelled,
     Exponent,
     all_times,
     at,
@@ -87,21 +88,37 @@ def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
     return laws
 
 
+class Analysis(NamedTuple):
+    """What tables and findings share: runs up to the whole time, and what follows from all of them."""
+
+    runs: Frame
+    exponents: list[Exponent]
+    bounded: list[Bounded]
+    cancelled: tuple[list[Cancelled], int]
+
+    @classmethod
+    def of(cls, data: Data) -> "Analysis":
+        """The analysis of a study."""
+        runs = at(data, WHOLE)
+        every = bounded(all_times(data))
+        return cls(runs, exponents(runs, _DECADES), every, cancelled(runs))
+
+
 def page(data: Data, command: str) -> str:
     """The report as Markdown."""
-    runs = at(data, WHOLE)
-    every = all_times(data)
+    analysis = Analysis.of(data)
+    runs = analysis.runs
     return fill(
         "accuracy",
         made=provenance(command, [*data.timed.values()]),
-        findings=findings(data),
+        findings=findings(data, analysis),
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         hybrid=hybrid_rows(data, runs),
         by_time=time_rows(data),
-        exponents=exponent_rows(exponents(runs, _DECADES)),
-        bounded=[_bounded_row(row) for row in sorted(bounded(every), key=_place)],
-        cancelled=cancelled(runs)[0][:_EXAMPLES],
+        exponents=exponent_rows(analysis.exponents),
+        bounded=[_bounded_row(row) for row in sorted(analysis.bounded, key=_place)],
+        cancelled=analysis.cancelled[0][:_EXAMPLES],
         references=reference_rows(data),
         counts=count_rows(data),
         count_columns=[short(stokes) for stokes in sorted(data.references["stokes"].unique())],
@@ -117,11 +134,9 @@ def page(data: Data, command: str) -> str:
     )
 
 
-def findings(data: Data) -> list[str]:
+def findings(data: Data, analysis: Analysis) -> list[str]:
     """The findings in sentences."""
-    runs = at(data, WHOLE)
-    every = all_times(data)
-    fitted = exponents(runs, _DECADES)
+    runs = analysis.runs
     good = []
     for kind, stokes in _GOOD_FROM.items():
         there = runs[
@@ -129,7 +144,7 @@ def findings(data: Data) -> list[str]:
         ]
         if len(there):
             good.append((kind, stokes, np.sort(there["slow"].fillna(inf)), len(there)))
-    striking, tried = cancelled(runs)
+    striking, tried = analysis.cancelled
     return lines_of(
         "accuracy-findings",
         bodies=len(data.bodies),
@@ -139,8 +154,8 @@ def findings(data: Data) -> list[str]:
         spans={order: _spans(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         pays=_pays(data, runs),
         good=good,
-        fitted=_against_theory(fitted),
-        bounded=bounded(every),
+        fitted=_against_theory(analysis.exponents),
+        bounded=analysis.bounded,
         share=_BOUNDED,
         cancelled=striking,
         tried=tried,
@@ -166,8 +181,9 @@ def which_form(laws: dict[str, Any]) -> str:
 
 def as_text(data: Data) -> str:
     """The findings, and the tables of the page that answer first, for a terminal."""
-    runs = at(data, WHOLE)
-    parts = ["\n".join(findings(data))]
+    analysis = Analysis.of(data)
+    runs = analysis.runs
+    parts = ["\n".join(findings(data, analysis))]
     columns = columns_of("accuracy-needed")
     for order in (ORDER_ONE, ORDER_TWO):
         table = aligned([*columns], cells(needed_rows(runs, order), columns))
@@ -179,16 +195,14 @@ def as_text(data: Data) -> str:
 
 def as_json(data: Data) -> dict[str, Any]:
     """The findings as plain data."""
-    runs = at(data, WHOLE)
+    analysis = Analysis.of(data)
     return {
         "laws": laws_of(data),
-        "exponents": [
-            asdict(row) | {"theory": predicted(row)} for row in exponents(runs, _DECADES)
-        ],
-        "bounded": [asdict(row) for row in bounded(all_times(data))],
+        "exponents": [asdict(row) | {"theory": predicted(row)} for row in analysis.exponents],
+        "bounded": [asdict(row) for row in analysis.bounded],
         "errors": rows_of(data.errors),
         "references": rows_of(data.references),
-        "statements": findings(data),
+        "statements": findings(data, analysis),
     }
 
 

@@ -339,9 +339,8 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
         (1.0, b, c, stokes) for b, c in ((1.0, 2.0), (1.0, 0.5)) for stokes in (200.0, 500.0)
     ]
     assert {row["particles"] for row in table} == {900}
-    assert "- 0 of 3600 particles failed.\n- 1 : 1 : 2, in the end: at St = 200, " in (
-        page := (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
-    )
+    page = (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    assert "- 0 of 3600 particles failed.\n- 1 : 1 : 2, in the end: at St = 200, " in page
     assert "Made by `polhode sweep sweep.toml --workers 0`." in page
     sweep = read_sweep(sweep_file)
     with Store(tmp_path / "out" / "store.sqlite") as store:
@@ -357,12 +356,18 @@ def test_results_tell_what_the_store_holds(here: Run, sweep_file: Path, tmp_path
     tables = [
         "arrivals.csv",
         "distributions.csv",
+        "ensembles.json",
         "moments.csv",
         "rates.csv",
         "slow.csv",
         "voigt.csv",
     ]
     assert names == sorted(["README.md", "SHA256SUMS", "shape-1.png", "shape-2.png", *tables])
+    written = tmp_path / "out" / "README.md"
+    written.write_text(page.replace("particles failed", "particles vanished"), encoding="utf-8")
+    again = here("sweep", "sweep.toml", "--out", "out", "--page-only")
+    assert (again.returncode, again.stderr, again.stdout) == (0, "", "out/README.md\n")
+    assert written.read_text(encoding="utf-8") == page
 
 
 def test_a_sweep_of_which_nothing_finished_has_a_page(
