@@ -66,7 +66,7 @@ class RunFailed(click.ClickException):
     exit_code = 1
 
 
-# What was expected, by the operating system's error about a file.
+# Ends of messages by the operating system's error about a file: the expected thing.
 _EXPECTED = {
     errno.ENOENT: ", expected an existing one",
     errno.EISDIR: ", expected a file",

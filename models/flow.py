@@ -302,8 +302,9 @@ def jeffery_angular_velocity(ops: Operations) -> Callable:
 def jeffery_in_any_flow(ops: Operations) -> Callable:
     """Jeffery's angular velocity in body axes, in any linear flow.
 
-    The compiled function takes multiples x, y, z of the columns of t_ij, the scale that makes columns
-    of them, (c² - b²)/(b² + c²) and cyclic (`gyration`), and the flow's numbers. With half the
+    The compiled function takes multiples x, y, z of the columns of t_ij and the scale that makes
+    columns of them. It also takes `gyration`, (c² - b²)/(b² + c²) and cyclic, and the flow's numbers.
+    With half the
     vorticity h' and the strain rate S' = t S tᵀ in body axes, ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²).
     With the gradient G in body axes this is (b² G₃₂ - c² G₂₃)/(b² + c²).
     """

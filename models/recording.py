@@ -50,7 +50,7 @@ _ARITHMETIC: dict[str, Callable[..., Any]] = {
 # Functions of one number that are fields of `Operations`, for every kind of number. So is
 # `where_positive(x, a, b)`, which is a if x > 0 and b if not.
 _COMMON = ("sin", "cos", "sqrt", "exp", "log")
-# What messages advise in place of a function that cannot be recorded.
+# Advice of messages about a function that cannot be recorded.
 _ADVICE = (
     "NumPy's functions for math's, np.where for a branch, np.zeros_like(y) or np.array for np.zeros"
 )
@@ -417,7 +417,7 @@ def _half_sum(a: Any, b: Any) -> Any:
 
 
 def _maximum(a: Any, b: Any) -> Any:
-    # Of equal numbers half their sum is either of them, and NaN if one is NaN, as in NumPy.
+    # Half the sum is the number itself if both are equal, and NaN if one is NaN, as in NumPy.
     return _chosen(_apply("sub", a, b), a, b, _half_sum(a, b))
 
 

@@ -40,7 +40,7 @@ _VERSION = 2
 _MOST_CHECKED_AT_ONCE = 100_000_000
 # Names of files of records end so: compressed, as reports hold them, and plain.
 _RECORD_ENDINGS = (".jsonl.gz", ".jsonl")
-# What a file of gzip begins with, whatever its name.
+# The first bytes of a file of gzip, whatever its name.
 _GZIP_MARK = b"\x1f\x8b"
 _TABLE = """
 CREATE TABLE IF NOT EXISTS cases (

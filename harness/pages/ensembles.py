@@ -42,7 +42,7 @@ _DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
 _BLOCK = 100_000  # Particles of one task of such a sweep.
 
-# What `throughput.measure` returns: tables by name, as plain data.
+# Tables by name, as plain data, from `throughput.measure`.
 Throughput = dict[str, Any]
 
 

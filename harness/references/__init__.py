@@ -1,1 +1,1 @@
-"""Certified references and errors against them. Of the harness it may import `common` alone."""
+"""Certified references and errors against them; it imports no folder of the harness but `common`."""

@@ -96,7 +96,7 @@ def full_problem(
 ) -> Problem:
     """Initial value problem in time t of a form of the full equations; `known` is what else there is to a `Problem`.
 
-    `field` is that of simple shear, `in_any_flow` that of any other linear flow; without it these
+    `field` is for simple shear, `in_any_flow` for any other linear flow; without it these
     are refused. `inertial` says of each component of the state whether its rate has the mass St,
     `shape` are the shape parameters in p.
     """

@@ -44,11 +44,11 @@ _ANGLE = 1.0
 _LEAST_RATE = 0.5
 # and at most this multiple of a relaxation time.
 _RELAXATION = 2.0
-# Flows of a particle's run with its check, over those of the run alone: the check has half as many
-# steps.
+# Cost of a particle's run with its check, over the cost of the run alone: the check has half as
+# many steps.
 _WITH_CHECK = 1.5
-# Flows of a particle that is run anew, over those of its run, by estimate: twice as many steps, and
-# for some four times as many.
+# Estimated cost of running a particle anew, over the cost of its run: twice as many steps, and for
+# some four times as many.
 _ANEW = 3.0
 
 

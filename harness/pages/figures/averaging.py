@@ -32,7 +32,7 @@ _LETTERS_OF_TITLE = 15
 # Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; titles, numbers.
 _ROW = 2.3
 _ERRORS = (1e-10, 3.0)
-# Where the dotted lines of slopes begin, and St where they end.
+# St and error at which the dotted lines of slopes begin, and St at which they end.
 _SLOPES_FROM = (20.0, 1e-6)
 _SLOPES_TO = 1e3
 

@@ -120,7 +120,7 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
     crossed = {}
     for x, y in product(np.linspace(0.0, 1 - width, 7), np.linspace(0.0, 1 - height, 7)):
         within = np.all((inside >= (x, y)) & (inside <= (x + width, y + height)), axis=1)
-        # Of places alike the one nearest to the middle of the right edge.
+        # Among equal places, the nearest to the middle of the right edge wins.
         crossed[x, y] = int(within.sum()), abs(y + height / 2 - 0.5) - x
     x, y = min(crossed, key=lambda place: crossed[place])
     sketch = axes.inset_axes((x, y, width, height))

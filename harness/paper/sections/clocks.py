@@ -55,8 +55,8 @@ _START_OFFSET = 0.03
 _LARGE = 800.0
 _LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
-# The modes in which a start is off the rotation: L tilted to x or to y, faster, wobbling. Their
-# numbers are those of `eigenvalues`.
+# The modes in which a start is off the rotation, in the order of `eigenvalues`: L tilted to x or to y,
+# faster, wobbling.
 _MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
 _FASTER = 2
 _WOBBLE = 3
