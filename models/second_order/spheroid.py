@@ -35,7 +35,7 @@ _FEW = 6
 # How many of the parameters are of first order; they stand first.
 _FIRST = 12
 # Turns about L, in rad, at which the size of the transformation is taken, shape (6, 1).
-_TURNS = pi / 3 * np.arange(6)[:, None]
+_SAMPLED_TURNS = pi / 3 * np.arange(6)[:, None]
 # Keeps 0/0 away where p is along L.
 _TINY = 1e-300
 
@@ -267,7 +267,9 @@ def orders(
         np.sqrt((1 - h2) / dot(beside, beside)),
         beside,
     )
-    change, tilt, _ = generator(spheroid, momentum, axis, np.cos(_TURNS), np.sin(_TURNS))
+    change, tilt, _ = generator(
+        spheroid, momentum, axis, np.cos(_SAMPLED_TURNS), np.sin(_SAMPLED_TURNS)
+    )
     relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
     second = (0.0,) * _FIRST + parameters(spheroid, torque_factor)[_FIRST:]
     growth, rise, *across = slow_rates(ARRAYS)(np.sqrt(square), n, h2, second)

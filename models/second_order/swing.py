@@ -49,10 +49,10 @@ MOST_FAINT = 1e-6
 _ROUNDING = 1e-12
 # Change of a divisor over its square above which its asymptotic series fails.
 _CLOSE = 0.01
-# Keeps 1/0 away.
+# Added where a divisor may be 0, to keep 1/0 away.
 _TINY = 1e-100
-# Divisor of the mean, which has no part in the transformation.
-_ENDLESS = 1e100
+# Divisor of the mean k = 0, so large that the mean has no part in the transformation.
+_DIVISOR_OF_MEAN = 1e100
 # An allocator that freed 2 MB once keeps smaller blocks (glibc); pages anew cost as much as the
 # arithmetic on them.
 np.empty(1 << 18)
@@ -65,8 +65,8 @@ _LEVEL = np.diag([0.5, 0.5, -1])
 _TURN = np.array([[0, 0.5, 0], [-0.5, 0, 0], [0, 0, 0]])
 # The tensors of the flow, shape (5, 3, 3); the drag is the sixth.
 _BASIS = np.array([np.outer(_E, _E), np.outer(_E, _Z), np.outer(_Z, _E), _LEVEL, _TURN])
-# k of each tensor and of the drag.
-_TURNS = (2, 1, 1, 0, 0, 0)
+# k of each tensor and of the drag: a turn of the body by β multiplies a tensor by e^(-ikβ).
+_K_OF_TENSORS = (2, 1, 1, 0, 0, 0)
 _TENSOR_TURN = 4
 _TENSOR_DRAG = 5
 # The rates of which tensors make parts: a y', a α', L₃' and L₁' + iL₂'.
@@ -93,7 +93,7 @@ class _Part(NamedTuple):
 
         The rates of y, α and L₃ are real, and doubling stands for the conjugates of k > 0.
         """
-        doubled = self.rate != _RATE_ACROSS and _TURNS[self.tensor] > 0
+        doubled = self.rate != _RATE_ACROSS and _K_OF_TENSORS[self.tensor] > 0
         return (2 if doubled else 1) * self.unit
 
 
@@ -110,11 +110,11 @@ class _Part(NamedTuple):
 def _parts() -> list[_Part]:
     parts = []
     for rate in (_RATE_Y, _RATE_ALPHA, _RATE_ALONG):
-        for tensor, k in enumerate(_TURNS):
+        for tensor, k in enumerate(_K_OF_TENSORS):
             parts.append(_Part(rate, tensor, False, -k))
-    for tensor, k in enumerate(_TURNS):
+    for tensor, k in enumerate(_K_OF_TENSORS):
         parts.append(_Part(_RATE_ACROSS, tensor, False, 1 - k))
-    for tensor, k in enumerate(_TURNS):
+    for tensor, k in enumerate(_K_OF_TENSORS):
         if k > 0:
             parts.append(_Part(_RATE_ACROSS, tensor, True, 1 + k))
     return parts
@@ -128,7 +128,9 @@ _ACROSS = slice(18, 27)
 # k₂, 1 or i, and the index of c of each part, shape (27,); the conjugates of c stand behind the six.
 _K2 = np.array([part.k2 for part in _PARTS])
 _UNIT = np.array([part.unit for part in _PARTS])
-_SOURCE = np.array([part.tensor + len(_TURNS) * part.conjugate for part in _PARTS])
+_COEFFICIENT_OF_PART = np.array(
+    [part.tensor + len(_K_OF_TENSORS) * part.conjugate for part in _PARTS]
+)
 # The harmonics k₂ of parts.
 _HARMONICS = np.arange(-2, 4)
 
@@ -154,7 +156,7 @@ _ORDERS = np.stack([_orders(k2) for k2 in _HARMONICS.tolist()], axis=1)
 # with the other sign, its 1/D² the conjugate alone. Shape (TERMS, 4).
 _SUMMED = _ORDERS[:, 2:].copy()
 # (k₁, k₂) of these, shape (2, TERMS * 4).
-_BOTH = np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[2:])).reshape(2, -1).astype(float)
+_SUMMED_MODES = np.stack(np.broadcast_arrays(_SUMMED, _HARMONICS[2:])).reshape(2, -1).astype(float)
 # Columns of the products: 1/D of k₂ = 0, 1, 2, 3, then 1/D² of k₂ = 0, 1, 2.
 _OVER_ONCE = 4
 _OVER_TWICE = 3
@@ -210,7 +212,7 @@ def _summands() -> _Summands:
             of_imaginary = of_real * (-1j if mirrored else 1j)
             places += [2 * product + (of_real.real == 0), 2 * product + (of_real.imag == 0)]
             factors += [of_real.real + of_imaginary.real, of_real.imag + of_imaginary.imag]
-            sources.append(_SOURCE[number])
+            sources.append(_COEFFICIENT_OF_PART[number])
     return _Summands(np.array(places), np.array(factors), np.array(sources), kinds)
 
 
@@ -418,9 +420,9 @@ class Place:
         spun, dragged = _columns(np.real(c[:, 4:6]) * amplitudes[:, 0, 4:6])
         rise = torque_factor * (spun + dragged) / scale
 
-        orders = _BOTH[:, : _OVER_ONCE * terms]
+        orders = _SUMMED_MODES[:, : _OVER_ONCE * terms]
         divisor = nu[:, :2] @ orders
-        divisor[:, 0] = _ENDLESS
+        divisor[:, 0] = _DIVISOR_OF_MEAN
         twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
         waves = _powers(self.alpha, terms + 1)
         waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, _SUMMED[:terms]]
@@ -487,7 +489,7 @@ def modes_at(
     size = np.linalg.norm(momentum, axis=1)
     many = np.arange(len(a2))
     c = coefficients(frame_of(momentum), size)
-    factors = np.concatenate([c, c.conj()], axis=1)[:, _SOURCE] * _UNIT
+    factors = np.concatenate([c, c.conj()], axis=1)[:, _COEFFICIENT_OF_PART] * _UNIT
     factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), _TERMS, -1)
 
     def mode(parts: slice, sign: int) -> Array:
