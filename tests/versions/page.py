@@ -34,7 +34,9 @@ ARM_HEAD = """
 
 `make test-versions VERSIONS=aarch64` unpacks Debian's Python for aarch64 and the wheels beside each other, and has
 `qemu-aarch64-static` run each form, each solver and each call there, as `tests/versions/smoke.py` lists them. Numbers
-are compared with those of x86-64. Long double is IEEE's quadruple there.
+are compared with those of x86-64. Long double is IEEE's quadruple there. CyRK takes no part: it has no wheel for Linux
+on ARM, and the `setup.py` of CyRK 0.20.0 gives every compiler on Linux `-mavx2`, which those for ARM refuse unless
+`CYRK_NO_AVX2=1` is set.
 
 """
 EXTRAS_HEAD = """
