@@ -90,7 +90,7 @@ def build(
     out: Path,
     scenes: dict[str, Scene],
     say: Callable[[str], None] = lambda _: None,
-    docs: Path = DOCS,
+    docs: Path | None = None,
 ) -> Path:
     """Write the site and return its opening page.
 
@@ -105,14 +105,15 @@ def build(
     say
         Receives a line for each page.
     docs
-        Folder of the documentation; without it the site has the reports alone.
+        Folder of the documentation, by default polhode's own; where there is none, the site has the
+        reports alone.
     """
     # Its warnings go to where colours may not be shown.
     nocolor()
     with TemporaryDirectory() as folder:
         sources = Path(folder) / "sources"
         pages = Path(folder) / "pages"
-        write_sources(reports, docs, scenes, sources, say)
+        write_sources(reports, docs or DOCS, scenes, sources, say)
         # The block undoes what Sphinx registers: a process may build several sites.
         with patch_docutils(), docutils_namespace(), warnings.catch_warnings():
             # Sphinx's own extensions call what a later Sphinx will not have.

@@ -290,6 +290,13 @@ def test_memory_holds_no_more_of_a_record_than_the_page_shows(tmp_path: Path, si
     assert set(studies["bench"]) <= {*RUN_NUMBERS, *NEEDED}
 
 
+@pytest.fixture
+def no_docs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sites without documentation, as where polhode is installed."""
+    monkeypatch.setattr("polhode.harness.site.build.DOCS", Path("none"))
+
+
+@pytest.mark.usefixtures("no_docs")
 def test_a_full_disk_is_named_and_leaves_no_half_page(
     here: Run, site_reports: Path, tmp_path: Path
 ):
@@ -433,6 +440,7 @@ def test_text_is_escaped():
     assert prose("a < b & `c_1` of I_max") == "a &lt; b &amp; <code>c_1</code> of I<sub>max</sub>"
 
 
+@pytest.mark.usefixtures("no_docs")
 def test_command_shows_a_scene_of_ones_own(here: Run, scene_file: Path, tmp_path: Path):
     done = here("report", "--scene", scene_file.name, "--out", "site", "--quiet")
     assert (done.returncode, done.stderr) == (0, "")
