@@ -101,7 +101,7 @@ def test_a_quick_command_runs_as_printed(
 
 def test_pick_prints_what_readme_shows(folder: Path, environment: Mapping[str, str]):
     text = PAGES[0].read_text(encoding="utf-8")
-    block = re.search(r"```console\n\$ \S+polhode (.*)\n(.*)\n```", text)
+    block = re.search(r"^\$ \S*polhode (.*)\n(.*)\n```", text, re.MULTILINE)
     assert block, "the block has changed"
     done = subprocess.run(
         [SCRIPT, *block[1].split()],
