@@ -27,6 +27,7 @@ from polhode.harness.answers.interval import Interval
 from polhode.harness.answers.pace import Pace, around, pace, seconds_of, steps_in
 from polhode.harness.answers.request import NotAttainableError, one_digit
 from polhode.harness.answers.rules import (
+    AVERAGED_FROM,
     IMPLICIT,
     LOOSEST,
     SPLITTING,
@@ -59,9 +60,6 @@ _MAX_RUNS = 3
 _LEAST_SHARE = 0.08
 # A reference is known to this share of the error requested.
 _KNOWN = 0.5
-# Steps that a full run is expected to take from which on runs that average are tried: below them, to
-# look ahead and to put the rotation back takes longer.
-_AVERAGED_FROM = 2_000
 # Damping times from which on implicit methods take part.
 _IMPLICIT_FROM = 100.0
 # A difference that grows by a larger power of time tells of chaos.
@@ -332,7 +330,7 @@ class _Race:
             why = f"St is too small: averaging mostly errs by more than {scientific(least)}"
             self._refuse(method, why, least)
             return True
-        enough = _AVERAGED_FROM
+        enough = AVERAGED_FROM
         if tabled and self.scene.ellipsoid.kind == "triaxial":
             enough = TABLED_FROM
         if (tabled or not self.segment.raced.whole) and self.steps < enough:
