@@ -36,7 +36,7 @@ ARM_HEAD = """
 `qemu-aarch64-static` run each form, each solver and each call there, as `tests/versions/smoke.py` lists them. Numbers
 are compared with those of x86-64. Long double is IEEE's quadruple there. CyRK takes no part: it has no wheel for Linux
 on ARM, and the `setup.py` of CyRK 0.20.0 gives every compiler on Linux `-mavx2`, which those for ARM refuse unless
-`CYRK_NO_AVX2=1` is set.
+`CYRK_NO_AVX2=1` is set. With it GCC 12 compiles all of CyRK for ARM; that build has not been run.
 
 """
 EXTRAS_HEAD = """
