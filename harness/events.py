@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from polhode.harness.solution import SceneSolution
+from polhode.models.libraries import IMPORTS
 from polhode.models.own_function import place_of
 from polhode.models.registry import hint
 from polhode.models.theory.fixed_points import attractors
@@ -132,7 +133,8 @@ def happened(solution: Any, event: Event) -> Any:
     """The solution at the times at which an event happens, to some rounding errors of these times."""
     # Between the looks (sixteen for a step of the run, on the average) an even number of passages
     # goes unseen.
-    from scipy.optimize import brentq
+    with IMPORTS:
+        from scipy.optimize import brentq
 
     looked = solution(_looks(solution))
     values = event.values(looked)

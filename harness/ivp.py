@@ -13,6 +13,7 @@ from polhode.harness.common.text import in_full
 from polhode.harness.events import Event, as_events
 from polhode.harness.studies.own_problem import check_jacobian, moved_start
 from polhode.harness.studies.setups import users_times
+from polhode.models.libraries import IMPORTS
 from polhode.models.own_function import INTO_A_CLOSURE, OwnField, in_one_line
 from polhode.models.problem import Problem
 from polhode.models.shape import require_numbers
@@ -115,7 +116,8 @@ def solve_ivp(
     ValueError
         In one line, what is wrong with an argument, and what was expected.
     """
-    from scipy.optimize import OptimizeResult
+    with IMPORTS:
+        from scipy.optimize import OptimizeResult
 
     if options:
         taken = (

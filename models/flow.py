@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.former import Former
+from polhode.models.libraries import IMPORTS
 from polhode.models.operations import ARRAYS, Operations
 from polhode.models.shape import Ellipsoid, require_numbers
 
@@ -134,7 +135,8 @@ class Flow:
     @cached_property
     def cubics(self) -> np.ndarray:
         """Coefficients of `numbers` from each knot to the next, shape (n - 1, 4, 8), lowest power first."""
-        from scipy.interpolate import CubicSpline
+        with IMPORTS:
+            from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(np.array(self.knots), flow_numbers(np.array(self.gradients)))
         return np.ascontiguousarray(np.moveaxis(spline.c[::-1], 1, 0))

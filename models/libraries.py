@@ -3,7 +3,11 @@
 import sys
 from functools import cache
 from importlib.util import find_spec
+from threading import RLock
 
+# Held while a library is imported that others import too. The parts of SciPy import each other, and two
+# threads that begin with different parts may wait for each other's, which Python ends with an error.
+IMPORTS = RLock()
 # Names for pip of libraries that are imported by another name.
 _PACKAGES = {
     "CyRK": "cyrk",

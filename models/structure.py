@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
+
 # Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded.
 _MAX_DIAGONALS = 4
 
@@ -36,7 +38,8 @@ class Structure:
         """The pattern as a sparse matrix of ones in columns; None if none is given."""
         if self.sparsity is None:
             return None
-        from scipy import sparse
+        with IMPORTS:
+            from scipy import sparse
 
         pattern = sparse.csc_matrix(self.sparsity, dtype=float)
         pattern.eliminate_zeros()

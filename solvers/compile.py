@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from polhode.models.files.cached import cache_folder
-from polhode.models.libraries import need
+from polhode.models.libraries import IMPORTS, need
 from polhode.models.mass import in_rows, without_time
 from polhode.models.once import once
 from polhode.models.operations import FLOAT, Field, Operations
@@ -160,7 +160,8 @@ def plain_rates(problem: Problem) -> Callable[[float, np.ndarray], Any]:
 def load_heyoka() -> Any:
     """Import heyoka: quiet, and with its cache of compiled code where the user wants it."""
     need("Taylor's method", "heyoka")
-    import heyoka
+    with IMPORTS:
+        import heyoka
 
     # It prints warnings about a cache that it cannot write on standard output, where tables go.
     heyoka.set_logger_level_critical()

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from polhode.models.former import Former, rename_former
-from polhode.models.libraries import how_to_install, installed
+from polhode.models.libraries import IMPORTS, how_to_install, installed
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.solvers.event_search import Between, EventFailedError, EventSearch
@@ -382,7 +382,8 @@ class Solver(ABC):
 
     def load(self) -> None:
         """Import the library, as a run does."""
-        import_module(self.library)
+        with IMPORTS:
+            import_module(self.library)
 
     def settings(
         self,

@@ -29,7 +29,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from polhode.models.libraries import installed
+from polhode.models.libraries import IMPORTS, installed
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
@@ -89,17 +89,20 @@ def load_cyrk() -> Any:
     if version("CyRK").startswith(_KNOWN):
         with suppress(ImportError, AttributeError):
             return SimpleNamespace(**_functions())
-    from CyRK.nb import numba_solver
+    with IMPORTS:
+        from CyRK.nb import numba_solver
 
     return numba_solver
 
 
 def _functions() -> dict[str, Any]:
     _announce()
-    from CyRK._cpu_check import check_cpu
+    with IMPORTS:
+        from CyRK._cpu_check import check_cpu
 
     check_cpu()
-    import CyRK.nb.numba_c_api as addresses
+    with IMPORTS:
+        import CyRK.nb.numba_c_api as addresses
 
     def function(address: str, *types: str) -> Any:
         known = [_TYPES[name] if name in _TYPES else getattr(ctypes, name) for name in types]
@@ -242,7 +245,8 @@ class CyrkSolver(Solver):
 def method_number(name: str) -> int:
     """The library's number of a method."""
     load_cyrk()
-    from CyRK.cy.pyhelpers import find_ode_method_int
+    with IMPORTS:
+        from CyRK.cy.pyhelpers import find_ode_method_int
 
     return find_ode_method_int(name)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.own_function import place_of
 
 # The state, shape (d,), at a time within the last step.
@@ -85,7 +86,8 @@ class SoughtEvent:
 
         before = self.last
         if value != 0 and not self.condition:
-            from scipy.optimize import brentq
+            with IMPORTS:
+                from scipy.optimize import brentq
 
             place: Any = brentq(at, low, high, xtol=_PLACE, rtol=_PLACE, maxiter=_MAX_ITERATIONS)
             return place

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.problem import Problem
 from polhode.solvers import cyrk
 from polhode.solvers.catalogue import solver
@@ -27,7 +28,8 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
 def _followed_by_scipy(
     problem: Problem, tolerance: float, points: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    from scipy.integrate import DOP853, OdeSolution
+    with IMPORTS:
+        from scipy.integrate import DOP853, OdeSolution
 
     backend = "numba" if installed("llvmlite") else "python"
     callback, values = array_callback(problem, backend, parameter_array(problem))

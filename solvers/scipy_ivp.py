@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
@@ -49,7 +50,8 @@ def _lock_of(method: str) -> AbstractContextManager[Any]:
     """A lock for methods whose runs share memory: LSODA's Fortran, before SciPy 1.17, is not reentrant."""
     if method != "LSODA":
         return nullcontext()
-    from scipy.integrate import _ode
+    with IMPORTS:
+        from scipy.integrate import _ode
 
     return _lsoda_lock if hasattr(_ode.lsoda, "active_global_handle") else nullcontext()
 
@@ -58,7 +60,8 @@ def _lock_of(method: str) -> AbstractContextManager[Any]:
 @spent_on("import")
 def load_methods() -> Any:
     """SciPy's module of methods."""
-    import scipy.integrate
+    with IMPORTS:
+        import scipy.integrate
 
     return scipy.integrate
 
@@ -166,7 +169,8 @@ class ScipySolver(Solver):
     def bare_call(
         self, problem: Problem, settings: Settings, times: np.ndarray
     ) -> Callable[[], object] | None:
-        from scipy.integrate import solve_ivp
+        with IMPORTS:
+            from scipy.integrate import solve_ivp
 
         fun, options, _ = self.bind(problem, settings)
         start = np.array(problem.start)

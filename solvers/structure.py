@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
 from polhode.models.structure import Structure, in_run_time
@@ -29,7 +30,8 @@ def pattern_of(problem: Problem) -> Any:
     structure = structure_of(problem)
     if structure is None or structure.pattern is not None or structure.bands is None:
         return structure.pattern if structure else None
-    from scipy import sparse
+    with IMPORTS:
+        from scipy import sparse
 
     d, (lower, upper) = problem.dimension, structure.bands
     offsets: Any = range(-lower, upper + 1)

@@ -30,6 +30,7 @@ from polhode.harness.answers.rules import (
 from polhode.harness.answers.runs import MAX_STEPS, TIGHTER, Run, Runner
 from polhode.harness.answers.statement import INNER, Difference, difference
 from polhode.harness.references.rotations import damping_times
+from polhode.models.libraries import IMPORTS
 from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
@@ -178,7 +179,8 @@ def oriented(scene: Scene) -> Scene:
     body = np.zeros(3)
     body[first] = sqrt(share)
     body[last] = sqrt(1 - share)
-    from scipy.spatial.transform import Rotation
+    with IMPORTS:
+        from scipy.spatial.transform import Rotation
 
     x, y, z, w = Rotation.align_vectors([momentum], [body])[0].as_quat().tolist()
     v1, v2, v3 = (size * body / np.array(ellipsoid.inertia)).tolist()

@@ -15,6 +15,7 @@ import numpy as np
 from polhode.models.catalogue import averaged_form, form as find_form, full_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE
+from polhode.models.libraries import IMPORTS
 from polhode.models.scene import Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like
@@ -192,7 +193,8 @@ def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.G
     small = rise / (far_limit - near_limit) * share
     complement = np.clip((1 - share) / (1 - small), 1e-300, 1)
     phase, turn, *signs = random.uniform(-1, 1, (4, *shape))
-    from scipy.special import ellipj, ellipkm1
+    with IMPORTS:
+        from scipy.special import ellipj, ellipkm1
 
     sn, cn, dn, _ = ellipj(phase * ellipkm1(complement), 1 - complement)
     # Half of the polhode; the other half is its image.

@@ -18,6 +18,7 @@ from polhode.harness.ensembles.statistics import (
     VOIGT,
     Statistics,
 )
+from polhode.models.libraries import IMPORTS
 
 _QUANTILES = (0.1, 0.5, 0.9)
 # Places of the squares of `SECOND` in `FOURTH`.
@@ -80,7 +81,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     if n == 0 or len(reached) == 0:
         return Estimate(None, None, None)
     tail = (1 - COVERAGE) / 2
-    from scipy.special import bdtrik
+    with IMPORTS:
+        from scipy.special import bdtrik
 
     low = ceil(bdtrik(tail, n, share))
     high = ceil(bdtrik(1 - tail, n, share)) + 1

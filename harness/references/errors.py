@@ -6,6 +6,7 @@ from math import inf
 import numpy as np
 
 from polhode.models.flow import dissipation
+from polhode.models.libraries import IMPORTS
 from polhode.models.observables import Observables, angular_velocity, completed
 from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
@@ -202,7 +203,8 @@ def body_angular_velocity(
 
 
 def _residual(times: np.ndarray, energy: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    from scipy.interpolate import CubicSpline
+    with IMPORTS:
+        from scipy.interpolate import CubicSpline
 
     work = CubicSpline(times, rate).antiderivative()(times)
     return energy - energy[0] - work

@@ -24,6 +24,7 @@ from polhode.models.forms.motion import (
 )
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.elliptic import PI
+from polhode.models.libraries import IMPORTS
 from polhode.models.observables import Observables, observe_body
 from polhode.models.operations import ARRAYS, Field, Operations, WithRate
 from polhode.models.problem import Factory, Problem
@@ -141,7 +142,8 @@ def _spin_integral(
     sine: np.ndarray, cosine: np.ndarray, kappa: float, across: float, along: float
 ) -> np.ndarray:
     """∫ (cos² - κ² sin²)/(w √(along + across w)) dτ from 0 to τ, with w = cos² + κ² sin² and along + across = 1."""
-    from scipy.special import elliprf, elliprj
+    with IMPORTS:
+        from scipy.special import elliprf, elliprj
 
     # Sums of positive terms alone: a thin disc would lose its digits to a difference.
     x = cosine**2

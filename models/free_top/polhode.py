@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from polhode.models.free_top.elliptic import PI, Long, complete_cel, complete_k, exact, rounded
+from polhode.models.libraries import IMPORTS
 from polhode.models.rotation import Triple
 from polhode.models.shape import Ellipsoid
 
@@ -114,7 +115,8 @@ def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     """Mean of |ω| over the torque-free motion, shape (n,), at (L_x, L_y, L_z, E), shape (n, 4)."""
     # By quadrature over a quarter of the polhode (`eq:omg1`–`eq:omg3`), within about 1e-6 relative,
     # less on the separatrix itself.
-    from scipy.special import ellipj, ellipk
+    with IMPORTS:
+        from scipy.special import ellipj, ellipk
 
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
     energy2 = 2 * slow[:, 3]

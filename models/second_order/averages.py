@@ -19,6 +19,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.second_order.field import COEFFICIENTS
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
 from polhode.models.second_order.spheroid import cross, dot, plus
@@ -73,7 +74,8 @@ def averages(side: SidedBody, y: Array) -> tuple[dict[str, Array], float, Array]
 
 def phases(side: SidedBody, y: Array) -> Array:
     """Numbers of phases that resolve polhodes; many polhodes share one and are averaged at once."""
-    from scipy.special import ellipk, ellipkm1
+    with IMPORTS:
+        from scipy.special import ellipk, ellipkm1
 
     _, _, complement = Polhodes(side, y, np.zeros_like(y), 2).moduli
     needed = _PHASES * ellipkm1(complement) / (np.pi * ellipk(complement))

@@ -11,6 +11,7 @@ from math import pi
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
@@ -69,7 +70,8 @@ class SidedBody:
 
         By `eq:omg1`–`eq:omg3`, over the frequency.
         """
-        from scipy.special import ellipj, ellipkm1
+        with IMPORTS:
+            from scipy.special import ellipj, ellipkm1
 
         a2, c2, complement = self.moduli(x, x1)
         turns = np.remainder(phase + pi, 2 * pi) - pi
@@ -125,7 +127,8 @@ class Polhodes:
     @cached_property
     def rate(self) -> Array:
         """ν₁, shape (m,): dα/dt over l."""
-        from scipy.special import ellipkm1
+        with IMPORTS:
+            from scipy.special import ellipkm1
 
         _, i2, i3 = self.side.inverse_inertia
         a2, c2, complement = self.moduli

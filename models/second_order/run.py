@@ -5,6 +5,7 @@ from math import atan2, copysign, log1p, pi, sqrt
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.observables import Observables
 from polhode.models.once import once
 from polhode.models.scene import Scene
@@ -146,7 +147,8 @@ def _place(series: Series, z: Array) -> Place | None:
 
     None beyond L² = 2EI₂.
     """
-    from scipy.special import ellipkinc, ellipkm1
+    with IMPORTS:
+        from scipy.special import ellipkinc, ellipkm1
 
     z1, z2, z3 = z.tolist()
     i1, i2, i3 = series.side.inverse_inertia.tolist()

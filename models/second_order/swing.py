@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from polhode.models.files import cached
+from polhode.models.libraries import IMPORTS
 from polhode.models.once import once
 from polhode.models.second_order.field import polynomials
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
@@ -320,7 +321,8 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     # The integral of the mode from long before its resonance, or behind the resonance to long after
     # it, and the integral of that integral: near the resonance by Faddeeva's function, elsewhere by
     # its asymptotic series in q/x².
-    from scipy.special import wofz
+    with IMPORTS:
+        from scipy.special import wofz
 
     # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
     # number does.

@@ -11,6 +11,7 @@ from functools import cached_property
 from math import e, exp, log, pi
 from typing import Literal
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.shape import Ellipsoid
 
 Side = Literal["long", "short"]
@@ -76,7 +77,8 @@ class Separatrix:
         By Lambert's function (DLMF 4.13).
         Raises ValueError if the time has the wrong sign for the side, or lies beyond y = 1.
         """
-        from scipy.special import lambertw
+        with IMPORTS:
+            from scipy.special import lambertw
 
         passed = self.growth * time
         if not 0 <= passed <= _passed(1.0):
@@ -90,7 +92,8 @@ class Separatrix:
 
     def shift(self, complement: float, complement_start: float, shift_start: float) -> float:
         """L_z' at a y, from L_z' at the y of a start (`lzassol` with the exact y of `time`)."""
-        from scipy.integrate import quad
+        with IMPORTS:
+            from scipy.integrate import quad
 
         rate = self.decay / self.growth
         exponent_end = _passed(complement)

@@ -4,6 +4,7 @@ from math import isfinite, nan, pi, sqrt
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.shape import Ellipsoid
 
 # Collocation nodes in half a turn; they resolve ratios a/b up to 1000 in seconds.
@@ -94,7 +95,8 @@ def _collocated_period(
     """
     # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩
     # + ε⁻¹ ∫ r ds = 0 and ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
-    from scipy.linalg import circulant
+    with IMPORTS:
+        from scipy.linalg import circulant
 
     nodes = len(slope)
     wave = np.fft.fftfreq(nodes, d=1 / (2 * nodes))

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.models.libraries import IMPORTS
 from polhode.models.problem import Problem
 from polhode.solvers.compile import plain_rates
 from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
@@ -46,7 +47,8 @@ def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any
 
 def _with_diagonal(pattern: Any) -> Any:
     """A pattern with the mass's diagonal in it."""
-    from scipy import sparse
+    with IMPORTS:
+        from scipy import sparse
 
     whole = (pattern + sparse.identity(pattern.shape[0], format="csc")).tocsc()
     whole.data[:] = 1.0
@@ -76,7 +78,8 @@ class _Differences:
     """A sparse Jacobian by differences, columns without a common row at once."""
 
     def __init__(self, problem: Problem, pattern: Any) -> None:
-        from scipy.optimize._numdiff import group_columns
+        with IMPORTS:
+            from scipy.optimize._numdiff import group_columns
 
         self.rates = plain_rates(problem)
         self.pattern = pattern
@@ -123,6 +126,7 @@ def _filled(jacobian: Any, mass: np.ndarray | None, entries: Any) -> Any:
 def _residual(jacobian: Any, mass: np.ndarray, cj: float) -> Any:
     if mass.ndim == 2 or not hasattr(jacobian, "tocsc"):
         return cj * full(mass) - dense(jacobian)
-    from scipy import sparse
+    with IMPORTS:
+        from scipy import sparse
 
     return (cj * sparse.diags(mass) - jacobian).tocsc()

@@ -25,7 +25,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from polhode.models.libraries import installed, need
+from polhode.models.libraries import IMPORTS, installed, need
 from polhode.models.once import once
 from polhode.models.own_function import OwnField
 from polhode.models.problem import Problem
@@ -169,7 +169,8 @@ class SundialsSolver(Solver):
         return Memory(library, problem, settings, self.number)
 
     def _callbacks(self, problem: Problem, settings: Settings) -> Callbacks:
-        module = import_module(f"{self.library}.{self.prefix.lower()}")
+        with IMPORTS:
+            module = import_module(f"{self.library}.{self.prefix.lower()}")
         return Callbacks(getattr(module, self.prefix.upper()), problem, settings, **self.options)
 
     def bare_call(
