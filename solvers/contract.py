@@ -25,16 +25,20 @@ Jacobian = Literal["exact", "difference"]
 
 # More steps than any run takes.
 UNLIMITED = 10**9
-# This many seconds before its deadline a run looks at the clock more often, by this factor.
+# Seconds before its deadline from which on a run looks at the clock more often. A solver's usual
+# chunk of steps takes some 0.02 to 0.1 s, so that a short time limit would pass within one.
 _NEAR = 0.05
+# By this factor chunks are shorter then; by estimate.
 _OFTEN = 16
 
 # A run crawls if its steps are shorter than this share of the steps before, and if more than
 # `_MAX_STEPS_AHEAD` are left: minutes of compiled code. Relaxation oscillations shrink their steps
-# as far, for a few steps.
+# as far, for a few steps. The share is an estimate.
 _CRAWLING = 1e-3
 _MAX_STEPS_AHEAD = 1e8
-# Steps count as shrunk below this share of the steps before.
+# Steps count as shrunk below this share of the steps before, by estimate. A run of a user's
+# function with such steps is examined: it may have stepped over a singularity
+# (`solvers.singularity.jumped`).
 _SHRUNK = 0.1
 
 # Libraries that a choice of back end or Jacobian needs besides the solver's own.
@@ -93,7 +97,8 @@ class Work:
     rejected: int | None = None  # steps; by splitting and stroboscopic those of check runs too
     jacobians: int | None = None
     factorizations: int | None = None  # of the iteration matrix
-    inner: int | None = None  # steps that those of a method are made of, if they are
+    # Micro-steps of a method whose steps are made of them (stroboscopic averaging).
+    inner: int | None = None
 
     def add(self, other: "Work") -> None:
         """Add the work of a further segment of the run; a count that is None in one of them stays None."""
@@ -109,11 +114,12 @@ class Settings:
 
     # Relative tolerance: a number, or one per component where the solver takes that (`vectors`).
     rtol: float | tuple[float, ...]
-    # Who evaluates the right-hand side: machine code without Python in the loop, machine code
-    # called from Python (named after numba, which made it once), or plain Python.
+    # What evaluates the right-hand side: machine code in a loop without Python ("compiled"),
+    # machine code that a loop in Python calls ("numba", after the library that once made it), or
+    # plain Python.
     backend: Backend
-    # How implicit solvers get it: by automatic differentiation of the vector field, or by the
-    # library's finite differences.
+    # How implicit solvers get the Jacobian: "exact" by automatic differentiation of the vector
+    # field, "difference" by the library's finite differences.
     jacobian: Jacobian = "exact"
     count: bool = False  # right-hand sides; costs time, so that timed runs leave it off
     # Absolute tolerance: a number, or one per component; by default `rtol`.
@@ -121,7 +127,7 @@ class Settings:
     max_step: float = inf  # largest step, in the problem's time
     first_step: float | None = None  # by default the library's guess
     # The one tolerance of a run whose relative and absolute ones are equal; else the least relative
-    # one. Set once: a run asks for it six times.
+    # one. It is computed once, as a run reads it six times.
     tolerance: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -147,32 +153,35 @@ class Settings:
 class Record:
     """The rows of a segment of a run, which a solver fills one by one, so that finished ones are never lost."""
 
-    times: np.ndarray  # requested, shape (n,), increasing; `rows[0]` lies at the first one
-    rows: (
-        np.ndarray
-    )  # states, shape (n, d); the first row is the start, the solver fills the others
+    # Requested times, shape (n,): in order, forwards or backwards.
+    times: np.ndarray
+    # States at these times, shape (n, d): the first row is the start, the solver fills the others.
+    rows: np.ndarray
     deadline: float = inf  # reading of `time.perf_counter` after which the solver stops
     max_steps: int = UNLIMITED  # for this segment
-    filled: int = 1  # rows
+    filled: int = 1  # number of rows filled so far, the start included
     work: Work = field(default_factory=Work)
-    now: float = (
-        -inf
-    )  # time that the solver has reached, for observers; it may lie beyond the last row filled
-    unit: float = 1.0  # one unit of these times in units of the run's
-    looked: tuple[int, float] | None = None  # steps and time at the last look of `crawls`
-    longest: float = 0.0  # mean step up to one of these looks, the longest of them
-    shrunk: bool = False  # whether steps became much shorter than that
+    # Time that the solver has reached, for observers; it may lie beyond the last row filled.
+    now: float = -inf
+    # One unit of these times in units of the run's time: segments may have a unit of their own.
+    unit: float = 1.0
+    looked: tuple[int, float] | None = None  # steps and time at the last call of `crawls`
+    # Largest mean step, from the start up to one of the calls of `crawls`.
+    longest: float = 0.0
+    shrunk: bool = False  # whether steps became much shorter than `longest`
     events: EventSearch | None = None  # what to look for at every step
     # Times and states of steps, where a solver is to note them (SciPy's methods).
     taken: list[tuple[float, np.ndarray]] | None = None
     # The last parameters here, where they change on the way (`polhode.models.problem.ParameterTable`).
     changed: np.ndarray | None = None
-    goes_on: bool = False  # whether the start is the end of an interval before
-    inner: "Record | None" = None  # that of the last interval begun
+    # Whether the start is the end of an interval before, so that CyRK need not examine its rates.
+    goes_on: bool = False
+    # The record of the last interval begun, where a parameter table cuts this one into intervals.
+    inner: "Record | None" = None
 
     @property
     def reached(self) -> float:
-        """Time of the run that it has reached, as far as is known."""
+        """Time reached so far, in the run's unit: of the last row, or of the solver if later."""
         if self.inner is not None:
             return self.inner.reached
         return self.unit * max(self.now, float(self.times[self.filled - 1]))
@@ -200,9 +209,11 @@ class Record:
         return (Status.TIME_LIMIT, f"after {steps} steps") if self.expired else None
 
     def crawls(self, steps: int, time: float) -> "Outcome | None":
-        """How the segment ends if its steps have shrunk so far that it would hardly ever end; asked once a chunk.
+        """How the segment ends if steps shrank so far that it would hardly ever end, else None.
 
-        A solver that chatters about a singularity takes steps of the square of its tolerance.
+        Solvers call it once a chunk, with their steps and time so far. The mean step since the last
+        call is compared with the largest mean step from the start up to a call before. A solver
+        that chatters about a singularity takes steps of the square of its tolerance.
         """
         begin = float(self.times[0])
         end = float(self.times[-1])
@@ -218,13 +229,13 @@ class Record:
         return None
 
     def looked_through(self, times: Sequence[float], states: Any, between: Between) -> bool:
-        """Look for events at states accepted since the last look; whether one has ended the run."""
+        """Look for events at states accepted since the last look; say whether one ends the run."""
         if self.events is None:
             return False
         try:
             return self.events.through(times, states, between)
         except ValueError as error:
-            # The event's own error, whatever solvers make of errors of theirs.
+            # An error of its own kind: it reaches the caller, where a solver's error is a crash.
             raise EventFailedError(str(error)) from error
 
     def filled_between(
@@ -244,7 +255,7 @@ class Record:
 
     @property
     def last_requested(self) -> int:
-        """Index behind the last row that is requested: rows behind an event that ended the run are not."""
+        """Number of rows to fill: all, or those up to the event that ended the run."""
         ended = self.events.ended if self.events else None
         if ended is None:
             return len(self.times)
@@ -256,19 +267,20 @@ class Record:
         self.filled += len(states)
 
 
-# Some of the solvers that call Python, to be named where others refuse. One string: an item of the
-# paper depends on each solver whose name is a string of its own in code that it uses.
+# Some of the solvers that call Python, for messages. They stand in one string, as an item of the
+# paper depends on each solver whose name alone is a string in code that it uses.
 _CALL_PYTHON = "dop853, rk45, radau, bdf, lsoda, cvode-bdf"
 # The family of solvers that are not in the catalogue.
 OWN = "own"
 
+# How a segment ended, and the reason of a failure.
 Outcome = tuple[Status, str]
 Integrator = Callable[[Record], Outcome]
 NO_RATES: Outcome = Status.NON_FINITE, "rates at the start are no numbers"
 
 
 def change(parameters: Any, count: int, record: Record) -> None:
-    """Give the last ones of `count` parameters, in an array or a list, the values of a record, if it has any."""
+    """Set the last of `count` parameters, an array or a list, to `record.changed` if any."""
     if record.changed is not None:
         parameters[count - len(record.changed) : count] = record.changed
 
@@ -276,7 +288,10 @@ def change(parameters: Any, count: int, record: Record) -> None:
 def _tolerance(
     name: str, given: float | Sequence[float], *, zero: bool = False
 ) -> float | tuple[float, ...]:
-    """A tolerance as a number or a tuple; a SolverNotValidError names one that is out of range."""
+    """A tolerance as a number or a tuple; `zero` says whether it may be 0.
+
+    A SolverNotValidError names one that is out of range.
+    """
     if isinstance(given, float) and 0 < given < inf:
         # The usual one; arrays would cost as much as some steps of a short run.
         return float(given)
@@ -312,8 +327,10 @@ class Solver(ABC):
        library's own, so that constants differ widely.
     """
 
+    # Attributes that a solver from a plug-in must have.
     required: ClassVar[tuple[str, ...]] = ("name",)
     name: ClassVar[str]
+    # What it is, in a few words, for the list of solvers, and which forms it takes if not all.
     summary: ClassVar[str] = ""
     accepts: ClassVar[str] = ""
     library: ClassVar[str] = "numpy"
@@ -329,22 +346,24 @@ class Solver(ABC):
     # Chooses its order by the tolerance: errors of looser runs say little of its own, and steps
     # differ in cost.
     order_by_tolerance: ClassVar[bool] = False
-    # Its error of L and E in segments of the full equations, over what `hybrid` counts with at
-    # the same tolerance: what 97.5 % of random triaxial bodies stay below over 2,000 turns, and 1
-    # at least, as what comes after may amplify it; 0 where it is not known.
+    # Its error of L and E in segments of the full equations, over the error that `hybrid` expects
+    # at the same tolerance: 97.5 % of random triaxial bodies stay below this ratio over 2,000
+    # turns. It is 1 at least, as later segments may amplify the error; 0 where it is not known.
     error_amplification: ClassVar[float] = 0.0
     backends: ClassVar[tuple[Backend, ...]] = ("numba", "python")
     jacobians: ClassVar[tuple[Jacobian, ...]] = ()
     # Library that each back end and Jacobian needs besides its own, which may bring a compiler.
     choices_need: ClassVar[Mapping[str, str]] = _NEEDS
     error_constant: ClassVar[float]
-    # Tolerances that may differ, from each other ("atol") and by components ("rtol vector").
+    # Which tolerances may differ: "atol" from rtol, "rtol vector" by components; "atol 0" where the
+    # absolute one may be 0.
     tolerances: ClassVar[tuple[str, ...]] = ()
     # Which of `max_step` and `first_step` the library has.
     limits: ClassVar[tuple[str, ...]] = ()
-    # Whether it takes the parameters of its record, where these change on the way.
+    # Whether it takes `Record.changed`, parameters that change on the way.
     takes_parameter_table: ClassVar[bool] = False
-    # Whether it looks for the record's events at every step; of others, rows are looked through.
+    # Whether it looks for the record's events at every step; for other solvers, events are sought
+    # between rows after the run.
     seeks_events: ClassVar[bool] = False
     # Whether it notes its own steps where the record asks for them.
     shows_steps: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Closed forms: no integration, no error that grows with time, any times in any number."""
+"""Solver `exact`: rows from a closed form, without an error that grows with time."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -16,9 +16,10 @@ from polhode.solvers.contract import (
 
 
 class Exact(Solver):
-    """The solution in closed form, where the form knows one.
+    """The solution in closed form, of forms of the equations that have one.
 
-    Tolerance: ignored. Cost grows with the number of requested times, not with where they lie.
+    Tolerance: ignored, so that `error_constant` is 0. Cost grows with the number of requested
+    times, not with where they lie.
     """
 
     name = "exact"
@@ -26,21 +27,29 @@ class Exact(Solver):
     accepts = "forms with a closed form: euler-top, jeffery of a spheroid"
     family = "closed form"
     closed_form = True
+    # NumPy evaluates the formulas at all times at once: no Python runs for a row, and no compiler
+    # is needed.
     backends = ("compiled",)
-    choices_need: ClassVar[Mapping[str, str]] = {}  # NumPy evaluates the formulas
+    choices_need: ClassVar[Mapping[str, str]] = {}
     error_constant = 0.0
 
     def check(self, problem: Problem) -> None:
+        """Refuse a problem without a closed form.
+
+        What else `Solver.check` refuses does not matter here, as the formulas never call the field.
+        """
         if problem.closed_form is None:
             raise SolverNotValidError(
                 f"{problem.name!r} has no closed form here; use solver 'taylor'", self.name
             )
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
+        """Return an integrator that fills all rows behind the start at once."""
         closed_form = problem.closed_form
         assert closed_form is not None
 
         def integrate(record: Record) -> Outcome:
+            # The record has its first row, the start, already.
             record.put(closed_form(record.times)[1:])
             return Status.REACHED_END, ""
 

@@ -1,4 +1,9 @@
-"""Runs through parameters that change at given times: each step ends there, and keeps its order."""
+"""Runs through parameters that change at given times, as the flow does at the knots of a track.
+
+The parameters, such as the coefficients of a track's spline, are constant in each interval from one
+change to the next. An integrator runs each interval by itself, so that its steps end at the changes
+and keep their order.
+"""
 
 from dataclasses import dataclass, field
 from math import isfinite
@@ -8,7 +13,9 @@ import numpy as np
 from polhode.models.problem import ParameterTable, Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Status
 
-# A change closer to a row's time than this share of the run is at that time: no step fits between.
+# A change closer to a requested time than this share of the run counts as at that time: no step
+# fits between the two. It is thousands of roundings of a time, by estimate, as in
+# `solvers.segments`.
 _CLOSE = 1e-12
 
 
@@ -21,12 +28,13 @@ def with_parameter_table(integrate: Integrator, problem: Problem) -> Integrator:
 
 @dataclass
 class _Cut:
-    """The intervals of a record: their ends on its clock, the rows up to each, and their parameters."""
+    """The n intervals of a record, in the order in which they are run."""
 
-    ends: np.ndarray
-    rows: list[int]
-    values: np.ndarray
-    # Time of the state on the clock of the record.
+    ends: np.ndarray  # shape (n,), times of the record
+    rows: list[int]  # number of the record's rows up to each end, that end included
+    values: np.ndarray  # shape (n, k), parameters
+    # The last component of a state less the record's time. The table's times are those of the
+    # state; a record may begin at any time.
     offset: float = field(default=0.0)
 
 
@@ -40,12 +48,14 @@ def _cut(table: ParameterTable, record: Record) -> _Cut:
     values = table.values
     sign = 1.0 if end > begin else -1.0
     if sign < 0:
-        # From each interval's end to its beginning.
+        # Backwards, an interval is entered at its end. With the sign of all times changed, and the
+        # intervals in the reverse order, times increase again.
         knots = -knots[::-1]
         values = values[::-1]
         begin = -begin
         end = -end
     close = _CLOSE * (end - begin)
+    # `first` is the interval that the run begins in, `last` the one behind the one that it ends in.
     # The outer intervals go on beyond the table, whose ends may be rounded.
     first = int(
         np.clip(np.searchsorted(knots, begin + close, side="right") - 1, 0, len(values) - 1)
@@ -53,6 +63,8 @@ def _cut(table: ParameterTable, record: Record) -> _Cut:
     last = int(np.clip(np.searchsorted(knots, end - close, side="left"), first + 1, len(values)))
     ends = np.append(knots[first + 1 : last], end)
     requested = sign * times
+    # Where the first requested time from `ends - close` on lies within `close` of an end, the end
+    # moves there.
     after = np.clip(np.searchsorted(requested, ends - close), 0, len(requested) - 1)
     ends = np.where(np.abs(requested[after] - ends) <= close, requested[after], ends)
     # Two changes at one row's time leave nothing between them.
@@ -66,6 +78,7 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
     """Fill a record's rows, interval by interval."""
     cut = _cut(table, record)
     now = float(record.times[0])
+    # Most intervals have no row, only their start and end: these share one array.
     room = np.empty((2, record.rows.shape[1]), record.rows.dtype)
     state = record.start.copy()
     status = Status.REACHED_END
@@ -74,6 +87,7 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
         goes_on = record.inner is not None
         if goes_on and (stopped := record.stopped):
             return stopped
+        # Times and rows of the interval: its start, the requested times in it, and its end.
         times = np.array((now, end))
         rows = room
         count = upto - record.filled
@@ -81,7 +95,8 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
             inner = record.times[record.filled : upto]
             times = np.concatenate([[now], inner, [] if inner[-1] == end else [end]])
             rows = np.empty((len(times), len(state)), state.dtype)
-        # The clock in the state is exact at each change.
+        # The last component of the state is time, which the integrator rounds at each step. At each
+        # change the exact time replaces it.
         state[-1] = state.dtype.type(cut.offset + now)
         rows[0] = state
         interval = Record(times, rows, record.deadline, record.max_steps - (record.work.steps or 0))
@@ -94,7 +109,7 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
         try:
             status, message = integrate(interval)
         finally:
-            # Ctrl-C keeps what is finished.
+            # Work and rows are taken over here, so that Ctrl-C keeps what is finished.
             if goes_on:
                 record.work.add(interval.work)
             else:
@@ -112,7 +127,7 @@ def _through(integrate: Integrator, table: ParameterTable, record: Record) -> Ou
                 f"the library stopped at t = {reached!r}, expected {end!r}",
             )
         state = rows[-1].copy()
-        # A third of the time that NumPy's own function takes for so few numbers.
+        # For so few numbers `math.isfinite` takes a third of the time of NumPy's function.
         if not all(map(isfinite, state.astype(float).tolist())):
             return Status.NON_FINITE, f"a state is not finite at t = {end!r}"
         now = end

@@ -1,4 +1,8 @@
-"""Scene files: TOML, checked key by key before a scene is made."""
+"""Scene files: TOML, checked key by key before a scene is made, and the way back.
+
+Each class is a table of the file, its fields the keys. pydantic checks keys, types and ranges; the
+validators check which keys may stand together. Their errors become one line in `toml_file.checked`.
+"""
 
 import warnings
 from functools import partial
@@ -18,10 +22,12 @@ from polhode.models.shape import Ellipsoid
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+# The rows of a 3 by 3 matrix, one behind the other.
 NineVector = Annotated[list[Finite], Field(min_length=9, max_length=9)]
 FourVector = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 SemiAxes = Annotated[list[Positive], Field(min_length=3, max_length=3)]
-# A quaternion further from unit norm than this was not rounded.
+# Largest distance of a quaternion's norm from 1 without a warning, by estimate: components typed
+# with two digits lie within it. What lies beyond was not rounded, and may be a mistake.
 _UNIT_WITHIN = 0.01
 
 
@@ -50,6 +56,7 @@ class StartTable(Table):
 
     @model_validator(mode="after")
     def _one_way_to_start(self) -> "StartTable":
+        # `at_rest = false` says nothing.
         given = self.model_fields_set - ({"at_rest"} if not self.at_rest else set())
         if given not in map(set, _WAYS_TO_START):
             ways = ", ".join(" + ".join(way) for way in _WAYS_TO_START).replace(
@@ -59,7 +66,7 @@ class StartTable(Table):
         return self
 
     def start(self) -> Start:
-        """Start of the scene."""
+        """Start of the scene; warns of angles and quaternions that look like mistakes."""
         if self.angular_momentum is not None and self.energy is not None:
             return SlowStart(_triple(self.angular_momentum), self.energy)
         if self.euler_angles is not None:
@@ -75,7 +82,9 @@ class StartTable(Table):
         return BodyStart((q0, q1, q2, q3), _triple(self.angular_velocity or _REST))
 
 
+# Rates or angular velocity of a start at rest.
 _REST = [0.0, 0.0, 0.0]
+# Sets of keys of `[start]` that may stand together.
 _WAYS_TO_START = (
     ("euler_angles", "euler_rates"),
     ("euler_angles", "at_rest"),
@@ -117,7 +126,10 @@ class FlowTable(Table):
         return self
 
     def flow(self, folder: Path = Path()) -> Flow:
-        """The flow; a track's file lies in a folder. Raises ValueError as `Flow` and `read_track` do."""
+        """The flow; `folder` holds the file of a track.
+
+        Raises ValueError as `Flow` and `read_track` do.
+        """
         if self.track is not None:
             return read_track(folder / self.track)
         if self.times is not None:
@@ -148,7 +160,10 @@ class SceneTable(Table):
         return self
 
     def scene(self, folder: Path = Path()) -> Scene:
-        """The scene, of a file in a folder; raises ValueError if a duration overflows, or the flow is none."""
+        """The scene; `folder` holds the file, and that of a track.
+
+        Raises ValueError if slow_time * stokes overflows or underflows, or the flow is not valid.
+        """
         a, b, c = self.shape.semi_axes
         time = self.time if self.time is not None else (self.slow_time or 0) * self.stokes
         if not (isfinite(time) and time > 0):
@@ -201,7 +216,10 @@ def flow_table(flow: Flow) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """The same in plain floats, whatever numbers there were, in lists; -0.0 becomes 0.0."""
+    """The same with each number a float and each tuple a list, as TOML and JSON write them.
+
+    -0.0 becomes 0.0, so that equal scenes have equal contents.
+    """
     if isinstance(value, dict):
         return {name: plain(each) for name, each in value.items()}
     return [plain(each) for each in value] if isinstance(value, tuple) else float(value) + 0.0

@@ -1,4 +1,10 @@
-"""Rates of the classical test problems, over numbers of any kind; `problems.toml` has the rest of them."""
+"""Rates of the classical test problems, over numbers of any kind.
+
+Starts, ends, published solutions and sources stand in `problems.toml`. The numbers in the rates are
+the sources' own, in the sources' units; the units of E5 alone are others. Each function is a
+factory: from the operations on a kind of number it makes the rates y' of a state y. The parameters
+p are empty, but every field takes them.
+"""
 
 from collections.abc import Callable
 
@@ -6,7 +12,7 @@ from polhode.models.operations import Field, Operations
 
 
 def hires(ops: Operations) -> Field:
-    """HIRES: 8 components."""
+    """HIRES, 8 components: concentrations in a plant's response to light of high irradiance."""
 
     def rates(y, p):
         y1, y2, y3, y4, y5, y6, y7, y8 = y
@@ -26,7 +32,10 @@ def hires(ops: Operations) -> Field:
 
 
 def pollution(ops: Operations) -> Field:
-    """POLLU: 20 components."""
+    """POLLU, 20 components: concentrations in polluted air.
+
+    r1 to r25 are the speeds of its 25 reactions. No speed depends on y8, y12, y15 or y18.
+    """
 
     def rates(y, p):
         y1 = y[0]
@@ -103,7 +112,7 @@ def _robertson_reactions(y):
 
 
 def robertson(ops: Operations) -> Field:
-    """Robertson: 3 components."""
+    """Robertson, 3 components: the shares of three species in an autocatalytic reaction."""
 
     def rates(y, p):
         slow, back, fast = _robertson_reactions(y)
@@ -113,7 +122,7 @@ def robertson(ops: Operations) -> Field:
 
 
 def robertson_dae(ops: Operations) -> Field:
-    """Robertson as a DAE: 3 components."""
+    """Robertson as a DAE: the third equation, of mass 0, is 0 = y1 + y2 + y3 - 1."""
 
     def rates(y, p):
         slow, back, fast = _robertson_reactions(y)
@@ -123,7 +132,7 @@ def robertson_dae(ops: Operations) -> Field:
 
 
 def oregonator(ops: Operations) -> Field:
-    """OREGO: 3 components."""
+    """OREGO, the Oregonator, 3 components: the oscillating reaction of Belousov and Zhabotinsky."""
 
     def rates(y, p):
         y1, y2, y3 = y
@@ -137,7 +146,7 @@ def oregonator(ops: Operations) -> Field:
 
 
 def e5(ops: Operations) -> Field:
-    """E5: 4 components."""
+    """E5, 4 components: concentrations in a pyrolysis, in the units that `problems.toml` names."""
 
     def rates(y, p):
         y1, y2, y3, y4 = y
@@ -155,7 +164,7 @@ def e5(ops: Operations) -> Field:
 
 
 def brusselator(ops: Operations) -> Field:
-    """Brusselator: 2 components."""
+    """Brusselator, 2 components: an autocatalytic reaction with A = 1 and B = 3."""
 
     def rates(y, p):
         y1, y2 = y
@@ -166,7 +175,7 @@ def brusselator(ops: Operations) -> Field:
 
 
 def van_der_pol(ops: Operations) -> Field:
-    """van der Pol: 2 components."""
+    """van der Pol, 2 components: an oscillator with mu = 1, in position and velocity."""
 
     def rates(y, p):
         y1, y2 = y
@@ -176,7 +185,7 @@ def van_der_pol(ops: Operations) -> Field:
 
 
 def stiff_van_der_pol(ops: Operations) -> Field:
-    """stiff van der Pol: 2 components."""
+    """stiff van der Pol, 2 components: epsilon y2' = (1 - y1²) y2 - y1 with epsilon = 1e-6."""
 
     def rates(y, p):
         y1, y2 = y
@@ -186,7 +195,7 @@ def stiff_van_der_pol(ops: Operations) -> Field:
 
 
 def oscillators(ops: Operations) -> Field:
-    """oscillators: 4 components."""
+    """oscillators, 4 components: y1 + y2 has the frequency 1, y1 - y2 has sqrt(2500) = 50."""
 
     def rates(y, p):
         y1, y2, y3, y4 = y
@@ -198,7 +207,7 @@ def oscillators(ops: Operations) -> Field:
 
 
 def lorenz(ops: Operations) -> Field:
-    """Lorenz: 3 components."""
+    """Lorenz, 3 components: convection with sigma = 10, r = 28 and b = 8/3."""
 
     def rates(y, p):
         y1, y2, y3 = y
@@ -208,7 +217,7 @@ def lorenz(ops: Operations) -> Field:
 
 
 def rigid_body(ops: Operations) -> Field:
-    """rigid body: 3 components."""
+    """rigid body, 3 components: Jacobi's elliptic functions sn, cn and dn, with k² = 0.51."""
 
     def rates(y, p):
         y1, y2, y3 = y
@@ -218,7 +227,11 @@ def rigid_body(ops: Operations) -> Field:
 
 
 def pleiades(ops: Operations) -> Field:
-    """Pleiades: seven stars in a plane, all x before all y, then their velocities; star j has the mass j + 1."""
+    """Pleiades, 28 components: seven stars in a plane.
+
+    First come all x, then all y, then all velocities in x and all in y. The stars are numbered from
+    0; star j has the mass j + 1, and the constant of gravity is 1.
+    """
     stars = range(7)
 
     def rates(y, p):
@@ -228,11 +241,14 @@ def pleiades(ops: Operations) -> Field:
             square_in_x = (y[j] - y[i]) * (y[j] - y[i])
             square_in_y = (y[7 + j] - y[7 + i]) * (y[7 + j] - y[7 + i])
             square[i, j] = square_in_x + square_in_y
+        # The mass of star j over the cube of its distance from star i.
         weight = {}
         for i, j in pairs:
             weight[i, j] = (j + 1.0) / (square[i, j] * ops.sqrt(square[i, j]))
 
+        # `first` is the index of the first x, 0, or of the first y, 7.
         def acceleration(i, first):
+            # A zero of the kind of number that y has.
             total = 0.0 * y[0]
             for j in stars:
                 if j != i:
@@ -249,14 +265,21 @@ def pleiades(ops: Operations) -> Field:
 
 
 def arenstorf(ops: Operations) -> Field:
-    """Arenstorf: 4 components."""
+    """Arenstorf, 4 components: a satellite near Earth and Moon, in the frame that turns with them.
+
+    Units are the distance of Earth and Moon, the sum of their masses, and their period over 2π. The
+    state has x, y and their rates; Earth lies at x = -moon, the Moon at x = earth.
+    """
 
     def rates(y, p):
         y1, y2, y3, y4 = y
+        # Masses of Moon and Earth.
         moon = 0.012277471
         earth = 1 - moon
+        # Distances in x from Earth and from the Moon.
         near = y1 + moon
         far = y1 - earth
+        # Squares of the distances from Earth and from the Moon, then their cubes.
         a = near * near + y2 * y2
         b = far * far + y2 * y2
         a3 = a * ops.sqrt(a)
@@ -272,7 +295,7 @@ def arenstorf(ops: Operations) -> Field:
 
 
 def kepler(ops: Operations) -> Field:
-    """Kepler: 4 components."""
+    """Kepler, 4 components: a planet's x, y and their rates about a sun at 0, with GM = 1."""
 
     def rates(y, p):
         y1, y2, y3, y4 = y
@@ -283,7 +306,7 @@ def kepler(ops: Operations) -> Field:
     return rates
 
 
-# By the names in `problems.toml`.
+# The factories by the names of the problems in `problems.toml`.
 FIELDS: dict[str, Callable[[Operations], Field]] = {
     "hires": hires,
     "pollution": pollution,

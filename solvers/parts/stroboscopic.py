@@ -1,4 +1,12 @@
-"""Stroboscopic averaging: turns of the full equations give the averaged field."""
+"""Stroboscopic averaging: turns of the full equations give the averaged field.
+
+A *point* is a state with its time behind it, an array of shape (d + 1,). Φ maps a point to the
+point one turn of the fast angle later. The *averaged field* is the rate of change of a point per
+turn, dΦⁿ/dn at n = 0; its last component is the period. A central difference of Φ¹, Φ², Φ³ and
+their inverses gives it. DOP853 integrates it over the number of turns: a *macro-step* is a whole
+number of turns, usually many. Each turn of the differences is made of *micro-steps* of splitting.
+`strobe_kernels` has the machine code of all loops.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,63 +21,77 @@ from polhode.solvers.parts.schemes import ABA, dop853
 from polhode.solvers.parts.splitting import Split, Splitting
 from polhode.solvers.parts.strobe_kernels import MAX_TURNS_TO_ROW, StrobeKernels, strobe_kernels
 
-# Runs of fewer turns are left to splitting.
+# Where a number is called an estimate, no measurement of it is recorded.
+
+# Runs of fewer turns are left to splitting; an estimate.
 _LEAST_TURNS = 1000
-# Least turns of a macro-step over its order: it costs fifteen times its order.
+# Least turns of a macro-step over the order of its difference. Each of DOP853's twelve new stages
+# takes as many turns as the order says, half of them backwards; with the three stages that rows
+# need, a macro-step costs fifteen times its order in turns, and eight turns more for the choice of
+# order. At any order that is less than the turns that it covers.
 _PAYING = 20.0
-# Turns of a segment that is left to splitting where macro-steps do not pay.
+# Turns of a segment that is left to splitting where macro-steps do not pay; an estimate.
 _SEGMENT_TURNS = 600.0
-# Times that a segment is doubled at most, while macro-steps go on not to pay.
+# Largest number of times that a segment's length is doubled while macro-steps still do not pay; an
+# estimate: segments of 9,600 turns at most.
 _LONGEST = 4
-# Share of the tolerance for the error of a macro-step; rows within it err more.
+# Shares of the tolerance for the errors of a macro-step, of averaging and of micro-steps. They
+# leave two thirds of it, as rows within a macro-step err more than its end. Estimates.
 _MACRO = 0.1
-# Share of the tolerance for the error of averaging.
 _AVERAGING = 0.1
-# Share of the tolerance for the error of micro-steps.
 _MICRO = 0.1
-# Micro-steps per turn: at first, at least, at most.
+# Micro-steps per turn, at first, at least and at most; estimates.
 _FIRST = 6
 _FEWEST = 4
 MAX_MICRO_STEPS = 24
-# Share of the error allowed below which fewer micro-steps are tried.
+# Error of micro-steps over the allowed one, below which the next macro-step tries one micro-step
+# fewer per turn; an estimate.
 _EASY = 0.1
-# Orders of the difference.
+# Orders of the central difference. Order 2j takes turns from Φ^-j to Φ^j.
 _ORDERS = (2, 4, 6)
-# Rounding of the difference, which no choice improves.
+# Rounding error of a component of the averaged field, per turn, which no choice improves: smaller
+# differences say nothing. Some ten roundings of a number of size one; an estimate.
 _ROUNDING = 3e-15
-# Weights of (Φ^k - Φ^-k) in the central differences, Φ the map of a turn.
+# Weights of Φ^k - Φ^-k in the central differences: a row for each order, a column for each k = 1,
+# 2, 3.
 _WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
-# Addresses of its rows, by the turns of their differences.
+# Addresses of these rows by the largest k that they use, which is half their order.
 _ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
-# Stages of a macro-step, the field at its end included.
+# Stages of DOP853, the field at the end of the step included. Three more make its interpolant.
 _STAGES = 13
-# Power of the error by which a macro-step changes: one over the order of the estimate.
+# Power of error / allowed error by which macro-steps change: DOP853's estimate of the error of a
+# step falls with the eighth power of its length.
 _EXPONENT = 1 / 8
-# Factor of a new macro-step, lest it be refused.
+# A new macro-step is this much shorter than that power says, as a refused one costs more; an
+# estimate.
 _SAFETY = 0.85
-# Bounds of a change of macro-steps.
+# Least and largest ratio of a macro-step to the one before: SciPy's least one, and half its
+# largest.
 _SHRINK = 0.2
 _GROW = 5.0
-# The first macro-step, in times of relaxation.
+# The first macro-step in times of relaxation; an estimate.
 _FIRST_STEP = 0.3
 
 
 @dataclass
 class Setting:
-    """Settings of the next macro-step.
+    """Settings of the next macro-step, which each step leaves for the next one."""
 
-    Micro-steps per turn, whether fewer may do, turns (0: not known), failures.
-    """
-
-    micro: int = _FIRST
-    easy: bool = False
-    turns: float = 0.0
-    failed: int = 0
+    micro: int = _FIRST  # micro-steps per turn
+    easy: bool = False  # whether one micro-step fewer may do
+    turns: float = 0.0  # length in turns; 0 where it is not known
+    failed: int = 0  # macro-steps in a row that did not pay or did not hold
 
 
 @once()
 def interpolant() -> np.ndarray:
-    """Its terms between two points, of their difference and the stages in between."""
+    """The matrix of DOP853's interpolant in a step, shape (7, 17).
+
+    Its product with the change of the point over the step (first column) and the step's length
+    times each of the 16 stages gives the interpolant's seven terms. The first three belong to the
+    cubic through both ends, whose slopes are the stages at index 0 and `_STAGES` - 1. They have the
+    columns 1 and `_STAGES`.
+    """
     table = dop853()
     terms = np.zeros((3 + len(table.D), 1 + len(table.A)))
     terms[:3, 0] = (1.0, -1.0, 2.0)
@@ -85,14 +107,16 @@ class Strobe:
     def __init__(self, problem: Problem, tolerance: float) -> None:
         self.split = Split(problem, tolerance)
         self.tolerance = tolerance
+        # Address of the field's parameters.
         self.p = self.split.address
         self.scheme = ABA.addresses[float]
         self.table = dop853()
         # Machine code takes addresses in less time than arrays.
         self.nodes = self.table.A.ctypes.data
+        # Micro-steps of the run so far.
         self.inner = 0
-        # Either machine code is compiled beforehand if it is the one needed, and else where it
-        # turns out to be.
+        # The machine code that the start asks for is compiled now, before a run is timed; the other
+        # one is compiled where a run turns out to need it.
         _ = self.kernels if self.pays(np.array(problem.start), problem.end) else self.split.kernels
 
     @cached_property
@@ -101,10 +125,7 @@ class Strobe:
         return strobe_kernels(self.split.parts, self.split.dimension)
 
     def pays(self, start: np.ndarray, length: float) -> bool:
-        """Whether there is a torque, and a run is long enough.
-
-        No rate that is not finite passes.
-        """
+        """Whether there is a torque, the rate is finite, and the run has `_LEAST_TURNS`."""
         rate = self.split.rate(start)
         return self.split.strength > 0 and isfinite(rate) and length * rate >= 2 * pi * _LEAST_TURNS
 
@@ -123,7 +144,8 @@ class Strobe:
             moved = self.step(point, setting, record)
             setting.failed = setting.failed + 1 if moved is None else 0
             if moved is None:
-                # Ever longer, so that vain attempts cost little.
+                # Segments by splitting become longer, so that vain attempts cost little beside
+                # them.
                 outcome = self.split_segment(
                     point, _SEGMENT_TURNS * 2 ** min(setting.failed - 1, _LONGEST), record
                 )
@@ -135,13 +157,23 @@ class Strobe:
         return Status.REACHED_END, ""
 
     def step(self, point: np.ndarray, setting: Setting, record: Record) -> np.ndarray | None:
-        """A macro-step and its rows; None where averaging does not pay or does not hold."""
+        """Take a macro-step, fill its rows and return its end; None if averaging does not do.
+
+        It does not where no order of the difference errs little enough, or where the step would
+        have fewer turns than `_PAYING` asks for.
+        """
         rate = self.split.rate(point[:-1])
         left = float(record.times[-1] - point[-1])
         period = 2 * pi / rate
+        # In a time of relaxation the damping forgets an error of the state.
         memory = min(left, 1 / self.split.strength) / period
+        # Largest errors allowed. The one of time makes an error of the angle turned over the whole
+        # run.
         scale = np.full(len(point), self.tolerance)
         scale[-1] = self.tolerance * (record.times[-1] - record.times[0])
+        # An error of the field per turn times `horizon` is the error of the run over its tolerance:
+        # errors add up over the turns that are remembered, and errors of time over all that are
+        # left.
         horizon = memory / scale
         horizon[-1] = left / period / scale[-1]
         fields = self.fields(point, setting, horizon)
@@ -153,10 +185,14 @@ class Strobe:
         stages[0] = fields[_ORDERS.index(order)]
         turns = setting.turns or max(_FIRST_STEP * memory, 2 * _PAYING * order)
         while True:
+            # Two turns more than the present period asks for: the last row shall lie within the
+            # step although the period changes.
             turns = float(min(np.ceil(turns), np.ceil(left / period) + 2))
             if turns < min(_PAYING * order, left / period):
                 setting.turns = 0.0
                 return None
+            # Micro-steps, largest k, weight rows, first stage, the one behind the last, turns: as
+            # `StrobeKernels.macro` takes them. Stage 0 is known.
             numbers = np.array([setting.micro, order // 2, 1, 1, _STAGES, turns], dtype=float)
             self.stages(numbers, point, stages, end)
             estimates = (
@@ -174,6 +210,7 @@ class Strobe:
         record.work.inner = self.inner
         last = int(np.searchsorted(record.times, end[-1], side="right"))
         if last > record.filled:
+            # The interpolant's further stages. Their points would overwrite `end`.
             numbers[3:5] = _STAGES, len(stages)
             self.stages(numbers, point, stages, end.copy())
             record.put(
@@ -192,7 +229,11 @@ class Strobe:
         micro: int,
         times: np.ndarray,
     ) -> np.ndarray:
-        """Rows within a macro-step."""
+        """States at times within a macro-step from `point` to `end`, shape (n, d).
+
+        A part of a turn leads to each time from the nearest end of a turn, by one step more than
+        half a turn has micro-steps.
+        """
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
         terms = interpolant() @ np.vstack([end - point, turns * stages])
@@ -208,8 +249,8 @@ class Strobe:
             setting.micro = max(_FEWEST, setting.micro - 1)
         while True:
             self.mean(point, setting.micro, fields)
-            # Differences of single turns show what smaller steps change; of the smallest, what
-            # larger ones do.
+            # The error of micro-steps shows in differences of order 2, which take a single turn
+            # either way: by two micro-steps more per turn or, at most of them, by two fewer.
             more = (
                 min(MAX_MICRO_STEPS, setting.micro + 2)
                 if setting.micro < MAX_MICRO_STEPS
@@ -229,20 +270,25 @@ class Strobe:
     def stages(
         self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray
     ) -> None:
-        """Stages of a macro-step; `end` is the point of the last one."""
+        """Fill the stages that `numbers` names, and `end` with the point of the last one."""
+        # Two directions, micro-steps per turn, turns in each, stages.
         self.inner += int(2 * numbers[0] * numbers[1] * (numbers[4] - numbers[3]))
         self.kernels.macro(
             self.scheme, self.p, numbers, _ROWS[int(numbers[1])], point, self.nodes, stages, end
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
-        """Averaged fields, a row of `out` per order from the second on; `micro` steps a turn."""
+        """Fill rows of `out` with the averaged fields of order 2, 4, 6, by `micro` steps a turn."""
         self.inner += 2 * micro * len(out)
         setting = np.array([micro, len(out), len(out)], dtype=float)
         self.kernels.mean(self.scheme, self.p, setting, _ROWS[1], point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
-        """The lowest order whose difference errs little enough, by comparison with the next one."""
+        """The lowest order whose difference errs little enough, by comparison with the next one.
+
+        None if no order does. Order 6 has no next one: its error is taken to be smaller than that
+        of order 4 by the same factor by which that is smaller than the one of order 2.
+        """
         apart = np.maximum(np.abs(fields[:-1] - fields[1:]) - _ROUNDING, 0.0)
         second, fourth = np.max(apart * horizon, axis=1)
         errors = second, fourth, fourth * min(1.0, fourth / second) if second > 0 else 0.0
@@ -252,21 +298,25 @@ class Strobe:
         )
 
     def error(self, estimates: tuple[np.ndarray, np.ndarray], scale: np.ndarray) -> float:
-        """Error of a macro-step over the one allowed, by DOP853's estimates of orders 5 and 3."""
+        """Error of a macro-step over the one allowed, by DOP853's estimates of orders 5 and 3.
+
+        The formula, with its 0.01, is that of Hairer's DOP853 and of SciPy's.
+        """
         with np.errstate(over="ignore"):
             fifth, third = (float(np.sum((estimate / scale) ** 2)) for estimate in estimates)
         return 0.0 if fifth == 0 else fifth / float(np.sqrt((fifth + 0.01 * third) * len(scale)))
 
     def split_segment(self, point: np.ndarray, turns: float, record: Record) -> Outcome | None:
-        """A number of turns by splitting.
+        """Run some turns from `point` by splitting, and move `point` to their end.
 
-        The outcome if the run ends there, else the point moves on.
+        Returns the outcome if the run ends there, at its end or by a failure, else None.
         """
         until = float(point[-1]) + turns * 2 * pi / self.split.rate(point[:-1])
         last = int(np.searchsorted(record.times, until))
         at_end = last >= len(record.times)
         inner = record.times[record.filled : last]
         times = np.concatenate([point[-1:], inner, [] if at_end else [until]])
+        # The record of the segment: rows from its start on, and a row more for its end.
         steps = record.work.steps or 0
         room = np.empty((len(times), len(point) - 1))
         segment = Record(times, room, record.deadline, record.max_steps - steps)
