@@ -1,6 +1,8 @@
 """Laws of the error of averaging, read from the study over random bodies (`polhode accuracy`).
 
-The file beside this module is the study's `laws.json`; `polhode accuracy --fit` writes it anew.
+A law says that an error falls like a power of 1/St: error = factor / St^power. The file beside this
+module has the powers ("exponents", of St) and the factors ("few" and "most"). It is the study's
+`laws.json`; `polhode accuracy --fit` writes it anew, by `polhode.harness.averaging.laws`.
 """
 
 import json
@@ -9,15 +11,19 @@ from pathlib import Path
 from typing import Any
 
 LAWS_FILE = Path(__file__).with_name("averaging_laws.json")
+# Names of the laws in the file: by the order of averaging, and of first order for runs that cross
+# L² = 2EI₂.
 ORDER_ONE = "first order"
 ORDER_TWO = "second order"
 FIRST_CROSSING = f"{ORDER_ONE}, crossing"
-# Order of the forms that average alone.
+# Order of averaging of the forms whose whole run is averaged; `hybrid` is not one of them.
 ORDERS = {
     "averaged": ORDER_ONE,
     "averaged-spheroid": ORDER_ONE,
     "averaged-second-order": ORDER_TWO,
 }
+# St from which on a law is evaluated: below, and at St = 0, its error is as good as infinite.
+_LEAST_STOKES = 1e-99
 
 
 @cache
@@ -26,19 +32,26 @@ def _laws() -> dict[str, Any]:
 
 
 def power(order: str, crosses: bool = False) -> float:
-    """Power of 1/St with which an order's error falls; of first order also after a crossing of L² = 2EI₂.
+    """Power of 1/St with which the error of an order of averaging falls.
 
-    No more than theory says: 1, ½ after a crossing, 2 of second order.
+    Theory says 1 for first order, ½ if the run `crosses` L² = 2EI₂, and 2 for second order. The fit
+    takes less where errors were measured to fall more slowly, and never more.
     """
     name = FIRST_CROSSING if crosses and order == ORDER_ONE else order
     return -_laws()["exponents"][name]
 
 
 def few_error(order: str, stokes: float) -> float:
-    """Error of L and E, over I_max, that 2.5 % of the study's runs stayed below by an order at a St."""
-    return _laws()["few"][order] / max(stokes, 1e-99) ** power(order)
+    """Error of L and E, over I_max, that 97.5 % of the study's runs by an order exceed.
+
+    The runs are those over random bodies, to any of the study's slow times.
+    """
+    return _laws()["few"][order] / max(stokes, _LEAST_STOKES) ** power(order)
 
 
 def most_error(order: str, stokes: float) -> float:
-    """Error of L and E, over I_max, that 97.5 % of the study's bodies stayed below by an order at a St."""
-    return _laws()["most"][order] / max(stokes, 1e-99) ** power(order)
+    """Error of L and E, over I_max, that 97.5 % of the study's bodies stay below by an order.
+
+    It is the error at the largest slow time of the study, t₂ = 1.
+    """
+    return _laws()["most"][order] / max(stokes, _LEAST_STOKES) ** power(order)

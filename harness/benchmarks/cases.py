@@ -1,4 +1,9 @@
-"""The suite's cases: a study like the one of `polhode bench`, limited or extended by pytest's options."""
+"""The suite's cases: a study like that of `polhode bench`, changed by pytest's options.
+
+`study` makes a study of `suite.toml` and the options. `Suite` sorts its cases by method, and lists
+a row for each benchmark of pytest. `examine` runs a case once: the record says whether it has a
+time.
+"""
 
 import os
 import tomllib
@@ -29,19 +34,22 @@ from polhode.models.registry import plug_ins
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
-# Durations of runs.
-_SLOW_FROM = 1.0  # St from which on the duration is in slow time.
-_SLOW_TIME = 0.5  # Slow time from that St on.
-_SHEAR_TIMES = 20.0  # Inverse shear rates below that St.
-# Relaxation times at most: the reference of a stiff scene costs seconds.
+# Durations of runs at St that the user gives (`--polhode-stokes`).
+_SLOW_TIME_FROM = 1.0  # St from which on the duration is in slow time.
+_SLOW_TIME = 0.5  # Slow time from that St on, as in `suite.toml`.
+_SHEAR_TIMES = 20.0  # Inverse shear rates below that St, as on the regime map.
+# Most relaxation times, each of St inverse shear rates, as of the stiff scenes in `suite.toml`: the
+# reference of a stiff scene costs seconds.
 _RELAXATION_TIMES = 2000.0
-# Seconds that a reference may take. If extended precision would take longer, as in long runs, two
-# unlike methods in double precision confirm each other.
+# Seconds that a reference may take, by estimate. If extended precision would take longer, as in
+# long runs, two unlike methods in double precision confirm each other.
 _REFERENCE_SECONDS = 60.0
-# The loosest of these tolerances that meets a requested error is sought.
+# For `--polhode-errors`: the loosest of these tolerances that meets a requested error is sought.
+# Rounding leaves no use for a tighter one.
 _TOLERANCES = tuple(float(f"1e-{exponent}") for exponent in range(2, 14))
+# For `--polhode-quick`: a loose, a middle and a tight tolerance, and the time limit of a run, in
+# seconds. With them the quick suite takes some ten seconds.
 _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
-# Time limit of each of the quick suite's runs, in seconds.
 _QUICK_SECONDS = 0.02
 # Name of a row whose runs reach their end, none of them with the requested error.
 _NOT_MET = "error not met"
@@ -52,15 +60,15 @@ Method = tuple[str, float, str, str]
 
 @dataclass(frozen=True)
 class Options:
-    """Pytest's options: empty and None where they say nothing."""
+    """The plug-in's options of pytest; those not given are empty, and the suite decides."""
 
     stokes: tuple[float, ...] = ()
     forms: tuple[str, ...] = ()
     solvers: tuple[str, ...] = ()
-    errors: tuple[float, ...] = ()
-    want: str = "slow"
-    with_forms: tuple[str, ...] = ()
-    with_solvers: tuple[str, ...] = ()
+    errors: tuple[float, ...] = ()  # requested errors, for a row each instead of one per tolerance
+    want: str = "slow"  # which error: "slow" of L and E, or "orientation"
+    with_forms: tuple[str, ...] = ()  # forms from outside, beside the others
+    with_solvers: tuple[str, ...] = ()  # solvers from outside, beside the others
     quick: bool = False
 
     @property
@@ -71,7 +79,10 @@ class Options:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table: a method at a tolerance, or at the loosest tolerance that meets an error."""
+    """One row of a table: a method at a tolerance, or at the loosest one that meets an error.
+
+    The other one of `tolerance` and `error` is None.
+    """
 
     method: Method
     tolerance: float | None
@@ -79,14 +90,14 @@ class Row:
 
     @property
     def name(self) -> str:
-        """Its name in pytest."""
+        """The row's name in pytest."""
         scene, stokes, form, solver = self.method
         last = f"{self.tolerance:g}" if self.error is None else f"error{self.error:g}"
         return f"{scene}-{stokes:g}-{form}-{solver}-{last}"
 
     @property
     def group(self) -> str:
-        """Name of its table."""
+        """Name of the row's table: there is one for each scene, St and requested error."""
         scene, stokes, _, _ = self.method
         return f"{scene}, St = {stokes:g}" + (
             "" if self.error is None else f", error {self.error:g}"
@@ -95,13 +106,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Suite:
-    """The cases by method, from the loosest tolerance to the tightest."""
+    """The cases that the options ask for, and the rows that pytest makes benchmarks of."""
 
     options: Options
 
     @cached_property
     def cases(self) -> dict[Method, list[Case]]:
-        """ValueError, in one line, if an option names what is not there, or nothing is left."""
+        """The cases by method, from the loosest tolerance to the tightest.
+
+        Raises ValueError, in one line, if an option names what is not there, or nothing is left.
+        """
         cases: dict[Method, list[Case]] = {}
         for batch in study(self.options).batches():
             for case in batch:
@@ -110,23 +124,29 @@ class Suite:
         return cases
 
     def make_references(self, methods: Iterable[Method]) -> None:
-        """Compute the references that some methods need, on all cores: they are cached, and not waited for again."""
+        """Compute the references that some methods need, on all cores, before any run is timed.
+
+        References are cached: examining a case finds them.
+        """
+        # A case for each reference: one of the full equations for a scene, and one more for each
+        # averaged form.
         cases = {}
         for method in methods:
             case = self.cases[method][0]
             averaged = find_form(case.form).averaged
             cases.setdefault((case.scene, case.form if averaged else ""), case)
         if len(cases) < 2:
-            # Not worth a process, which takes a second to begin.
+            # A single reference is not worth a process, which takes a second to begin.
             for case in cases.values():
                 _make_reference(case)
             return
+        # If a worker dies, its references are computed later, when a case is examined.
         context = get_context("spawn")
         with ProcessPoolExecutor(os.cpu_count(), context) as pool, suppress(BrokenProcessPool):
             list(pool.map(_make_reference, cases.values()))
 
     def rows(self) -> list[Row]:
-        """All rows, method by method: the tolerances, or the requested errors from the largest on."""
+        """All rows, method by method: one for each tolerance or, if requested, for each error."""
         errors = sorted(self.options.errors, reverse=True)
         rows: list[Row] = []
         for method, cases in self.cases.items():
@@ -137,30 +157,30 @@ class Suite:
         return rows
 
     def choose(self, row: Row) -> tuple[Case, Record, str]:
-        """The case of a row, its record, and why it has no time: empty if it has one."""
+        """The case of a row, its record, and why it has no time, which is empty if it has one."""
         cases = self.cases[row.method]
         if row.error is not None:
-            return self._loosest(cases, row.error)
+            return self._loosest_to_meet(cases, row.error)
         case = next(case for case in cases if case.tolerance == row.tolerance)
         record = examine(case, cases)
         return case, record, failure(record)
 
-    def _loosest(self, cases: list[Case], error: float) -> tuple[Case, Record, str]:
+    def _loosest_to_meet(self, cases: list[Case], error: float) -> tuple[Case, Record, str]:
+        """The same for a requested error; if no case meets it, the case with the least error."""
         best = cases[0]
         for case in cases:
             record = examine(case, cases)
             if meets(record, self.options.error, error):
                 return case, record, ""
-            if _error(record, self.options.error) <= _error(
-                examine(best, cases), self.options.error
-            ):
+            best_record = examine(best, cases)
+            if _error_of(record, self.options.error) <= _error_of(best_record, self.options.error):
                 best = case
         record = examine(best, cases)
-        return best, record, failure(record) or _missed(record, self.options.error, error)
+        return best, record, failure(record) or _why_not_met(record, self.options.error, error)
 
 
 def _make_reference(case: Case) -> None:
-    """Compute the references of a case; what fails says so when the case is judged."""
+    """Compute the reference of a case; a reference that fails says so when the case is judged."""
     averaged = find_form(case.form).averaged
     form = case.form if averaged else reference_form(case.scene)
     with suppress(ReferenceFailedError):
@@ -168,24 +188,30 @@ def _make_reference(case: Case) -> None:
 
 
 def study(options: Options) -> Study:
-    """The suite as a study; ValueError, in one line, if an option names what is not there, or nothing is left."""
+    """The suite as a study.
+
+    Raises ValueError, in one line, if an option names what is not there, or nothing is left.
+    """
     path = Path(__file__).with_name("suite.toml")
     contents = tomllib.loads(path.read_text(encoding="utf-8"))
     if options.quick:
         contents |= {"tolerances": list(_QUICK_TOLERANCES), "max_seconds": _QUICK_SECONDS}
-        contents["scenes"] = _quick(contents["scenes"])
+        contents["scenes"] = _quick_scenes(contents["scenes"])
     if options.errors:
         contents["tolerances"] = list(_TOLERANCES)
     if options.stokes:
         scenes = dict.fromkeys(scene["name"] for scene in contents["scenes"])
-        contents["scenes"] = [_scene(*pair) for pair in product(scenes, options.stokes)]
-    _choose(contents, "forms", options.forms, (*_of_plug_ins(FORMS, "forms"), *options.with_forms))
-    _choose(contents, "solvers", options.solvers, options.with_solvers)
+        contents["scenes"] = [_scene_at(*pair) for pair in product(scenes, options.stokes)]
+    # Forms of installed plug-ins are added to the suite's list. It has no list of solvers: all of
+    # the catalogue take part, plug-ins' too.
+    more_forms = (*_of_plug_ins(FORMS, "forms"), *options.with_forms)
+    _limit_and_extend(contents, "forms", options.forms, more_forms)
+    _limit_and_extend(contents, "solvers", options.solvers, options.with_solvers)
     return replace(parse_study(contents), reference_seconds=_REFERENCE_SECONDS)
 
 
-def _quick(scenes: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Those tagged for a look, and time limits short."""
+def _quick_scenes(scenes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The scenes tagged "quick", without time limits of their own, which are longer."""
     return [
         {key: value for key, value in scene.items() if key != "max_seconds"}
         for scene in scenes
@@ -193,18 +219,25 @@ def _quick(scenes: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def _scene(name: str, stokes: float) -> dict[str, Any]:
-    """A scene of the suite at another St."""
-    if _SLOW_FROM <= stokes < inf:
+def _scene_at(name: str, stokes: float) -> dict[str, Any]:
+    """A scene of the suite at a St that the user gives, which may be 0 or infinite."""
+    if _SLOW_TIME_FROM <= stokes < inf:
         duration = {"slow_time": _SLOW_TIME}
     else:
+        # At St = 0 the body follows the flow at once: relaxation is no limit.
         relaxed = _RELAXATION_TIMES * stokes if stokes > 0 else inf
         duration = {"time": min(_SHEAR_TIMES, relaxed)}
     return {"name": name, "stokes": stokes, "builtin": True, **duration}
 
 
-def _choose(contents: dict[str, Any], kind: str, named: Sequence[str], more: Sequence[str]) -> None:
-    """Limit the study to the named forms or solvers, and add those from outside."""
+def _limit_and_extend(
+    contents: dict[str, Any], kind: str, named: Sequence[str], more: Sequence[str]
+) -> None:
+    """Limit the study's contents to the `named` forms or solvers if there are any, and add `more`.
+
+    `kind` is "forms" or "solvers". A scene of the suite may have a list of its own, which names
+    given by the user replace.
+    """
     usual = contents.get(kind, list(SOLVERS))
     contents[kind] = list(dict.fromkeys([*(named or usual), *more]))
     for scene in contents["scenes"]:
@@ -215,43 +248,50 @@ def _choose(contents: dict[str, Any], kind: str, named: Sequence[str], more: Seq
 
 
 def _of_plug_ins(catalogue: dict[str, str], kind: str) -> list[str]:
-    """Names in a catalogue that installed packages added."""
+    """Names in a catalogue of a kind, "forms" or "solvers", that installed packages added."""
     return [name for name, target in plug_ins(kind).items() if catalogue.get(name) == target]
 
 
 @cache
 def _examined(case: Case) -> Record:
-    """Status, errors and work of a case."""
+    """Run a case once: its status, errors and work."""
     if not find_solver(case.solver).available:
         return missing(case)
     try:
         tried = attempt(case)
     except Exception as error:
         return {"status": str(Status.CRASHED), "message": repr(error), "inferred": False}
-    # States that have grown beyond all bounds are data as well.
+    # A run that failed may have states beyond all bounds, whose errors are inf or NaN.
     with np.errstate(all="ignore"):
         return judge(case, *tried)
 
 
 def examine(case: Case, cases: Sequence[Case]) -> Record:
-    """The same, inferred where a looser tolerance of the method was too slow already."""
+    """Status, errors and work of a case among those of its method, from the loosest tolerance on.
+
+    The case is not run if a looser tolerance was too slow already: its status is inferred. A looser
+    run that had gone wrong before it was stopped says nothing of tighter ones.
+    """
     for looser in cases[: cases.index(case)]:
         record = _examined(looser)
-        off = record.get("slow_error_so_far", 0.0)
-        if record["status"] == Status.TIME_LIMIT and off < SANE_ERROR:
+        error_so_far = record.get("slow_error_so_far", 0.0)
+        if record["status"] == Status.TIME_LIMIT and error_so_far < SANE_ERROR:
             message = f"at tolerance {short(looser.tolerance)} already"
             return {"status": record["status"], "message": message, "inferred": True}
     return _examined(case)
 
 
 def meets(record: Record, error: str, target: float) -> bool:
-    """Whether a run reached its end with an error that meets a target which its reference resolves."""
+    """Whether a run reached its end with an error of at most a target that its reference resolves.
+
+    `error` is the name of the error in the record.
+    """
     resolved = least_known(record.get(uncertainty_of(error))) < target
-    return not failure(record) and resolved and _error(record, error) <= target
+    return not failure(record) and resolved and _error_of(record, error) <= target
 
 
-def _error(record: Record, error: str) -> float:
-    """The error of a run; infinite where there is none."""
+def _error_of(record: Record, error: str) -> float:
+    """The error of that name in a record; infinite where there is none."""
     value = record.get(error)
     return inf if failure(record) or value is None else float(value)
 
@@ -263,11 +303,12 @@ def failure(record: Record) -> str:
     return f"{record['status']}: {record.get('message') or 'no reason given'}"
 
 
-def _missed(record: Record, error: str, target: float) -> str:
-    """Why a run that reached its end does not count for an error."""
+def _why_not_met(record: Record, error: str, target: float) -> str:
+    """Why a run that reached its end does not meet a target; see `meets`."""
     if record.get(error) is None:
         return f"{_NOT_MET}: its error is not known"
     least = least_known(record[uncertainty_of(error)])
+    # As `least` is NaN where the uncertainty is not known, this is not `least >= target`.
     if not least < target:
         return f"{_NOT_MET}: the reference resolves errors above {scientific(least)} alone"
     return f"{_NOT_MET}: the error is {scientific(record[error])} at the best tolerance"

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from io import BytesIO
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,10 @@ from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.contract import Status
 
-_TARGETS = (1e-3, 1e-6, 1e-9)  # Errors at the end to which the table gives the fastest solver.
-_PROFILED = 1e-6  # Error at the end of the figure of profiles.
+# Requested errors of the state at the end: loose, middle and tight, of the table and the heat map.
+_TARGETS = (1e-3, 1e-6, 1e-9)
+# Of these, the tightest one that some solver reaches on every problem of reports/problems.
+_PROFILED_TARGET = 1e-6
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
@@ -32,14 +33,16 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
 
 
 def rewrite_page(folder: Path) -> Path:
-    """Write page and figures anew from `runs.csv`; what the page says of machine and versions stays."""
+    """Write page and figures anew from `runs.csv`, with machine and versions of the old page."""
     made = made_lines(folder / "README.md")
     runs = pd.read_csv(BytesIO(read_file(folder / "runs.csv"))).fillna({"message": ""})
     return _write(runs, folder, made)
 
 
 def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
-    # With the columns that runs of scenes have.
+    # The functions below read columns by the names that they have in records of scenes. The error
+    # is that of the state at the end, and the published digits count as exact. Every run is of one
+    # form, the problem's own.
     runs = table.assign(
         form="",
         slow_uncertainty=0.0,
@@ -49,20 +52,24 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     groups = [
         (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)
     ]
-    # Seconds to each error: a row for each error and problem, a column for each solver.
+    # Seconds to each error: a row for each error and problem, a column for each solver. Of columns
+    # by form and solver, the form is dropped.
     times: Any = costs(groups, _TARGETS).droplevel(0, axis=1)
     note = conditions(runs, measured(made))
-    # Columns in the order of the catalogue, for solvers that solve a problem.
+    # The heat map has a column for each solver that gets to some error of some problem, in the
+    # order of the catalogue.
     compared = times.dropna(how="all", axis="columns")
     compared = compared[sorted(compared, key=rank)]
     if not compared.empty:
         ratios = compared.div(compared.min(axis=1), axis=0)
         titles = [f"to an error of {power(target)} at the end" for target in _TARGETS]
         save(heat_map(ratios, titles, note), folder, "work-precision")
-    # Only problems that a solver solves, and solvers that solve a problem.
-    profiled = times.loc[_PROFILED].dropna(how="all").dropna(axis="columns", how="all")
+    # Profiles are over the problems that some solver brings to this error.
+    profiled = times.loc[_PROFILED_TARGET].dropna(how="all").dropna(axis="columns", how="all")
     if not profiled.empty:
-        reached = f"{len(profiled)} classical problems, each to an error of {short(_PROFILED)}."
+        reached = (
+            f"{len(profiled)} classical problems, each to an error of {short(_PROFILED_TARGET)}."
+        )
         save(profiles(profiled, f"{reached} {note}"), folder, "profiles")
     names = [name for name in PROBLEMS if name in set(runs["problem"])]
     fastest = []
@@ -75,7 +82,7 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
         made=made,
         compared=not compared.empty,
         sentence="" if profiled.empty else sentence(profiled),
-        profiled=_PROFILED,
+        profiled=_PROFILED_TARGET,
         tie=100 * (TIE - 1),
         fastest=markdown(
             ["problem", *(f"fastest at {short(target)}" for target in _TARGETS)], fastest
@@ -89,13 +96,19 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
 
 
 def _winner(times: Any) -> str:
+    """The fastest solver, its time, and its lead over the next one or the tie with it, in words.
+
+    `times` are the seconds of one problem to one error by solver, a series; NaN where none is
+    known.
+    """
     ranked = sorted((seconds, solver) for solver, seconds in times.dropna().items())
     if not ranked:
         return "–"
-    (best, first), (next_best, second) = [*ranked, (inf, "")][:2]
-    lead = (
-        f", {in_two_digits(next_best / best)} × as fast as {second}"
-        if next_best > TIE * best
-        else f" = {second}"
-    )
-    return f"{first}: {duration(best)}{lead if second else ''}"
+    seconds, fastest = ranked[0]
+    words = f"{fastest}: {duration(seconds)}"
+    if len(ranked) == 1:
+        return words
+    next_seconds, second = ranked[1]
+    if next_seconds > TIE * seconds:
+        return f"{words}, {in_two_digits(next_seconds / seconds)} × as fast as {second}"
+    return f"{words} = {second}"

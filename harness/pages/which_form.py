@@ -1,7 +1,9 @@
 """Which form when: tables for README and docs, from the cells of the regime maps.
 
 `python -m polhode.harness.pages.which_form CELLS.csv PAGE.md ...` writes them into pages, between the
-lines `<!-- which form -->` and `<!-- end of which form -->`.
+lines `<!-- which form -->` and `<!-- end of which form -->`. The cells are those of
+`reports/regimes/cells.csv`: one body and start of each kind. The table over random bodies, further
+down in README, is that of `polhode.harness.pages.averaging.random_bodies.which_form`.
 """
 
 import re
@@ -16,13 +18,17 @@ from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short
 from polhode.harness.pages.regimes import Maps, read_cells
 
+# Lines of a page around the tables.
 BEGIN = "<!-- which form -->\n"
 END = "<!-- end of which form -->"
-# Errors of the columns, for L and E and for the orientation.
+# Requested errors of the columns: of L and E over I_max, and of the orientation in rad. The maps
+# have more of them; which three to show is a choice.
 _TARGETS = (1e-2, 1e-4, 1e-6)
+# Words for the scenes of the maps, and for the columns of errors in their cells.
 _BODIES = {"ellipsoid": "a triaxial body", "spheroid": "a spheroid"}
 _REQUESTED = {"slow_error": "L, E to", "orientation_error": "orientation to"}
-_AVERAGED = {**ORDERS, "hybrid": "hybrid"}
+# Words for forms that average, whatever the solver.
+_AVERAGING_FORMS = {**ORDERS, "hybrid": "hybrid"}
 
 
 def tables(maps: Maps) -> str:
@@ -31,26 +37,32 @@ def tables(maps: Maps) -> str:
 
 
 def _table(maps: Maps, body: str) -> str:
-    words = dict[float, list[str]]()
+    # Words of a row of the table by St, a word for each column.
+    words_of_row = dict[float, list[str]]()
     header = [f"St, {_BODIES[body]}"]
     for error, title in _REQUESTED.items():
         for target in _TARGETS:
             header.append(f"{title} {short(target)}")
             for cell in maps[body, error]:
                 if cell.target == target:
-                    words.setdefault(cell.stokes, []).append(winner_in_words(cell))
+                    words_of_row.setdefault(cell.stokes, []).append(winner_in_words(cell))
+    # Neighbouring St with the same words share a row.
     rows = []
-    for row, group in groupby(sorted(words), key=lambda stokes: words[stokes]):
-        rows.append([_range([*group]), *row])
+    for words, group in groupby(sorted(words_of_row), key=lambda stokes: words_of_row[stokes]):
+        rows.append([_range([*group]), *words])
     return markdown(header, rows)
 
 
 def winner_in_words(cell: Cell) -> str:
-    """The equations that the cheapest method of a cell solves, and by what kind of solver."""
+    """The equations that the cheapest method of a cell solves; if full, also the kind of solver.
+
+    "split" stands for the solvers made for large St, `splitting` and `stroboscopic`; an explicit
+    solver has no word.
+    """
     if cell.winner is None:
         return "–"
-    if cell.winner.form in _AVERAGED:
-        return _AVERAGED[cell.winner.form]
+    if cell.winner.form in _AVERAGING_FORMS:
+        return _AVERAGING_FORMS[cell.winner.form]
     if cell.winner.side == "tailored":
         return "full, split"
     return "full, implicit" if cell.winner.side == "implicit" else "full"
@@ -62,15 +74,16 @@ def _range(stokes: Sequence[float]) -> str:
 
 
 def with_tables(page: str, maps: Maps) -> str:
-    """A page's text with the tables as they are today; ValueError where it has no place for them."""
+    """A page's text with the tables of the maps; ValueError if it lacks the lines around them."""
     pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
     if not pattern.search(page):
         raise ValueError(f"got a page without {BEGIN.strip()!r} and {END!r}")
+    # A function gives the new text, as `sub` would read backslashes in a string.
     return pattern.sub(lambda _: f"{BEGIN}\n{tables(maps)}\n{END}", page)
 
 
 def main(cells: str, *pages: str) -> None:
-    """Write the tables into pages."""
+    """Write the tables of a file of cells into files of pages."""
     maps = read_cells(Path(cells))
     for name in pages:
         path = Path(name)

@@ -1,4 +1,8 @@
-"""The site's extension of Sphinx: formulas as MathML, notation, links, a search without numbers."""
+"""The site's extension of Sphinx: formulas as MathML, notation, links, a search without numbers.
+
+Sphinx calls `setup`, which registers all that follows. Handlers take what the event of their name
+passes on; a handler of "doctree-read" changes the parsed document in place.
+"""
 
 import re
 from html import escape, unescape
@@ -13,15 +17,17 @@ from sphinx.search.en import SearchEnglish
 
 from polhode.harness.site.markup import notation
 
-# Elements in whose text no notation is set.
+# Elements of docutils whose text stays as it is: no notation is set in code, formulas and HTML.
 _LITERAL = (nodes.FixedTextElement, nodes.literal, nodes.math, nodes.raw, nodes.comment)
-# Elements for the HTML that `notation` writes; class n keeps a number in one line.
+# Elements of docutils for the HTML tags that `notation` writes. The style sheet keeps an element of
+# class n in one line, which is for numbers.
 _INLINE = {"sub": nodes.subscript, "sup": nodes.superscript, "span class=n": nodes.inline}
 
 
 class ProseSearch(SearchEnglish):
     """Search of English without the numbers of tables, which would be most of the index."""
 
+    # By this name `html_search_language` of the site's configuration chooses the search.
     lang = "prose"
     language_name = "English"
 
@@ -32,6 +38,8 @@ class ProseSearch(SearchEnglish):
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the renderers of formulas, the search and the handlers with Sphinx."""
+    # A renderer is a pair of functions: at the beginning of an element, and at its end. The first
+    # one writes the whole formula.
     app.add_html_math_renderer("mathml", (_formula, None), (_displayed, None))
     app.add_search_language(ProseSearch)
     app.connect("doctree-read", _set_notation)
@@ -42,17 +50,19 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _formula(writer: Any, node: nodes.math) -> None:
+    """Write a formula within a line as MathML; `SkipNode` keeps its LaTeX out."""
     writer.body.append(convert(node.astext()))
     raise nodes.SkipNode
 
 
 def _displayed(writer: Any, node: nodes.math_block) -> None:
+    """The same for a formula in a line of its own."""
     writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode
 
 
 def _set_notation(_: Sphinx, document: nodes.document) -> None:
-    """Subscripts, powers and numbers of plain text, as `notation` has them."""
+    """Set plain text as `notation` does: with subscripts, powers and numbers in one line."""
     for text in list(document.findall(nodes.Text)):
         parent = text.parent
         if isinstance(parent, _LITERAL) or isinstance(parent.parent, nodes.literal):
@@ -65,7 +75,8 @@ def _set_notation(_: Sphinx, document: nodes.document) -> None:
         )
         if len(parts) == 1:
             continue
-        # Text, then by turns an element, its text, and the text after it.
+        # `parts` are the text before the first tag, then by turns a tag, the text in it, and the
+        # text after it.
         pieces: list[nodes.Node] = [nodes.Text(unescape(parts[0]))]
         for tag, inner, after in zip(parts[1::3], parts[2::3], parts[3::3], strict=True):
             element = _INLINE[tag]("", unescape(inner))
@@ -76,9 +87,12 @@ def _set_notation(_: Sphinx, document: nodes.document) -> None:
 
 
 def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
-    """Links to files that the site does not hold become plain text; a link to README.md, the opening page."""
+    """Make plain text of links to files that the site does not hold, as source files.
+
+    A link to README.md leads to the opening page, which shows it.
+    """
     for link in list(document.findall(pending_xref)):
-        # MyST resolves the files that it finds; these it has not found.
+        # MyST gives links to files that it finds a domain; one without was not found.
         missing = link["reftype"] == "myst" and not link.get("refdomain")
         target = link["reftarget"].partition("#")[0]
         if missing and target.endswith("../README.md"):
@@ -89,10 +103,15 @@ def _drop_links_outside(app: Sphinx, document: nodes.document) -> None:
 
 
 def _shorten_navigation(_: Sphinx, __: str, ___: str, context: dict[str, Any], ____: Any) -> None:
-    """Make captions headings of level 2, and list pages below another only there and on each other."""
+    """Change the theme's navigation: captions, and pages that lie below another page.
+
+    Captions become headings of level 2 for screen readers. The pages below another are listed only
+    where that page or one of them is shown.
+    """
     tree = BeautifulSoup(context["furo_navigation_tree"], "html.parser")
     for caption in tree.select("p.caption"):
         caption["aria-level"] = "2"
+    # Without them an item has no button to unfold, and the class of items that have none.
     for item in tree.select("li.has-children:not(.current)"):
         for part in item.find_all(["input", "label", "ul"], recursive=False):
             part.decompose()
