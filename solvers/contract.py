@@ -112,7 +112,8 @@ class Work:
 class Settings:
     """Settings of a run by a solver, besides the problem."""
 
-    # Relative tolerance: a number, or one per component where the solver takes that (`vectors`).
+    # Relative tolerance: a number, or one per component where the solver takes that ("rtol vector"
+    # in `Solver.tolerances`).
     rtol: float | tuple[float, ...]
     # What evaluates the right-hand side: machine code in a loop without Python ("compiled"),
     # machine code that a loop in Python calls ("numba", after the library that once made it), or
@@ -121,7 +122,8 @@ class Settings:
     # How implicit solvers get the Jacobian: "exact" by automatic differentiation of the vector
     # field, "difference" by the library's finite differences.
     jacobian: Jacobian = "exact"
-    count: bool = False  # right-hand sides; costs time, so that timed runs leave it off
+    # Whether right-hand sides are counted. It costs time, so that timed runs leave it off.
+    count: bool = False
     # Absolute tolerance: a number, or one per component; by default `rtol`.
     atol: float | tuple[float, ...] | None = None
     max_step: float = inf  # largest step, in the problem's time
@@ -153,7 +155,7 @@ class Settings:
 class Record:
     """The rows of a segment of a run, which a solver fills one by one, so that finished ones are never lost."""
 
-    # Requested times, shape (n,): in order, forwards or backwards.
+    # Requested times, shape (n,), increasing.
     times: np.ndarray
     # States at these times, shape (n, d): the first row is the start, the solver fills the others.
     rows: np.ndarray
@@ -170,9 +172,11 @@ class Record:
     longest: float = 0.0
     shrunk: bool = False  # whether steps became much shorter than `longest`
     events: EventSearch | None = None  # what to look for at every step
-    # Times and states of steps, where a solver is to note them (SciPy's methods).
+    # Times and states of the solver's own steps, if they are requested; `Solver.shows_steps` says
+    # which solvers note them.
     taken: list[tuple[float, np.ndarray]] | None = None
-    # The last parameters here, where they change on the way (`polhode.models.problem.ParameterTable`).
+    # Values of the last parameters in this interval, where they change on the way
+    # (`polhode.models.problem.ParameterTable`).
     changed: np.ndarray | None = None
     # Whether the start is the end of an interval before, so that CyRK need not examine its rates.
     goes_on: bool = False
