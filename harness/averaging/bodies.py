@@ -1,4 +1,10 @@
-"""Random bodies and starts by kind: body i of a kind is the same for ever."""
+"""Random bodies and starts by kind: body i of a kind is the same for ever.
+
+A "path" is the solution of the equations averaged to first order, in slow time t₂ = t/St. A "kick" is
+the jump of L that a resonance of polhode and precession gives, which falls like 1/√St
+(`docs/second-order.md`, `polhode.models.second_order.outline`). L² = 2EI₂ is the separatrix between
+polhodes about the longest and about the shortest axis.
+"""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -18,6 +24,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
+# Kinds of bodies, with the words that pages show.
 KINDS = {
     "prolate": "spheroid, long along its axis",
     "oblate": "spheroid, flat along its axis",
@@ -28,10 +35,10 @@ KINDS = {
     "rest": "any shape, from rest",
     "settled": "any shape, near its steady rotation about the vorticity",
 }
-_LONGEST = 1.0  # Slow time of a run.
-_SEED = 20261127
-_LEAST_AXIS = 0.15  # Over the longest one.
-_LARGEST_RATIO = 0.95  # Of two semi-axes that count as different.
+_LONGEST = 1.0  # Slow time of a run, the largest of `random_study.STUDIED_SLOW_TIMES`.
+_SEED = 20261127  # Any number: another one gives other bodies.
+_LEAST_AXIS = 0.15  # Over the longest one; an estimate.
+_LARGEST_RATIO = 0.95  # Of two semi-axes that count as different; "near-spheroidal" has the rest.
 _NEAR_EXPONENTS = (
     -3.0,
     -1.3,
@@ -40,11 +47,11 @@ _DISTURBED_EXPONENTS = (
     -3.0,
     -1.0,
 )  # log₁₀ of tilt in rad and of spin that a settled body has left.
-# A resonance is strong if its kick to L is at least this over √St, over I_max.
+# A resonance is strong if its kick to L is at least this over √St, over I_max; an estimate.
 STRONG_KICK = 0.01
 _KICK_STOKES = 1e6  # St at which kicks are looked up: they fall like 1/√St.
-_PATH_SAMPLES = 2001  # Of the first-order path, on which crossings are looked for.
-_PATH_TOLERANCE = 1e-10
+_PATH_SAMPLES = 2001  # Of the first-order path, on which crossings are looked for; an estimate.
+_PATH_TOLERANCE = 1e-10  # Of the solver on that path.
 _DIGITS = 6  # Of all drawn numbers: a body is what its row in the table says.
 
 
@@ -82,10 +89,12 @@ def drawn(kind: str, number: int) -> Body:
 
 
 def _candidates(kind: str, number: int, draw: np.random.Generator) -> Iterator[Body]:
+    """Bodies with axes and start of a kind, without end; not all of them are of the kind."""
     axes_of = _AXES.get(kind, _any)
     start_of = _STARTS.get(kind, _isotropic)
     while True:
         axes = axes_of(draw)
+        # The longest axis is 1, along any of the body's three.
         a, b, c = _rounded(draw.permutation(axes / axes.max()))
         quaternion, spin = start_of(draw, Ellipsoid((a, b, c)))
         w, x, y, z = _rounded(quaternion)
@@ -99,6 +108,7 @@ def _candidates(kind: str, number: int, draw: np.random.Generator) -> Iterator[B
 
 
 def _belongs(body: Body) -> bool:
+    """Whether a candidate is of its kind; only the kinds that crossings and kicks define refuse any."""
     if body.kind == "crosses":
         return body.crosses
     if body.kind == "stays":
@@ -122,6 +132,7 @@ def _crossing(body: Body) -> float:
     run = solve(problem, available_like("cyrk-vern8"), _PATH_TOLERANCE, times)
     observables = form.observe(scene, run.states)
     excess = above_separatrix(scene.ellipsoid, observables)
+    # The first sample whose excess of L² over 2EI₂ has another sign than the start's.
     other_side = np.flatnonzero(excess * excess[0] < 0)
     return float(times[other_side[0]]) if len(other_side) else nan
 

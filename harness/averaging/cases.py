@@ -1,4 +1,7 @@
-"""The bodies and starts that the study of second order follows."""
+"""The bodies and starts that the study of second order follows.
+
+`cases.toml` beside this module lists them. The results are on `reports/second-order`.
+"""
 
 import tomllib
 from dataclasses import dataclass
@@ -11,6 +14,7 @@ from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
+# Angles θ, φ, ψ in rad, and their rates in shear rates.
 _AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 _GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
 # Starts of the second order's cases by name. Cases without one start with an angular velocity at
@@ -32,7 +36,7 @@ class Subject:
     name: str
     semi_axes: Triple
     start: EulerStart | BodyStart
-    slow_time: float
+    slow_time: float  # time over St
     stokes: tuple[float, ...]
 
     @property
@@ -53,7 +57,11 @@ def _case(
     spin: Triple = (0, 0, 0),
     lowest: float = 4.0,
 ) -> Subject:
-    """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it."""
+    """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it.
+
+    `points` is the number of St, and `lowest` the power of ten of the smallest one. `spin` is an angular
+    velocity in body axes, in shear rates.
+    """
     exponents = np.linspace(lowest, lowest + 2, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
     body_start = NAMED_STARTS[start] if start else BodyStart(TILTED, (*spin,))

@@ -1,4 +1,8 @@
-"""Exponents and thresholds that `solve`, `pick` and sweeps take from the study over random bodies."""
+"""Exponents and thresholds that `solve`, `pick` and sweeps take from the study over random bodies.
+
+`laws_of` makes them from the study's tables. `polhode.harness.answers.averaging_laws` reads them, and
+says what a law is. The columns of frames are those of `polhode.harness.averaging.shares`.
+"""
 
 import json
 from math import isnan
@@ -33,14 +37,20 @@ _NAMES = {
     FIRST_CROSSING: (ORDER_ONE, True),
     ORDER_TWO: (ORDER_TWO, False),
 }
-# An exponent is measured over the last ratio of St this large that has enough bodies.
+# An exponent is measured over a ratio of St this large, the last one that has enough bodies: there
+# the law has set in, and both ends are far enough apart.
 _RATIO = 10.0
-# St from which on an error's multiple of 1/St or 1/St² is taken.
+# St from which on an error's multiple of 1/St or 1/St² is taken; an estimate of where laws hold.
 _SETTLED_FROM = 1e4
 
 
 def laws_of(data: Data) -> dict[str, Any]:
-    """Exponents of St, errors times their power of St, and the St from which errors are met, by kind."""
+    """Exponents of St, errors times their power of St, and the St from which errors are met, by kind.
+
+    Keys: "exponents" of each law, the ones to use; "measured", what they were measured as; "few" and
+    "most", factors of a law that 2.5 % and 97.5 % of the errors stay below; "from", by order, kind and
+    error, the St from which on half and 97.5 % of the bodies meet it, None where that is unknown.
+    """
     runs = at(data, STUDIED_SLOW_TIMES[-1])
     # Kicks of resonances fall more slowly than second order's own error.
     lawful = runs[(runs["order"] == ORDER_ONE) | (runs["kind"] != "resonance")]
@@ -50,9 +60,11 @@ def laws_of(data: Data) -> dict[str, Any]:
         own = lawful[(lawful["order"] == order) & (lawful["crosses"] == crosses)]
         measured = _measured(own)
         laws["measured"][name] = measured
-        # The measured exponent replaces the exponent of theory if errors fall more slowly.
+        # The measured exponent replaces the exponent of theory if errors fall more slowly. Its upper
+        # end counts, so that the law promises no faster fall than was measured.
         slower = measured is not None and measured["low"] > theory
         laws["exponents"][name] = measured["high"] if measured and slower else theory
+    # "few" counts runs to every slow time, "most" those to the last one, where errors are largest.
     every = all_times(data)
     for order in THEORY:
         own = every[(every["order"] == order) & (every["stokes"] >= _SETTLED_FROM)]

@@ -1,4 +1,7 @@
-"""Exponents of St that follow from the errors of second order away from resonances."""
+"""Exponents of St that follow from the errors of second order away from resonances.
+
+By theory (`docs/second-order.md`) the error of L and E falls like 1/St², that of the orientation like 1/St.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +12,9 @@ import numpy as np
 from polhode.harness.averaging.data import SecondOrderErrors
 from polhode.harness.common.fits import power_law
 
-# Slopes are fitted to errors between these two.
-LARGEST_FITTED_ERROR = 1e-2
+# Slopes of log error over log St are fitted to errors between these two: larger ones follow no
+# power law yet, smaller ones are blurred by the reference. Both are estimates.
+LARGEST_FITTED_ERROR = 1e-2  # Of L and E, over I_max.
 LEAST_RESOLVED = 100.0  # Times the reference's uncertainty.
 
 
@@ -20,7 +24,7 @@ class Slope:
 
     shape: str
     start: str
-    slow: float
+    slow: float  # of the error of L and E; NaN with fewer than two points
     slow_points: int
     orientation: float
     orientation_points: int
@@ -37,6 +41,7 @@ def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
             for r in case_rows
             if LEAST_RESOLVED * r.slow_uncertainty < r.slow < LARGEST_FITTED_ERROR
         ]
+        # Two decades, and a hundredth less: the St of the cases are rounded to three digits.
         turned = [(r.stokes, r.orientation) for r in case_rows if r.stokes >= 0.99e-2 * top]
         fitted.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
     return fitted

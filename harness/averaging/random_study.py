@@ -1,4 +1,12 @@
-"""Errors of the averaged forms over random bodies, by St: references, forms, their own estimates, costs."""
+"""Errors of the averaged forms over random bodies, by St: references, forms, their own estimates, costs.
+
+`polhode accuracy` runs it, `reports/accuracy` shows it. A task is one body at one St: `measure` makes
+its record, `run` does the tasks that are left, `tables_of` makes tables of all records. Words of the
+tables: "slow" is the error of L and E over I_max, "turned" that of the orientation in rad, "bound"
+and "turned_bound" what `solve` states as upper ends of both. Each has a column for each slow time
+t₂ = t/St of STUDIED_SLOW_TIMES, `slow_0.05` to `slow_1`, and is the largest value up to that time.
+"refused" says why a form does not follow a run further. `docs/second-order.md` has the theory.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -43,7 +51,8 @@ from polhode.models.second_order.path import path_of
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import Solution, solve
 
-# Bodies of each kind by St, at most; the first ones of a kind are measured first.
+# Bodies of each kind by St, at most; the first ones of a kind are measured first. A reference takes
+# a time that grows with St, so that there are fewer at the largest.
 BODIES = {
     10.0: 200,
     100.0: 200,
@@ -58,12 +67,12 @@ BODIES = {
 }
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
-# Samples from one slow time to the next.
+# Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50
 # St at which what forms state of themselves is measured, and the bodies of each kind.
 _STATED_STOKES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 STATED_BODIES = 40
-# Bodies of each kind of which forms are timed.
+# Bodies of each kind of which forms are timed: their median is shown.
 TIMED_BODIES = 8
 # Bodies of each kind that `hybrid` follows by St, and the requested errors. At smaller St
 # full equations are all of it.
@@ -71,11 +80,13 @@ HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # Bodies of each kind by St of which is measured what the full equations cost at a given error.
 COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
+# Tolerances that are tried from the loosest on, until a run errs by no more than the least error.
 _COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 _COST_LEAST_ERROR = 1e-8
 _COST_LONG = 0.02  # Seconds; shorter runs are timed several times, and the fastest counts.
 _BODY_COST_REPEATS = 3
-# The reference is a run in long double up to this St, and a looser one shows its error.
+# The reference is a run in long double up to this St, and a looser one shows its error. The limit
+# is an estimate.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
 # Up to a larger St the reference is Taylor's method in double precision. A Runge-Kutta method, for
@@ -86,30 +97,34 @@ _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1
 # method does; stroboscopic averaging, whose steps take many turns each, shows its error.
 _TAYLOR_UP_TO = 1e6
 _FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
-# Error of L and E, over I_max, from which on the two do not confirm each other.
+# Error of L and E, over I_max, from which on the two do not confirm each other; an estimate.
 _APART = 1e-4
 # Solver of the averaged forms, the tolerance that a user takes, and one whose error counts for nothing.
 FORM_SOLVER = "cyrk-vern8"
 FORM_TOLERANCE = 1e-9
 _EXACT_TOLERANCE = 1e-12
+# Steps of an averaged run, at most, so that none goes on without end; an estimate.
 _MAX_STEPS = 300_000
 # A task takes about `_ANY_TASK` seconds, and seconds per unit of St: of a triaxial body, of a spheroid,
-# and of a spheroid beyond `_TAYLOR_UP_TO`.
+# and of a spheroid beyond `_TAYLOR_UP_TO`. They are used for the order of tasks alone.
 _ANY_TASK = 0.1
 _SECONDS_PER_STOKES = 2.2e-6
 _SPHEROIDS_PER_STOKES = 1.2e-6
 _FAR_SPHEROIDS_PER_STOKES = 1e-7
 # Cheap tasks come first, and few bodies before many: by this power of their seconds, times the number
-# of the body plus a head start.
+# of the body plus a head start. So a study that is cut short has some bodies at every St. Both
+# numbers are estimates.
 _COST_POWER = 0.35
 _HEAD_START = 20
+# Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _SCHEMA = 1
 _DATA_TABLES = ("bodies", "references", "errors", "costs")
 _DIGITS = 3  # Of measured numbers in the tables.
 
 Array = np.ndarray
 Frame = Any  # Of pandas, whose types say too little of it.
-# Slow times of a run's samples, and the sample of each of STUDIED_SLOW_TIMES.
+# Slow times of a run's samples, shape (201,): 0, then equal steps up to each of STUDIED_SLOW_TIMES.
+# `_LAST_SAMPLES` has the places of these four.
 TIMES = np.concatenate(
     [[0.0]]
     + [
@@ -137,9 +152,9 @@ class Reference(NamedTuple):
     """The full equations' solution at TIMES, and how far it may be off up to each of STUDIED_SLOW_TIMES."""
 
     observables: Observables
-    slow: list[float]
-    turned: list[float]
-    method: str
+    slow: list[float]  # largest difference of L and E, over I_max, of two methods
+    turned: list[float]  # largest difference of their orientations, in rad
+    method: str  # the solvers, the one whose solution it is first
 
 
 def tasks(bodies: dict[float, int], kinds: Iterable[str] = KINDS) -> list[Task]:
@@ -153,6 +168,7 @@ def tasks(bodies: dict[float, int], kinds: Iterable[str] = KINDS) -> list[Task]:
 
 
 def _turn(task: Task) -> float:
+    """The number by which tasks are ordered, a smaller one first."""
     rate = _SECONDS_PER_STOKES
     if task.kind in ("prolate", "oblate"):
         rate = _SPHEROIDS_PER_STOKES
@@ -182,16 +198,19 @@ def reference_of(scene: Scene) -> Reference:
         method = ", ".join(by_solver)
         runs = by_solver.values()
     tight, loose = (form.observe(scene, states) for states in runs)
+    # From long double back to double.
     tight = Observables(*(values.astype(float) for values in vars(tight).values()))
     loose = Observables(*(values.astype(float) for values in vars(loose).values()))
     slow, turned = _largest(difference(scene.ellipsoid, tight, loose))
     if not max(slow) < _APART:
         raise ReferenceFailedError(f"{method}: runs are {max(slow):.1g} apart")
+    # Two runs may agree by chance to less than rounding allows.
     least = attainable(scene.ellipsoid, tight)
     return Reference(tight, [max(least, value) for value in slow], turned, method)
 
 
 def _states(problem: Problem, solver: str, tolerance: float, times: Array) -> Array:
+    """States of a run, shape (n, d); ReferenceFailedError if it does not reach its end."""
     run = solve(problem, solver, tolerance, times)
     if not run.success:
         raise ReferenceFailedError(f"{solver} ended with {run.status}")
@@ -263,6 +282,7 @@ def _row(form: str, requested: float = nan, refused: str = "") -> Record:
 
 
 def _first_order(body: Body, task: Task, reference: Reference, with_stated: bool) -> Record:
+    """The row of the form averaged to first order."""
     scene = body.scene(task.stokes)
     form = find_form(averaged_form(scene))
     try:
@@ -273,7 +293,7 @@ def _first_order(body: Body, task: Task, reference: Reference, with_stated: bool
 
 
 def _second_order(body: Body, task: Task, reference: Reference, with_stated: bool) -> Record:
-    """As much of the run as the form follows."""
+    """The row of the second-order form, up to the last of STUDIED_SLOW_TIMES that the form follows."""
     form = SecondOrder()
     reached = []
     reason = ""
@@ -298,7 +318,12 @@ def _averaged(
     slow_times: Sequence[float],
     with_stated: bool,
 ) -> Record:
-    """The model error of a form up to its last slow time, the solver error of a usual run, what it states."""
+    """The row of a form: its model error up to the last slow time, the solver's error, what `solve` states.
+
+    The model error is that of a run to `_EXACT_TOLERANCE`, at which the solver's error counts for
+    nothing. The solver's error is the difference of a run to `FORM_TOLERANCE` from that run. The
+    statement of `solve` for a slow time is made by a run of its own that ends there, as a user's would.
+    """
     scene = body.scene(task.stokes, slow_times[-1])
     last = _LAST_SAMPLES[len(slow_times) - 1] + 1
     times = TIMES[:last]
@@ -308,7 +333,8 @@ def _averaged(
         return _row(form.name, refused="the run did not reach its end")
     row = _row(form.name)
     if task.body < TIMED_BODIES:
-        # The run above has compiled the form.
+        # The run above has compiled the form. The time is this thread's, without BLAS's threads and
+        # without tasks that run beside this one.
         began = thread_time()
         _observed(scene, form, FORM_TOLERANCE, times)
         row["seconds"] = thread_time() - began
@@ -329,6 +355,7 @@ def _averaged(
 
 
 def _observed(scene: Scene, form: Form, tolerance: float, slow_times: Array) -> Observables | None:
+    """Observables of an averaged run; None if it does not reach its end."""
     run = solve(
         form.problem(scene),
         available_like(FORM_SOLVER),
@@ -340,6 +367,7 @@ def _observed(scene: Scene, form: Form, tolerance: float, slow_times: Array) -> 
 
 
 def _hybrid(scene: Scene, reference: Reference, requested: float, timed: bool) -> Record:
+    """The row of form `hybrid` for a requested error of L and E over I_max."""
     form = Hybrid()
     row = _row(form.name, requested)
     runner = Runner(scene, TIMES * scene.stokes)
@@ -403,7 +431,7 @@ def _fastest(
 
 
 class Data(NamedTuple):
-    """The tables of a study, and when and where they were measured."""
+    """The tables of a study, with the columns of `_COLUMNS`, and when and where they were measured."""
 
     bodies: Frame
     references: Frame
@@ -417,6 +445,7 @@ class Data(NamedTuple):
         return {Task(*row) for row in self.references[_TASK].itertuples(index=False)}
 
 
+# Columns that name a task.
 _TASK = ["kind", "body", "stokes"]
 _BODY_COLUMNS = (
     *("kind", "body", "a", "b", "c"),
@@ -425,6 +454,7 @@ _BODY_COLUMNS = (
 )
 
 
+# Columns of each table; `requested` is empty but for `hybrid`, times are in s.
 _COLUMNS = {
     "bodies": _BODY_COLUMNS,
     "references": (*_TASK, "method", *_names("slow"), *_names("turned"), "seconds", "failure"),
@@ -564,6 +594,7 @@ def first_references(data: Data) -> int | None:
 
 
 def _measured(left: Sequence[Task], workers: int, deadline: float) -> Iterator[tuple[Task, Record]]:
+    """Tasks with their records, in the order in which they end; none begins after the deadline."""
     if not workers:
         for task in left:
             if perf_counter() > deadline:

@@ -1,4 +1,11 @@
-"""From errors of random bodies to answers: from which St an error is met, exponents, what estimates are worth."""
+"""From errors of random bodies to answers: from which St an error is met, exponents, what estimates are worth.
+
+Frames have the columns that `at` gives them: a row is a run of one body at one St by one form, up to
+one slow time. "slow" is its error of L and E over I_max, "turned" that of the orientation in rad;
+"uncertainty" and "turned_uncertainty" are how far the reference may be off; "bound" and
+"turned_bound" are what `solve` states as upper ends. An "exponent" is the power of St with which an
+error grows, below 0 as it falls. `docs/second-order.md` has the theory.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,25 +27,28 @@ _ORDERS = {**ORDERS, HYBRID: HYBRID}
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
 _RESONANCE = -0.5  # Of both orders, which leave out the kicks.
-_ORIENTATION = -1.0
+_ORIENTATION = -1.0  # Of second order, which alone gives the orientation.
+# Errors of which the tables say from which St on they are met.
 ERRORS_MET = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+# Shares of the bodies: the median, and the share that `solve` claims for the errors that it states.
 SHARES = (0.5, 0.975)
-# Fewer bodies at a St say nothing of a share of 97.5 %.
+# Fewer bodies at a St say nothing of a share of 97.5 %; an estimate.
 LEAST_BODIES = 20
-# An error counts as known from this multiple of its reference's uncertainty on.
+# An error counts as known from this multiple of its reference's uncertainty on: the uncertainty
+# changes it by a tenth at most.
 KNOWN = 10.0
 # An error smaller than this share of what those at the St on either side make expect is one by
-# cancellation.
+# cancellation: terms of the error happen to add up to little at that St. The share is an estimate.
 CANCELLED = 1 / 3
-# St from which on errors are looked at for cancellation: below, no law has set in.
+# St from which on errors are looked at for cancellation: below, no power law holds yet.
 _FROM = 1000.0
-# An interval that ends this near to the exponent of theory counts as one that holds it.
+# An interval that ends this near to the exponent of theory counts as one that holds it; an estimate.
 _NEAR = 0.03
-# St from which on statements of first and second order are counted.
+# St from which on statements of first and second order are counted: below, a full run confirms them.
 STATED_FROM = 1e4
 # Nothing is extrapolated to larger St.
 LARGEST_STOKES = 1e8
-# Exponents are fitted to errors below this one.
+# Exponents are fitted to errors below this one: larger ones follow no power law. An estimate.
 MAX_ERROR_OF_LAWS = 0.1
 
 
@@ -67,9 +77,9 @@ class Quantile:
     """The error that a share of a kind's bodies stays below, by St."""
 
     share: float
-    stokes: tuple[float, ...]
+    stokes: tuple[float, ...]  # in growing order
     error: tuple[float, ...]  # inf where too many bodies are refused
-    bodies: tuple[int, ...]
+    bodies: tuple[int, ...]  # how many there are at each St
 
     def needed(self, target: float, exponent: float) -> tuple[float, str]:
         """Smallest St from which on the share meets an error, and where that comes from.
@@ -78,6 +88,7 @@ class Quantile:
         from the largest St on, by an exponent of theory; "beyond": that gives more than
         LARGEST_STOKES; "never": too many bodies are refused.
         """
+        # Places of the St at which the error is missed; the last one decides.
         above = [i for i, error in enumerate(self.error) if error > target]
         if not above:
             return self.stokes[0], "at most"
@@ -101,6 +112,7 @@ def quantile(runs: Frame, share: float, column: str = "slow") -> Quantile | None
     for number, there in runs.groupby("stokes"):
         if len(there) < LEAST_BODIES:
             continue
+        # A body that the form refuses has no error, and counts as one that meets none.
         ordered = np.sort(there[column].fillna(inf))
         stokes.append(float(str(number)))
         errors.append(float(ordered[ceil(share * len(ordered)) - 1]))
@@ -116,11 +128,11 @@ class Exponent:
     order: str
     crosses: bool
     error: str  # "slow" or "turned"
-    begin: float
+    begin: float  # the two St
     end: float
     bodies: int
     median: float
-    low: float
+    low: float  # ends of the 95 % interval of the median
     high: float
 
     @property
@@ -263,6 +275,7 @@ def cancelled(runs: Frame) -> tuple[list[Cancelled], int]:
         for i in range(1, len(stokes) - 1):
             count += 1
             three = slice(i - 1, i + 2)
+            # The middle error by the power law through both neighbours.
             x, y = np.log(stokes[three]), np.log(error[three])
             expected = np.interp(x[1], x[::2], y[::2])
             ratio = float(np.exp(y[1] - expected))
@@ -298,6 +311,7 @@ def form_seconds(runs: Frame, kind: str, order: str, requested: float = nan) -> 
 
 
 def _medians(runs: Frame) -> dict[float, float]:
+    """By St, the median over bodies of the seconds of each body's fastest run."""
     cheapest = runs.groupby(["stokes", "body"])["seconds"].min()
     medians: Any = cheapest.groupby("stokes").median()
     return {float(stokes): float(seconds) for stokes, seconds in medians.items()}
@@ -316,5 +330,6 @@ def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> t
         return nan, "never"
     if kind == "resonance":
         return found.needed(target, _RESONANCE)
+    # The law that most of the bodies follow.
     crossing = order == ORDER_ONE and 2 * there["crosses"].mean() > 1
     return found.needed(target, CROSSING_EXPONENT if crossing else THEORY[order])

@@ -1,4 +1,10 @@
-"""Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data."""
+"""Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data.
+
+`Ensemble` is the description, `Task` a block of its particles, `run_task` what an engine
+(`polhode.harness.ensembles.engines`) calls. Of the particles only sums are kept, in
+`polhode.harness.ensembles.statistics`. `docs/scaling.md` says which equations run by which method.
+In shapes, n counts particles, m times, and d components of a state.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -35,19 +41,20 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _SCHEMA = 5
-# Particles on which method and step are chosen.
+# Particles on which method and step are chosen; an estimate.
 PLANNED_PARTICLES = 128
-# Numbers of a block of particles that are held at once, 8 bytes each; their observables take a few
-# times as much.
+# Numbers of a block of particles that are held at once, 8 bytes each, so 16 MB; their observables
+# take a few times as much. An estimate.
 _HELD = 2_000_000
+# Particles that are held at once, at most, if each has few samples; an estimate.
 _MOST_AT_ONCE = 8192
 # States whose observables are held at once: they stay in the processor's cache.
 _OBSERVED = 20_000
-# Angular velocities stay below the fastest start, or about the fluid's: histograms reach a little
-# further.
+# Angular velocities stay below the fastest start, or about the fluid's, ½ in simple shear: 1 is
+# the least limit of |L| over I_max. Histograms reach further by the factor `MARGIN`, an estimate.
 _LEAST_LIMIT = 1.0
 MARGIN = 1.05
-# The whole numbers of an ensemble, least and most.
+# The whole numbers of an ensemble, least and most: estimates, but for the seed's 63 bits.
 BOUNDS = {
     **dict.fromkeys(("particles", "block"), (1, 10**12)),
     "seed": (0, 2**63 - 1),
@@ -87,7 +94,7 @@ class Ensemble:
         11  # those of them at which moments and distributions are kept; divides them evenly
     )
     bins: int = 64  # of each histogram
-    radius: float = 0.05
+    radius: float = 0.05  # in (L, E) over I_max; an estimate
     flow: Flow | None = None  # of all particles; simple shear by default
     # One for each particle in turn, from the first one again behind the last, in place of `flow`.
     tracks: tuple[Flow, ...] = ()
@@ -111,6 +118,7 @@ class Ensemble:
             raise ValueError(
                 "start.motion: got 'rest' with averaged equations, expected L not 0; use 'full'"
             )
+        # Refuses what the form does not take.
         _ = self.problem
         for number, track in enumerate(self.tracks, 1):
             try:
@@ -169,6 +177,8 @@ class Ensemble:
     @cached_property
     def layout(self) -> Layout:
         """The counted quantities and their bins."""
+        # All axes of a triaxial body, in the order of their lengths; of a spheroid its symmetry axis;
+        # of a sphere the last one; none where averaged equations leave the orientation open.
         shape = self.ellipsoid
         start_momentum = self.starts.angular_momentum
         axes = (
@@ -180,6 +190,7 @@ class Ensemble:
         momentum = max(
             _LEAST_LIMIT, 0.0 if start_momentum is None else float(np.linalg.norm(start_momentum))
         )
+        # The largest E of a given |L| is that of a rotation about the axis of the least inertia.
         energy = max(
             _LEAST_LIMIT / 2,
             momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if start_momentum else 0.0,
@@ -258,6 +269,7 @@ class Ensemble:
         particles = min(self.block, self.particles - index * self.block)
         problem = self.problem
         starts = self.draw(index, particles).states(self.form, self.ellipsoid)
+        # In a flow that varies the time is a state's last component.
         if self.along_tracks:
             starts = np.column_stack([starts, np.zeros(particles)])
         times = np.linspace(0.0, problem.end, self.samples)
@@ -312,6 +324,7 @@ class Ensemble:
         scene = self.any_scene
         axes = list(self.layout.axes)
         unit = max(self.ellipsoid.inertia)
+        # Every so many samples there is a snapshot; names with `_then` hold values at snapshots alone.
         every = (samples - 1) // (self.snapshots - 1)
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
@@ -334,6 +347,7 @@ class Ensemble:
                 )
                 close[k, some] = away < attractor.reach**2
             slow_then[:, some] = np.stack([component[:, ::every].T for component in slow], axis=-1)
+            # Places of the snapshots among all states of these particles, shape (snapshots, particles).
             then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
             at = observables[then.ravel()]
             directions = at.rotation[:, axes]
@@ -365,7 +379,8 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
 
 @once()
 def least_of(ensemble: Ensemble) -> float:
-    """|L| down to which hybrid particles are averaged; inf if form `hybrid` runs all, as where they are few."""
+    """|L| over I_max down to which hybrid particles are averaged; inf if form `hybrid` runs all of them."""
+    # So few particles cost no more than those that run both ways to find the least |L|.
     if ensemble.particles <= BOTH_WAYS:
         return inf
     pool = ensemble.draw(0, min(POOL, ensemble.particles)).states(ensemble.form, ensemble.ellipsoid)
