@@ -1,6 +1,10 @@
 """Orbits of the Jeffery top, the ellipsoid without inertia: Poincaré sections, stretching, layers of chaos.
 
-Orbits run side by side, one in each SIMD lane of a Taylor integrator.
+Euler angles are θ, φ, ψ; the section is φ = nπ. An orbit librates if z' passes θ = π/2 from one
+section point to a later one, and circulates if ψ goes through ±π/2. The separatrix of the saddles
+(π/2, ±π/2) parts both kinds; it may be a layer in which orbits do both, and are chaotic.
+`polhode.harness.paper.sections.limits` makes the paper's items of these. Orbits run side by side,
+one in each SIMD lane of a Taylor integrator.
 """
 
 from collections.abc import Sequence
@@ -23,15 +27,17 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 # Sampling step, in inverse shear rates, between which section points are interpolated: the
 # interpolation errs by 1e-4 at most.
 _STEP = 0.4
-_TOLERANCE = 1e-15  # Of the orbits, without their tangents.
+_TOLERANCE = 1e-15  # Of the orbits of section points: as tight as double precision allows.
 # Tolerance of the tangents: a percent of their growth is enough.
 _TANGENT_TOLERANCE = 1e-12
 # Sizes of the form `jeffery`.
-_DIMENSION = 4  # Numbers of a state.
-_PARAMETERS = 6
+_DIMENSION = 4  # Numbers of a state, a unit quaternion.
+_PARAMETERS = (
+    6  # Those of its field: the shares of strain and rotation of `polhode.models.flow.shares`.
+)
 # Halvings of an interval in which a section point is looked for: down to rounding.
 _ROOT_HALVINGS = 50
-# Beside ψ = 0, which some orbits never leave.
+# ψ in rad of starts at ψ = 0: beside it, as some orbits never leave ψ = 0 itself.
 PSI = 1e-9
 # The search for ends of a layer covers this interval, in rad from θ = π/2.
 _SEARCHED = (0.0, 1.2)
@@ -53,7 +59,11 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 
 
 def chaos_border(turns: float) -> float:
-    """Logarithm of the stretching above which an orbit is chaotic; on a regular one it grows like log(turns)."""
+    """Logarithm of the stretching above which an orbit is chaotic, after a number of half turns.
+
+    The tangent of a regular orbit grows about linearly, so that the logarithm is about log(turns);
+    that of a chaotic one grows exponentially. The factor 3 between both is an estimate.
+    """
     return 3 * float(np.log(turns))
 
 
@@ -107,7 +117,8 @@ def section_points(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """θ and ψ in rad where φ = nπ, of each orbit from Euler angles with φ = 0; ψ from -π/2 to π/2.
 
-    As precisely as double precision allows. The symmetry of ψ is taken out.
+    The orbits are as precise as double precision allows; points are interpolated between their
+    rows (`_STEP`). ψ is taken modulo π: a half turn about z' leaves the ellipsoid unchanged.
     """
     times = np.linspace(0.0, duration, int(duration / _STEP) + 2)
     scene = Scene(ellipsoid, 0.0, EulerStart((1.0, 0.0, 0.0)), duration)
@@ -143,6 +154,7 @@ def _points_of(
         left = at_low * at_middle <= 0
         high = np.where(left, middle, high)
         low = np.where(left, low, middle)
+    # The vorticity axis z in body axes is (sin θ sin ψ, sin θ cos ψ, cos θ).
     place = ((low + high) / 2)[:, None]
     vorticity = _cubic(place, values[:, :, :, 2], slopes[:, :, :, 2])
     theta = np.arccos(np.clip(vorticity[:, 2] / np.linalg.norm(vorticity, axis=1), -1, 1))
@@ -206,10 +218,12 @@ def _probes(interval: tuple[float, float]) -> np.ndarray:
 
 
 def _circulates(psi: np.ndarray) -> bool:
+    """Whether an orbit circulates at some time, from ψ in rad at its section points in their order."""
     return bool(np.any(np.abs(np.diff(psi)) > _CIRCULATES))
 
 
 def _librates(theta: np.ndarray) -> bool:
+    """Whether an orbit librates at some time, from θ in rad at its section points in their order."""
     return bool(np.any((theta[1:] - pi / 2) * (theta[:-1] - pi / 2) < 0))
 
 
@@ -217,6 +231,8 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
     """Exponent of the saddle (π/2, π/2) of the section, per half turn."""
     # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements
     # cosh λ.
+    # So the first section point from ψ = π/2 - δ lies at a distance of δ cosh λ. It comes after about
+    # one half turn, within the 1.5 that are followed.
     start = (pi / 2, 0.0, pi / 2 - _TINY)
     ((_, psi),) = section_points(ellipsoid, [start], 1.5 * half_turn(ellipsoid))
     return acosh((pi / 2 - abs(float(psi[0]))) / _TINY)

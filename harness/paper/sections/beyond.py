@@ -58,12 +58,14 @@ from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
 _ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
+# Sides of L² = 2EI₂, by the axis about which the free body wobbles: L² > 2EI₂ about the shortest,
+# L² < 2EI₂ about the longest. The column `side` of tables has the index: 0 does not cross, 1 does.
 _SIDES = ("short", "long")
 # Slow time up to which the order of averaging is measured.
 _ORDER_TIME = 0.1
 # Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂ either.
 _FAST_SOLVER = "cyrk-vern8"
-# Smallest St of the fits of the order.
+# Smallest St of the fits of the order: just below the third one that is computed.
 _ASYMPTOTIC = 9e4
 # Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
 # side; starts of the long side are close to L² = 2EI₂ and cross it soon.
@@ -71,7 +73,7 @@ _SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
 def random_start(generator: np.random.Generator, side: str) -> BodyStart:
-    """Random orientation, |ω| about 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations."""
+    """Random orientation, |ω| = 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations."""
     inertia = np.array(_ELLIPSOID.inertia)
     i1, i2, i3 = np.sort(inertia)
     low, high = (i2, i3) if side == "short" else (i1, i2)
@@ -79,6 +81,7 @@ def random_start(generator: np.random.Generator, side: str) -> BodyStart:
     while True:
         omega = generator.normal(size=3)
         omega *= 0.8 / np.linalg.norm(omega)
+        # L²/2E: it lies between the smallest and the largest moment of inertia.
         ratio = np.sum((inertia * omega) ** 2) / np.sum(inertia * omega**2)
         if least < (ratio - low) / (high - low) < most:
             q = generator.normal(size=4)
@@ -86,20 +89,24 @@ def random_start(generator: np.random.Generator, side: str) -> BodyStart:
 
 
 def same_slow_start(start: BodyStart | EulerStart, generator: np.random.Generator) -> BodyStart:
-    """Another start with the same L and E: the free top at a random time."""
+    """Another start with the same L and E: the free top at a random time.
+
+    L and E are all that averaged equations know of a start; the other phases of nutation and
+    precession are what they do not know.
+    """
     top = TorqueFree(_ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
     quaternion, omega = top.at([generator.uniform(50.0, 500.0)])
     return BodyStart(tuple(quaternion[0].tolist()), tuple(omega[0].tolist()))
 
 
 def above_middle(slow: np.ndarray) -> np.ndarray:
-    """Whether L² > 2EI₂, shape (n,)."""
+    """Whether L² > 2EI₂, shape (n,), for slow variables (L_x, L_y, L_z, E) over I_max, shape (n, 4)."""
     middle = sorted(_ELLIPSOID.inertia)[1] / max(_ELLIPSOID.inertia)
     return np.sum(slow[:, :3] ** 2, axis=1) > 2 * slow[:, 3] * middle
 
 
 def start_exponents(part: Table) -> np.ndarray:
-    """Exponents of all starts, from the asymptotic St on."""
+    """Exponent p of error ∝ St^p for each start, fitted from `_ASYMPTOTIC` on."""
     large = part[part.stokes >= _ASYMPTOTIC]
     return np.array([exponent(run.stokes, run.error) for _, run in groups(large, "start")])
 
@@ -113,6 +120,7 @@ def typical_errors(part: Table) -> np.ndarray:
 
 def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
     """a and b of errors ((a/St)² + b²/St)^½: a jump and a scattering that add up as independent ones do."""
+    # The squared error is linear in a² and b². Divided by it, all St count with relative misfits.
     laws = np.stack([stokes**-2, 1 / stokes], axis=1) / errors[:, None] ** 2
     jump, scattering = np.sqrt(optimize.nnls(laws, np.ones(len(stokes)))[0]).tolist()
     return jump, scattering
@@ -132,7 +140,7 @@ class AveragingOrder(Experiment):
     seconds: ClassVar[float] = 60.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Largest error of L and E of the averaged form by side, start and St."""
+        """Largest error of L and E, over I_max, of the averaged form: a row for each side, start and St."""
         generator = np.random.default_rng(11)
         slow_times = np.linspace(0.0, _ORDER_TIME, 3001)
         numbers = np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist()
@@ -254,7 +262,11 @@ class AveragingOrder(Experiment):
 
 @dataclass(frozen=True)
 class Laws:
-    """Laws of averaging's errors in St, without and with a crossing."""
+    """Laws of averaging's errors in St, without and with a crossing of L² = 2EI₂.
+
+    "Free" and "calm" are values without a crossing. Arrays have a value for each St, or, if
+    "between neighbouring St", one less.
+    """
 
     without: Table
     crossing: Table
@@ -380,12 +392,20 @@ SPREAD = np.pi / np.sqrt(12)
 
 
 def law(values: np.ndarray) -> np.ndarray:
-    """Distribution function of -ln(2 sin πξ), ξ uniform, in units of its standard deviation."""
+    """Distribution function of -ln(2 sin πξ), ξ uniform, in units of its standard deviation.
+
+    It is Neishtadt's law of the jump at a separatrix, of which `CrossingJumps.judge` names the
+    source. -ln(2 sin πξ) is no less than -ln 2, and at most x with probability 1 - (2/π) arcsin(e^-x/2).
+    """
     return 1 - 2 / np.pi * np.arcsin(np.exp(-np.maximum(SPREAD * values, -np.log(2))) / 2)
 
 
 def fitted_level(count: int) -> float:
-    """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted."""
+    """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted.
+
+    The distance is Kolmogorov's and Smirnov's, the level that of 4000 simulated samples, as in
+    Lilliefors' test for a normal law: the tabulated level is for laws without fitted parameters.
+    """
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
     values = np.sort(
         (values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True)
@@ -422,7 +442,11 @@ class CrossingJumps(Experiment):
     seconds: ClassVar[float] = 8.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Deviations of full runs from the averaged one, before and after the crossing."""
+        """Deviations of full runs from the averaged one, before and after the crossing.
+
+        The table has a row for each St, `after` (0 before the crossing, 1 after it) and start; the
+        columns of `SLOW` are means over the window of slow time, over I_max.
+        """
         generator = np.random.default_rng(29)
         slow_times = np.linspace(0.0, _JUMP_TIME, 2001)
         averaged = averaged_run(Scene(_ELLIPSOID, 1.0, PAPER_START, _JUMP_TIME), slow_times).slow
@@ -571,7 +595,7 @@ def _scatters(table: Table) -> tuple[dict[float, Scatter], dict[float, Scatter]]
     return before, after
 
 
-# Slow time of the runs from next to the saddle.
+# Slow time of the runs from next to the saddle: longer than any arrival at the node, which `judge` checks.
 _ENDING_TIME = 1.5
 # Ticks of the figure of arrivals.
 _TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
@@ -589,7 +613,10 @@ _OFF_BY = 0.2
 
 
 def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
-    """Longest axis along the vorticity and ω = -½ along it, both but for about `near`."""
+    """Longest axis along the vorticity and ω = -½ along it, both but for random deviations.
+
+    `spread` is their standard deviation, in rad and in units of the shear rate.
+    """
     phi = generator.uniform(0, 2 * pi)
     psi = generator.choice([-pi / 2, pi / 2])
     tilt = generator.normal(scale=spread, size=2)
@@ -620,7 +647,12 @@ class SaddleEndings(Experiment):
     seconds: ClassVar[float] = 5.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Arrival at the node: averaged, and full at several St, with the end of z'."""
+        """Arrival at the node: averaged, and full at several St, with the end of z'.
+
+        A row is a full run: `near` is the spread of the start, `phase` 0 for the start itself and 1
+        for another with the same L and E, `averaged` and `full` are slow times of arrival, `up` is
+        1 if z' ends along +z.
+        """
         generator = np.random.default_rng(23)
         slow_times = np.linspace(0.0, _ENDING_TIME, 1501)
         for spread, index in product(_NEAR_SADDLE, range(grid.of(24, 6))):

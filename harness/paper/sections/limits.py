@@ -48,21 +48,23 @@ _ON_SECTION = 1.0  # φ = 0; cos θ, ψ uniform. The shear does not turn it into
 _BESIDE = 2.0  # Next to the saddle.
 _ABOUT = 3.0  # About the separatrix, at ψ = 0.
 # Starts next to the saddle.
-_BESIDE_PSI = 1.57  # ψ in rad.
+_BESIDE_PSI = 1.57  # ψ in rad: 8e-4 from the saddle at π/2.
 _BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
-# Distances from the separatrix, over its own from θ = π/2, of the starts about it.
+# Starts about the separatrix: their distances from it along θ, over the separatrix' own distance from
+# θ = π/2. They grow like squares, so that starts are densest next to the separatrix.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
 # Width, in rad, that rounding alone gives a separatrix.
 _ROUNDING = 1e-12
 _ACROSS = 1000  # Orbits that start across a layer.
 # Half of their window over the layer's width by the search for its ends: the edges are frayed.
 _WINDOW = 2.5
-# Chaotic orbits from which on the median of their exponents is given.
+# Chaotic orbits from which on the median of their exponents is given: an estimate.
 _FEW = 30
 _SEA = Range(0.5, 1.0, "the claim: a sea of chaos surrounds the saddle")
 # Points of a section that are drawn at most: more make its files large and show no more.
 _MOST_DRAWN = 5000
-# Share of chaotic orbits up to which chaos counts as confined to thin layers.
+# Share of chaotic orbits up to which chaos counts as confined to thin layers. The paper gives no
+# number: an estimate.
 _THIN_SHARE = 0.05
 # Starts with φ = 0, which are drawn.
 _ON_SECTION_STARTS = 72
@@ -80,11 +82,21 @@ class Start:
 
 @dataclass(frozen=True)
 class _Sections(Experiment):
-    """Poincaré sections of one ellipsoid; z' is its odd axis, so that the saddles lie at θ = π/2, ψ = ±π/2."""
+    """Poincaré sections of one ellipsoid; z' is its odd axis, so that the saddles lie at θ = π/2, ψ = ±π/2.
+
+    The section is φ = nπ: θ and ψ are recorded whenever z' lies in the plane of φ = 0. A half turn
+    is the time of `jeffery_top.half_turn`, half a Jeffery period; counts called "turns" are of half
+    turns. An orbit is chaotic if its tangent was stretched beyond `chaos_border`.
+
+    Tables: "orbits" has a row for each start with its kind, exponent and whether it is chaotic;
+    "growth" the chaotic isotropic starts after some counts of half turns; "" and "close" the points
+    that are drawn; "layer" the ends of the layer of chaos; "across" the starts across it; "saddle"
+    the exponent of the saddle; "settings" the duration.
+    """
 
     seconds: ClassVar[float] = 40.0
     ellipsoid: Ellipsoid
-    sections: int  # Half turns to follow, about.
+    sections: int  # Half turns to follow: about so many section points for each orbit.
     close: tuple[float, float]  # Half width in θ and ψ, in rad, of the magnified view.
     isotropic: int  # Starts of random orientation.
     layered: bool = False  # Whether to look for the layer of chaos along the separatrix.
@@ -387,6 +399,8 @@ class ThinLayers(_Sections):
 def _frayed_width(across: Table) -> tuple[float, tuple[float, float]]:
     """Length, in rad, of the starts that both librate and circulate, and its interval."""
     mixed = share((across.librates > 0) & (across.circulates > 0))
+    # Starts are the middles of equal parts of the window: it is one part longer than from the first
+    # start to the last.
     window = len(across) * (across.offset[-1] - across.offset[0]) / (len(across) - 1)
     low, high = mixed.interval
     return float(mixed) * window, (low * window, high * window)
@@ -482,6 +496,8 @@ class GeneralTop(_Top):
         most = np.degrees(table.nutation.max())
         ratio = numbers.precession_period[0] / numbers.period[0]
         denominators = np.arange(1, 2 * _TURNS + 1)
+        # The path closes after n turns of the precession if nT' is a multiple of T/2, that is if
+        # T'/T is a fraction with the denominator 2n.
         distance = np.min(np.abs(ratio - np.rint(ratio * denominators) / denominators))
         return Verdict(
             Word.SHARPENED,
@@ -542,7 +558,10 @@ class SymmetricTop(_Top):
 
 
 def measured_period(path: Table) -> float:
-    """Time in which z' goes once about L."""
+    """Time in which z' goes once about L, from a table with the columns t, x, y, z.
+
+    The path is a circle: three of its points give its normal, and the azimuth about it grows evenly.
+    """
     axis = np.column_stack([path.x, path.y, path.z])
     normal = np.cross(axis[0] - axis[len(axis) // 5], axis[0] - axis[len(axis) // 3])
     normal /= np.linalg.norm(normal)

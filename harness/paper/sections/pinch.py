@@ -1,4 +1,10 @@
-"""Full and slow trajectories of spheroids at the pinch point L = 0."""
+"""Full and slow trajectories of spheroids at the pinch point L = 0.
+
+A run that starts with L along the vorticity and L_z > 0 is slowed down, and passes L = 0 on its way
+to the node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory
+ends. The item measures how near full runs come to it, by their smallest |L| against St. The theory
+of its exponent stands in `growth_exponent` and `pinch_exponent`.
+"""
 
 from dataclasses import dataclass
 from math import pi, sqrt
@@ -60,11 +66,11 @@ _KAPPA = 2.0  # Aspect ratio.
 _MOMENTUM = 0.4  # L_z/I_max at the start.
 _THETA = 0.3  # Rad, at the start.
 _TILT = 0.2  # Rad: tilt of L in the second plane.
-_SHOWN_STOKES = (1e3, 1e4, 1e5)
-_SLOW_TIME = 0.12
+_SHOWN_STOKES = (1e3, 1e4, 1e5)  # St of the full runs that are drawn.
+_SLOW_TIME = 0.12  # Slow time that all runs of the planes are followed.
 # Half sizes of the magnified view, over I_max.
 _CLOSE = (0.045, 0.0024)
-# Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold.
+# Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold (`widest`).
 _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
 # Half the window around the crossing in which the smallest |L| is looked for, over I_max.
 _WINDOW = 0.05
@@ -82,7 +88,12 @@ class Pinch(Experiment):
     seconds: ClassVar[float] = 3.0
 
     def compute(self, grid: Grid) -> Computed:
-        """Paths past the pinch point; the smallest |L| of full runs against St."""
+        """Paths past the pinch point; the smallest |L| of full runs against St.
+
+        Tables "aligned" and "tilted" have paths, named by their St, ∞ for the averaged one; "end" the
+        slow time at which the aligned averaged run ends; "crossing" the smallest |L|/I_max by κ, St
+        and azimuth φ₀ of the start; "compared" the same by `hybrid` and by a full run.
+        """
         slow_times = np.linspace(0.0, _SLOW_TIME, grid.of(1201, 601))
         ends, pinch = _slow_to_pinch(_KAPPA, slow_times)
         yield "aligned", path(np.inf, ends.times, ends.slow)
@@ -93,6 +104,8 @@ class Pinch(Experiment):
                 yield table, path(stokes, slow_times, full_run(scene, stokes * slow_times).slow)
         yield "end", {"t2": pinch}
         count = grid.of(8, 2)
+        # Azimuths of the start over half a circle. By the quarter of a step no two are mirror images,
+        # φ and π - φ, and none is 0.
         phases = ((np.arange(count) + 0.25) * pi / count).tolist()
         for kappa in _WIDTH_KAPPAS:
             _, met = _slow_to_pinch(kappa, slow_times)
@@ -244,7 +257,7 @@ class Pinch(Experiment):
 
 
 def _decade_exponents(rows: Table) -> str:
-    """Exponents of the smallest |L| by decades of St from 1e4 on."""
+    """Exponents of the smallest |L| by decades of St from 1e4 to 1e8; `judge` has the last decade."""
     exponents = [local_exponent(rows, 10.0**n, 10.0 ** (n + 1)) for n in range(4, 8)]
     return joined(exponents, ".2f")
 
@@ -285,7 +298,13 @@ def _slow_to_pinch(kappa: float, slow_times: np.ndarray) -> tuple[Run, float]:
 def _least_momentum(
     kappa: float, stokes: float, phi: float, slow_time: float, form: str = "hybrid"
 ) -> float:
-    """Smallest |L|/I_max of a run that starts with L along the vorticity."""
+    """Smallest |L|/I_max of a run that starts with L along the vorticity.
+
+    `slow_time` is that at which the averaged run meets the pinch point. The smallest |L| is looked
+    for from a half window before it to two after it.
+    """
+    # The half window is `_WINDOW` of L_z/I_max at the mean speed, or ten times the paper's St^-1/2
+    # if that is more, and begins after the start of the run: 0.999, as times have to increase.
     speed = _MOMENTUM / slow_time
     half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
     times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
@@ -316,12 +335,13 @@ def pinch_exponent(kappa: float) -> float:
 
 
 def local_exponent(rows: Table, low: float, high: float) -> Estimate:
-    """Exponent of the smallest |L| between two St."""
+    """Exponent in St of the smallest |L|, as its root mean square over azimuths, between two St."""
     stokes, mean = root_mean_squares(rows, "stokes", "least")
+    # A percent of room: the St of the table may differ from the ends by rounding.
     chosen = (stokes >= 0.99 * low) & (stokes <= 1.01 * high)
     return exponent(stokes[chosen], mean[chosen])
 
 
 def widest() -> float:
-    """The aspect ratio with the width St^-1/2."""
+    """The aspect ratio κ at which `pinch_exponent` is -1/2: the growth exponent is -1 there."""
     return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]
