@@ -76,6 +76,8 @@ def distance_from_node(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
 
 def plane_steps(slow: np.ndarray, count: int) -> np.ndarray:
     """Indices of at most count points of a path in the L_z–E plane, denser at small E; slow has shape (n, 4)."""
+    # Steps are even in L_z/√E and ln E, which are finite at the pinch point by 1e-3 I_max, less than is
+    # seen in a figure.
     energy = slow[:, 3] + 1e-3
     return even_steps(np.stack([slow[:, 2] / np.sqrt(energy), np.log(energy)], axis=1), count)
 

@@ -124,7 +124,7 @@ def axes_of(ellipsoid: Ellipsoid) -> str:
 
 
 def graded(end: float, points: int) -> np.ndarray:
-    """Times from 0 to the end, dense at first, where slow motion is fastest."""
+    """Times from 0 to the end, dense at first, where slow motion is fastest; the power 2.5 is an estimate."""
     return end * np.linspace(0.0, 1.0, points) ** 2.5
 
 

@@ -63,12 +63,19 @@ def frame(momentum: np.ndarray) -> np.ndarray:
 def ensemble(
     ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, nodes: int
 ) -> np.ndarray:
-    """Rotations t_ij, shape (n, 3, 3), at equal times of a period T of the Euler top and equal angles of precession."""
+    """Rotations t_ij, shape (n, 3, 3), at equal times of a period T of the Euler top and equal angles of precession.
+
+    `momentum` gives the direction of L in space, `omega` the angular velocity in body axes at the
+    start, `nodes` the number of times. Means over the rotations are then averages of the paper:
+    equal steps integrate periodic functions to rounding, if there are enough.
+    """
     w1, w2, w3 = omega.tolist()
     top = TorqueFree(ellipsoid.inertia, (1.0, 0.0, 0.0, 0.0), (w1, w2, w3))
     quaternion, _ = top.at(top.period * np.arange(nodes) / nodes)
     body = matrix_from_quaternion(quaternion)
     aligned = body @ frame(np.array(ellipsoid.inertia) * omega)
+    # Eight angles are exact for the second and third moments: these are trigonometric polynomials of
+    # degree three in the angle of precession.
     turns = matrix_from_euler(np.outer(2 * pi * np.arange(8) / 8, (0, 1, 0)))
     return np.einsum("nij,pjk,lk->npil", aligned, turns, frame(momentum)).reshape(-1, 3, 3)
 
@@ -135,6 +142,7 @@ class SpheroidAverages(_Averages):
     def compute(self, grid: Grid) -> Computed:
         """Largest deviation of every entry from the mean over the precession, over random L and cones."""
         generator = np.random.default_rng(3)
+        # Angles of precession about L: more than the moments of degree two need.
         angle = 2 * pi * np.arange(16) / 16
         entries = spheroid_entries()
         worst = np.zeros((len(entries), 2))
@@ -237,6 +245,7 @@ class EllipsoidAverages(_Averages):
 
 
 def _deviations(entries: Sequence[Entry], worst: np.ndarray) -> dict[str, Any]:
+    """A table's columns, from the largest deviations of printed and corrected entries, shape (n, 2)."""
     names = [entry.name for entry in entries]
     return {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}
 
@@ -360,7 +369,12 @@ class FirstOrder(Experiment):
 
 
 def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
-    """L_z/I_e of the full and the averaged run, with the correction as printed, and corrected."""
+    """L_z/I_e of the full and the averaged run, with the correction as printed, and corrected.
+
+    The printed correction subtracts an oscillation at twice the angle of precession, for which it
+    takes the mean of L_z since the start. `polhode.models.theory.spheroid_correction` derives the
+    corrected one. Arrays have `points` values, at equal slow times.
+    """
     shape = Spheroid.of(spheroid(_KAPPA))
     scene = aligned_scene(spheroid(_KAPPA), stokes, _MOMENTUM, _THETA, _SLOW_TIME, _PHI)
     slow_times = np.linspace(0.0, _SLOW_TIME, points)
@@ -368,6 +382,7 @@ def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
     momentum = averaged.states[:, 2]
     spin = averaged.states[:, 3]
     phase = cumulative_simpson(momentum, x=slow_times, initial=0.0)
+    # At the start the mean is L_z itself.
     mean = np.concatenate([momentum[:1], phase[1:] / slow_times[1:]])
     tilt = 1 - (shape.inertia_ratio * spin / momentum) ** 2
     amplitude = shape.equatorial_damping * shape.anisotropy * tilt / 4

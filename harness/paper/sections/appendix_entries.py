@@ -1,7 +1,8 @@
 """The appendices' tables of averages, in their order: means over rotations, and the formulas printed for them.
 
-A formula is a function of n = L/|L| and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩). In names of
-entries, x'1 x'2 y'3 are the components t_11, t_21, t_32; without a stroke they are components in axes along L.
+A formula is a function of n = L/|L| in space axes and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩), the mean squares of the
+components along L of the three body axes. In names of entries, x'1 x'2 y'3 are the components t_11, t_21, t_32;
+without a stroke they are components in axes along L. `polhode.harness.paper.sections.appendix` compares both.
 """
 
 from collections.abc import Callable
@@ -41,7 +42,7 @@ class Entry:
 
 
 def sign_of(i: int, j: int, k: int) -> float:
-    """ε_ijk."""
+    """ε_ijk: 1 for even permutations of (0, 1, 2), -1 for odd ones, else 0."""
     return (i - j) * (j - k) * (k - i) / 2
 
 
@@ -50,7 +51,11 @@ def _zero(n: np.ndarray, z: np.ndarray) -> float:
 
 
 def _moment(words: str, printed: Formula, corrected: Formula | None = None) -> Entry:
-    """An entry for the mean of a product of components."""
+    """An entry for the mean of a product of components, each a word such as x1 or z'3.
+
+    The letter is the axis, the number the body axis, and a stroke means space axes.
+    """
+    # By word: column and row of the matrix, and whether it is t, in space axes, or u.
     factors = [(_LETTERS.index(word[0]), int(word[-1]) - 1, "'" in word) for word in words.split()]
 
     def mean(t: np.ndarray, u: np.ndarray) -> float:
@@ -66,7 +71,11 @@ def _mean(value: Callable[[np.ndarray], np.ndarray], axis: np.ndarray) -> float:
 
 
 def spheroid_entries() -> list[Entry]:
-    """The eight entries of the spheroid's table; `t` holds p = (sin θ sin φ, -sin θ cos φ, cos θ), z is (h²,)."""
+    """The eight entries of the spheroid's table.
+
+    Here `t` holds the symmetry axis p = (sin θ sin φ, -sin θ cos φ, cos θ), shape (3, n), and z is
+    (h²,), h the cosine of the angle between p and L.
+    """
     return [
         Entry("cos θ", lambda t, u: _mean(lambda p: p[2], t), lambda n, z: n[2] * z[0] ** 0.5),
         Entry(

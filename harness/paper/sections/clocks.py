@@ -1,4 +1,9 @@
-"""Rates of approach to the stable rotations and from large L, clocks, and the collapse on St*."""
+"""Rates of approach to the stable rotations and from large L, clocks, and the collapse on St*.
+
+A clock is a unit of time in which relaxation is measured: t/St, or t/St* with an effective Stokes
+number St* = I St/(8πX) of one of the body's axes, I its moment of inertia and X its resistance. On
+the right clock all bodies relax alike. The printed rates are `fixed_points.eigenvalues`.
+"""
 
 from abc import abstractmethod
 from dataclasses import dataclass
@@ -85,7 +90,7 @@ def amplitude(run: Run, mode: int) -> np.ndarray:
 
 
 def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
-    """Rate of an exponential by least squares of the logarithm."""
+    """Rate of an exponential, per slow time, by least squares of the logarithm."""
     return float(np.polyfit(slow_times, np.log(np.maximum(values, 1e-300)), 1)[0])
 
 
@@ -96,7 +101,10 @@ def decay_tables(grid: Grid) -> tuple[Part, ...]:
 
 
 def _rates(grid: Grid) -> Computed:
-    """The rate of each mode of each body, printed and measured."""
+    """The rate of each mode of each body, printed and measured, per slow time.
+
+    `body` and `mode` are places in `_BODIES` and `_MODES`, `clock` is St*/St of z'.
+    """
     for number, body in enumerate(_BODIES):
         clock = body.inertia[2] / (8 * pi * body.resistance[2])
         for mode, printed in enumerate(eigenvalues(body, 2)):
@@ -115,10 +123,12 @@ def _from_large(grid: Grid) -> Computed:
     """From large L: squares of L along and across the axis, and the angle by which L has turned."""
     for kappa in (0.5, 2.0):
         body = spheroid(kappa)
+        # Two relaxation times of the axis that is damped least.
         slow_times = np.linspace(0.0, 2.0 / min(body.damping), grid.of(401, 101))
         times = _LARGE_STOKES * slow_times
         momentum = _LARGE * np.array(_LARGE_DIRECTION)  # Over I_max, in body axes.
         omega = momentum / np.array(body.inertia) * max(body.inertia)
+        # Any orientation: the printed rates from large L do not depend on it.
         start = BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega))
         observables = full_run(Scene(body, _LARGE_STOKES, start, times[-1]), times).observables
         momentum = observables.angular_momentum
@@ -320,6 +330,7 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     energy = _ENERGY * largest
     axial = shape.axial_inertia
     equatorial = shape.equatorial_inertia
+    # The square of the spin ω_a about the axis, from 2E = I_a ω_a² + (L² - I_a² ω_a²)/I_e.
     spin2 = (momentum**2 - 2 * equatorial * energy) / (axial * (axial - equatorial))
     theta = float(np.arccos(np.sqrt(spin2) * axial / momentum))
     start = aligned_start(ellipsoid, momentum, theta)
@@ -328,7 +339,10 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
 
 
 def frequency(run: Table) -> float:
-    """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last."""
+    """Angular frequency of L_z, in units of the shear rate, from its first settled maximum to its last.
+
+    The column t2 of `run` is t/St*; settled is the second half of the time up to `_LATE` and after.
+    """
     settled = run[run.t2 >= _LATE / 2]
     first, *between, last = maxima(settled.t2, settled.Lz)
     return float(2 * pi * (len(between) + 1) / (last - first) / _STOKES_STAR)

@@ -1,4 +1,10 @@
-"""Triaxial ellipsoids at large St: the singular fixed point, slow variables, the L_z–E plane, projections."""
+"""Triaxial ellipsoids at large St: the singular fixed point, slow variables, the L_z–E plane, projections.
+
+The singular fixed point is the rotation about the middle axis, L_z = -I₂/2. "Local" is the solution
+next to it, by `polhode.models.theory.separatrix`, which defines y and L_z' = L_z + I₂/2 ("shift").
+"Critical" is the one trajectory on each side of L² = 2EI₂ that meets the point. Tables number the
+sides: 0 is long, L² < 2EI₂, before the point, 1 is short, after it.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -62,7 +68,10 @@ _PASSAGE_LONGER = 1.2
 
 
 def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
-    """y = 1 - m of slow variables over I_max, shape (n, 4)."""
+    """y = 1 - m of slow variables over I_max, shape (n, 4): 0 on L² = 2EI₂, and negative beyond it.
+
+    m is the parameter of the elliptic functions of the polhode.
+    """
     i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
     end_inertia, other_inertia = (i3, i1) if side == "short" else (i1, i3)
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
@@ -103,6 +112,8 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     row of each run.
     """
     local = Separatrix(_ELLIPSOID, "long")
+    # The averaged passage takes somewhat longer than the local one; beyond y = 0.3, where the local time
+    # says little, it takes less than 0.3 of slow time (an estimate).
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:
@@ -117,6 +128,7 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
         _, left, momentum = before_point(shift)
         return momentum <= local.critical(left) / _UNIT
 
+    # 45 halvings narrow the 1.8 I_max down to 5e-14.
     shift = bisected(meets_below, -1.5 * _UNIT, 0.3 * _UNIT, 45)
     time, left, _ = before_point(shift)
     return state_of(local, complement, shift), time - local.time(left)
@@ -135,6 +147,7 @@ def critical_before(complement: float, points: int, times_left: np.ndarray) -> n
 def critical_after(slow_times: np.ndarray) -> np.ndarray:
     """The averaged trajectory that leaves the singular point, shape (n, 4), at times after it; the first is 0."""
     local = Separatrix(_ELLIPSOID, "short")
+    # y of the start, where the local solution holds: at y = 0 the averaged equations are singular.
     beside = 1e-9
     return slow_run(_ELLIPSOID, state_of(local, beside, local.critical(beside)), slow_times).slow
 
@@ -294,7 +307,7 @@ def _draw_sides(
 # Runs that measure the irregularity of the oscillation.
 _IRREGULAR_STOKES = 500.0
 _IRREGULAR_SLOW_TIME = 0.1  # Slow time that they are followed.
-# Errors after L² = 2EI₂ over those before, up to which passing it has little effect.
+# Errors after L² = 2EI₂ over those before, up to which passing it has little effect: an estimate.
 _LITTLE_EFFECT = 2.0
 
 
@@ -356,7 +369,11 @@ class FirstStart(SlowMotion):
 
 
 def _scatter(values: np.ndarray) -> float:
-    """Median of the logarithm, up to its sign, of the ratio of a swing to the next in the same direction."""
+    """Median of the logarithm, up to its sign, of the ratio of a swing to the next in the same direction.
+
+    A swing is the change of a value from one turning point to the next; every other one has the
+    same direction.
+    """
     turning = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
     swings = np.abs(np.diff(values[turning]))
     return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
@@ -384,6 +401,7 @@ class Plane(Experiment):
             local = Separatrix(_ELLIPSOID, side)
             complements = np.geomspace(1e-6, 0.5, 41).tolist()
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
+            # Kind 0 is the local solution, kind 1 below the averaged one.
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
         # Dense near the point, where both are compared.
         _, arrival = critical_start(0.8, 4001)
@@ -491,7 +509,10 @@ def _kept(slow: np.ndarray) -> np.ndarray:
 
 
 def misfits(critical: Table, side: float) -> tuple[float, float]:
-    """How far the local critical trajectory is off the averaged one near the singular point, and at its end."""
+    """How far the local critical trajectory is off the averaged one near the singular point, and at its end.
+
+    Both are distances in the L_z–E plane, over I_max.
+    """
     kinds = by(by(critical, "side")[side], "kind")
     local = kinds[0.0]
     averaged = kinds[1.0]
@@ -510,6 +531,8 @@ class EllipsoidPlanes(PlanesOfBodies):
         low, high = planes.PLANE_STOKES
         ratios = [differences[low][name] / differences[high][name] for name in self.bodies]
         first = differences[low]
+        # Bodies are named by their places in `SIX_BODIES`: those of one b have the places 2k (c = 0.5)
+        # and 2k + 1 (c = 0.3), and the next b is two places on.
         thinner = [first[more] / first[less] for more, less in ((1, 0), (3, 2), (5, 4))]
         narrower = [first[more] / first[less] for more, less in ((0, 2), (2, 4), (1, 3), (3, 5))]
         larger = Range(1.0, 10.0, "the claim: larger; ten would be more than the change of shape")

@@ -49,11 +49,10 @@ from polhode.models.theory.tumbling_period import tumbling_period, weak_inertia_
 from polhode.solvers.compile import exact_jacobian
 
 # Aspect ratios of the prolate spheroids whose period is followed.
-
 _PERIOD_KAPPAS = (2.0, 4.0, 8.0, 16.0)
 # A tumbler turns about an equatorial axis.
 _TUMBLING_AXIS = 0
-# Share by which the law of order St² is off where it counts as lost.
+# Share by which the law of order St² (`vivtp`) is off where it counts as lost: the paper names none, an estimate.
 _LAW_LOST = 0.1
 
 
@@ -180,13 +179,19 @@ _INTEGRATED = (
 
 
 def _integrated_period(kappa: float, stokes: float) -> float:
-    """Time of one turn by integration in time, after the transient."""
+    """Time of one turn, in inverse shear rates, by integration in time, after the transient.
+
+    It is a check of `tumbling_period`, which finds the limit cycle without following it in time.
+    """
     ellipsoid = spheroid(kappa)
+    # Forty relaxation times leave e^-40 of the transient; 60κ are some nine Jeffery periods, 2πκ each,
+    # of a slender spheroid.
     settled = 40 * stokes / ellipsoid.damping[_TUMBLING_AXIS]
     start = BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0))
     scene = Scene(ellipsoid, stokes, start, settled + 60 * kappa)
     times = np.concatenate([[0.0], np.arange(settled, scene.time, 0.01)])
     states = run_form(Tumbling(), scene, times, 1e-14).states
+    # States are the angle, which falls, and its rate.
     angle = np.unwrap(states[1:, 0])
     rate = states[1:, 1]
     whole_turns = int((angle[0] - angle[-1]) / (2 * pi))
@@ -305,7 +310,7 @@ def growth(kappa: float, stokes: float) -> float:
 
 
 def followed_growth(kappa: float, stokes: float) -> float:
-    """The same rate from a run: over half a Jeffery period, after one in which the start is forgotten."""
+    """The same rate from a run: over one Jeffery period, after one in which the start is forgotten."""
     half = pi * (kappa + 1 / kappa)
     times = half * np.array([0.0, 2.0, 4.0])
     run = full_run(spinning(kappa, stokes, _FOLLOWED_TILT, times[-1]), times)
@@ -327,6 +332,7 @@ def peak_of(kappa: float) -> float:
 
 def printed_growth(kappa: float) -> float:
     """Rate × St at large St by the printed eigenvalues: of L, or of the tilt, half the fourth."""
+    # The fourth one is that of the tilt's square.
     rates = eigenvalues(spheroid(kappa), 2)
     return max(*rates[:2], rates[3] / 2)
 
@@ -457,7 +463,8 @@ _PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
 def turns(kappa: float, stokes: float, alpha: float) -> bool:
     """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; with inertia it starts at full speed."""
-    # Without inertia its rate is (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, it relaxes to this rate.
+    # The axis has the angle χ in the plane, and Λ = (κ² - 1)/(κ² + 1). Without inertia χ changes at the
+    # rate (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, the rate relaxes to this one.
     body = spheroid(kappa)
     slope = (kappa**2 - 1) / (kappa**2 + 1) * (1 + alpha) / 2
 
@@ -475,6 +482,7 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
         return state[1]
 
     stops.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+    # Sixty relaxation times, and 300 inverse shear rates for turns that are slow: an estimate.
     end = 60 / damping + 300
     start = (0.0, (alpha - 1) / 2 - abs(slope))
     return solve_ivp(rates, (0.0, end), start, "DOP853", rtol=1e-8, events=stops).status == 0

@@ -204,7 +204,12 @@ class Waves(Experiment):
     """Frequency and regularity of the fast oscillation of E about the slow trajectory."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Turning points of E of full runs of spheroids and of the six ellipsoids."""
+        """Turning points of E of full runs of spheroids and of the six ellipsoids.
+
+        A swing is the change of E from one turning point to the next, half a period. The table has,
+        for each body, its angular frequency in shear rates, the median size of a swing over I_max,
+        and its `scatter`: the median logarithm of the ratio of neighbouring swings.
+        """
         bodies = [*map(spheroid, _SPHEROID_KAPPAS), *SIX_BODIES]
         slow_times = np.linspace(0.0, _WAVE_SLOW_TIME, grid.of(40001, 10001))
         for number, body in enumerate(bodies):

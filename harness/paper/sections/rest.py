@@ -1,4 +1,9 @@
-"""Starts from rest: the path of the axis on the unit sphere, and the transient of order √St."""
+"""Starts from rest: the path of the axis on the unit sphere, and the transient of order √St.
+
+A particle with much inertia that starts at rest is first turned by the flow's torque alone: within
+a time of order √St it has turned by one radian. A turn lasts from one maximum of the axis' z
+component to the next. Columns x, y, z of tables are the direction of the axis z'.
+"""
 
 from dataclasses import dataclass
 from math import pi
@@ -52,11 +57,11 @@ from polhode.models.observables import angular_velocity
 from polhode.models.scene import EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# Distance, in rad, at which a path counts as off the Jeffery orbit.
+# Distance, in rad, at which a path counts as off the Jeffery orbit: an estimate.
 _OFF_ORBIT = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
 _ONSET = 1.0
-# Share of the largest torque by which a weakest one stands out.
+# Share of the largest torque by which a weakest one stands out: smaller maxima do not count as wiggles.
 _WIGGLE = 0.02
 # Smallest St of the fits of the transient.
 _LARGE_STOKES = 5e5
@@ -266,7 +271,11 @@ def _draw_orbit(axes: Axes, jeffery: Table) -> None:
 
 @dataclass(frozen=True)
 class Transient(Experiment):
-    """A particle from rest at several St, followed for some √St."""
+    """A particle from rest at several St, followed for some √St.
+
+    `scaled` is t/√St. The table "onset" has, by St, the scaled times of the first radian and of the
+    first wiggle, and the angular velocity, in shear rates, at t = √St.
+    """
 
     ellipsoid: Ellipsoid
     start: EulerStart
@@ -276,6 +285,7 @@ class Transient(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow variables against t/√St, and the onset at each St."""
         scaled = np.linspace(0.0, self.scaled_time, grid.of(4001, 2001))
+        # The two largest St serve the fits of the onset alone.
         for stokes in (*self.stokes, 5e6, 5e7):
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)

@@ -146,7 +146,9 @@ class SpheroidPlanes(PlanesOfBodies):
 
 
 # Starts of the projections.
-_ENERGIES = (2 / 9, 0.305, 0.472)  # E over I_e.
+# E over I_e: the lower bound L²/2I_e = 2/9, and about a quarter and three quarters of the way to the
+# upper one, L²/2I_a.
+_ENERGIES = (2 / 9, 0.305, 0.472)
 _PROJECTED_MOMENTUM = 2 / 3  # |L| over I_e.
 # Azimuths of L in degrees: the figure shows the first; paths of _BETWEEN are compared with the two
 # limiting paths.
@@ -159,7 +161,12 @@ class Projections(Experiment):
     """Slow trajectories with L in any direction, seen in two planes."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L."""
+        """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L.
+
+        Tables: "" has the paths, `cosine` is L_z/|L| at the start; "ends" their distance from the
+        node; "between" how far a path in the plane of L_z and `across` (E, or Lxy = √(L_x² + L_y²))
+        lies outside the two limiting ones.
+        """
         slow_times = graded(1.0, 1201)
         cosines = grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))
         for energy, cosine in product(_ENERGIES, cosines):
@@ -273,7 +280,10 @@ class LPlanes(Experiment):
     """Slow trajectories in the plane of |L| and E."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign."""
+        """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign.
+
+        `zero` is the component that is zero, 0 for L_x; `share` is that of `energy_at`.
+        """
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
         starts = product((0, 1), _RATIOS, (-1.0, 1.0), shares)
