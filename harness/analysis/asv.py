@@ -19,6 +19,7 @@ _VERSION = 2  # Results and benchmarks.json.
 _MACHINE_VERSION = 1  # machine.json.
 # Series that asv shows of the suite: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
+# What each result lists, in this order, by asv's names.
 _COLUMNS = ("result", "params", "version", "started_at")
 
 
@@ -35,6 +36,7 @@ def write_asv(path: Path, folder: Path) -> Path:
     if not (isinstance(commit, str) and re.fullmatch(r"[0-9a-f]{8,64}", commit)):
         raise ValueError(f"{path}: got commit {commit!r}, expected the JSON of a run in a clone")
     moment = contents["commit_info"].get("time") or contents["datetime"]
+    # Since 1970, as asv dates its results.
     milliseconds = int(1000 * datetime.fromisoformat(moment).timestamp())
     machine = records[0]["machine"]
     node = re.sub(r"[^A-Za-z0-9._-]", "-", contents["machine_info"]["node"]) or "machine"

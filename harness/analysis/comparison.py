@@ -1,4 +1,8 @@
-"""Two saved runs side by side, whichever way they were made: which cases became slower, less accurate, or failed."""
+"""Two saved runs side by side, whichever way they were made: which cases became slower, less accurate, or failed.
+
+`polhode compare` shows it. The "sentinel" is a fixed piece of arithmetic that is timed beside each case
+(`polhode.harness.common.timing`): it takes longer where the machine is slower.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -28,12 +32,13 @@ _IDENTITY = [
     "backend",
     "jacobian",
 ]
-# An error below this says nothing, however well the reference is known.
+# An error below this says nothing, however well the reference is known: it is rounding.
 _LEAST_ERROR = 1e-13
-# A change in time below this, in seconds, is the clock's.
+# A change in time below this, in seconds, is the clock's; an estimate.
 _LEAST_SECONDS = 2e-5
 _ERRORS = {"slow_error": "error of L and E", "orientation_error": "orientation error"}
-# Timed cases of which the median ratio tells how much slower another machine is.
+# Timed cases, at least, of which the median ratio tells how much slower another machine is; an
+# estimate.
 _MIN_MACHINE_CASES = 5
 
 
@@ -59,7 +64,10 @@ class Comparison:
 def compare(
     before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float
 ) -> Comparison:
-    """Compare two frames of records by factors above 1, beyond the scatter of times and what references know."""
+    """Compare two frames of records by factors above 1, beyond the scatter of times and what references know.
+
+    A time that grows by more than `slower`, or an error by more than `less_accurate`, is a regression.
+    """
     first = _by_identity(before)
     second = _by_identity(after)
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
@@ -130,6 +138,7 @@ def _changes(
         # How many times as long the sentinel took beside the case itself, where that compares.
         alone = before.get("sentinel_seconds")
         beside = after.get("sentinel_seconds")
+        # Times of the second run are divided by `pace`.
         pace = (
             max(drift, beside / alone)
             if alone and beside and _machine(before) == _machine(after)

@@ -1,4 +1,8 @@
-"""Times of a work-precision study's solvers to an error, the best solver of a library, both over a parameter."""
+"""Times of a work-precision study's solvers to an error, the best solver of a library, both over a parameter.
+
+Frames are those of `polhode.WorkPrecision`: a row for each solver and tolerance, with "error",
+"uncertainty" of its reference, "seconds" and "family", the library.
+"""
 
 from itertools import chain
 
@@ -10,7 +14,7 @@ from polhode.harness.analysis.pareto import cost, front
 from polhode.harness.references.uncertainty import least_known
 from polhode.harness.studies.setups import FUNCTION
 
-# Errors at which solvers are compared.
+# Errors at which solvers are compared, from a loose to a tight one; an estimate.
 STUDY_TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
 

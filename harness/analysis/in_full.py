@@ -1,4 +1,8 @@
-"""Runs of `hybrid` that average nothing: they are runs of the full form, at a tolerance of their own."""
+"""Runs of `hybrid` that average nothing: they are runs of the full form, at a tolerance of their own.
+
+Form `hybrid` averages only segments where that pays (`docs/second-order.md`, section 10). A run
+without such a segment is no win of averaging, and pages must not count it as one.
+"""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,9 @@
-"""Speed at equal error: what a method takes for an error, who is the cheapest, and the regime map over St and error."""
+"""Speed at equal error: what a method takes for an error, who is the cheapest, and the regime map over St and error.
+
+Frames have a row for each run: a form by a solver at a tolerance, with "seconds", "status" and errors
+such as "slow_error", the error of L and E over I_max. The regime map has a `Cell` for each St and
+error. A run lies on the Pareto front if no other one is both as fast and as accurate.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,15 +19,17 @@ from polhode.models.catalogue import form as find_form
 from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Status
 
+# Kinds of methods: of full equations by implicit, explicit, or solvers that know St, or averaged ones.
 Side = Literal["implicit", "explicit", "tailored", "averaged"]
 # The family of the solvers that know St.
 _KNOWS_STOKES = "polhode"
 # Errors of a page's tables.
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
-# Runs within this factor of the fastest are a tie: two thirds of it is what the machine's noise
-# makes.
+# Runs within this factor of the fastest are a tie: two thirds of the 15 % are what the machine's
+# noise makes.
 TIE = 1.15
-# A run counts on a front only if it lowers the error by this factor: less may be rounding.
+# A run counts on a front of `standings` only if it lowers the error by this factor: less may be
+# rounding. An estimate.
 LEAST_GAIN = 2.0
 # Errors of the regime map, from the loosest to the tightest.
 MAP_TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
@@ -73,6 +80,7 @@ def _unbeaten(points: np.ndarray, gain: float) -> list[int]:
     order = np.lexsort(points.T)
     least = np.inf
     kept = []
+    # From the fastest on, a point is kept if its error is below all before it.
     for place in order:
         lower = points[place, 0] < least if gain == 1.0 else points[place, 0] * gain <= least
         if lower:
@@ -95,6 +103,7 @@ def cost(points: np.ndarray, target: float) -> float:
         return float("nan")
     if points[0, 0] <= target:
         return float(points[0, 1])
+    # An error may be 0, which has no logarithm. Errors fall along a front: the signs make them grow.
     sizes = np.log(np.maximum(points[:, 0], np.finfo(float).tiny))
     seconds = np.log(points[:, 1])
     return float(np.exp(np.interp(-np.log(target), -sizes, seconds)))
@@ -103,7 +112,11 @@ def cost(points: np.ndarray, target: float) -> float:
 def costs(
     groups: Iterable[tuple[Any, pd.DataFrame]], targets: Sequence[float], error: str = "slow_error"
 ) -> pd.DataFrame:
-    """Times at errors: a row for each error and scene, a column for each form and solver; NaN where none is known."""
+    """Times at errors: a row for each error and scene, a column for each form and solver; NaN where none is known.
+
+    `groups` are pairs of a scene's name, or its St, and its runs. An error that the reference does
+    not resolve has no times.
+    """
     rows = {}
     for name, runs in groups:
         needed: Any = runs[["form", "solver", "status", "seconds", error]]
@@ -149,6 +162,7 @@ def cheapest(
 
 def averaged_wins_from(records: pd.DataFrame, target: float) -> float | None:
     """Smallest St from which on, at every larger St measured, an averaged form is the cheapest; None if it never is."""
+    # Reset by every St at which another form is the cheapest.
     start = None
     for stokes, runs in by_stokes(records):
         winner = cheapest(runs, target)
@@ -189,7 +203,7 @@ class Cell:
 
     stokes: float
     target: float
-    known: bool
+    known: bool  # whether the reference resolves so small an error
     winner: Method | None = None
     second: Method | None = None
     seconds: float = float("nan")
@@ -225,6 +239,7 @@ def _cell(stokes: float, target: float, times: pd.Series, runs: pd.DataFrame, er
     if not ranked:
         return Cell(stokes, target, known=True)
     seconds, winner = ranked[0]
+    # Methods with the winner's label, such as one averaged form by other solvers, are no rivals.
     rivals = [entry for entry in ranked[1:] if entry[1].label != winner.label]
     if not rivals:
         return Cell(stokes, target, True, winner, None, seconds)

@@ -16,18 +16,21 @@ _TIMED = "timed.json"
 
 @dataclass(frozen=True)
 class SecondOrderErrors:
-    """Errors of second order away from resonances: slow ones over I_max, orientation in rad."""
+    """Errors of second order away from resonances: slow ones over I_max, orientation in rad.
 
-    shape: str
-    start: str
-    slow_time: float
+    "Slow" is the error of L and E, the slow variables. Each error is the largest of a run.
+    """
+
+    shape: str  # a:b:c
+    start: str  # a name or an angular velocity, as in `cases.toml`
+    slow_time: float  # duration over St
     stokes: float
     slow: float
     orientation: float
-    first_order_slow: float
-    estimated_slow: float
+    first_order_slow: float  # error of L and E of the form averaged to first order
+    estimated_slow: float  # what the form states ahead of the run
     estimated_orientation: float
-    slow_uncertainty: float
+    slow_uncertainty: float  # how far the reference may be off
     orientation_uncertainty: float
 
 
@@ -46,14 +49,14 @@ class Passage:
     first_order_slow: float = nan
     orientation: float = nan
     estimated_orientation: float = nan
-    integration: float = nan
+    integration: float = nan  # of the integration alone
     seconds: float = nan  # of the integration and of the observables at all samples
     refused: str = ""  # why the form does not follow the run; empty if it does
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall times of one run in s, `seconds` with the observables; the error of L and E where it was measured."""
+    """Wall times of one run in s, `seconds` with the observables; `slow`, its error of L and E, NaN if unknown."""
 
     form: str
     solver: str

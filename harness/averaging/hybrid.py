@@ -1,4 +1,9 @@
-"""Errors and cost of `hybrid` on random starts, against the full equations."""
+"""Errors and cost of `hybrid` on random starts, against the full equations.
+
+`polhode accuracy --order hybrid` runs it, `reports/hybrid` shows it; `docs/second-order.md`, section 10,
+says how the form chooses which segments of a run the full equations follow. A "full" run is one of the
+full equations alone.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -43,6 +48,7 @@ _RANDOM = 120  # Starts of each held-out seed.
 HYBRID_SAMPLES = 201  # Output times of a run.
 SEGMENT_SOLVER = "cyrk-vern8"  # Of every segment of a hybrid run.
 _LEAST_AXIS = 0.15  # Random semi-axes lie between this and 1.
+# Random starts go through all pairs of St and slow time in turns.
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
@@ -59,7 +65,7 @@ _LONGEST = 5.1e6
 _FAST_SEED = 16
 FAST = {1e6: 40, 1e7: 12, 1e8: 12}  # Number of starts by St.
 FAST_SLOW_TIME = 0.5
-FAST_ERROR = 1e-6
+FAST_ERROR = 1e-6  # Of L and E, over I_max.
 FEW_SAMPLES = 11  # Output times of a run that shows few.
 SPEED_REPEATS = 3  # Turns, and runs of each turn, of which the fastest counts.
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
@@ -67,7 +73,7 @@ FULL_SOLVERS = ("cyrk-vern8", "taylor")
 KNOWING = "splitting"
 KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # Least |cos| of the angle between the vorticity and the shortest axis (the symmetry axis of a
-# spheroid) of a body that has settled.
+# spheroid) of a body that has settled: one side up or the other. An estimate.
 _SETTLED = 0.9
 HYBRID_PARTS = ("errors", "speed")
 
@@ -124,6 +130,7 @@ def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
         axes = np.exp(draw.uniform(np.log(_LEAST_AXIS), 0.0, 3))
         quaternion = draw.normal(size=4)
         spin = draw.normal(size=3)
+        # A spheroid: two axes are alike, and the third is the first, second or last one in turns.
         if i % 2:
             axes[(i // 2 % 3 + 1) % 3] = axes[(i // 2 % 3 + 2) % 3]
         stokes = STOKES[i // 2 % len(STOKES)]
@@ -197,6 +204,7 @@ def _measured(
         measured = errors(scene.ellipsoid, run.observables, reference)
         slow = measured.slow
         orientation = measured.orientation or nan
+        # The body axis that shows which side is up, and its z at the end of the reference.
         axis = scene.ellipsoid.symmetry_axis
         axis = scene.ellipsoid.order[2] if axis is None else axis
         up = float(reference.rotation[-1, axis, 2])
@@ -227,6 +235,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     segment_solver = available_like(SEGMENT_SOLVER)
 
     def seconds(times: np.ndarray) -> float:
+        """Wall time of a run that looks ahead anew, as a first one must."""
         for cached in (outline, path_of):
             cached.cache_clear()
         began = perf_counter()
@@ -235,6 +244,7 @@ def _timed(start: int, scene: Scene) -> Speed:
 
     run = solve(problem, segment_solver, tolerance, times)
     slow = nan
+    # Steps of full runs by solver and tolerance, as `_full` gives them.
     full = dict[tuple[str, float], float]()
     exact = find_form(full_form(scene)).problem(scene)
     if scene.time <= _LONGEST:

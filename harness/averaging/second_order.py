@@ -1,4 +1,9 @@
-"""Errors and cost of `averaged-second-order` against the full equations in long double, beyond the paper's cases."""
+"""Errors and cost of `averaged-second-order` against the full equations in long double, beyond the paper's cases.
+
+`polhode accuracy --order 2` runs it, `reports/second-order` shows it, `docs/second-order.md` has the
+mathematics. A "passage" is a run through resonances of polhode and precession, whose modes are pairs
+(k₁, k₂); a "kick" is the jump of L that the form leaves out there.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -27,8 +32,11 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import solve
 
-SECOND_ORDER_SAMPLES = 2001  # Output times of a run.
-# Tolerances of the reference in long double, and of the looser run that shows its error.
+SECOND_ORDER_SAMPLES = (
+    2001  # Output times of a run, of which the largest error counts; an estimate.
+)
+# Tolerances of the reference in long double, and of the looser run that shows its error: 1e-18 is
+# near the last digit of long double.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
 SECOND_ORDER_TOLERANCE = 1e-14  # Of runs of averaged forms.
 # Resonances want many small steps of these runs; each time is the fastest of PASSAGE_REPEATS.
@@ -45,6 +53,7 @@ COMPARED = 1e6  # St at which first order and the full equations are run too.
 TARGET = 1e-6  # Error of L and E that the full equations have to meet.
 _COST_TOLERANCE = 1e-9  # Of averaged forms.
 _REFERENCE_TOLERANCE = 1e-16  # Of the references of these runs.
+# Tolerances of the full equations, of which the loosest that meets `TARGET` counts.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
@@ -151,7 +160,7 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
     row, _ = _compared(case, scene, fastest)
-    # Kicks far below the estimated error of L and E are not named.
+    # Kicks far below the estimated error of L and E are not named; the tenth is an estimate.
     strong = [kick for kick in outline(scene).kicks if kick.size > 0.1 * row["estimated_slow"]]
     different = dict.fromkeys(kick.mode for kick in strong)
     modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in different)

@@ -17,6 +17,7 @@ from polhode.models.libraries import how_to_install, installed
 
 # Tasks that wait for each worker: enough that none is ever idle, few enough to stop soon.
 AHEAD = 2
+# Seconds that a Dask scheduler has to answer; an estimate.
 CONNECT_SECONDS = 30
 _STOP_EVERY = 0.1  # Seconds between two attempts to kill processes that are starting.
 # Host and port as Dask reads them.
@@ -70,6 +71,7 @@ def processes(
         idle.put(worker)
 
     def attempt(task: Any) -> Finished:
+        # As many threads as workers: one is idle when a thread begins a task.
         worker = idle.get()
         try:
             reply = worker.run(function, task, limit=max_seconds)
@@ -77,6 +79,7 @@ def processes(
             reply = Reply(None, Failure.LOST, f"no worker: {error}", 0.0)
         finally:
             idle.put(worker)
+        # The last line of a traceback says what was raised.
         return Finished(
             task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else ""
         )

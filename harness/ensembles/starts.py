@@ -71,6 +71,8 @@ class Starts(Table):
         one for all particles or an array of one for each; by default it is simple shear.
         """
         random = np.random.default_rng(seed)
+        # Four standard normals, once normalised, make an isotropic orientation. They are drawn even if
+        # the orientation is given, so that what is drawn after them stays the same.
         four = random.standard_normal((particles, 4))
         q = four if self.orientation == "isotropic" else np.tile(self.orientation, (particles, 1))
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
@@ -86,6 +88,7 @@ class Starts(Table):
         """Angular velocities in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
         if self.motion == "rest":
             return np.zeros((len(rotation), 3))
+        # The first three numbers of a flow are half its vorticity, in space axes.
         if self.motion == "fluid" and flow is not None:
             spin = np.broadcast_to(np.array(flow[:3]).T, (len(rotation), 3))
             return np.einsum("nij,nj->ni", rotation, spin)
@@ -119,6 +122,7 @@ class Drawn:
             return q
         if form == "quaternion":
             return np.column_stack([q, omega])
+        # L in space axes; the other forms have it over I_max or over the equatorial moment of inertia.
         rotation = matrix_from_quaternion(q)
         momentum = np.einsum("nij,ni->nj", rotation, omega * inertia)
         if form == "averaged":

@@ -1,4 +1,9 @@
-"""Statistics of an ensemble: sums and counts of fixed size, whatever the number of particles, that can be merged."""
+"""Statistics of an ensemble: sums and counts of fixed size, whatever the number of particles, that can be merged.
+
+An axis p is a unit vector along a body axis, in space axes; its moments are the means of products of its
+components. Samples are the times at which particles are looked at, snapshots those of them at which
+moments and histograms are taken. `polhode.harness.ensembles.summary` makes means of the sums.
+"""
 
 from collections import Counter
 from dataclasses import dataclass, fields
@@ -7,7 +12,8 @@ from typing import Any, Self
 
 import numpy as np
 
-# Indices of the moments of an axis p: p_i p_j with i <= j, and p_i p_j p_k p_l likewise.
+# Indices of the moments of an axis p: p_i p_j with i <= j, and p_i p_j p_k p_l likewise, 6 and 15 of
+# them. All others are equal to one of these.
 SECOND = tuple(combinations_with_replacement(range(3), 2))
 FOURTH = tuple(combinations_with_replacement(range(3), 4))
 # Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6,
@@ -95,6 +101,7 @@ class Statistics:
 
     def add_orientations(self, directions: np.ndarray) -> None:
         """Add unit vectors, shape (S, n, A, 3)."""
+        # Shape (3, S, A, n): sums over particles run along the last axis.
         components = np.ascontiguousarray(directions.transpose(3, 0, 2, 1))
         pairs = {pair: components[pair[0]] * components[pair[1]] for pair in SECOND}
         for k, pair in enumerate(SECOND):

@@ -20,6 +20,7 @@ from polhode.harness.ensembles.statistics import (
 )
 from polhode.models.libraries import IMPORTS
 
+# Quantiles of the transient time that a row shows.
 _QUANTILES = (0.1, 0.5, 0.9)
 # Places of the squares of `SECOND` in `FOURTH`.
 _SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
@@ -80,6 +81,7 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
 
     if n == 0 or len(reached) == 0:
         return Estimate(None, None, None)
+    # The share of the interval's misses at either end.
     tail = (1 - COVERAGE) / 2
     with IMPORTS:
         from scipy.special import bdtrik
@@ -116,7 +118,11 @@ def _in_letters(indices: Sequence[int]) -> str:
 def mean_rows(
     ensemble: Ensemble, statistics: Statistics, of: str, chosen: Any = ..., **more: Sequence[str]
 ) -> Iterator[dict[str, Any]]:
-    """One row for each of the `means` chosen: of times, of body axes but for slow variables, and of what is named."""
+    """One row for each of the `means` chosen: of times, of body axes but for slow variables, and of what is named.
+
+    `of` names the sums. `chosen` indexes the array of means, whose axes are times, body axes and
+    components. `more` has the labels of what is behind them, by the names of their columns.
+    """
     bodies = (
         {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
     )

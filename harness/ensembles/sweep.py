@@ -1,4 +1,8 @@
-"""Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine."""
+"""Sweeps: a grid of shapes × Stokes numbers × starts, as data, run into a store by any engine.
+
+A pair of shape and St is an `Ensemble`, its particles come in blocks, and a block is a `Task`. The store
+has a record for each task, so that an interrupted sweep goes on. `docs/scaling.md` has the file's keys.
+"""
 
 from bisect import bisect_right
 from collections.abc import Iterator
@@ -119,6 +123,7 @@ class Tally(NamedTuple):
 
 def in_random_order(count: int) -> Iterator[int]:
     """Each number from 0 to `count` - 1 once, in an order that differs from call to call; no list is made of them."""
+    # Not seeded: runs that share a store are to take different orders.
     start = randrange(count)
     stride = randrange(1, count + 1)
     # Steps of a stride that shares no factor with the count visit every number.

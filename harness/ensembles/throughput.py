@@ -1,7 +1,9 @@
 """Cost of ensembles, measured on a quiet machine (`polhode throughput`).
 
 Throughput per core is measured in one process at a time; two processes are compared with one as
-wall time, at the end.
+wall time, at the end. The page is `reports/sweep/throughput.md`. "Lanes" are the slots of SIMD registers,
+in which particles run side by side; the "sentinel" is a fixed piece of arithmetic that shows how fast
+the machine is; "turns" of several functions run each of them once, one after the other.
 """
 
 import json
@@ -33,11 +35,13 @@ from polhode.solvers.ensembles.equal_steps import MIN_SEGMENTS, Plan, plan, run
 from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import solve
 
+# The file beside this module says what each setting is.
 SETTINGS = SimpleNamespace(
     **tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 )
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
+# Seconds that the process may take whose memory is measured; an estimate.
 _LIMIT = 3600.0
 T = TypeVar("T")
 
@@ -116,6 +120,7 @@ def full_throughput(
             else None
         )
 
+    # The loosest tolerance of each method by which no particle errs by more than `target`.
     loose = next(
         candidate for candidate in _below(10 * target) if errors(taylor(candidate)).max() <= target
     )
@@ -146,7 +151,7 @@ def full_throughput(
 
 
 def _below(largest: float) -> list[float]:
-    """Tolerances from one on downwards, eight for each power of ten."""
+    """Tolerances from one on downwards, eight for each of six powers of ten."""
     return [largest * 10 ** (-k / 8) for k in range(48)]
 
 
@@ -244,6 +249,7 @@ def memory(particles: int = 100_000) -> dict[str, Any]:
 def _run_all(ensemble: Ensemble) -> int:
     for task in ensemble.tasks():
         run_task(task)
+    # In bytes; only macOS counts so, other systems count KiB.
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
         1 if sys.platform == "darwin" else 1024
     )
@@ -277,6 +283,7 @@ def two_processes(particles: int = 400_000) -> dict[str, Any]:
 def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
     """Seconds per task times the number of tasks, measured after each process has compiled."""
     tasks = list(ensemble.tasks())
+    # Tasks of other seeds, two for each process, by which all of them compile.
     warm = [
         Task(replace(ensemble, seed=ensemble.seed + 1 + index), 0) for index in range(2 * workers)
     ]

@@ -1,4 +1,9 @@
-"""Measurements in linear flows: a function for each table of the page, rows as plain data."""
+"""Measurements in linear flows: a function for each table of the page, rows as plain data.
+
+The page is `reports/flows`; `docs/flows.md` has flows and tracks. A linear flow has the velocity A x
+with a gradient A of trace 0. A track is a gradient over time, given at knots and joined by cubic
+splines. "Apart" is how far two results differ. Times of rows are in the unit of their name.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -24,14 +29,16 @@ from polhode.solvers.compile import compiled_callback
 from polhode.solvers.solve import Solution, solve
 from polhode.solvers.taylor import forget_integrators
 
-# Shear's gradient but for a number far below rounding: it has the equations of any flow.
+# Shear's gradient but for a number far below rounding, so that it is not taken for shear: it runs by
+# the equations of any flow.
 AS_SHEAR = Flow.planar(1e-300)
 # Forms that take any linear flow.
 _FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jeffery")
 # θ, φ, ψ in rad and their rates in shear rates: a start without symmetry.
 START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 
-# Random states of each form at which the fields are compared, shared evenly by random shapes.
+# Random states of each form at which the fields are compared, shared evenly by random shapes; both
+# numbers are estimates.
 _STATES = 10_000
 _SHAPES = 100
 
@@ -41,7 +48,7 @@ COST_TIME = 2000.0
 # Times that heyoka compiles a field: the same code takes up to 1.5 times as long, by where it lies
 # in memory.
 COMPILATIONS = 5
-# Timed runs of each compilation.
+# Timed runs of each compilation, of which the fastest counts.
 ROUNDS = 3
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
 # Scene, form, St and solvers of these runs.
@@ -162,7 +169,10 @@ def anisotropy(ratio: float) -> float:
 
 
 def period(alpha: float, ratio: float) -> float:
-    """4π/√((1-α)² - B²(1+α)²) of the axis in the planar flow of α; inf where it aligns instead."""
+    """Period of the symmetry axis in the planar flow of α, in inverse shear rates; inf where it aligns instead.
+
+    It is 4π/√((1-α)² - B²(1+α)²), Jeffery's for α = 0: the flow rotates at (1-α)/2 and strains at (1+α)/2.
+    """
     square = (1 - alpha) ** 2 - (anisotropy(ratio) * (1 + alpha)) ** 2
     return 4 * pi / sqrt(square) if square > 0 else inf
 
@@ -179,7 +189,7 @@ def orbits(quick: bool = False) -> Iterator[Record]:
                 scene = Scene(shape, 0.0, START, ALIGNING, flow)
                 yield row | {"period": inf, "apart": _from_eigenvector(scene, ratio)}
                 continue
-            # Three passages lie within 1.6 periods, from any phase.
+            # Three passages lie within 1.6 periods, from any phase: they are half a period apart.
             scene = Scene(shape, 0.0, START, 1.6 * theory, flow)
             yield row | {"period": _measured_period(scene), "apart": _not_closed(scene, theory)}
 
@@ -196,7 +206,10 @@ def _run(scene: Scene, **how: Any) -> Any:
 
 
 def _measured_period(scene: Scene) -> float:
-    """Twice the time between passages of the axis through the plane x = 0, in either sense."""
+    """Twice the time between passages of the axis through the plane x = 0, in either sense.
+
+    `rotation[:, 2, 0]` is x of the third body axis, which is the symmetry axis.
+    """
     crossing = Event("crossing", lambda solution: solution.rotation[:, 2, 0])
     times = _run(scene, events=[crossing]).events["crossing"].times
     return float(times[2] - times[0])
@@ -209,7 +222,11 @@ def _not_closed(scene: Scene, theory: float) -> float:
 
 
 def _from_eigenvector(scene: Scene, ratio: float) -> float:
-    """Angle in rad between the axis at the end and the direction of O + B S that grows fastest."""
+    """Angle in rad between the axis at the end and the eigenvector of O + B S that grows fastest.
+
+    Without inertia p is the direction of a vector q with dq/dt = (O + B S) q, where O and S are the
+    antisymmetric and the symmetric part of A: what grows fastest is left. The angle is taken as its sine.
+    """
     assert scene.flow is not None
     gradient = np.array(scene.flow.gradient)
     operator = 0.5 * (gradient - gradient.T) + anisotropy(ratio) * 0.5 * (gradient + gradient.T)
@@ -233,6 +250,7 @@ def extension(quick: bool = False) -> Iterator[Record]:
 
 def source(time: Any) -> Any:
     """The gradient of all tracks, shape (..., 3, 3), at times: it changes smoothly, at two frequencies."""
+    # Sizes, frequencies and phases are any numbers; the trace of `wave` is 0.
     phase = np.asarray(time)[..., None, None]
     steady = np.array(Flow.planar(0.2).gradient)
     wave = np.array([[0.15, 0.05, -0.2], [0.1, -0.25, 0.15], [0.05, 0.1, 0.1]])
@@ -305,6 +323,7 @@ def _by_long_double(
         steps,
         rows,
     )
+    # L in body axes, shape (rows, n, 3).
     inside = np.einsum("knij,knj->kni", rotation, momentum)
     energy = np.sum(inside**2 / inertia, axis=2) / 2
     return [Observables(momentum[:, i], energy[:, i], rotation[:, i]) for i in range(len(scenes))]
@@ -326,7 +345,8 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
         angles = (random.uniform(0.3, 2.8), *random.uniform(0, 6.28, 2).tolist())
         start = EulerStart(angles, tuple(random.normal(size=3).tolist()))
         time = float(random.uniform(0.2, 1.0)) * _RUN_TIME
-        # Steady in one half, in the other fluctuating about it.
+        # Of each eight scenes, the first four, one for each form, are in a steady flow. The other four
+        # are in flows that fluctuate about a steady one.
         gradients = [random_gradient(random)] * (_RUN_KNOTS + 1)
         flow = Flow(gradients[0])
         if number % 8 >= len(names):
@@ -340,6 +360,7 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
     """A function of times within a step, and the step: the gradients of scenes, by SciPy's splines in long double."""
     from scipy.interpolate import CubicSpline
 
+    # Coefficients between two knots, from the constant one on; of a steady flow that one alone.
     cubics = np.zeros((len(scenes), _RUN_KNOTS, 4, 3, 3), dtype=np.longdouble)
     for i, scene in enumerate(scenes):
         flow = scene.flow

@@ -1,8 +1,13 @@
 """Rotation of ellipsoids in any linear flow, in long double: body axes and L in space axes, by extrapolation.
 
-Nothing else of the package is used. The equations follow the definitions. Each body axis turns with
-ω, and L changes by the torque -8π X_i (ω_i - ω_iJ). The gradient in body axes, G = R A Rᵀ, gives
-ω₁J = (b² G₃₂ - c² G₂₃)/(b² + c²) and cyclic. Many bodies run side by side.
+Nothing else of the package is used, so that the equations do not share its mistakes. They follow the
+definitions. Each body axis turns with ω, and L changes by the torque -8π X_i (ω_i - ω_iJ). The
+gradient in body axes, G = R A Rᵀ, gives ω₁J = (b² G₃₂ - c² G₂₃)/(b² + c²) and cyclic. Many bodies run side by side.
+
+R has the body axes as its rows t_i; a, b, c are the semi-axes, A the gradient of the flow's velocity,
+X_i the rotational resistance, ω_J Jeffery's angular velocity. A state of n bodies has the shape
+(n, 4, 3): three body axes, then L, all in space axes. Time is in inverse shear rates. `docs/flows.md`
+says what is compared with this integration.
 """
 
 from collections.abc import Callable
@@ -11,7 +16,7 @@ import numpy as np
 
 Array = np.ndarray
 
-# Columns of the extrapolation, whose order is twice that: steps of a twentieth of a turn err by
+# Columns of the extrapolation, whose order is twice that, 16: steps of a twentieth of a turn err by
 # rounding.
 _COLUMNS = 8
 
@@ -27,6 +32,7 @@ class Bodies:
 
     def jeffery(self, rotation: Array, gradient: Array) -> Array:
         """Jeffery's angular velocity in body axes, shape (n, 3)."""
+        # The gradient in body axes; a, b and c are squares of the semi-axes.
         inside = rotation @ gradient @ rotation.swapaxes(1, 2)
         a, b, c = self.squares.T
         return np.stack(
@@ -42,6 +48,7 @@ class Bodies:
         """Rates of the body axes and of L behind them, shape (n, 4, 3)."""
         rotation = state[:, :3]
         momentum = state[:, 3]
+        # `inside` is ω in body axes, `omega` in space axes, `slip` is ω - ω_J in body axes.
         inside = (rotation @ momentum[:, :, None])[:, :, 0] / self.inertia
         omega = (inside[:, None, :] @ rotation)[:, 0]
         slip = inside - self.jeffery(rotation, gradient)
@@ -90,7 +97,11 @@ def _step(
     number: int,
     length: Array,
 ) -> Array:
-    """One step by the modified midpoint rule with 2, 4, … substeps, extrapolated to none (Gragg, Bulirsch, Stoer)."""
+    """One step by the modified midpoint rule, extrapolated to substeps of length 0 (Gragg, Bulirsch, Stoer).
+
+    Row j of the table has the rule with 2j substeps first, then extrapolations with the rows before:
+    the error of the rule is a series in the square of the substep. `number` is the step's, from 0 on.
+    """
     time = number * length
 
     def rates(state: Array, at: Array) -> Array:
