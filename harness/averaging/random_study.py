@@ -70,8 +70,8 @@ STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50
 # St at which what forms state of themselves is measured, and the bodies of each kind.
-_STATED_STOKES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
-STATED_BODIES = 40
+_STATED_STOKES = (100.0, 1000.0, 1e4, 31600.0, 1e5, 1e6, 1e7, 1e8)
+STATED_BODIES = 200
 # Bodies of each kind of which forms are timed: their median is shown.
 TIMED_BODIES = 8
 # Bodies of each kind that `hybrid` follows by St, and the requested errors. At smaller St
