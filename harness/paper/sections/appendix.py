@@ -119,6 +119,7 @@ class _Averages(Experiment):
             panel.set_yticks(heights, rows.entry.tolist(), fontsize=8.5)
             panel.set(
                 xlabel="deviation from brute force",
+                ylabel="average of",
                 xscale="log",
                 xlim=(1e-18, 10),
                 xticks=(1e-16, 1) if columns > 1 else (1e-16, 1e-8, 1),
