@@ -1,4 +1,8 @@
-"""Records as pandas frames."""
+"""Records as pandas frames.
+
+A record is what the store holds of a run, as nested dictionaries (`polhode.harness.studies.case`). A
+frame has a row for each record, and a column for each value, named by its keys with dots between.
+"""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import fields

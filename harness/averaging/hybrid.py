@@ -189,6 +189,7 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
 def _measured(
     start: int, scene: Scene, error: float, reference_and_doubt: tuple[Observables, float, float]
 ) -> HybridError:
+    """The row of a start for a requested error, `reference_and_doubt` being what `reference_of` gives."""
     reference, slow_off, orientation_off = reference_and_doubt
     run = plan(
         scene,
@@ -228,6 +229,7 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
 
 
 def _timed(start: int, scene: Scene) -> Speed:
+    """The row of a start at `FAST_ERROR`; `at` is the tolerance of a full run."""
     form = Hybrid()
     times = np.linspace(0.0, scene.time, HYBRID_SAMPLES)
     problem = form.problem(scene)
@@ -259,6 +261,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     # before left in caches.
     timed_runs: list[Callable[[], float]] = [
         lambda: seconds(times),
+        # Every 20th of the 201 times: FEW_SAMPLES of them.
         lambda: seconds(times[:: HYBRID_SAMPLES // (FEW_SAMPLES - 1)]),
     ]
     timed_runs += [
@@ -267,6 +270,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     turns = [[*map(_fastest, timed_runs)] for _ in range(SPEED_REPEATS)]
     taken, few, *full_seconds = np.min(turns, axis=0).tolist()
     seconds_of = dict(zip(full, full_seconds, strict=True))
+    # The solver that knows St has a column of its own, and is not among the others.
     knowing = min((seconds_of.pop(pair) for pair in full if pair[0] == KNOWING), default=nan)
     (solver, at), best = min(
         seconds_of.items(), key=lambda entry: entry[1], default=(("", nan), nan)
@@ -289,7 +293,10 @@ def _timed(start: int, scene: Scene) -> Speed:
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
-    """Seconds that both sides' tables of a shape take, made anew and read from disk; else 0."""
+    """Seconds that the tables of a triaxial shape take, made anew and read from disk; 0 for other shapes.
+
+    There are tables for each side of L² = 2EI₂: for polhodes about the longest and the shortest axis.
+    """
     if ellipsoid.kind != "triaxial":
         return 0.0, 0.0
 

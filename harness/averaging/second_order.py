@@ -48,7 +48,7 @@ SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 # The cost of a spheroid's run against St.
 COST_SLOW_TIME = 0.5  # Duration in slow time.
 COST_SAMPLES = 11  # Output times.
-_EXPONENTS = tuple(range(3, 9))  # Powers of ten of St.
+_EXPONENTS = tuple(range(3, 9))  # Powers of ten of St, at which the second-order form is timed.
 COMPARED = 1e6  # St at which first order and the full equations are run too.
 TARGET = 1e-6  # Error of L and E that the full equations have to meet.
 _COST_TOLERANCE = 1e-9  # Of averaged forms.
@@ -57,8 +57,9 @@ _REFERENCE_TOLERANCE = 1e-16  # Of the references of these runs.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
-COST_REPEATS = 50
+COST_REPEATS = 50  # Runs of averaged forms at each St, of which the fastest counts; an estimate.
 FULL_REPEATS = 3  # Runs of the full form, of which the fastest counts.
+# Key by which the fastest of `TimedRun`s is found.
 _SECONDS = attrgetter("seconds")
 
 
@@ -172,7 +173,8 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
 
 def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
     """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
-    # Each full solver runs at the loosest tolerance that meets `TARGET`.
+    # Each full solver runs at the loosest tolerance that meets `TARGET`. `there` is the scene at the St
+    # where forms are compared, the only one that has a reference.
     there = _spheroid(compared)
     tolerance = _COST_TOLERANCE
     name = SecondOrder.name
@@ -211,6 +213,7 @@ def measure_study(
 ) -> SecondOrderStudy:
     """All that the study asks, or one of `SECOND_ORDER_PARTS` anew; quick: one case of each kind, and no cost."""
     study = old or SecondOrderStudy([], [], [], [], {})
+    # Cases of each kind, and St of each case; None means all. `orders` fits slopes, and takes one more.
     cases, points = (1, 2) if quick else (None, None)
     if part in ("", "orders"):
         orders = _rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1)
@@ -235,6 +238,7 @@ def _rows(
     take: Callable[[Subject, float], Any],
     points: int | None,
 ) -> list[Any]:
+    """Rows that `take` makes of the cases at their first `points` St, all if None."""
     tasks = []
     for case in cases:
         tasks += [(case, stokes) for stokes in case.stokes[:points]]
@@ -242,8 +246,10 @@ def _rows(
 
 
 def _known(value: float | None) -> float:
+    """The value, as tables have it: NaN in place of None."""
     return nan if value is None else value
 
 
 def _spheroid(stokes: float) -> Scene:
+    """The prolate spheroid on which costs are measured, at one St."""
     return Scene(Ellipsoid(PROLATE), stokes, SPHEROID_START, COST_SLOW_TIME * stokes)

@@ -21,7 +21,7 @@ _COUNTS_FILE = "work_counts.json"
 _COUNTS = ("rhs_calls", "steps", "jacobians", "factorizations")
 # Another processor rounds a last bit otherwise, and a step more follows: a count may exceed the
 # stored one by both of these.
-_SLACK = 0.02  # Share of the stored count.
+_SLACK = 0.02  # Share of the stored count; an estimate.
 _MORE = 1  # Calls or steps.
 
 

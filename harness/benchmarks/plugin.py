@@ -45,6 +45,7 @@ class Failed:
         return cls(**{name: getattr(benchmark, name) for name in names}, reason=reason)
 
 
+# Key of the failed rows in pytest's config.
 _FAILED = pytest.StashKey[list[Failed]]()
 
 

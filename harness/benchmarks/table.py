@@ -1,4 +1,9 @@
-"""Names of the rows of pytest-benchmark's tables: what a work-precision table shows beside the time."""
+"""Names of the rows of pytest-benchmark's tables: what a work-precision table shows beside the time.
+
+pytest-benchmark has columns for times alone, so that form, solver, tolerance and error go into the name.
+"extra_info" is what a benchmark carries beside its times: "case" and "result" of the suite, "polhode" of the
+fixture `work_precision`.
+"""
 
 from collections.abc import Mapping, Sequence
 from math import inf
@@ -27,6 +32,7 @@ def name_rows(rows: Sequence[Any]) -> None:
 
 
 def _cells(info: Mapping[str, Any]) -> list[str]:
+    """Texts of a row's form, solver, tolerance and error, to be padded to columns."""
     case = info["case"]
     error = _error(info)
     least = _least(info)
@@ -54,6 +60,7 @@ def _front(rows: Sequence[Any]) -> set[int]:
     best = inf
     for row in sorted(rows, key=lambda row: row["min"]):
         error = _error(row["extra_info"])
+        # Errors below what the reference resolves count as equal.
         resolved = inf if error is None else max(error, _least(row["extra_info"]))
         if resolved < best:
             front.add(id(row))

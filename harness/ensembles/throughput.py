@@ -104,6 +104,7 @@ def full_throughput(
     def equal_steps(tolerance: float, chosen: Plan) -> np.ndarray:
         return run(problem, starts, times, tolerance, chosen)[0][-1]
 
+    # Ends of the particles to rounding, from which errors of the whole state are taken.
     exact = taylor(1e-15)
 
     def errors(ends: np.ndarray) -> np.ndarray:
@@ -158,7 +159,10 @@ def _below(largest: float) -> list[float]:
 def long_runs(
     particles: int = 20_000, known: int = SETTINGS.long_known
 ) -> Iterator[dict[str, Any]]:
-    """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some."""
+    """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some.
+
+    `known` particles run by full equations too, which gives their errors. t₂ is the time over St.
+    """
     shape = SHAPES["1 : 0.8 : 0.5"]
     samples = 51
     random = np.random.default_rng(1)

@@ -1,4 +1,8 @@
-"""A case: one scene, one form, one solver, one tolerance; its measurement is a record."""
+"""A case: one scene, one form, one solver, one tolerance; its measurement is a record.
+
+`attempt` runs a case once, `judge` adds its errors against references, `time_once` times a warm run.
+`polhode.harness.studies.runner` calls them in turn, the first and last in a worker process.
+"""
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -26,10 +30,10 @@ from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solutio
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _CASE_SCHEMA = 2
-# A run of fewer steps than one per this many rotations cannot be right.
+# A run of fewer steps than one per this many rotations cannot be right; an estimate.
 _ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by
-# itself.
+# itself, as damping stops them at once. The limit is an estimate.
 _OSCILLATORY_FROM = 1.0
 
 
@@ -121,6 +125,8 @@ def attempt(case: Case) -> tuple[Record, np.ndarray]:
         lambda limit: case.solve(count=case.counted, max_seconds=limit),
         lambda solution: solution.status == Status.TIME_LIMIT,
     )
+    # "inferred" is true of a record that no run of its own made; "reached" is the share of the time
+    # that the run came to.
     record = {
         "status": str(solution.status),
         "message": solution.message,
@@ -161,6 +167,7 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
     if record["status"] != Status.REACHED_END:
         so_far = errors(ellipsoid, observables, full.observables[: len(states)])
         return {**record, "slow_error_so_far": so_far.slow}
+    # Samples up to which the reference is one, all unless the motion is chaotic.
     n = full.meaningful
     full_observables = full.observables[:n]
     early = observables[:n]
@@ -209,6 +216,7 @@ def _broken_balance(total: Errors, tolerance: float) -> Record:
 def prepared(case: Case) -> float:
     """Wall time of a run over next to no time, once in a process: compilation, unless others did that before."""
     find_solver(case.solver).load()
+    # So short a run takes a step or two: nearly all of its time is compilation.
     moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)

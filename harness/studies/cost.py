@@ -1,4 +1,9 @@
-"""Costs of one right-hand side, of a first run in a fresh process, and of `solve` beside the bare library call."""
+"""Costs of one right-hand side, of a first run in a fresh process, and of `solve` beside the bare library call.
+
+A "first run" is one in a process that has neither imported the solver's library nor compiled the form's
+equations. It is cold if its cache folder is empty, warm if an earlier process has filled it. A "bare call"
+is what the library takes for the same rows, called without this package.
+"""
 
 import ctypes
 import os
@@ -30,12 +35,15 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
-_ENOUGH = 2e-3  # Seconds that the calls of a measurement take at least.
+_ENOUGH = (
+    2e-3  # Seconds that the calls of a measurement take at least, far above the clock's steps.
+)
 _ROUNDS = 5  # Measurements of which the best counts.
 STARTS = 5  # Starts of Python of which the fastest counts.
-_LIMIT = 60.0  # Seconds that a first run may take.
+_LIMIT = 60.0  # Seconds that a first run may take; an estimate.
 _TOLERANCE = 1e-8  # Of first runs.
-# Part of a scene's time whose run shows what a first one takes more.
+# Part of a scene's time whose run shows what a first one takes more: so short that the integration
+# costs nothing beside import and compilation.
 _BEGINNING = 1e-6
 
 
@@ -68,7 +76,11 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
 
 @once()
 def _compiled_loop() -> Any:
-    """A loop over any C callback."""
+    """A loop over any C callback, from the file in LLVM's language beside this module.
+
+    Its arguments are the callback's address, the number of calls, and the addresses of rates, state and
+    parameters. No call passes through Python.
+    """
     code = compile_file(Path(__file__).with_suffix(".ll"))
     pointer = ctypes.c_void_p
     return code.function(ctypes.CFUNCTYPE(None, pointer, ctypes.c_int64, pointer, pointer, pointer))
@@ -78,9 +90,9 @@ def _compiled_loop() -> Any:
 class FirstRun:
     """Seconds of a first run: import and compilation, in processor time that other work hardly lengthens; the run."""
 
-    library: float
-    compilation: float
-    run: float
+    library: float  # processor time of the import
+    compilation: float  # processor time of the compilation
+    run: float  # wall time of the integration
 
 
 def first_run(problem: Problem, solver: str, tolerance: float, cache_folder: str) -> FirstRun:
@@ -132,7 +144,7 @@ def first_seconds(
 
 
 def compile_group(solver: str) -> str:
-    """Solvers that share what is compiled for a form."""
+    """Name of the solvers that share what is compiled for a form: one first run stands for all of them."""
     method = find_solver(solver)
     return (
         f"{method.library}{' implicit' if method.implicit else ''}"
@@ -142,6 +154,7 @@ def compile_group(solver: str) -> str:
 
 
 def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
+    """A first run in a process of its own; None if it fails."""
     with Worker() as worker:
         return worker.run(first_run, problem, solver, _TOLERANCE, folder, limit=_LIMIT).value
 
@@ -199,6 +212,7 @@ def measure(
         )
         if bare is None:
             continue
+        # Least seconds of the bare call and of `solve`.
         best = [inf, inf]
         calls = (bare, lambda name=name: solve(problem, name, tolerance, times))
         for call in calls:

@@ -1,4 +1,7 @@
-"""Checks and notes of a problem that a user states: its Jacobian, and a start that was moved."""
+"""Checks and notes of a problem that a user states: its Jacobian, and a start that was moved.
+
+A timed problem has the time as its last component, since fields do not take it; users' functions do.
+"""
 
 from typing import Any
 

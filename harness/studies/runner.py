@@ -1,4 +1,9 @@
-"""Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped."""
+"""Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped.
+
+A batch has one scene, form and tolerance, and all solvers. Each case is run once and judged; those
+that reached their end are then timed in rounds, one run of each in a round, so that a slow moment of the
+machine meets all of them. The "sentinel" is a fixed piece of arithmetic that shows such moments.
+"""
 
 import gc
 from dataclasses import dataclass, field
@@ -17,12 +22,13 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
 # Seconds that a first run may spend on compilation, beyond its time limit; at twice their sum it is
-# killed.
+# killed. An estimate.
 COMPILATION = 60.0
-# A stopped run that was further off than this had gone wrong: a tighter tolerance may well be
-# faster.
+# A stopped run that was further off than this, in L and E over I_max, had gone wrong: a tighter
+# tolerance may well be faster.
 SANE_ERROR = 1.0
 
+# Cases that differ in tolerance alone: scene, St, form, solver, back end, Jacobian.
 Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
 
 
@@ -33,9 +39,10 @@ class Runner:
     store: Store
     quiet: bool = False
     _worker: Worker = field(default_factory=Worker)
+    # Records of runs that were stopped; tighter tolerances of their group are not tried.
     _too_slow: dict[Group, Record] = field(default_factory=dict)
     _patience: Patience = field(init=False)
-    _lost: int = field(default=0, init=False)
+    _lost: int = field(default=0, init=False)  # cases whose process was killed from outside
 
     def __post_init__(self) -> None:
         self._patience = Patience(self._sentinel)
@@ -67,6 +74,7 @@ class Runner:
         return [record for record in self.store if record["key"] in of_study]
 
     def _measure(self, batch: list[Case], progress: Steps) -> list[tuple[Case, Record]]:
+        """Records of a batch's cases: all are run once, then those that succeeded are timed in rounds."""
         gc.collect()
         records: dict[Case, Record] = {}
         for case in batch:
@@ -112,6 +120,7 @@ class Runner:
         ]
 
     def _sentinel(self) -> float:
+        """The sentinel's time in the worker process; inf if that failed."""
         reply = self._worker.run(sentinel, limit=COMPILATION)
         return inf if reply.failure else float(reply.value)
 

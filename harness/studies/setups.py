@@ -1,4 +1,8 @@
-"""Setups of a work-precision study: solvers, of the catalogue or one's own, and plain functions, with options."""
+"""Setups of a work-precision study: solvers, of the catalogue or one's own, and plain functions, with options.
+
+`polhode.WorkPrecision` takes them. The times of a problem run from 0 on; the user's own time may begin
+elsewhere and run backwards, so that a plain function gets times as the user counts them.
+"""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -152,6 +156,7 @@ def run_function(
 ) -> FunctionRun:
     """Run a solver that is a plain function; whatever it raises is the row's message."""
     assert setup.function is not None
+    # The last component of a timed problem is the time, which the user's states do not have.
     components = problem.dimension - problem.timed
     rates = rates_of(problem)
     calls = 0

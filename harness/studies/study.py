@@ -1,4 +1,8 @@
-"""A study: scenes × forms × solvers × tolerances, as data, and the file in TOML that describes it."""
+"""A study: scenes × forms × solvers × tolerances, as data, and the file in TOML that describes it.
+
+`StudyTable` is the file as pydantic checks it, `Study` what is made of it. `Study.batches` gives its cases
+(`polhode.harness.studies.case`), `polhode.harness.studies.runner` runs them.
+"""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -22,13 +26,15 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
-# Rows of a run that is compared with a reference.
+# Rows of a run that is compared with a reference, at most; an estimate.
 _MOST_SAMPLES = 100_000
 # Keys that a study may give beside a built-in scene.
 _BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
+# Names that a part of a study is limited to; none means all.
 Filter = Iterable[str]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
 Stokes = Annotated[float, Field(ge=0)]
+# `stokes` may be a number or a list. The schema of the file says so; the list is made by `_AS_LIST`.
 _ONE = {"type": "number", "minimum": 0}
 _ONE_OR_MORE = WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE, "minItems": 1}]})
 _AS_LIST = BeforeValidator(lambda value: value if isinstance(value, list) else [value])
@@ -65,8 +71,8 @@ class Study:
     page: Page = "costs"
     # Averaged equations are not tried over more slow time than this.
     longest_slow_time: float = inf
-    reference_seconds: float = inf
-    counted: bool = True
+    reference_seconds: float = inf  # that a reference may take
+    counted: bool = True  # whether first runs count right-hand sides, which is slow
 
     def batches(self) -> Iterator[list[Case]]:
         """Cases in batches that are timed in interleaved order: one scene, form and tolerance, all solvers."""
@@ -142,6 +148,7 @@ class Study:
             scene: choice.model_copy(update={"max_seconds": None})
             for scene, choice in self.choices.items()
         }
+        # The limit, in seconds, is an estimate.
         seconds = min(self.max_seconds, 0.2)
         return replace(self, tolerances=self.tolerances[::2], max_seconds=seconds, choices=choices)
 
