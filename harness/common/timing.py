@@ -1,7 +1,9 @@
 """Timing: repeated runs with the collector off, their minimum and spread, and a sentinel for an unsteady machine.
 
-Run times follow the sentinel, so that moments of a machine that halves its speed now and then can
-be compared.
+The sentinel is a fixed piece of arithmetic, timed beside the runs. Run times follow it, so that
+moments of a machine that halves its speed now and then can be compared. Wall time is what a clock
+shows; processor time is what the process computed. Where no reason of a number stands beside it,
+the number is an estimate.
 """
 
 import gc
@@ -16,7 +18,8 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-# A case is repeated until either is reached.
+# A case is repeated until either is reached: short runs, which vary most, get five repeats, and long
+# ones do not take minutes.
 MOST_RUNS = 5
 BUDGET = 1.0  # Seconds of all its runs.
 _SENTINEL_ROUNDS = 20_000  # Rounds of the sentinel's loop.
@@ -27,7 +30,7 @@ _PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.
 # disturbed too if the fastest run had the processor for less than the share HAD of its time.
 BUSY = 1.5
 _JUDGED_FROM = 1e-3  # Seconds: the processor's share of a shorter run is not judged.
-HAD = 0.9
+HAD = 0.9  # Share of the wall time of a run.
 # A run is repeated if its limit stopped it while it lacked the processor.
 AGAIN = 2  # Repetitions at most.
 _MORE = 1.5  # Factor on the time limit of a repetition.
@@ -52,7 +55,7 @@ class Timing:
 
     @property
     def wants_more(self) -> bool:
-        """Whether a further run is due: up to five runs or one second, twice that while all of them are disturbed."""
+        """Whether a further run is due: up to five runs or one second, twice that while the fastest is disturbed."""
         effort = 1 + self.disturbed
         return len(self.runs) < effort * MOST_RUNS and sum(self.runs) < effort * BUDGET
 
@@ -89,21 +92,26 @@ def seconds_of(function: Callable[[], object]) -> float:
 
 
 def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
-    """The value of a call, its wall time, and its time without waiting for others, both in seconds."""
+    """The value of a call, its wall time, and its time without waiting for others, both in seconds.
+
+    A process that the system took off the processor, which `ru_nivcsw` counts, waited for others: its time without
+    waiting is its processor time. Else it is the wall time, in which the process may have slept of its own accord.
+    """
     before = getrusage(RUSAGE_SELF)
     began = perf_counter()
     value = function()
     seconds = perf_counter() - began
     after = getrusage(RUSAGE_SELF)
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    # Who sleeps waits for nobody.
+    # A process that sleeps waits for nobody.
     return value, seconds, used if after.ru_nivcsw > before.ru_nivcsw else seconds
 
 
 def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
     """The value of a run that stops by itself after `limit` seconds, and whether other work stopped it."""
-    # One that was stopped while it had to wait for the processor is run again, with more than as
-    # much more time.
+    # `had` is the time without waiting. A run that was stopped while it had to wait for the
+    # processor is run again: wall time over `had` says how many times as long it needs, and `_MORE`
+    # is a margin. A quarter of the limit bounds the factor where it had almost no time.
     value, seconds, had = with_processor(lambda: run(limit))
     for _ in range(AGAIN):
         if not stopped(value) or had >= HAD * limit:
@@ -122,7 +130,10 @@ def time_runs(function: Callable[[], object]) -> Timing:
 
 
 def sentinel() -> float:
-    """Wall time, in seconds, of a fixed piece of arithmetic: the same on a steady machine, whatever else changes."""
+    """Wall time, in seconds, of a fixed piece of arithmetic: the same on a steady machine, whatever else changes.
+
+    The arithmetic is a loop in plain Python, whose steps depend on each other. The least of three counts.
+    """
 
     def kernel() -> float:
         x = 0.3
@@ -135,7 +146,10 @@ def sentinel() -> float:
 
 @dataclass
 class Patience:
-    """Waits while a machine is slow: some halve their speed for seconds, as others work on the same processor."""
+    """Waits while a machine is slow: some halve their speed for seconds, as others work on the same processor.
+
+    It looks at the sentinel before each run that is timed, and waits while the sentinel is not near its quickest.
+    """
 
     look: Callable[[], float]  # the sentinel's time where the timed runs take place
     share: float = 0.1  # of the time, that may be spent waiting
@@ -166,7 +180,7 @@ class Patience:
 
 
 def disturbance(records: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
-    """How many of the timed records are disturbed, and how many there are of which that is known."""
+    """How many of the timed records are disturbed, and of how many it is known whether they are."""
     flags = [bool(record["disturbed"]) for record in records if record.get("disturbed") is not None]
     return sum(flags), len(flags)
 

@@ -1,4 +1,9 @@
-"""Every solver at equal error: speed, what the interpreter costs, what `solve` itself costs."""
+"""Every solver at equal error: speed, what the interpreter costs, what `solve` itself costs.
+
+Two runs at the same tolerance have different errors. The page therefore compares the times that
+solvers take to the same error, interpolated between the runs of each (`polhode.harness.analysis.pareto`).
+A table of `costs` has a row for each error and St, and a column for each form and solver.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -29,9 +34,9 @@ _FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Errors of L and E at which forms a
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
 _VERNER = "cyrk-vern8"
-# Libraries that run without Python in the loop.
+# Libraries whose whole run is machine code: no Python between the steps.
 _ALONE = ("heyoka", "CyRK", "SUNDIALS")
-# Fields of `Measured` that hold no records.
+# Fields of `Measured` that hold no records; `costs.json` holds them.
 _COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
 # How a right-hand side is called by each back end.
 _BACKENDS: dict[Backend, str] = {
@@ -43,15 +48,15 @@ _BACKENDS: dict[Backend, str] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """Records of the three studies, overheads, cold and warm first runs, seconds of right-hand sides and of a start."""
+    """All that the page is made of: records of three studies, and costs (`polhode.harness.studies.cost`)."""
 
-    solvers: Sequence[Record]
-    spheroid: Sequence[Record]
-    backends: Sequence[Record]
-    overheads: Sequence[Overhead]
-    first_runs: Mapping[str, tuple[FirstRun, FirstRun]]
-    rhs_costs: Mapping[Backend, float]
-    startup: float
+    solvers: Sequence[Record]  # Every solver on the paper's ellipsoid.
+    spheroid: Sequence[Record]  # Forms of the spheroid.
+    backends: Sequence[Record]  # The same methods by each back end and Jacobian.
+    overheads: Sequence[Overhead]  # `solve` beside the bare call of the library.
+    first_runs: Mapping[str, tuple[FirstRun, FirstRun]]  # Cold and warm, by solver.
+    rhs_costs: Mapping[Backend, float]  # Seconds of one right-hand side.
+    startup: float  # Seconds of `polhode --help`.
 
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
@@ -155,14 +160,18 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1)
 
 
 def _worth(times: Any) -> tuple[list[str], str]:
-    """How the libraries compare, in sentences and by place."""
+    """How the libraries compare: sentences, and a table with a row for each place.
+
+    A place is an error and a St. There every library stands with its fastest method.
+    """
     rows = []
+    # Time of a library's fastest method over that of the fastest library, a ratio for each place.
     behind = {name: [] for name in _ALONE}
     places = []
     for target in COMPARED_ERRORS:
         places += [(target, *entry) for entry in times.loc[target]["quaternion"].iterrows()]
     for target, stokes, solver_times in places:
-        # The fastest comes last, and stays.
+        # Times fall along `ranked`: the fastest method of a library comes last, and stays.
         ranked = solver_times.dropna().sort_values(ascending=False).items()
         by_library = {
             find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked
@@ -191,7 +200,10 @@ def _finished(table: pd.DataFrame) -> Any:
 
 
 def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
-    """Times of an algorithm by the three back ends, and over the time of compiled code alone."""
+    """Times of an algorithm by the three back ends, and over the time of compiled code alone.
+
+    SciPy's method, by Python and by Numba, and CyRK's one, alone, share the name without "cyrk-".
+    """
     done = _finished(table)
     done = done[
         [
@@ -233,8 +245,9 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
 
 
 def _crossings(table: pd.DataFrame, times: Any) -> str:
-    """The error at which Verner's method stops being the faster as it falls, and ratios, by St."""
+    """The error at which Verner's method stops being the faster, as the error falls, and ratios, by St."""
     both = where(table, (table["form"] == "quaternion") & table["solver"].isin([_TAYLOR, _VERNER]))
+    # Ten errors in a decade, from large to small.
     falling: Any = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
     rows = []
     for stokes, ratios in _ratios(
@@ -242,6 +255,7 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
     ).iterrows():
         at_stokes = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
         ahead = (at_stokes[_VERNER] < at_stokes[_TAYLOR]).to_numpy()
+        # Verner's method is ahead at this error, and no more at the next one.
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
         rows.append(
             [
@@ -263,6 +277,7 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
     """Ratio of the times of two forms and solvers, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
+    # `unstack` turns errors, the outer level of the rows, into columns, in their order in `times`.
     return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[
         [*times.index.unique(0)]
     ]

@@ -1,4 +1,8 @@
-"""The page of solvers that know St: how many times as fast as the fastest other one, and the ratios set as targets."""
+"""The page of solvers that know St: how many times as fast as the fastest other one, and the ratios set as targets.
+
+`splitting`, `splitting-extended` and `stroboscopic` know St: they are made for large St. `docs/method.md` says
+how they work and where they are used.
+"""
 
 import json
 import tomllib
@@ -27,20 +31,27 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
+# Errors of L and E over I_max, columns of the table.
 _ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 # Least ratios set as targets, by scene, St and error of L and E.
 _TARGET_ROWS = tomllib.loads(
     Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8")
 )["targets"]
 _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _TARGET_ROWS}
+# Solvers of polhode, the ones that know St; all others are rivals.
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Limits that stroboscopic averaging has to meet: the error of L and E over I_max, the error of the
-# orientation in rad, and how many times as fast as the best other solver it is.
+# orientation in rad, and how many times as fast as the best other solver it is. They are targets of
+# polhode's authors, as those of `known_stokes.toml`, and not measured.
 _REACHED = (5e-9, 3e-4, 30.0)
 _STOKES = 1e6  # St of its runs.
 _LARGER = 1e8  # St of the longer run.
-_LONGER = 1.3  # Factor by which the longer run may take more time.
-_ROUNDS = 7  # Both runs take turns this often; the fastest count.
+# Factor by which the longer run may take more time, a target: the cost of averaging should hardly
+# depend on St.
+_LONGER = 1.3
+# Both runs take turns this often, so that what slows the machine slows both; the fastest of each
+# count. An estimate.
+_ROUNDS = 7
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -69,7 +80,10 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 def _splitting(
     table: pd.DataFrame,
 ) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
-    """Rows of the table, which targets are met, and all ratios known with their St."""
+    """Rows of the table, which targets are met, and all ratios known with their St.
+
+    A ratio is the time of the fastest rival over that of `splitting` at equal error of L and E.
+    """
     rows = []
     met = []
     ratios = []
@@ -132,7 +146,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path, of: str) -> l
 
 
 def _cached_longer(folder: Path, of: str, scene: Scene, tolerance: float, samples: int) -> float:
-    """`_longer`, measured once for the records of this digest."""
+    """`_longer`, measured once for the records of this digest: a page written anew does not run it again."""
     path = folder / "longer.json"
     if path.exists() and (record := json.loads(read_file(path)))["records"] == of:
         return record["ratio"]
@@ -142,7 +156,10 @@ def _cached_longer(folder: Path, of: str, scene: Scene, tolerance: float, sample
 
 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:
-    """Time of a run at the larger St over that at a scene's own, run in turns."""
+    """Time of a run at the larger St over that at a scene's own, run in turns.
+
+    The duration grows by the factor of St: both runs go over the same slow time t/St.
+    """
     form = find_form("spheroid-axis")
     factor = _LARGER / scene.stokes
     problems = [

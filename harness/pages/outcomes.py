@@ -1,4 +1,7 @@
-"""The page of hard cases: who got through, who is wrong, who failed and why."""
+"""The page of hard cases: who got through, who is wrong, who failed and why.
+
+A case is a scene, a St, a form and a tolerance; every solver that takes the form has one run of it.
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,9 +23,10 @@ from polhode.models.files.scene_file import parse_scene
 from polhode.models.scenes import SCENES
 from polhode.solvers.contract import Status
 
-# Solvers that take at least this share of the cases that anybody takes are compared as to who never
-# fails.
+# Solvers with at least this share of the runs that any solver has are compared as to who never
+# fails. A solver for spheroids alone has fewer, and so fewer to fail. An estimate.
 _MOST = 0.9
+# Columns that tell cases apart.
 _CASE = ["scene", "St", "form", "tolerance"]
 # Columns that the shared records leave out, as they do empty ones: there are thousands of records,
 # and `polhode export` writes all columns.
@@ -37,11 +41,13 @@ _LEFT_OUT = (
 # A run with a larger error against the exact solution of its own form has no digits to trust. The
 # unit is I_max, or the slow variables at the start if those are larger.
 INACCURATE = 1e-3
+# How a run may end: at its end, accurately, inaccurately, or with an error that no reference tells;
+# at a limit of time or steps; or with another failure.
 _KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
-    """Who fails least, and how many runs ended how."""
+    """Who fails least, and how many runs ended how; `stopped` is the time limit in words."""
     runs = _runs(endings)
     counts = {"sums": Counter(runs["outcome"]), "all": len(runs), "inaccurate": INACCURATE}
     return lines_of("outcomes-sentences", **counts, **_surest(runs), stopped=stopped)
@@ -57,6 +63,7 @@ def _surest(runs: Any) -> dict[str, Any]:
 
     Every run that did not reach its end accurately is a miss, also one that nobody got through.
     """
+    # A row for each solver: "size" is the number of its runs, "sum" of those that got through.
     taken = runs.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
     widely = taken["size"] >= _MOST * taken["size"].max()
     without = taken["size"] == taken["sum"]
@@ -150,6 +157,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 def limits(records: Sequence[Record]) -> dict[str, float]:
     """Error of L and E, over I_max, beyond which a run counts as inaccurate, by scene."""
+    # Of all records of a scene's name, the first one gives the scene.
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}
     return {

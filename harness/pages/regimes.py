@@ -1,4 +1,8 @@
-"""The page of the regime map, beside its pictures and data, from the records alone."""
+"""The page of the regime map, beside its pictures and data, from the records alone.
+
+The map says which method, a form by a solver, is the cheapest at each St and error. A cell is one St
+and error, a panel all cells of one scene and one kind of error (`polhode.harness.analysis.pareto`).
+"""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -22,10 +26,13 @@ from polhode.harness.pages.figures.work_precision import conditions, profile_lin
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
-# From this duration on, in shear times, runs have a profile of their own.
+# Shear times from which on runs have a profile of their own: in the study, slow time 0.5 from
+# St = 1e5 on.
 _LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
-"""Cells by the scene's name and the error."""
+"""Cells by the scene's name and the column of the error, "slow_error" or "orientation_error"."""
+# Columns of `cells.csv`, the fields of `Cell`: "error" is the kind of error, "target" its requested
+# size, "form" and "solver" are the winner's, "next" is the second's, as "form, solver".
 _CELL_COLUMNS = [
     "scene",
     "error",
@@ -62,6 +69,8 @@ def rewrite_page(study: Study, folder: Path) -> Path:
 
 
 def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
+    # Runs of `hybrid` that average nothing are runs of the full form: the page counts them, and the
+    # maps leave them out.
     hybrid = where(runs, (runs["form"] == HYBRID) & runs["slow_error"].notna())
     in_full = ran_in_full(runs, study.scenes)
     counted = int(in_full[hybrid.index].sum())
@@ -97,7 +106,7 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
             drawing = picture(maps[name, error], times, f"{name.capitalize()}. {title}", note)
             save(drawing, folder, name if error == "slow_error" else f"{name}-orientation")
         # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a
-        # front.
+        # front. `MAP_ERRORS` has the orientation first: the full solution, then the slow variables.
         full, slow = (
             {row.method: row for row in standings(scene_runs, error, maps[name, error])}
             for error in MAP_ERRORS
@@ -165,6 +174,7 @@ def _times(panel: Sequence[Cell]) -> str:
 
 
 def _time(cell: Cell) -> str:
+    """Time and lead of a cell; "–" if no run gets there, "?" if the reference does not resolve the error."""
     if cell.winner is None:
         return "–" if cell.known else "?"
     if isnan(cell.lead):
@@ -173,7 +183,7 @@ def _time(cell: Cell) -> str:
 
 
 def read_cells(path: Path) -> Maps:
-    """Cells as `write_page` wrote them."""
+    """Cells of a file `cells.csv`, as `write_page` wrote it."""
     maps: dict[tuple[str, str], list[Cell]] = {}
     table = pd.read_csv(
         BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""}
@@ -195,7 +205,10 @@ def _leads_somewhere(standing: Standing) -> bool:
 
 
 def sentence(panel: Sequence[Cell], quantity: str) -> str:
-    """A map in words: which kind of method wins where, by how much, and in which form."""
+    """A map in words: which kind of method wins where, by how much, and in which form.
+
+    The lead of a kind is the median over the cells that it wins; cells without a second have none.
+    """
     won: dict[str, list[Cell]] = {side: [] for side in HEADINGS}
     for cell in panel:
         if cell.winner:

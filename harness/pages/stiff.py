@@ -1,4 +1,9 @@
-"""The page of the stiff side: the fastest implicit solvers, what Jacobian and back end gain, who is stopped."""
+"""The page of the stiff side: the fastest implicit solvers, what Jacobian and back end gain, who is stopped.
+
+The stiff side is that of small St. A run is one body, St, form, solver, back end, Jacobian and tolerance. The
+back end `compiled` runs without Python; by `numba` Python calls back a compiled right-hand side. A Jacobian
+is `exact` or by a `difference` of right-hand sides. The study is `harness/studies/stiff.toml`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,11 +36,11 @@ from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 from polhode.solvers.contract import Status
 
-# Errors of L and E over I_max at which solvers are compared.
+# Errors of L and E over I_max at which solvers are compared: loose, middle and tight.
 _ERRORS = (1e-4, 1e-6, 1e-8)
-# The error of the figure.
+# The error of the figure and of the table of forms: the middle one.
 _SHOWN_ERROR = 1e-6
-# Fields that the 1500 shared records leave out.
+# Fields that the page does not read. The records beside it leave them out: there are 1500.
 _LEFT_OUT = (
     "key",
     "errors",
@@ -47,6 +52,7 @@ _LEFT_OUT = (
     "statistics_distance",
     "statistics_uncertainty",
 )
+# Forms whose state is angles: one column of the table of forms.
 _ANGLES = ("euler-angles", "spheroid-angles")
 
 
@@ -68,7 +74,7 @@ class Run:
 
     @classmethod
     def of(cls, record: Record) -> "Run":
-        """That of a record."""
+        """The run of a record, whose time is absent and whose error may be if it failed."""
         return cls(
             record["scene_name"],
             record["scene"]["stokes"],
@@ -90,11 +96,15 @@ class Run:
 
     @property
     def seconds(self) -> float:
-        """The least time."""
+        """The least time: what disturbs a run can only lengthen it."""
         return min(self.times)
 
     def ties(self, other: "Run") -> bool:
-        """Whether the lead over a slower run is no larger than what the two runs' own times vary by."""
+        """Whether the lead over a slower run is no larger than what repeats of this run vary by.
+
+        It is a tie if half of the repeats of this run take as long as the fastest one of the other: the lead
+        then hangs on a few lucky repeats.
+        """
         return median(self.times) >= other.seconds
 
     def meets(self, error: float) -> bool:
@@ -105,7 +115,11 @@ class Run:
 def _gains_table(
     runs: Sequence[Run], choice: str, pair: tuple[str, str], heads: tuple[str, str, str]
 ) -> str:
-    """The gain of one option of a choice over the other; `heads` name the further column and who alone gets through."""
+    """The gain of the first option of `pair` over the second, in a row for each solver.
+
+    `choice` is "jacobian" or "backend". `heads` are headings: of the column of the choice that is held equal, and
+    of the counts of runs that only the first option, and only the second one, gets through.
+    """
     beside, only_first, only_second = heads
     return markdown(
         ["solver", beside, "pairs", "median", "least", "most", only_first, only_second],
@@ -161,7 +175,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 @dataclass(frozen=True)
 class Winner:
-    """The fastest solver for an error on one body at one St, and the fastest run of another solver."""
+    """The fastest run that meets an error on one body at one St, and the fastest one of another solver."""
 
     scene: str
     stokes: float
@@ -215,20 +229,27 @@ def _named(run: Run) -> str:
 
 @dataclass(frozen=True)
 class Pair:
-    """Ratios of the times of two choices, in runs that differ in nothing else."""
+    """Times of two options of a choice, in pairs of runs that differ in nothing else.
+
+    The choice is the Jacobian or the back end. A pair of runs has one solver, body, St, form and tolerance.
+    """
 
     solver: str
-    beside: str
-    ratios: list[float]
+    beside: str  # The other one of the two choices, which both runs share.
+    ratios: list[float]  # Time by the second option over that by the first.
     longest: Run | None  # The first one's run with the largest ratio.
     only_first: int  # Runs that only the first choice gets through.
     only_second: int
 
 
 def gains(runs: Sequence[Run], choice: str, names: tuple[str, str]) -> list[Pair]:
-    """Time by the second name over that by the first, for each solver and value of the other choice."""
+    """Time by the second option over that by the first, for each solver and value of the other choice.
+
+    `choice` is "jacobian" or "backend", and `names` are two of its options.
+    """
     beside = "backend" if choice == "jacobian" else "jacobian"
     pairs: dict[tuple[str, str], Pair] = {}
+    # Runs that differ in the choice alone stand together, each under its option.
     by_choice: dict[tuple[Any, ...], dict[str, Run]] = {}
     for run in runs:
         own = getattr(run, beside)
@@ -266,6 +287,7 @@ def _pair_cells(pair: Pair) -> list[str]:
 
 # --- forms -------------------------------------------------------------------------------------------
 
+# Kinds of forms, columns of the table; "axis" is the form (L, p̂) of a spheroid.
 _FORMS = ("quaternion", "angles", "axis")
 
 
@@ -318,7 +340,10 @@ def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
 
 
 def answers(runs: Sequence[Run]) -> dict[str, Any]:
-    """The sentences that begin the page."""
+    """Numbers of the sentences that begin the page; `texts/stiff.md` has the sentences.
+
+    A cell is a body, a St and an error that some run meets.
+    """
     found = winners(runs)
     won: dict[str, list[Winner]] = {}
     for winner in found:
@@ -359,7 +384,7 @@ def _span(pairs: Sequence[Pair]) -> tuple[float, float, float] | None:
 
 
 def _worst(pairs: Sequence[Pair]) -> str:
-    """The run with the largest ratio, in words."""
+    """The run of the first option that gains most over the second, in words; empty without a pair."""
     pair = max(pairs, key=lambda pair: max(pair.ratios, default=0.0), default=None)
     if pair is None or pair.longest is None:
         return ""

@@ -23,15 +23,17 @@ from polhode.harness.pages.figures.style import (
     square_decades,
 )
 
-# Bodies that stay on one side of L² = 2EI₂, and those that cross it.
+# Bodies that stay on one side of L² = 2EI₂, and those that cross it. L² = 2EI₂ is the separatrix of
+# the free motion: its period is infinite there, so that averaging over it loses accuracy.
 _COLOURS = {False: BLUE, True: VERMILLION}
 _DASHES = {"first order": "-", "second order": "--"}
 # Bands in a row: a decade of the error is then as long as one of St, and slopes can be compared.
 _COLUMNS = 4
+# Letters in a line of a panel's title, which the panel's width allows.
 _LETTERS_OF_TITLE = 15
 # Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; titles, numbers.
 _ROW = 2.3
-_ERRORS = (1e-10, 3.0)
+_ERRORS = (1e-10, 3.0)  # Ends of the axis of the error of L and E, over I_max.
 # St and error at which the dotted lines of slopes begin, and St at which they end.
 _SLOPES_FROM = (20.0, 1e-6)
 _SLOPES_TO = 1e3

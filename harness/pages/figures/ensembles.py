@@ -1,4 +1,9 @@
-"""Figures of ensembles: orientation and arrivals of one shape, from the tables beside its page; speed."""
+"""Figures of ensembles: orientation and arrivals of one shape, from the tables beside its page; speed.
+
+An ensemble is many particles of one shape at one St, with random starts. p is the direction of the
+body's last axis. A particle has arrived at an attractor once it stays near it to the end. L is the angular
+momentum; tables have it over the largest moment of inertia. "x, y, z" are flow, gradient, vorticity.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -30,17 +35,21 @@ from polhode.harness.pages.figures.style import (
     square_decades,
 )
 
+# Dashes of the lines of one St: for the components x, y, z, and for the attractors.
 _DASHES = ("-", "--", ":")
 # In standard deviations: 95 % of a normal variable lie within this distance of its mean.
 _STANDARD = 1.96
 # Least distance between two names, over the height of a panel.
 _NAME_SPACING = 0.09
+# Rows of the tables that are drawn: of `moments`, means of p_x², p_y², p_z²; of `slow`, of L.
 _COMPONENTS = ("xx", "yy", "zz")
 _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
 # Width and height of the sketch of a body, as shares of its panel.
 _SKETCH = (0.42, 0.46)
-# The body's axes in that sketch, a column each: right, up and towards the eye.
+# The body's axes in that sketch, a column each: right, up and towards the eye. The angles are chosen
+# by eye.
 _VIEW = Rotation.from_euler("zyx", (-25, 25, -60), degrees=True).as_matrix()
+# Colours of the shapes of the figure of speeds.
 _SPEED_COLOURS = (BLUE, VERMILLION)
 
 
@@ -60,6 +69,7 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
     some = next(table for table in tables.values() if len(table))
     axes = [float(some[name].iloc[0]) for name in "abc"]
     numbers = sorted({float(stokes) for stokes in tables["distributions"]["stokes"]})
+    # Every second colour: those of neighbouring St differ more.
     shades = dict(zip(numbers, ramp(2 * len(numbers))[1::2], strict=True))
     # Without a finite St above 0 there is no slow time.
     slow = all(0 < stokes < np.inf for stokes in numbers)
@@ -85,6 +95,7 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
 
 
 def _unit(stokes: float, slow: bool) -> float:
+    """The unit of the time axis, in inverse shear rates: St for the slow time t₂ = t/St, else 1."""
     return stokes if slow else 1.0
 
 
@@ -125,13 +136,17 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
     x, y = min(crossed, key=lambda place: crossed[place])
     sketch = axes.inset_axes((x, y, width, height))
     lengths = np.array(semi_axes, float) / max(semi_axes)
-    # Right, up and towards the eye, a column for each axis of the body.
+    # Ends of the semi-axes: right, up and towards the eye, a column for each axis of the body. The
+    # body is `ends` times the unit ball, and its outline `ends[:2]` times it, an ellipse whose
+    # semi-axes are singular vectors times singular values.
     ends = _VIEW * lengths
     along, sizes, _ = np.linalg.svd(ends[:2], full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = np.array([np.cos(turn), np.sin(turn)])
     sketch.fill(*(along * sizes @ circle), facecolor="#DCE9F4", edgecolor=SOFT, linewidth=1.0)
     for first, second in ((0, 1), (1, 2), (2, 0)):
+        # The ellipse in the plane of two axes; where its outward normal points away from the eye, it is
+        # hidden.
         unit = np.zeros((3, len(turn)))
         unit[[first, second]] = circle
         seen = (_VIEW / lengths @ unit)[2] >= 0
@@ -162,6 +177,7 @@ def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
 
 
 def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -> None:
+    """Share of the particles that have arrived at each attractor against time, with its interval."""
     axes.set_ylim(0, 1.03)
     axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
     axes.set_ylabel("share of the particles")
@@ -212,7 +228,11 @@ def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
 
 
 def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
-    """Particles per second against the largest error, a colour for each shape."""
+    """Particles per second against the largest error, a colour for each shape.
+
+    `rows` are `polhode.harness.ensembles.throughput`'s of full equations, by equal steps and by Taylor's method
+    on several particles at once ("lanes"). Bars reach down to the speed that three of four repeats reach.
+    """
     figure, grid = panels(1, 1, 3.1)
     axes = grid[0, 0]
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)

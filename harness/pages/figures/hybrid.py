@@ -1,4 +1,8 @@
-"""The figure of the form `hybrid`: how errors keep to those requested, and how fast it is."""
+"""The figure of the form `hybrid`: how errors keep to those requested, and how fast it is.
+
+`hybrid` averages the parts of a run where that is accurate enough for the tolerance, and solves the
+full equations in the others. `polhode.harness.averaging.hybrid` makes the tables that are drawn.
+"""
 
 from typing import Any
 
@@ -10,17 +14,18 @@ from matplotlib.lines import Line2D
 
 from polhode.harness.pages.figures.style import INK, TITLE, WIDTH, caption, key, plain, power, ramp
 
-# Ratios below this stand at the edge.
+# Ratios of the measured error to the allowed one below this stand at the left edge.
 _LEAST_RATIO = 1e-3
+# Dashes of the two kinds of bodies.
 _BODIES = {"spheroids": "-", "triaxial": "--"}
 
 
 def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
     """Empirical distributions: error over the one requested, by that and St; speed over the full solvers, by St.
 
-    `runs` has `stokes`, `error`, `slow` and `uncertainty`, `speeds` has `stokes`, `bodies` and
-    `gain`. Runs whose error is above the one requested, and above the reference's uncertainty, are
-    circled.
+    `runs` has `stokes`, `error` (requested), `slow` (the error of L and E over I_max) and `uncertainty` (of the
+    reference); `speeds` has `stokes`, `bodies` ("spheroids" or "triaxial") and `gain`. Runs
+    whose error is above the one requested, and above the reference's uncertainty, are circled.
     """
     requested = sorted(runs["error"].unique(), reverse=True)
     numbers = sorted({*runs["stokes"], *speeds.dropna(subset=["gain"])["stokes"]})
@@ -52,6 +57,11 @@ def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
 
 
 def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
+    """Share of the runs against the largest ratio of the measured error to the allowed one, by St.
+
+    Allowed is the requested error or, if it is larger, the reference's uncertainty. A failed run has no ratio and
+    counts among the runs: its line ends below 100 %.
+    """
     for stokes, own in runs.groupby("stokes"):
         allowed = own[["error", "uncertainty"]].max(axis=1)
         ratios = np.sort((own["slow"] / allowed).dropna().to_numpy(float))
@@ -71,8 +81,10 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
 
 
 def _speeds(axes: Axes, speeds: Any, shades: dict[float, str]) -> None:
+    """Share of the bodies whose gain is at least that on the axis, by St and kind of bodies."""
     drawn = speeds.dropna(subset=["gain"])
     for (stokes, bodies), own in drawn.groupby(["stokes", "bodies"]):
+        # From the largest gain down: the share that reaches a gain grows.
         gains = np.sort(own["gain"].to_numpy(float))[::-1]
         shares = np.arange(1, len(gains) + 1) / len(gains)
         dash = _BODIES.get(str(bodies), "-")

@@ -1,5 +1,9 @@
 """Figures of runs: cost against error, on axes that are given back; who is robust or fast, as profiles.
 
+`work_precision` draws one panel on given axes, `panels` a whole figure of them. There errors fall to
+the right, so that better runs are lower and further right. `profiles` and `heat_map` read a table of
+seconds: a row for each problem, a column for each method.
+
 A problem of the profiles is a scene, a Stokes number and an error to be reached. E. D. Dolan and J.
 J. Moré, Benchmarking optimization software with performance profiles, Math. Program. 91 (2002);
 shares within a time: N. Hansen et al., COCO, Optim. Methods Softw. 36 (2021).
@@ -62,9 +66,10 @@ _LONGEST_NAME = 19
 UNKNOWN_LABEL = f"grey: within {KNOWN:g} times the\nreference's uncertainty"
 # The end of the labels of solvers that have runs without a result.
 NO_RESULT = ": no result"
-# Runs beyond this error have failed, whatever their status; they stay in the table.
+# Runs beyond this error, over I_max or in rad, have failed, whatever their status: they lie outside
+# the axes, and stay in the table.
 LARGEST_ERROR = 10.0
-# One per full form, where a scene is solved in several.
+# Dashes of a solver's lines: one for each full form, where a scene is solved in several.
 _DASHES = ("-", "--", ":", "-.")
 # Inches of a figure of panels.
 _LEFT = 0.72  # Numbers and label of the time.
@@ -74,10 +79,10 @@ _BELOW = 0.5  # Numbers and label of the error, below the lowest panel.
 _LEAST_HEIGHT = 1.0  # Of a panel.
 _MOST_DECADE = 0.42  # Width and height of a decade.
 _KEY_LINE = 0.2  # A line of the key.
-_KEY_LETTERS = 68  # Letters for which two columns of the key have room.
+_KEY_LETTERS = 68  # Letters for which two columns of the key, together, have room.
 _NAME_SPACING = 12.5  # Points: the least distance between two lines of names.
 _BEHIND_NAME = "nowhere on the front"
-# Factors over the time of the fastest method.
+# Factors over the time of the fastest method; both are choices.
 _LARGEST_FACTOR = 1000.0  # The figure ends here.
 _NEAR = 2.0  # The sentence names the method that stays most often within this factor.
 # Methods that the figure names, those that are fast and sure; the others are grey.
@@ -166,7 +171,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     axes.yaxis.set_minor_formatter(NullFormatter())
     plain(axes)
     _without_result(axes, runs)
-    # Over more than a decade, so that a power of ten names one.
+    # The axis spans more than a decade, so that at least one power of ten stands on it.
     low, high = axes.get_ylim()
     if high < 10 * low:
         axes.set_ylim(low / 3, high * 3)
@@ -178,7 +183,11 @@ def _points(runs: pd.DataFrame, error: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _stairs(errors: np.ndarray, seconds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The line along which an error costs as much as the next run that is more accurate."""
+    """The line along which an error costs as much as the next run that is more accurate.
+
+    Points come from the fastest to the most accurate. Between two of them the line goes at the time of the
+    second one: no run in between is measured, and only the second one has the error.
+    """
     return np.repeat(errors, 2)[:-1], np.repeat(seconds, 2)[1:]
 
 
@@ -187,6 +196,7 @@ def _grey_out(axes: Axes, runs: pd.DataFrame, error: str, marker: Any, size: flo
     unknown = where(runs, ~known(runs, error))
     if len(unknown):
         style = {"marker": marker, "markersize": size, "linewidth": 0, "color": GREY, "zorder": 2.5}
+        # Matplotlib leaves labels that begin with "_" out of the key: it names the grey points once.
         label = "_again" if UNKNOWN_LABEL in axes.get_legend_handles_labels()[1] else UNKNOWN_LABEL
         axes.plot(*_points(unknown, error), label=label, **style)
 
@@ -195,7 +205,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
     figure: Any = axes.figure
     failed: Any = where(runs, runs["status"] != Status.REACHED_END)
-    # Those beyond the errors that are drawn stand at the edge.
+    # Failed runs whose tolerance lies beyond the errors that are drawn stand at the edge.
     places = (
         failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
     )
@@ -252,7 +262,9 @@ def name_lines(axes: Axes, few: int = 0) -> None:
             line.set(color=BEHIND)
     ends.sort(key=lambda entry: entry[0])
     box = axes.get_window_extent()
-    # Names move as little as keeps them apart, in order and beside the panel.
+    # Names move as little as keeps them apart, in order and beside the panel. `rooms` are their heights
+    # in points. Stacked without gaps their middles are at `middles`; heights less `middles` may not
+    # fall from one name to the next, and isotonic regression finds the nearest such values.
     rooms = np.array([_NAME_SPACING * (1 + name.count("\n")) for *_, name in ends])
     middles = np.cumsum(rooms) - rooms / 2
     # Below the panel stand the numbers of its axis.
@@ -319,6 +331,7 @@ def panels(
     Decades of the error are as long as those of the time. The key stands on top, `note` below.
     """
     everything = pd.concat([runs for _, runs in groups])
+    # For each panel the ends of its axes, as exponents of ten: of the error, and of the seconds.
     limits = []
     for _, runs in groups:
         shown: Any = everything if alike else runs
@@ -326,6 +339,7 @@ def panels(
             (_decades(shown[error], LARGEST_ERROR), _decades(shown["seconds"], np.inf, least=1))
         )
     width = WIDTH - _LEFT - _NAMES_WIDTH
+    # Inches of a decade, the same in all panels and along both axes.
     decade = min(min(width / (high - low) for (low, high), _ in limits), _MOST_DECADE)
     heights = [max(_LEAST_HEIGHT, decade * (top - bottom)) for _, (bottom, top) in limits]
     drawing = plt.figure(figsize=(WIDTH, 1.0))
@@ -366,7 +380,10 @@ def panels(
 
 
 def _decades(values: pd.Series, most: float, least: int = 0) -> tuple[float, float]:
-    """Whole powers of ten around positive values up to `most`; more than `least` decades apart."""
+    """Exponents of the powers of ten around positive values below `most`; more than `least` decades apart.
+
+    A value within 0.02 decades of a power of ten counts as beyond it, so that its marker is not cut.
+    """
     numbers = values.dropna().to_numpy(float)
     numbers = numbers[(numbers > 0) & (numbers < most)]
     if not numbers.size:
@@ -445,7 +462,10 @@ def profile_lines(
 
 
 def sentence(seconds: pd.DataFrame) -> str:
-    """Who is seldom far from the fastest, and who gets there most often."""
+    """Who is seldom far from the fastest, and who gets there most often, from a table of `times`.
+
+    `slow` is what nine in ten of the ratios of the surest method stay below.
+    """
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     nearly_fastest = (ratios <= _NEAR).mean()
     reached = seconds.notna().mean()
@@ -473,6 +493,8 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
         float(end)
         for end in (np.nanmin(seconds.to_numpy(float)), np.nanmax(seconds.to_numpy(float)))
     )
+    # Methods are ranked by the share of problems solved nearly as fast as the fastest, plus the share
+    # solved at all: both count as much.
     standing = (ratios <= _NEAR).mean() + seconds.notna().mean()
     named = set(standing.sort_values(ascending=False).index[:NAMED])
     for name, look in looks(map(str, seconds)).items():
@@ -546,6 +568,7 @@ def heat_map(
             linewidth=0.6,
         )
         for (i, j), value in np.ndenumerate(values):
+            # Below 9.95 two digits, "9.9", fit into a cell; below 1.05 they would read "1".
             if value < 9.95:
                 text = "1" if value < 1.05 else f"{value:.2g}"
                 style = {"fontsize": 8, "weight": "bold" if value < 1.05 else "normal"}
