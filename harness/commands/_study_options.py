@@ -19,14 +19,17 @@ if TYPE_CHECKING:
     from polhode.harness.common.store import Store
     from polhode.harness.studies.study import Study
 
+# Options that choose a part of a study, by argument of `Study.part`: name and help.
 _KINDS = {
     "scenes": ("--scene", "Only this scene of the study; may be given several times."),
     "tags": ("--tag", "Only scenes with this tag; may be given several times."),
     "forms": ("--form", "Only this form; may be given several times."),
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
-_MOST_DISTURBED = 0.1  # Share of disturbed times from which on earlier results are not replaced.
-FEW_TIMED_RUNS = 50  # The share is of this number of runs at least: chance rules fewer.
+# Share of disturbed times above which earlier results are not replaced. An estimate.
+_MOST_DISTURBED = 0.1
+# The share is of this number of runs at least: chance rules fewer. With 0.1, five may be disturbed.
+FEW_TIMED_RUNS = 50
 # Options that change nothing in what is measured.
 _ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(
@@ -123,7 +126,10 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> None:
-    """Say so if other work disturbed too many times; RunFailed if they would replace a page of this machine."""
+    """Say so if other work disturbed too many times; RunFailed if they would replace a page of this machine.
+
+    `anyway` is the option --disturbed: the times are taken all the same.
+    """
     from polhode.harness.common.machine import machine
     from polhode.harness.common.text import percent
     from polhode.harness.common.timing import disturbance

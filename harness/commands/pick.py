@@ -44,7 +44,7 @@ _ROWS = {
     "interval": "{seconds.low:time} … {seconds.high:time}",
     "first run": "{first_run_seconds:time}",
 }
-# The first seed of the held-out scenes.
+# The seed of the held-out scenes, unless --seed gives another.
 _HELD_OUT_SEED = 4001
 
 

@@ -20,9 +20,9 @@ from polhode.models.registry import imported
 _REPORTS = Path("reports")
 _HERE = Path(__file__).parent
 _ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
-# Seconds over which the sentinel is watched.
+# Seconds over which the sentinel (`polhode.harness.common.timing`) is watched.
 _WATCH = 1.0
-# A machine is fit for timing up to these values.
+# A machine is fit for timing up to these values, which are estimates.
 _STEADY = 1.05  # Median over minimum of the sentinel's times.
 _BUSY = 0.5  # Processes that wait for each core.
 
@@ -133,6 +133,8 @@ def cold_start() -> dict[str, float]:
     return json.loads(done.stdout or "{}") | {"in all": perf_counter() - began}
 
 
+# The program of a cold start: a process of its own solves a scene, so that nothing is imported or
+# compiled before. It prints the seconds of each kind of work.
 _COLD = """
 import json, os
 from contextlib import suppress

@@ -42,6 +42,7 @@ def shape(semi_axes: tuple[float, ...], as_json: bool) -> None:
     click.echo(to_json(content) if as_json else _shape_page(content))
 
 
+# Rows of the table by attribute of `Ellipsoid`: title and unit.
 _SHAPE_ROWS = {
     "semi_axes": ("semi-axis", "as given"),
     "inertia": ("inertia I", "ρ l⁵"),

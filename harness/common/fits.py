@@ -35,7 +35,8 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
     from scipy import stats
 
     ordered = np.sort(values)
-    # Number of values that may lie below the median.
+    # The number of values below the true median is binomial with probability ½; `first` is its lower
+    # quantile, and the interval is as far from the upper end.
     first = int(stats.binom.ppf((1 - COVERAGE) / 2, len(ordered), 0.5))
     low = ordered[max(0, first - 1)]
     high = ordered[min(len(ordered) - 1, len(ordered) - first)]
@@ -47,5 +48,5 @@ def wilson(count: int, total: int) -> tuple[float, float]:
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
     middle = count + z**2 / 2
     width = z * sqrt(count * (total - count) / max(1, total) + z**2 / 4)
-    # At 0 and 1 rounding is left.
+    # At shares of 0 and 1 rounding would leave the ends just outside.
     return max(0.0, (middle - width) / (total + z**2)), min(1.0, (middle + width) / (total + z**2))

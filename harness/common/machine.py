@@ -31,13 +31,14 @@ _PACKAGES = (
 # Folders and files of a clone whose changes change numbers: pages may change.
 _CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constraints.txt")
 _CHANGED = " with changes"
-_DIGITS_OF_A_COMMIT = 9
+_DIGITS_OF_A_COMMIT = 9  # Hexadecimal digits that name a commit on a page.
 _UNKNOWN_VERSION = "of an unknown version"
 _UNKNOWN_COMMIT = "not kept"
 _MAKER = re.compile(
     rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_UNKNOWN_COMMIT}),"
 )
-# Seconds between two records beyond which a study stood still.
+# Seconds between two records beyond which a study stood still, as when it was interrupted and
+# resumed: it does not count as time that the study took. An estimate.
 _PAUSE = 600.0
 
 

@@ -20,7 +20,8 @@ from threading import Thread
 from time import perf_counter
 from typing import Any
 
-# Seconds after twice the limit: a run that stops by itself is not killed for a slow machine.
+# Seconds after twice the limit: a run that stops by itself is not killed for a slow machine. Both
+# are estimates.
 GRACE = 0.5
 _STARTUP = 120.0  # Seconds that a process may take to start.
 # Some 23 days: no system call waits longer at once.

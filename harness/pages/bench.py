@@ -31,16 +31,18 @@ _FIGURES = {
     "slow": ("slow_error", "error of L and E over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
-# Columns of the table of distances.
+# Columns of the table of distances: errors that a method reaches, how often it is the fastest, and
+# its time over that of the fastest.
 _DISTANCES = ("method", "reached", "won", "least", "median", "largest")
 # Ties named in a cell.
-_SHOWN = 2
+_SHOWN = 2  # More would make the table too wide.
 # Columns of the table of scenes: heading, and column of the runs.
 _SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
 _SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
 _NOTHING = "No run gave a result: how each ended stands in runs.csv."
 _FULL_ALONE = "No form measured averages: the tables show the cheapest runs of the full equations."
-# St further apart than this leave open where between them averaging begins to pay.
+# Factor between two measured St above which it is left open where between them averaging begins to
+# pay: a decade, and some rounding.
 _GAP = 10.0 * (1 + 1e-9)
 
 
@@ -186,7 +188,7 @@ def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) ->
 
 
 def averaged_costs(records: pd.DataFrame) -> list[str]:
-    """How little an averaged form's cost depends on St, scene by scene."""
+    """How little an averaged form's cost depends on St, scene by scene, in sentences."""
     scene_costs = []
     for scene, runs in by_scene(records):
         names = pareto.averaged_forms(runs)

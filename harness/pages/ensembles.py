@@ -1,4 +1,8 @@
-"""The pages on ensembles: of a sweep, with CSV files for the rest, and of what `polhode throughput` measured."""
+"""The pages on ensembles: of a sweep, with CSV files for the rest, and of what `polhode throughput` measured.
+
+An ensemble is many particles of one shape at one St; a sweep is ensembles of some shapes and St. Its particles
+are run in blocks, the tasks of the store. `polhode.harness.ensembles.summary` makes the rows of all files.
+"""
 
 import csv
 import json
@@ -40,7 +44,8 @@ _ENSEMBLES = "ensembles.json"
 _DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
 # Large sweeps whose cost the page predicts.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
-_BLOCK = 100_000  # Particles of one task of such a sweep.
+# Particles of one task of such a sweep: the plans assume it.
+_BLOCK = 100_000
 
 # Tables by name, as plain data, from `throughput.measure`.
 Throughput = dict[str, Any]
@@ -200,6 +205,7 @@ def write_page(throughput: Throughput, folder: Path) -> Path:
 
 
 def _made(throughput: Throughput) -> list[str]:
+    """Lines on machine and versions: the measurements stand for a record of their own."""
     return provenance("polhode throughput", [throughput])
 
 

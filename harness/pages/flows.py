@@ -1,4 +1,13 @@
-"""The page of linear flows: cost beside shear, closed orbits and alignment, tracks, stated errors."""
+"""The page of linear flows: cost beside shear, closed orbits and alignment, tracks, stated errors.
+
+A linear flow is u = A x. In the planar flow A₁₂ = 1, A₂₁ = α, others 0, the axis of a spheroid of
+aspect ratio κ without inertia turns with the period 4π/√((1 - α)² - B²(1 + α)²), where
+B = (κ² - 1)/(κ² + 1) is its anisotropy. The root is real up to the threshold
+α = (1 - |B|)/(1 + |B|); beyond, the axis aligns. A track is a gradient A(t) given at knots, with a
+cubic spline between them. The tables' columns are the keys of the rows of
+`polhode.harness.flows.measure`: `theory` is the period of the formula, infinite beyond the
+threshold, and `apart` a difference or an angle in rad.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -86,6 +95,7 @@ def findings(tables: Mapping[str, Any]) -> list[str]:
     taylor = costs[costs["solver"] == "taylor"]
     closed = orbits[np.isfinite(orbits["theory"])]
     aligned = orbits[~np.isfinite(orbits["theory"])]
+    # The slope of log error against log spacing is the order.
     spacing, error = np.log(tables["orders"][["spacing", "error"]].to_numpy(float)).T
     order = np.polyfit(spacing, error, 1)
     cheap = knots[knots["solver"].str.startswith("cyrk") | (knots["solver"] == "taylor")]
@@ -113,7 +123,11 @@ def findings(tables: Mapping[str, Any]) -> list[str]:
 
 
 def bounded(stated: Any) -> pd.DataFrame:
-    """Runs by form and kind of flow, and how many of them stay within the errors that they state."""
+    """Runs by form and kind of flow, and how many of them stay within the errors that they state.
+
+    `slow` (L and E over I_max) and `angle` (of the orientation, rad) are errors against the integration in long
+    double. `slow_high` and `angle_high` are the upper ends that the run states, `requested` is the error of L and E.
+    """
     own = stated.assign(
         slow=stated["slow"] <= stated["slow_high"],
         angle=stated["angle"] <= stated["angle_high"],
@@ -169,11 +183,13 @@ def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
 
 
 def _draw_periods(axes: Axes, orbits: Any) -> None:
+    """Measured periods as points on the formula's curve, by aspect ratio, against α."""
     groups = list(orbits.groupby("ratio"))
     for (ratio, own), shade in zip(groups, ramp(len(groups)), strict=True):
         kappa = float(str(ratio))
         strain = abs(measure.anisotropy(kappa))
         threshold = (1 - strain) / (1 + strain)
+        # At the threshold the period is infinite.
         alphas = np.linspace(-1.0, threshold, 2000)[1:-1]
         theory = [measure.period(float(alpha), kappa) for alpha in alphas]
         axes.plot(alphas, theory, color=shade, linewidth=1.3)
@@ -192,6 +208,7 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
 
 
 def _draw_orders(axes: Axes, orders: Any) -> None:
+    """Errors as points; the line falls like the fourth power, the order of a cubic spline."""
     spacing = orders["spacing"].to_numpy(float)
     error = orders["error"].to_numpy(float)
     axes.loglog(spacing, error, "o", color=ramp(3)[2], markersize=5)

@@ -1,4 +1,9 @@
-"""The page of `pick`: how it did on scenes held out, by the time of the best run; its tables and its figure."""
+"""The page of `pick`: how it did on scenes held out, by the time of the best run; its tables and its figure.
+
+`pick` ranks methods for a scene; `polhode.harness.answers.heldout` measures its first choice and all others. In
+the tables `factor` is the time of the first choice over that of the best run, and `met` says whether the first
+choice met the requested error. A stratum is the scenes whose best run takes about as long.
+"""
 
 import re
 from collections import Counter
@@ -96,7 +101,7 @@ def summary(scenes: Any) -> list[str]:
 
 
 def reached(scenes: Any) -> bool:
-    """Whether first choices are as near the best, in each stratum, as they are to be."""
+    """Whether first choices are as near the best, in each stratum, as they are to be: the limits are `heldout`'s."""
     rows = [row for row in judged(scenes) if row["stratum"] in heldout.STRATA]
     return all(row["near"] >= heldout.SHARE_NEAR and row["farthest"] <= heldout.FAR for row in rows)
 

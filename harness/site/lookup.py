@@ -8,7 +8,7 @@ import numpy as np
 
 from polhode.harness.analysis.pareto import TIE, cost
 
-# St that differ by less than this share are the same.
+# St that differ by less than this share are the same: a typed St has few digits.
 _SAME = 1e-3
 
 Column = Mapping[str, Any]
@@ -23,7 +23,10 @@ from the fastest run to the most accurate one.
 def look_up(
     columns: Sequence[Column], particle: str, want: str, stokes: float, error: float
 ) -> dict[str, Any]:
-    """The answers at the St measured, or at its neighbours on both sides; `beyond` lies what was not measured."""
+    """The answers at the requested St if it was measured, else at its measured neighbours on both sides.
+
+    `beyond` is whether it lies below or above all measured St: then there is one neighbour alone, or none.
+    """
     own = [one for one in columns if (one["particle"], one["want"]) == (particle, want)]
     own = sorted((one for one in own if one["St"] > 0), key=lambda one: one["St"])
     same = [one for one in own if abs(one["St"] / stokes - 1) < _SAME]

@@ -1,4 +1,8 @@
-"""The motion itself: an axis on the unit sphere beside the L_z–E plane, linked in time."""
+"""The motion itself: an axis on the unit sphere beside the L_z–E plane, linked in time.
+
+This module computes the data, and `motion.js` draws them. The drawn axis is the symmetry axis of a
+spheroid, the longest one of a triaxial body. Constants of the drawing are chosen by eye.
+"""
 
 import tomllib
 from collections.abc import Callable
@@ -63,7 +67,7 @@ def motion(scene: Scene) -> dict[str, Any]:
         return {"why": "a sphere has no axis"}
     try:
         samples = int(min(max(_PER_ROTATION * rotations(scene), _FEWEST), _MOST))
-        # In the simplest form that has an axis, far more accurate than a screen shows.
+        # The simplest form that has an axis, far more accurate than a screen shows.
         name = simplest(scene)
         problem = form(name).problem(scene)
         stepping = "ida" if problem.parameters is None else "taylor"
@@ -146,7 +150,10 @@ def _averaged(scene: Scene) -> list[float]:
 
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
-    """Paths of the axis without torque, each starting at one of `_MOMENTS` equispaced samples."""
+    """Paths of the axis without torque, each starting at one of `_MOMENTS` equispaced samples.
+
+    A path lasts `_TURNS` times 2π over the rate |L|/I of rotation about the middle moment of inertia I.
+    """
     ellipsoid = solution.scene.ellipsoid
     paths = []
     for k in np.linspace(0, len(solution.times) - 1, _MOMENTS).astype(int).tolist():

@@ -1,4 +1,8 @@
-"""The regime map as a picture: one panel, with its key on top."""
+"""The regime map as a picture: one panel, with its key on top.
+
+Columns are St, rows requested errors. A cell has the colour and the letters of the cheapest method
+there, its winner. A side is a kind of method: implicit, explicit, made for large St, or averaged.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import inf
@@ -25,8 +29,9 @@ from polhode.harness.pages.figures.style import (
 )
 from polhode.harness.pages.tables import fill
 
-_NOBODY = "#FFFFFF"
-_UNKNOWN = "#E4E4E4"
+_NOBODY = "#FFFFFF"  # Cells of errors to which no run gets.
+_UNKNOWN = "#E4E4E4"  # Cells of errors that the reference does not resolve.
+# By side, from small St to large: its heading in the key, and the line below it.
 HEADINGS: dict[Side, tuple[str, str]] = {
     "implicit": ("Stiff side", "implicit methods"),
     "explicit": ("Oscillatory middle", "explicit methods"),
@@ -164,7 +169,8 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {"St": [power(stokes) for stokes in numbers]}
-    # The usual slow time says more than the time itself.
+    # Runs at large St share a slow time t₂ = t/St: it says more than the time itself. Runs at small St
+    # share a time.
     rows["over"] = [
         f"$t_2$={short(value)}"
         if value == usual and slow.count(usual) > 1

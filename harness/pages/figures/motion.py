@@ -1,4 +1,8 @@
-"""Plots of one motion: functions that draw on Matplotlib axes and return them."""
+"""Plots of one motion: functions that draw on Matplotlib axes and return them.
+
+Points of a picture are three numbers: right, up and towards the eye, in units of the longest
+semi-axis.
+"""
 
 from math import cos, sin
 
@@ -14,7 +18,7 @@ from polhode.models.observables import completed
 
 # Told apart by colour-blind readers, with a contrast of 3 or more on white.
 SLOW_COLOURS = {"Lx": "#B87A00", "Ly": "#3D8BC4", "Lz": "#0A3A63", "E": "#B0255C"}
-# The view is the one of the page of motions.
+# The view is the one of the page of motions, `harness/site/motion.js`.
 TURN = 0.45  # Rad: round the gradient axis.
 TILT = 0.3  # Rad: then down on it.
 _LIGHT = np.array([-0.5, 0.6, 0.62])  # Direction to the light: right, up, towards the eye.
@@ -28,6 +32,7 @@ _ONE_HALF = (0.47, 0.65, 0.80)
 _OTHER_HALF = (0.63, 0.76, 0.88)
 _CAPS = (0.84, 0.37, 0.0)
 _INK = "#5b6470"
+# The gradient of simple shear, shape (3, 3).
 _SHEAR = np.array(Flow.shear().gradient)
 
 
@@ -91,6 +96,8 @@ def body(
     axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray, gradient: np.ndarray = _SHEAR
 ) -> Axes:
     """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow of a gradient."""
+    # Parallels and meridians are those about the longest axis. `roll` brings the third component of
+    # `unit`, along the poles, to the place of that axis.
     pole = int(np.argmax(semi_axes))
     polar, around = np.meshgrid(
         np.linspace(0, np.pi, _PARALLELS + 1), np.linspace(0, 2 * np.pi, _MERIDIANS + 1)
@@ -100,6 +107,8 @@ def body(
     )
     unit = np.roll(unit, pole + 1, axis=-1)
     corners = _project((unit * semi_axes) @ rotation)
+    # The normal of x²/a² + y²/b² + z²/c² = 1 goes along (x/a², y/b², z/c²), of which `unit` is
+    # (x/a, y/b, z/c).
     normals = _project((unit / semi_axes) @ rotation)
     faces = _faces(corners)
     normal = _faces(normals).sum(axis=1)
@@ -109,6 +118,7 @@ def body(
     tint = np.where(
         cap[:, None], _CAPS, np.where(at[0][:, None] < _MERIDIANS // 2, _ONE_HALF, _OTHER_HALF)
     )
+    # Light from everywhere, 0.35, and light from `_LIGHT`; both are chosen by eye.
     shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ _LIGHT))[:, None])
     faces_viewer = normal[:, 2] > 0
     for x in (-1.25, 1.25):
