@@ -74,6 +74,7 @@ def write_asv(path: Path, folder: Path) -> Path:
 
 
 def _records(path: Path, contents: Any) -> list[Record]:
+    """Records of the suite's JSON; ValueError, in one line, if there are none."""
     try:
         records = benchmark_records(contents)
     except (KeyError, TypeError, AttributeError):
@@ -108,6 +109,7 @@ def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
 
 
 def _value(record: Record | None, column: str) -> float | None:
+    """A record's value as asv lists it; None, asv's mark of a failure, for a failed or missing run."""
     if record is None or record["status"] != Status.REACHED_END:
         return None
     return record.get(column)

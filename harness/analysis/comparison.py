@@ -36,6 +36,7 @@ _IDENTITY = [
 _LEAST_ERROR = 1e-13
 # A change in time below this, in seconds, is the clock's; an estimate.
 _LEAST_SECONDS = 2e-5
+# Columns of errors, with the words for a regression of each.
 _ERRORS = {"slow_error": "error of L and E", "orientation_error": "orientation error"}
 # Timed cases, at least, of which the median ratio tells how much slower another machine is; an
 # estimate.
@@ -181,6 +182,7 @@ def read_runs(path: Path) -> pd.DataFrame:
 
 
 def _records(path: Path) -> list[Record]:
+    """Records of one file, by its kind; ValueError, in one line, if it is none of them."""
     if path.suffix == ".sqlite" and path.is_file():
         with Store(path) as store:
             return list(store)

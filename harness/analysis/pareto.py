@@ -234,6 +234,7 @@ def cells(records: pd.DataFrame, error: str, targets: Sequence[float] = MAP_TARG
 
 
 def _cell(stokes: float, target: float, times: pd.Series, runs: pd.DataFrame, error: str) -> Cell:
+    """The cell of one St and error, from the seconds of each method there."""
     seconds_of: Any = times.to_dict()
     ranked = sorted((seconds, Method(*method)) for method, seconds in seconds_of.items())
     if not ranked:

@@ -160,6 +160,7 @@ def _oblate(draw: np.random.Generator) -> np.ndarray:
 
 
 def _near(draw: np.random.Generator) -> np.ndarray:
+    # One of the two equal axes becomes shorter.
     axes = _prolate(draw) if draw.random() < 0.5 else _oblate(draw)
     axes[0] *= 1 - 10 ** draw.uniform(*_NEAR_EXPONENTS)
     return axes
@@ -178,6 +179,7 @@ def _any(draw: np.random.Generator) -> np.ndarray:
     return shapes[draw.integers(len(shapes))](draw)
 
 
+# Semi-axes by kind, in any units and order; the kinds that are not here take any shape.
 _AXES: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
     "prolate": _prolate,
     "oblate": _oblate,
@@ -212,6 +214,7 @@ def _settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarra
     return np.array([w, x, y, z]), spin
 
 
+# Starts by kind, a quaternion and an angular velocity; the others are isotropic.
 _STARTS = {"rest": _rest, "settled": _settled}
 
 

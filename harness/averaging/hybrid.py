@@ -301,6 +301,7 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
         return 0.0, 0.0
 
     def read() -> float:
+        """Seconds that the tables take from disk, with nothing of them in memory."""
         for cached in (tables.table, swing.series_for, squares_for):
             cached.cache_clear()
         began = perf_counter()

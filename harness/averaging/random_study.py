@@ -65,7 +65,9 @@ BODIES = {
     1e7: 60,
     1e8: 20,
 }
+# The same for a look with `--quick`.
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
+# Slow times up to which errors are taken, of one run to the last of them.
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50

@@ -32,9 +32,8 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import solve
 
-SECOND_ORDER_SAMPLES = (
-    2001  # Output times of a run, of which the largest error counts; an estimate.
-)
+# Output times of a run, of which the largest error counts; an estimate.
+SECOND_ORDER_SAMPLES = 2001
 # Tolerances of the reference in long double, and of the looser run that shows its error: 1e-18 is
 # near the last digit of long double.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
@@ -55,6 +54,7 @@ _COST_TOLERANCE = 1e-9  # Of averaged forms.
 _REFERENCE_TOLERANCE = 1e-16  # Of the references of these runs.
 # Tolerances of the full equations, of which the loosest that meets `TARGET` counts.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+# Solvers of the full equations that compete with averaging.
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
 # Runs at different St take turns, so that slow moments of the machine meet all.
 COST_REPEATS = 50  # Runs of averaged forms at each St, of which the fastest counts; an estimate.
@@ -184,6 +184,7 @@ def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> 
     averaged_by = available_like("taylor")
 
     def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
+        """The row of a run; its error is known at `compared` alone."""
         slow = errors(scene.ellipsoid, run.observables, reference).slow if scene == there else nan
         return Cost(
             name, solver, tolerance, scene.stokes, COST_SAMPLES, run.integration, run.seconds, slow

@@ -22,6 +22,7 @@ from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Fra
 from polhode.harness.common.fits import median_interval, wilson
 
 HYBRID = "hybrid"
+# The order of averaging of each form, by which rows are grouped; `hybrid` stands for itself.
 _ORDERS = {**ORDERS, HYBRID: HYBRID}
 # Exponents of St by theory, by order of averaging. At a crossing of L² = 2EI₂ the jump decides.
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}

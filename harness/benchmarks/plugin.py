@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
 # Columns of the suite's table unless `--benchmark-columns` names others.
 _COLUMNS = ["min", "median", "rounds"]
+# Lines under the suite's table.
 _LEGEND = (
     "  tol: tolerance; error: {error}, < where the reference resolves no smaller one.",
     "  *: no other run in the table is both as fast and as accurate; min is what counts.",
 )
+# Choices of `--polhode-want`, with their words in the legend.
 _ERRORS = {"slow": "of L and E over I_max", "orientation": "of the orientation, in rad"}
 
 
@@ -81,6 +83,7 @@ def pytest_pycollect_makemodule(
 
 
 def _words(text: str) -> list[str]:
+    """Names of an option, separated by commas."""
     words = [word.strip() for word in text.split(",")]
     if not all(words):
         raise ArgumentTypeError(f"got {text!r}, expected names separated by commas")

@@ -163,6 +163,7 @@ class Statistics:
         return empty
 
 
+# Names of the sums and counts that are arrays.
 _ARRAYS = tuple(
     field.name for field in fields(Statistics) if field.name not in ("particles", "failures")
 )

@@ -76,6 +76,7 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     times = np.linspace(0.0, ensemble.time, ensemble.samples)
 
     def order_statistic(rank: int) -> float | None:
+        """Time by which this many particles have arrived; None if fewer have by the end."""
         place = int(np.searchsorted(reached, rank))
         return float(times[place]) if rank <= n and place < len(times) else None
 

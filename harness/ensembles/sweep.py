@@ -210,6 +210,7 @@ def parse_sweep(contents: dict[str, Any], folder: Path = Path()) -> Sweep:
 def _ensemble(
     table: SweepTable, shape: list[float], stokes: float, flows: dict[str, Any]
 ) -> Ensemble:
+    # A product of slow time and St may underflow or overflow.
     time = table.time or (table.slow_time or 0.0) * stokes
     if time in (0, inf):
         raise ValueError(

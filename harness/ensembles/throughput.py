@@ -39,7 +39,9 @@ from polhode.solvers.solve import solve
 SETTINGS = SimpleNamespace(
     **tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 )
+# Semi-axes by the words of the page: a triaxial ellipsoid and a prolate spheroid.
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
+# Starts of all ensembles: |L| over I_max is 0.7, in any direction.
 _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
 # Seconds that the process may take whose memory is measured; an estimate.
 _LIMIT = 3600.0
@@ -55,6 +57,7 @@ def measure(quiet: bool = False) -> dict[str, Any]:
     progress = Steps("throughput", len(targets) + len(shape_equations) + 4, "measurements", quiet)
 
     def finished(title: str, measurement: Callable[[], T]) -> T:
+        """What a measurement returns; its title is shown while it runs."""
         progress.detail(title)
         result = measurement()
         progress.advance()
@@ -251,9 +254,10 @@ def memory(particles: int = 100_000) -> dict[str, Any]:
 
 
 def _run_all(ensemble: Ensemble) -> int:
+    """Largest memory, in bytes, of the process that has run all tasks of an ensemble."""
     for task in ensemble.tasks():
         run_task(task)
-    # In bytes; only macOS counts so, other systems count KiB.
+    # macOS counts bytes, other systems KiB.
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
         1 if sys.platform == "darwin" else 1024
     )
@@ -272,6 +276,7 @@ def overhead() -> Iterator[dict[str, Any]]:
 
 
 def _busy(_: int) -> None:
+    """A task that does nothing but take its time."""
     end = perf_counter() + SETTINGS.task_seconds
     while perf_counter() < end:
         pass
@@ -301,6 +306,7 @@ def _warm_seconds(workers: int, ensemble: Ensemble) -> float:
 
 
 def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
+    """An ensemble at the St, duration and tolerance of the settings, as a single task."""
     options: Any = {
         "particles": particles,
         "block": particles,
@@ -313,6 +319,7 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
 
 
 def _starts(ensemble: Ensemble, particles: int, seed: int = 1) -> np.ndarray:
+    """Starting states of particles in the ensemble's form, shape (n, d)."""
     drawn = _STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
     return drawn.states(ensemble.form, ensemble.ellipsoid)
 

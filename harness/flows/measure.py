@@ -50,6 +50,7 @@ COST_TIME = 2000.0
 COMPILATIONS = 5
 # Timed runs of each compilation, of which the fastest counts.
 ROUNDS = 3
+# Explicit solvers, which take every form of `_COSTS`.
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
 # Scene, form, St and solvers of these runs.
 _COSTS = (
@@ -73,6 +74,7 @@ TRACK_TIME = 20.0
 _KNOTS = (10, 20, 40, 80, 160, 320)
 LONG_TRACK_TIME = 100.0
 _LONG_TRACK_KNOTS = (100, 300, 1000)
+# Solvers whose cost of a knot is measured.
 _TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
 
 # Random runs whose stated errors are compared with an integration in long double.
@@ -115,6 +117,7 @@ def _as_shear(scene: Scene) -> Scene:
 
 
 def _rates(problem: Any, state: np.ndarray) -> np.ndarray:
+    """Rates at a state, from the machine code that solvers call."""
     parameters = np.array(problem.parameters)
     rates = np.empty(len(state))
     compiled_callback(problem.field, len(state), len(parameters))(state, parameters, rates)

@@ -35,9 +35,8 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
-_ENOUGH = (
-    2e-3  # Seconds that the calls of a measurement take at least, far above the clock's steps.
-)
+# Seconds that the calls of a measurement take at least, far above the clock's steps.
+_ENOUGH = 2e-3
 _ROUNDS = 5  # Measurements of which the best counts.
 STARTS = 5  # Starts of Python of which the fastest counts.
 _LIMIT = 60.0  # Seconds that a first run may take; an estimate.

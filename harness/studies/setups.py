@@ -111,6 +111,7 @@ def _as_if_compiled(problem: Problem) -> Problem:
 
 
 def _setup(entry: Any, label: str) -> Setup:
+    """The setup of an entry as `as_setups` takes them; an empty label stands for its name and options."""
     options: Mapping[str, Any] = {}
     if isinstance(entry, tuple | list) and len(entry) == 2 and isinstance(entry[1], Mapping):
         entry, options = entry
@@ -128,6 +129,7 @@ def _setup(entry: Any, label: str) -> Setup:
 
 
 def _check_arguments(function: Callable[..., Any], options: Mapping[str, Any]) -> None:
+    """ValueError unless a function can be called with `ARGUMENTS` and its options."""
     signature = inspect.signature(function)
     try:
         signature.bind(*ARGUMENTS.split(", "), **options)
