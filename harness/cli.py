@@ -42,6 +42,7 @@ def _words(section: str) -> Words:
 # Plain text that is split here: the libraries that read other formats take longer than all else
 # before `polhode --help`.
 _TEXT = Path(__file__).with_name("commands").joinpath("words.md").read_text(encoding="utf-8")
+# `# ` begins a group of commands, `## ` a command; the text before the first group is skipped.
 _GROUPS = (group.split("\n## ") for group in _TEXT.split("\n# ")[1:])
 # Commands by the heading under which `polhode --help` lists them, and by name.
 GROUPS = {
@@ -82,7 +83,7 @@ _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
 @contextmanager
 def bad_input() -> Iterator[None]:
-    """Turn what a caller's values raise into `BadInput`."""
+    """Turn what a caller's values raise into `BadInput`; a full disk stays what it is."""
     try:
         yield
     except OSError as error:

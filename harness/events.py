@@ -1,4 +1,8 @@
-"""Events: the times at which a function of the solution passes zero, found between the rows."""
+"""Events: the times at which a function of the solution passes zero, found between the rows.
+
+The function is first evaluated at looks, times between the rows of the solution. Where its sign
+changes from one look to the next, SciPy's `brentq` finds the time.
+"""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -17,7 +21,7 @@ from polhode.models.theory.fixed_points import attractors
 _LOOKS_PER_STEP = 16
 _LOOKS_PER_ROW = 4
 _MOST_LOOKS = 1_000_000
-# SciPy's least.
+# Relative tolerance of the time of an event: the least that SciPy's `brentq` takes.
 _RTOL = np.float64(4 * np.finfo(float).eps)
 # Share of the largest value: values of one row that differ by more differ by more than the order of
 # sums.
@@ -152,6 +156,7 @@ def happened(solution: Any, event: Event) -> Any:
             )
         return float(values[i])
 
+    # An event lies between look i and the next if the sign changes; one that starts at zero is none.
     sign = np.sign(values)
     times = []
     rising = np.where(sign[1:] != 0, sign[1:], -sign[:-1])

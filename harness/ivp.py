@@ -1,4 +1,8 @@
-"""`solve_ivp` as SciPy has it, with every solver of the catalogue as a method."""
+"""`solve_ivp` as SciPy has it, with every solver of the catalogue as a method.
+
+A `Problem` runs from time 0 on: the user's time is t_start + t, or t_start - t in a run backwards. Its
+state may have one component more than the user's, a time; so `d` is the length of the user's y0.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -26,7 +30,7 @@ from polhode.solvers.structure import bands_of
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-# Numbers of which Python finds the largest in less time than NumPy.
+# Components up to which Python finds the largest in less time than NumPy.
 _FEW = 20
 # A table of more rows would hold gigabytes.
 _MOST_SAMPLES = 10_000_000
@@ -156,7 +160,7 @@ def solve_ivp(
     requested = _requested_times(
         t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES
     )
-    # A run has its start and its end besides.
+    # A run has its start and its end besides; they are cut off again below.
     before = bool(requested[0] > 0)
     behind = bool(requested[-1] < problem.end)
     times = requested
@@ -270,6 +274,7 @@ def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.nd
 
 
 def _words(run: Solution) -> str:
+    """How a run ended, in words."""
     reason = f" ({run.message})" if run.message else ""
     return run.status.meaning + reason
 

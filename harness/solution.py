@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 # Rows between two notes on how much is written.
 _ROWS = 10_000
+# Columns of CSV files and frames: the time, the slow time, L and E in space axes, and the rotation
+# matrix, whose rows are body axes in space.
 COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E"]
 COLUMNS += [f"R{i}{j}" for i, j in product((1, 2, 3), repeat=2)]
 # On demand: ω in space axes.

@@ -1,4 +1,10 @@
-"""Cost against accuracy of several solvers on one problem, whatever it describes, and on classical test problems."""
+"""Cost against accuracy of several solvers on one problem, whatever it describes, and on classical test problems.
+
+`WorkPrecision` is a study of one problem: it makes the reference, runs each solver at each tolerance,
+measures errors and times, and has a row for each run. A setup is a solver with its options, or a
+user's function in its place (`polhode.harness.studies.setups`). `run_problems` makes such studies of
+the classical problems in worker processes and stores their rows.
+"""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -56,7 +62,8 @@ _REFUSED = "refused"
 _PLAIN_PYTHON = "plain Python"
 # An error above this share of the state's size is no accuracy: it is not known, and no success.
 _NO_ACCURACY = 0.1
-# A reference less certain than this contradicts no run.
+# Uncertainty of a reference, in the measure of the errors, from which on it contradicts no run: it is
+# a tenth of the error that it would have to judge.
 _SURE = 0.01
 
 Atol = float | Sequence[float] | Callable[[float], float | Sequence[float]] | None
@@ -184,6 +191,7 @@ class WorkPrecision:
         return [(point, self._at(point)) for point in points]
 
     def _at(self, point: dict[str, float]) -> "WorkPrecision":
+        """The study at one point: a value for each parameter in `over`, by name."""
         base = self.problem
         one = isinstance(base, Problem)
         problem = _with_parameters(base, point) if one else base(**point)
@@ -390,11 +398,16 @@ class WorkPrecision:
         return float(np.max(off[-1] if self.error == "final" else off))
 
     def _atol_in_words(self) -> Any:
+        """The absolute tolerance as `settings` write it: by relative tolerance if it is a function."""
         if callable(self.atol):
             return {f"{tolerance:g}": self.atol(tolerance) for tolerance in self.tolerances}
         return "rtol × largest component of the start" if self.atol is None else self.atol
 
     def _atol_of(self, setup: Setup, tolerance: float) -> Any:
+        """The absolute tolerance of a run: the setup's option, else the study's, else the default.
+
+        It is None for a solver that takes none, unless one is given.
+        """
         if "atol" in setup.options:
             return setup.options["atol"]
         if not setup.has_atol and self.atol is None:
@@ -423,6 +436,11 @@ class WorkPrecision:
     def _measure(
         self, setup: Setup, tolerance: float, exact: np.ndarray | None, uncertainty: float | None
     ) -> dict[str, Any]:
+        """The row of a setup at a tolerance; `exact` and `uncertainty` are the reference, if there is one.
+
+        The first run counts right-hand sides, and gives status and error. Times are those of further
+        runs, which count nothing; a run that failed or was too slow has none.
+        """
         atol = self._atol_of(setup, tolerance)
         run = self.runner(setup, tolerance)
         compile_seconds = _prepared(setup, self.one, tolerance, atol)
@@ -510,6 +528,7 @@ def _prepared(setup: Setup, problem: Problem, tolerance: float, atol: Any) -> fl
 
 
 def _source(study: WorkPrecision) -> str:
+    """The source of a study's reference in words, or why there is none."""
     try:
         return study.source
     except ReferenceFailedError as error:
@@ -530,6 +549,7 @@ def _with_parameters(problem: Problem, point: dict[str, float]) -> Problem:
         expected = "a Problem.from_function, or a function of the parameters that returns a Problem"
         raise ValueError(f"over: got {', '.join(point)} of {problem.name!r}, expected {expected}")
     count = len(problem.field_parameters)
+    # The function's first two arguments are t and y.
     names = [*inspect.signature(problem.field.function).parameters][2 : 2 + count]
     parameters = list(problem.field_parameters)
     for name, value in point.items():
@@ -553,7 +573,7 @@ def side_by_side(studies: Sequence[WorkPrecision], *, best: bool = False) -> "Fi
 def measured(
     name: str, solver: str, tolerances: Sequence[float], max_seconds: float
 ) -> list[Record]:
-    """Rows of one problem by one solver."""
+    """Rows of one classical problem by one solver, in a worker process; the samples are start and end."""
     one = PROBLEMS[name]
     study = WorkPrecision(
         one.problem, [solver], tolerances, 2, max_seconds, quiet=True, classical=one
@@ -579,6 +599,8 @@ def run_problems(
     cases_by_key = {digest(case): case for case in cases}
     stored_keys = store.keys()
     all_rows = []
+    # Seconds of a case: compilation, and for each tolerance the first run and some two seconds for the
+    # runs that are timed.
     limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
     progress = Steps("problems", len(cases_by_key), "cases", quiet)
     with Worker() as worker, progress:

@@ -40,6 +40,7 @@ __all__ = [
 ]
 __all__ += ["__version__", "pick", "solve", "solve_ivp"]
 
+# Modules that define the names, imported when a name is first used.
 _HOMES = {"pick": "harness.api", "solve": "harness.api", "solve_ivp": "harness.ivp"}
 _HOMES |= {"SceneSolution": "harness.solution", "WorkPrecision": "harness.work_precision"}
 _HOMES |= {"Ellipsoid": "models.shape", "Problem": "models.problem"}
@@ -48,6 +49,7 @@ _HOMES |= dict.fromkeys(("BodyStart", "EulerStart", "Scene", "SlowStart"), "mode
 
 
 def _followed(problem: "Problem", tolerance: float, points: int) -> Any:
+    """The solver by which models look along a run; its modules are imported when it is first called."""
     from polhode.solvers.following import followed
 
     return followed(problem, tolerance, points)

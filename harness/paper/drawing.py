@@ -207,7 +207,7 @@ def _wrapped(text: str, letters: float) -> str:
 
 
 def _fit_labels(figure: Figure) -> None:
-    """Break labels of axes that are longer than these."""
+    """Break labels of axes that are longer than their axes, by the width of most letters."""
     flat = [axes for axes in figure.axes if not hasattr(axes, "get_zlabel")]
     labels = [label for axes in flat for label in (axes.xaxis.label, axes.yaxis.label)]
     texts = [label.get_text() for label in labels]

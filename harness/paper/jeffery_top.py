@@ -32,9 +32,7 @@ _TOLERANCE = 1e-15  # Of the orbits of section points: as tight as double precis
 _TANGENT_TOLERANCE = 1e-12
 # Sizes of the form `jeffery`.
 _DIMENSION = 4  # Numbers of a state, a unit quaternion.
-_PARAMETERS = (
-    6  # Those of its field: the shares of strain and rotation of `polhode.models.flow.shares`.
-)
+_PARAMETERS = 6  # Those of its field: `polhode.models.flow.shares`.
 # Halvings of an interval in which a section point is looked for: down to rounding.
 _ROOT_HALVINGS = 50
 # ψ in rad of starts at ψ = 0: beside it, as some orbits never leave ψ = 0 itself.

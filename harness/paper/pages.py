@@ -59,6 +59,7 @@ def write_pages(folder: Path, sections: Sequence[Section]) -> None:
 
 
 def _made(records: Sequence[Record]) -> str:
+    """The lines that say when, where and by what the data were made."""
     return folded(provenance("polhode paper", records))
 
 
@@ -107,7 +108,10 @@ def measured(number: Number) -> str:
 
 
 def last_unit(number: Number) -> float:
-    """One unit of the last digit that is written of a value."""
+    """One unit of the last digit that is written of a value.
+
+    Without an interval the value has `_DIGITS` digits; 1e-12 stands for values of 0 or infinity.
+    """
     sizes = [abs(number.value) * 10.0 ** (1 - _DIGITS)]
     if number.interval is not None:
         sizes.append(number.interval[1] - number.interval[0])
@@ -116,6 +120,7 @@ def last_unit(number: Number) -> float:
 
 
 def _multiple(value: float, unit: float) -> str:
+    """A value rounded to a multiple of the unit of its last digit."""
     return short(round(value / unit) * unit) if isfinite(value) else short(value)
 
 
@@ -136,6 +141,7 @@ def reason(number: Number) -> str:
 
 
 def _digits(value: float, count: int = _DIGITS) -> str:
+    """A value in so many significant digits."""
     return short(float(f"{value:.{count}g}"))
 
 
@@ -144,6 +150,7 @@ def _index(
     judgements: Mapping[str, store.Judged],
     records: Sequence[Record],
 ) -> str:
+    """The index page: counts of verdicts, what is stale or coarse, and a row for each item."""
     computed = {
         name: content for name, content in judgements.items() if not isinstance(content, str)
     }
@@ -175,6 +182,8 @@ def _index(
 
 
 def _index_row(section: Section, item: Item, judgement: store.Judged) -> list[str]:
+    """Verdict, section, link, claim and first number of an item."""
+    # The anchor that GitHub makes of a heading.
     anchor = "".join(
         letter for letter in item.title.lower() if letter.isalnum() or letter in " -_"
     ).replace(" ", "-")
@@ -260,6 +269,7 @@ def _drawn(item: Item, outcome: _Outcome, folder: Path, svg: bool) -> tuple[str,
 
 
 def _cached(data: Mapping[str, Data]) -> Iterator[_Outcome]:
+    """Outcomes of items whose data were read from the folder, by name."""
     for name, tables in data.items():
         yield _Outcome(name, tables)
 
@@ -279,7 +289,7 @@ def _side_by_side(
     count: int,
     report: Callable[[str], None],
 ) -> Generator[_Outcome, None, None]:
-    """Outcomes as they come; closing the generator ends what is under way at once."""
+    """Outcomes of `count` processes as they come; closing the generator ends what is under way at once."""
     starts: dict[str, float] = {}
 
     def begun() -> Iterator[str]:

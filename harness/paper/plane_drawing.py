@@ -13,8 +13,9 @@ from polhode.harness.paper.tables import groups
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
+# Words of legends for the stability of fixed points.
 POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
-# Markers of fixed points and their sizes.
+# Markers of fixed points and their sizes, which Matplotlib takes in square points.
 _MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
 
 

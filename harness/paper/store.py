@@ -16,6 +16,7 @@ from polhode.models.libraries import version_of
 
 ITEM_SCHEMA = 1  # Version of the files.
 DIGITS = 8  # Significant digits of the numbers in them.
+# Libraries by which items compute: data made with another version are not today's.
 _LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # Exceptions with which the computation of an item may end.
 ITEM_FAILURES = (
@@ -28,6 +29,7 @@ ITEM_FAILURES = (
     ValueError,
 )
 _NO_DATA = "Not computed yet"
+# Data, verdict, whether today's code made the data, and their grid; or, in words, why there is none.
 Judged = tuple[Data, Verdict, bool, Grid] | str
 
 

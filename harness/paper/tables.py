@@ -11,6 +11,7 @@ from polhode.harness.common import fits
 from polhode.harness.common.text import WORDING
 from polhode.harness.paper.item import Computed, Table
 
+# Columns of the slow variables, in the order of arrays of them, shape (n, 4).
 SLOW = ("Lx", "Ly", "Lz", "E")
 
 

@@ -1,4 +1,8 @@
-"""The appendices: the tables of averages, entry by entry against brute force, and the first-order correction."""
+"""The appendices: the tables of averages, entry by entry against brute force, and the first-order correction.
+
+The averages are means of products of the rotation matrix over the motion of the free top, by which
+the averaged equations are derived. The correction is `lzsfod2`, the O(1/St) oscillation of L_z.
+"""
 
 from abc import abstractmethod
 from collections.abc import Sequence

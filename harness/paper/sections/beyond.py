@@ -1,4 +1,10 @@
-"""Questions beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, the saddle, basins."""
+"""Questions beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, the saddle, basins.
+
+All are of the paper's ellipsoid (1, 0.8, 0.5). A crossing is the passage of a run from wobbling about
+the longest axis (L² < 2EI₂) to wobbling about the shortest, over the separatrix of the free top. The
+first item answers the paper's remark on resonances. The node is the stable fixed point of the
+averaged equations, the saddle the rotation about the longest axis.
+"""
 
 from dataclasses import dataclass
 from itertools import product

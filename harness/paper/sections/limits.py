@@ -1,4 +1,9 @@
-"""The limits St = 0 and ∞: Poincaré sections of the Jeffery top, chaos at its saddle, and Euler tops in closed form."""
+"""The limits St = 0 and ∞: Poincaré sections of the Jeffery top, chaos at its saddle, and Euler tops in closed form.
+
+The items are the paper's figures `slender_prolate` to `flat_oblate`, `euler_top_nutation` and
+`symmetric_top_nutation`. Orbits of the Jeffery top are those of `polhode.harness.paper.jeffery_top`;
+the Euler top's closed form is `polhode.models.free_top`.
+"""
 
 from abc import abstractmethod
 from collections.abc import Sequence

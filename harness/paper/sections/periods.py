@@ -1,4 +1,9 @@
-"""Spheroids at finite St: the period of tumbling, the drift of spinning ones, planar flows that stop them."""
+"""Spheroids at finite St: the period of tumbling, the drift of spinning ones, planar flows that stop them.
+
+The paper has the change of the period at small St (`vivtp`), the figure of the period, the drift in
+its introduction, and planar flows in its discussion. Periods are limit cycles of
+`polhode.models.theory.tumbling_period`; all times are in inverse shear rates.
+"""
 
 from dataclasses import dataclass
 from functools import partial

@@ -1,4 +1,8 @@
-"""Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids."""
+"""Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids.
+
+They stand in the paper's sections `asympcase` and `numress`. Passages of φ = nπ and half turns are
+those of `polhode.harness.paper.jeffery_top`.
+"""
 
 from dataclasses import dataclass
 from math import pi

@@ -1,4 +1,9 @@
-"""Slow variables in time, full against averaged: one start at several Stokes numbers."""
+"""Slow variables in time, full against averaged: one start at several Stokes numbers.
+
+Slow variables are (L_x, L_y, L_z, E) over the largest moment of inertia I_max: constant for the free
+top, they change in the slow time t₂ = t/St. Items of the sections on spheroids (`lsds`) and on
+ellipsoids use this experiment.
+"""
 
 from dataclasses import dataclass, field
 from typing import Any

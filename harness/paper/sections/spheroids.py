@@ -1,4 +1,9 @@
-"""Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes."""
+"""Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes.
+
+The claims are those of the paper's section `lsds`. I_a is the moment of inertia about the symmetry
+axis, I_e that about an equatorial one. The plane's lower and upper parabola are E = L²/2I_max and
+E = L²/2I_min; the node is on the lower one, the saddle on the upper one.
+"""
 
 from dataclasses import dataclass
 from functools import partial
