@@ -47,6 +47,7 @@ def sign_of(i: int, j: int, k: int) -> float:
 
 
 def _zero(n: np.ndarray, z: np.ndarray) -> float:
+    """The formula of the moments that vanish."""
     return 0.0
 
 
@@ -265,7 +266,13 @@ def _second_space_entries() -> list[Entry]:
     ]
 
 
+# The general formulas: a function for the mean, of shape (n, 3, 3) rotations, and one or two for the
+# formula, all moments at once in an array of equal shape. Third moments have a row for each of `_ROWS`,
+# the body axes (i, j, k) of the three factors, and a column for each choice of the other axes.
+
+
 def _mean_second_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """⟨u_ki u_kj⟩, shape (3, 3, 3): by body axis k, i and j."""
     return np.einsum("pki,pkj->kij", u, u) / len(u)
 
 
@@ -279,6 +286,7 @@ _GENERAL_SECOND_ALIGNED = Entry(
 
 
 def _mean_third_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """⟨u_ia u_jb u_kc⟩, shape (6, 27): by (i, j, k) and (a, b, c)."""
     moments = np.empty((len(_ROWS), len(_COLUMN_TRIPLES)))
     for row, (i, j, k) in enumerate(_ROWS):
         for column, (a, b, c) in enumerate(_COLUMN_TRIPLES):
@@ -313,6 +321,7 @@ _GENERAL_THIRD_ALIGNED = Entry(
 
 
 def _mean_third_mixed(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """⟨u_i3 t_j1 t_k2⟩, shape (6,): by (i, j, k)."""
     return np.array([np.mean(u[:, i, 2] * t[:, j, 0] * t[:, k, 1]) for i, j, k in _ROWS])
 
 
@@ -321,6 +330,7 @@ def _third_mixed_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 
 def _third_mixed_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The same with the factor α₃₃/2 = n_z/2 that is missing."""
     return _third_mixed_printed(n, z) * n[2] / 2
 
 
@@ -330,6 +340,7 @@ _GENERAL_THIRD_MIXED = Entry(
 
 
 def _mean_third_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """⟨t_il t_j1 t_k2⟩, shape (6, 3): by (i, j, k) and l."""
     moments = np.empty((len(_ROWS), 3))
     for row, (i, j, k) in enumerate(_ROWS):
         for column in range(3):
@@ -338,6 +349,7 @@ def _mean_third_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _third_space(n: np.ndarray, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The formula for these; `weights` of the three z for l = 3 are n² by right, and n as printed."""
     moments = np.empty((len(_ROWS), 3))
     for row, (i, j, k) in enumerate(_ROWS):
         first = n[0] * n[2] * (z[i] - z[j])
@@ -362,6 +374,7 @@ _GENERAL_THIRD_SPACE = Entry(
 
 
 def _mean_second_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """⟨t_il t_im⟩, shape (3, 3, 3): by body axis i, l and m."""
     return np.einsum("pil,pim->ilm", t, t) / len(t)
 
 

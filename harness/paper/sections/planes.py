@@ -1,7 +1,8 @@
 """The L_z–E planes of spheroids and of ellipsoids: slow trajectories, and full ones beside them.
 
 With L along the vorticity, L_x = L_y = 0, the averaged equations keep it there, so that their
-trajectories lie in the plane of L_z and E. `polhode.harness.paper.planes` computes its paths, `plane_drawing` draws them.
+trajectories lie in the plane of L_z and E. `polhode.harness.paper.planes` computes its paths,
+`plane_drawing` draws them.
 """
 
 from abc import abstractmethod

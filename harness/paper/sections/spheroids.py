@@ -369,7 +369,7 @@ def share_of(energy: np.ndarray, momentum: np.ndarray) -> np.ndarray:
 
 
 def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A path at even steps, so that few points draw it smoothly."""
+    """A path, two columns by name, at even steps: 90 points draw it smoothly."""
     index = planes.even_steps(np.stack(list(values.values()), axis=1), 90)
     return {name: column[index] for name, column in values.items()}
 
