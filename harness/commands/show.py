@@ -20,7 +20,7 @@ from polhode.harness.common.text import aligned, fitting, on_terminal, scientifi
 _INDENT = 4 * " "
 # Endings of pictures.
 _FORMATS = (".png", ".svg", ".pdf")
-# Rotations up to the last moment, at most: a run of seconds.
+# Rotations up to the last moment that is drawn, at most: the run takes seconds.
 _MAX_DRAWN_ROTATIONS = 1e5
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from polhode.harness.solution import SceneSolution
     from polhode.solvers.contract import Record
 
-# Rows of the table on the terminal, and its columns, the CSV's first ones: the orientation is for
+# Rows of the table on the terminal, spread over the run, and its columns, the CSV's first ones: the orientation is for
 # files.
 _FEW = 11
 _SHOWN = ["t", "t2", "Lx", "Ly", "Lz", "E"]

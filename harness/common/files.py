@@ -205,7 +205,7 @@ def digest(value: Any) -> str:
 
 
 def _with(change: Callable[[Any], Any], value: Any) -> Any:
-    """A value with all in it that is neither dictionary nor list changed."""
+    """A value with all in it that is neither dictionary nor list changed by a function."""
     if isinstance(value, dict):
         return {name: _with(change, item) for name, item in value.items()}
     return (

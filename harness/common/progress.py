@@ -26,8 +26,10 @@ _LINE_EVERY = 60.0  # Seconds between two lines of `Steps` off a terminal.
 _LEAST_BAR = 10  # Columns that the bar of `Steps` has at least.
 _GROWTH = 3  # Columns by which the counts and the time remaining may yet grow.
 _LEAST_DETAIL = 8  # Columns below which words on the present step are left out.
-# Less of the work done says nothing about the rest.
+# Share of the work done below which nothing is said about the rest. An estimate.
 _TOO_EARLY = 1e-3
+# Options of tqdm: the bar is as wide as the whole work, 1, and is written anew at every look; the time
+# remaining follows the mean speed since the start.
 _EVERY_LOOK: dict[str, Any] = {
     "position": 0,
     "total": 1.0,

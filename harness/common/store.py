@@ -33,7 +33,7 @@ from polhode.harness.common.machine import now
 Record = dict[str, Any]
 Entry = TypeVar("Entry")
 
-# Marks of a file of ours: "plhd", and the version of the table.
+# Marks of a file of ours, which SQLite keeps in its head: "plhd", and the version of the table.
 _APPLICATION = 0x706C6864
 _VERSION = 2
 # Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
@@ -71,7 +71,8 @@ class Store(AbstractContextManager["Store"]):
 
     def _prepare(self) -> None:
         run = self._connection.execute
-        # This alone does not wait for another process's.
+        # This statement alone does not wait while another process does the same, but fails. In WAL mode
+        # readers do not wait for a writer.
         with alone(self.path.parent):
             run("PRAGMA journal_mode=WAL")
         # Larger stores are checked row by row as they are read.
@@ -218,7 +219,8 @@ def _write_compressed(records: Iterable[Record], file: IO[bytes]) -> None:
 
 
 def _export_csv(records: Iterable[Record], path: Path) -> None:
-    # Records of a store are read one by one, twice.
+    # They are read twice: the columns of a CSV are known only after the last record. Records of a store
+    # are read from it again, an iterator is kept as a list.
     records = list(records) if iter(records) is records else records
     with PartialFile(path, summed=True) as file:
         columns = dict[str, None]()
@@ -228,7 +230,7 @@ def _export_csv(records: Iterable[Record], path: Path) -> None:
             count += 1
         writer = csv.DictWriter(file, list(columns))
         writer.writeheader()
-        # Another run may have added some.
+        # Another run may have added records to the store since they were counted.
         for record in islice(records, count):
             writer.writerow({name: _cell(value) for name, value in record.items()})
 

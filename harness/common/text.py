@@ -15,7 +15,7 @@ from shutil import get_terminal_size
 from string import Formatter
 from typing import IO, Any
 
-# Least width of a column that is wrapped.
+# Least width, in letters, to which a column is narrowed so that its cells are wrapped.
 _NARROWEST = 24
 _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.

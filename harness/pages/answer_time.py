@@ -1,4 +1,9 @@
-"""The page of the time to an answer, over plain practice."""
+"""The page of the time to an answer, over plain practice.
+
+Plain practice is what a careful user does by hand (`polhode.harness.answers.timed`): one solver of the
+full form, its tolerance tightened tenfold until two runs agree to half the requested error. The
+column `apart` is how far answer and plain practice differ.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path

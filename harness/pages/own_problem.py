@@ -1,4 +1,8 @@
-"""The page and the figures of a work-precision study of one's own problem."""
+"""The page and the figures of a work-precision study of one's own problem.
+
+A `study` is a `polhode.harness.work_precision.WorkPrecision`, its `frame` a row for each solver and
+tolerance. A study `over` a parameter has a further study for each value of it.
+"""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -37,7 +41,7 @@ def title(study: Any) -> str:
 
 
 def _as_scenes(frame: pd.DataFrame) -> pd.DataFrame:
-    """With the columns that runs of scenes have."""
+    """The frame with the columns that runs of scenes have, as the figures read them."""
     names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
     return frame.rename(columns=names).assign(form="")
 

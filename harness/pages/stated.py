@@ -1,4 +1,8 @@
-"""The page of stated errors: how many hold, by kind of confirmation, and how many answers meet the error."""
+"""The page of stated errors: how many hold, by kind of confirmation, and how many answers meet the error.
+
+A run states an interval of its error. `polhode.harness.answers.coverage` holds it against a reference and counts
+how many hold; a kind of confirmation is how the run was compared with another (`docs/method.md`).
+"""
 
 from collections import Counter
 from collections.abc import Sequence

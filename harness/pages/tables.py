@@ -1,4 +1,9 @@
-"""Tables and texts of pages, from the formats of their columns and the templates in `texts`."""
+"""Tables and texts of pages, from the formats of their columns and the templates in `texts`.
+
+A template is Markdown with Jinja's fields; a missing field is an error. Filters are functions that
+templates call, as in ``{{ rows|table("regimes-methods") }}``. A table of `texts/tables.toml` names its columns
+by heading, each with the format of its cells.
+"""
 
 import tomllib
 from collections.abc import Collection, Iterable
@@ -15,7 +20,10 @@ _TABLES = tomllib.loads((_TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
-    """The rows as Markdown, by one of `texts/tables.toml`; `fields` fill the headings."""
+    """The rows as Markdown, by one of `texts/tables.toml`; `fields` fill the headings.
+
+    All columns but the first are right-aligned, unless the table says "right" or "left".
+    """
     spec = _TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
     right = spec["right"] if "right" in spec else range(spec.get("left", 1), len(columns))

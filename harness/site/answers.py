@@ -1,4 +1,8 @@
-"""Data for the scripts of two pages: the question with its answers and the map; cost against error, run by run."""
+"""Data for the scripts of two pages: the question with its answers and the map; cost against error, run by run.
+
+The opening page asks for a particle, a St, an error and its kind; `verdict.js` answers as `look_up` of
+`polhode.harness.site.lookup` does, from the data of `question`. `cost.js` draws the data of `cost_page`.
+"""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from io import BytesIO
@@ -47,11 +51,12 @@ QUESTION_TITLE = "What should I run?"
 _WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Errors at which methods are compared for the question: 16 in a decade, from 1 to 1e-14.
 _ERRORS = tuple(10.0 ** (-place / 16) for place in range(14 * 16 + 1))
-# Letters of a name that may be broken at its hyphens.
+# Letters of a name from which on a line may be broken at its hyphens.
 _LONG = 12
 
 _COSTS = "Cost against accuracy"
 _LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
+# Values of a run that `cost.js` reads: words, of which few differ, and numbers.
 _WORDS = ("form", "solver", "status", "message")
 RUN_NUMBERS = (
     "slow_error",
@@ -124,7 +129,10 @@ def _span(runs: pd.DataFrame) -> str:
 
 
 def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
-    """The methods that are the first or the second at some error, or an averaged form's cheapest, with their runs."""
+    """The methods that are the first or the second at some error, or an averaged form's cheapest, with their runs.
+
+    No answer needs another method: it names the fastest, the next one of another label, and averaged forms.
+    """
     runs_of = dict(methods(runs))
     points = {method: front(own, error) for method, own in runs_of.items()}
     points = {method: own for method, own in points.items() if len(own)}
@@ -194,7 +202,8 @@ def cost_page(reports: Path) -> Page:
                 groups.append(
                     [study, scene, stokes, sorted(tags.explode().dropna().astype(str).unique())]
                 )
-    # A line stands together and goes from the loosest tolerance to the tightest.
+    # Runs of one line of the diagram stand together, from the loosest tolerance to the tightest:
+    # columns are group, form, solver, status, message, tolerance.
     rows.sort(key=lambda row: (*row[:3], -row[5]))
     # Words and tolerances stand once: columns hold their places.
     named = (*_WORDS, "tolerance")

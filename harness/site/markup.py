@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from polhode.harness.pages.tables import templates
 
-# Powers of ten up to which a number is written out.
+# Power of ten up to which a number with an exponent is written out: 1.7e+02 as 170.
 _PLAIN = 5
 
 

@@ -26,7 +26,7 @@ NAVIGATION = tomllib.loads((_HERE / "navigation.toml").read_text("utf-8"))
 REPORT_COMMANDS = tomllib.loads((_HERE / "commands.toml").read_text("utf-8"))
 # Sections of the bench's page for the opening page: its heading there, and on the bench's page.
 _SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict"}
-# The page of costs shows the content of these pictures, run by run.
+# Names of the pictures of reports/bench whose content the page of costs shows, run by run.
 _ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 # Files that pages of docs link to and a reader wants to see or run.
 _SHOWN_CODE = (".py", ".toml", ".cpp", ".ipynb")

@@ -165,7 +165,10 @@ def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
 
 
 def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float]) -> None:
-    """Rows below a map: St, and the time or the slow time that its runs go over."""
+    """Rows below a map: St, and the time or the slow time that its runs go over.
+
+    A text that neighbouring columns share stands once, in the middle below them.
+    """
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {"St": [power(stokes) for stokes in numbers]}

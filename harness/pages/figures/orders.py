@@ -18,6 +18,7 @@ from polhode.harness.pages.figures.style import (
     square_decades,
 )
 
+# Looks of the two orders of averaging.
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 _MARKERS = {1: "o", 2: "s"}
 _NAMES = {1: "first order", 2: "second order"}
@@ -67,7 +68,10 @@ def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str =
 
 
 def _prediction(axes: Axes, lines: Sequence[Line], power: int) -> None:
-    """A dotted line of the predicted slope above nine in ten of the errors."""
+    """A dotted line of the predicted slope above nine in ten of the errors.
+
+    Its height is the 90 % quantile of error · St^power, which is constant if the prediction holds.
+    """
     stokes = np.concatenate([line.stokes for line in lines])
     errors = np.concatenate([line.error for line in lines])
     ends = np.array([stokes.min(), stokes.max()])

@@ -35,7 +35,7 @@ SOFT = "#4A5361"  # Captions.
 _GRID = "#D9DEE5"
 GREY = "#C4C4C4"  # What is not known.
 BEHIND = "#BDBDBD"  # What is shown, and not named.
-# Inches of a line of a caption, and letters that such a line holds.
+# Inches of a line of a caption, and letters that such a line holds, at 9 points.
 _CAPTION_LINE = 0.175
 _CAPTION_LETTERS = 82
 RC: dict[Any, Any] = {
@@ -81,7 +81,8 @@ SKY = "#4C87A6"
 SERIES = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, INK)
 # From few to many, as of St or of errors: one hue, darker and darker.
 _RAMP = ("#8FC1E3", "#3D8BC4", "#175E96", "#0A3A63", "#061D33")
-# More colours, or nearer ones, only make a picture larger.
+# Edges of lines have colours between line and ground, and many. More colours, or nearer ones,
+# than these make the file larger, and look the same. The numbers are estimates.
 _COLOURS = 128  # Colours of a picture at most.
 _LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
 _GREY_RANGE = 2  # Of 255: red, green and blue of a grey differ by no more.
@@ -134,7 +135,7 @@ def both_colours(name: str) -> str:
 
 
 def ramp(count: int) -> list[str]:
-    """A number of colours of one hue, from light to dark."""
+    """A number of colours of one hue, from light to dark; more than the ramp's five repeat some."""
     places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int) if count > 1 else [2]
     return [_RAMP[place] for place in places]
 
