@@ -39,6 +39,7 @@ _LONGEST = 1.0  # Slow time of a run, the largest of `random_study.STUDIED_SLOW_
 _SEED = 20261127  # Any number: another one gives other bodies.
 _LEAST_AXIS = 0.15  # Over the longest one; an estimate.
 _LARGEST_RATIO = 0.95  # Of two semi-axes that count as different; "near-spheroidal" has the rest.
+# Ranges of the two kinds that are near a limit, both estimates.
 _NEAR_EXPONENTS = (
     -3.0,
     -1.3,

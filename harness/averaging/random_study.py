@@ -67,7 +67,7 @@ BODIES = {
 }
 # The same for a look with `--quick`.
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
-# Slow times up to which errors are taken, of one run to the last of them.
+# Slow times up to which errors are taken, of one run to the last of them; an estimate.
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50
@@ -94,6 +94,7 @@ _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
 # Up to a larger St the reference is Taylor's method in double precision. A Runge-Kutta method, for
 # spheroids a splitting method, shows its error.
 _TAYLOR = ("taylor", 1e-13)
+# Solver and tolerance of that other run, by the form of the full equations.
 _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1e-11)}
 # Largest St at which Taylor's method gives the reference of a spheroid. At larger St a splitting
 # method does; stroboscopic averaging, whose steps take many turns each, shows its error.

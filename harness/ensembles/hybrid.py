@@ -96,8 +96,8 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     )
     missed = ~(np.abs(slow - exact).max(axis=(0, 2)) <= tolerance * unit)
     # `below` and `few` are places in `chosen`, ordered by |L|. Below the first, misses outnumber the
-    # others by most. Above the second, `_MISSED` of all particles miss, and one more by chance: the
-    # one of the largest share is left out.
+    # others by most. Above the second, no more than `_MISSED` of all particles miss, and one by chance:
+    # the one of the largest share is left out.
     below = np.argmax(np.cumsum(np.append(0, np.where(missed, 1, -1))))
     above = np.append(shares * missed, 0)
     above[np.argmax(above)] = 0
@@ -131,6 +131,7 @@ def run_hybrid(
     # The place in `grid` from which |L| is large again: behind the last interval in which it is not.
     clear = len(between) - np.argmax((between[:, small] < _CLEAR * least)[::-1], axis=0)
     soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= FULL)
+    # Particles of the full equations in lanes, and those of form `hybrid`.
     lanes = small[soon]
     alone = small[~soon]
     if len(lanes):
@@ -202,6 +203,8 @@ def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator)
     # axis: `starts` say it.
     if scene.ellipsoid.kind == "triaxial":
         return _posed(scene.ellipsoid, starts, slow * max(scene.ellipsoid.inertia), random)
+    # A spheroid's axis p̂ lies on a cone about L, whose cosine is the part of L along p̂ over |L|. The
+    # place on the cone is drawn.
     momentum = slow[..., :3]
     size = np.linalg.norm(momentum, axis=-1, keepdims=True)
     along = np.clip(Spheroid.of(scene.ellipsoid).inertia_ratio * slow[..., 3:] / size, -1, 1)

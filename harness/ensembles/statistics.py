@@ -135,6 +135,7 @@ class Statistics:
         # Samples at the end of the run at which a particle is close without a break; it arrived at
         # the first of them.
         samples = len(close)
+        # Reversed in time, the first sample that is not close ends the stay.
         staying = np.where(np.all(close, axis=0), samples, np.argmin(close[::-1], axis=0))
         first = samples - staying[staying > 0]
         self.arrivals[attractor] += np.bincount(first, minlength=samples)

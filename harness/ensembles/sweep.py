@@ -210,7 +210,7 @@ def parse_sweep(contents: dict[str, Any], folder: Path = Path()) -> Sweep:
 def _ensemble(
     table: SweepTable, shape: list[float], stokes: float, flows: dict[str, Any]
 ) -> Ensemble:
-    # A product of slow time and St may underflow or overflow.
+    # St = 0 or inf, and an underflow or overflow, leave no time that a run could last.
     time = table.time or (table.slow_time or 0.0) * stokes
     if time in (0, inf):
         raise ValueError(

@@ -61,7 +61,8 @@ _COSTS = (
     ("paper", "jeffery", 0.0, _EXPLICIT),
 )
 
-# Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them.
+# Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them. α = -1 is rotation, 0 shear,
+# 1 extension; spheroids align beyond an α that depends on the ratio.
 _ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 _RATIOS = (0.25, 1.5, 2.0, 5.0)
 _ORBIT_TOLERANCE = 1e-14  # Of the solver: periods are compared to rounding.
@@ -78,7 +79,7 @@ _LONG_TRACK_KNOTS = (100, 300, 1000)
 _TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
 
 # Random runs whose stated errors are compared with an integration in long double.
-_RUNS = 400
+_RUNS = 400  # An estimate.
 _RUN_STEPS = 600  # Equal steps of that integration, a multiple of the knots.
 _RUN_KNOTS = 30  # Intervals between the knots of a track.
 _RUN_ROWS = 11  # Compared times.
@@ -86,7 +87,7 @@ _RUN_TIME = 30.0  # Longest duration, in inverse shear rates.
 
 
 def random_gradient(random: np.random.Generator) -> Any:
-    """A gradient of trace zero whose entries have the variance 1/3."""
+    """A gradient of trace zero: entries have the variance 1/3 before the trace is taken out."""
     gradient = random.normal(size=(3, 3)) / sqrt(3)
     return gradient - np.eye(3) * np.trace(gradient) / 3
 
