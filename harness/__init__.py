@@ -1,4 +1,4 @@
-"""Harness: what users see (`api`, `cli`, `work_precision`) on top of its rooms; imports models and solvers."""
+"""Harness: what users see (`api`, `cli`, `work_precision`) on top of its folders; imports models and solvers."""
 
 if __name__ != "polhode.harness":
     raise ImportError(f"this package is imported as 'polhode.harness', not as {__name__!r}")

@@ -144,6 +144,7 @@ def happened(solution: Any, event: Event) -> Any:
     values = event.values(looked)
 
     def value(t: float) -> float:
+        """The event's value at a time; at a look it must be that among all looks."""
         # From the look before t: a step or two.
         i = np.searchsorted(looked.times, t)
         alone = float(event.values(looked(t))[0])

@@ -220,6 +220,7 @@ class WorkPrecision:
 
     @cached_property
     def _reference(self) -> OwnReference:
+        """The published end of a classical problem, the reference that was given, or a computed one."""
         problem = self.one
         if self.classical:
             # The reference at the end is part of the test problem.
@@ -645,6 +646,7 @@ def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, st
             )
 
     def takes(solver: str, one: Classical) -> bool:
+        """Whether a solver is installed, takes a problem, and is not known to take for ever on it."""
         method = find_solver(solver)
         return method.available and solver not in one.hopeless and method.takes(one.problem)
 

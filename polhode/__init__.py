@@ -56,6 +56,7 @@ def _followed(problem: "Problem", tolerance: float, points: int) -> Any:
 
 
 def _join() -> None:
+    """Give the models the solver by which they look along a run."""
     # Models look along a run by a solver, and import none: here both are known.
     from polhode.models import path_solver
 

@@ -49,6 +49,7 @@ def code_key(experiment: Experiment) -> str:
 
 @cache
 def _key_of(module: str, name: str) -> str:
+    """Hash of what a class of a module reaches: the same for all experiments of the class."""
     reached = reached_from(module, name)
     definitions = [
         f"{place}.{definition}: {ast.dump(node)}"
@@ -62,6 +63,7 @@ def reached_from(module: str, name: str) -> _Reached:
     """All that a definition of a module reaches, with the catalogue entries that it names."""
     reached = _Reached()
     _reach_definition(module, name, reached)
+    # An entry's module may name further entries, so that this goes on until no module is added.
     before = -1
     while before != len(reached.modules):
         before = len(reached.modules)
@@ -181,6 +183,7 @@ def _reach_module(module: str, reached: _Reached) -> None:
 
 @cache
 def _tree(module: str) -> ast.Module:
+    """The syntax tree of a module's file."""
     # Experiments of tests stand outside the package.
     path = source_of(module) or Path(str(sys.modules[module].__file__))
     return ast.parse(path.read_bytes())

@@ -238,11 +238,13 @@ def saddle_growth(ellipsoid: Ellipsoid) -> float:
 
 @OncePerThread
 def _tangent_integrator() -> Any:
+    """An integrator of each thread's own for orbits with their tangents: it holds the state of a run."""
     return deepcopy(_compiled())
 
 
 @once()
 def _compiled() -> Any:
+    """The integrator that threads copy: in each lane a quaternion and its tangent, four numbers each."""
     heyoka = load_heyoka()
     lanes = heyoka.recommended_simd_size()
     system = tangent_system(field, _DIMENSION, _PARAMETERS)

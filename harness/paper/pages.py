@@ -277,6 +277,7 @@ def _cached(data: Mapping[str, Data]) -> Iterator[_Outcome]:
 def _in_turn(
     items: Sequence[Item], folder: Path, grid: Grid, report: Callable[[str], None]
 ) -> Generator[_Outcome, None, None]:
+    """Outcomes of items that are computed here, one after the other."""
     for item in items:
         report(_begun(item))
         yield _computed(item, folder, grid)
@@ -316,6 +317,7 @@ def _ahead(items: Sequence[Item], missing: Sequence[Item], processes: int) -> st
 
 
 def _begun(item: Item) -> str:
+    """The line that says that an item is begun, and about how long it takes."""
     return f"        {item.name} … (about {duration(item.experiment.seconds)})"
 
 
@@ -335,11 +337,13 @@ def _single_threaded_children() -> Iterator[None]:
 
 
 def _computed_by_name(name: str, folder: Path, grid: Grid) -> _Outcome:
+    """The same as `_computed` in another process, to which a name is sent and no item."""
     (item,) = find_items((name,))
     return _computed(item, folder, grid)
 
 
 def _computed(item: Item, folder: Path, grid: Grid) -> _Outcome:
+    """Compute an item and write its data; a failure is an outcome too."""
     start = perf_counter()
     try:
         parts = item.experiment.compute(grid)

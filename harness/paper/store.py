@@ -103,6 +103,7 @@ def judged(folder: Path, item: Item) -> Judged:
 
 
 def _table(content: bytes) -> Table:
+    """A CSV file as a record array; all numbers are floats, as an integer column could hold no NaN."""
     frame = pd.read_csv(BytesIO(content))
     return frame.astype(dict.fromkeys(frame.select_dtypes("number"), float)).to_records(index=False)
 

@@ -391,7 +391,7 @@ _JUMP_TIME = 0.08
 # oscillation out.
 _BEFORE_CROSSING = (-0.03, -0.02)
 _AFTER_CROSSING = (0.015, 0.025)
-# Largest St at which resonances are taken not to matter.
+# Largest St at which resonances are taken not to matter: an estimate.
 _MIDDLE_STOKES = 3e5
 # Standard deviation of ln(2 sin πξ), ξ uniform; its mean is 0.
 SPREAD = np.pi / np.sqrt(12)
@@ -614,7 +614,7 @@ _NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
 # Populations of the shares: of starts next to the saddle, and of starts of the map.
 _AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
 _ON_THE_MAP = "a map of starts even in θ and ψ, not of random ones"
-# Share of the averaged arrival by which a full one is off.
+# Share of the averaged arrival by which a full one counts as late or early: an estimate.
 _OFF_BY = 0.2
 
 
@@ -806,7 +806,7 @@ def _flips(table: Table) -> dict[float, Estimate]:
 _BASIN_STOKES = 1e3  # St of the runs of the map.
 # Slow time after which the end of z' is taken.
 _BASIN_TIME = 0.6
-# Distance from the node, over I_max, at which a transient has ended.
+# Distance from the node, over I_max, at which a transient has ended: an estimate.
 _NEAR_NODE = 0.02
 # z component of the axis beyond which it points along the vorticity: within 0.45 rad.
 _ALIGNED = 0.9

@@ -125,6 +125,7 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
         return float(times[last]), float(complements[last]), float(slow[last, 2] + _MIDDLE / 2)
 
     def meets_below(shift: float) -> bool:
+        """Whether a start at this L_z' passes the point with no more L_z' than the critical one."""
         _, left, momentum = before_point(shift)
         return momentum <= local.critical(left) / _UNIT
 
@@ -640,6 +641,7 @@ class Space(Experiment):
         space.set_box_aspect((1, 1, 0.8), zoom=1.0)
 
 
+# The bodies of the paper's planes of ellipsoids: for each b, c = 0.5 and then 0.3.
 SIX_BODIES = [Ellipsoid((1.0, b, c)) for b, c in product((0.55, 0.75, 0.95), (0.5, 0.3))]
 _CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 

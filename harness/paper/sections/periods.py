@@ -474,6 +474,7 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
     slope = (kappa**2 - 1) / (kappa**2 + 1) * (1 + alpha) / 2
 
     def jeffery(angle: float) -> float:
+        """The rate of the angle without inertia."""
         return (alpha - 1) / 2 + slope * np.cos(2 * angle)
 
     if stokes == 0:
@@ -484,6 +485,7 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
         return state[1], damping * (jeffery(state[0]) - state[1])
 
     def stops(_: float, state: np.ndarray) -> float:
+        """The event that ends the run: the rate of the angle is zero."""
         return state[1]
 
     stops.terminal = True  # pyright: ignore[reportFunctionMemberAccess]

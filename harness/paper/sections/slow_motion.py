@@ -176,6 +176,7 @@ class SlowMotion(Experiment):
         )
 
     def _ends(self, data: Data) -> str:
+        """Where the runs end, and the errors along them, in words."""
         errors = data["errors"]
         largest = errors.stokes[-1]
         node = joined(fixed_point(self.ellipsoid, "stable node"), ".3g")
@@ -192,6 +193,7 @@ class SlowMotion(Experiment):
         )
 
     def _accuracy(self, data: Data) -> str:
+        """From which St on averaging counts as accurate, in words."""
         relative = self._relative(data)
         return (
             "Accurate is taken as an error of at most half of the largest change of a slow "
@@ -223,10 +225,12 @@ class SlowMotion(Experiment):
         )
 
     def _mean_difference(self, data: Data, stokes: float) -> float:
+        """The mean over the run of full less averaged values, the largest of the four slow variables."""
         paths = by(data[""], "path")
         return max(abs(np.mean(paths[stokes][name] - paths[np.inf][name])) for name in SLOW_LABELS)
 
     def _change(self, data: Data) -> float:
+        """The largest range of a slow variable, over I_max, in the averaged run."""
         averaged = by(data[""], "path")[np.inf]
         return max(np.ptp(averaged[name]) for name in SLOW_LABELS)
 
