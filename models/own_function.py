@@ -26,7 +26,8 @@ MAX_RECORDED = 200
 MAX_EXACT_JACOBIAN = 50
 # Advice in messages about arguments that are no numbers.
 INTO_A_CLOSURE = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
-# Relative deviation of a recording from the function at the start, above which it is none.
+# Largest relative deviation of a recording's rates from the function's, at the start; a recording
+# that deviates more is not used.
 _SAME_RATES = 1e-9
 
 

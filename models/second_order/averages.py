@@ -1,7 +1,12 @@
 """Second-order averages of a triaxial ellipsoid, per shape and side of L² = 2EI₂: functions of h.
 
-With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x) and W_n = ½(e_x n_y - e_y n_x), ⊥ marks the part
-across n; s₀ = n_x n_y and w₀ = n_z/2. Rates of first order:
+`docs/second-order.md`, section 4, has their mathematics, and section 3 that of the torque which is
+averaged. A rate of either order is a sum of known functions of L; the functions of h are its factors.
+A pose is an orientation of the flow in the frame of L and a size of L.
+
+S_n and W_n are the flow's rate of strain and its rotation, applied to n; e_x and e_y are the
+directions of the flow and of its gradient. With l = |L|, n = L/l, S_n = ½(e_x n_y + e_y n_x) and
+W_n = ½(e_x n_y - e_y n_x), ⊥ marks the part across n; s₀ = n_x n_y and w₀ = n_z/2. Rates of first order:
 
 - of l: l f₀ + f₂w₀;
 - of y: g₀ + g₂w₀/l;
@@ -27,14 +32,15 @@ from polhode.models.second_order.torus import Torus, over_phases, times, turning
 
 Array = np.ndarray
 
-# Polhode phases per ln(1/nome) that resolve second-order averages to 1e-9.
+# Number of polhode phases times ln(1/nome) that resolves second-order averages to 1e-9: Fourier
+# coefficients of a polhode fall like powers of the nome of its elliptic functions.
 _PHASES = 90.0
 # Least number of phases of a polhode.
 _LEAST_PHASES = 24
 # Numbers of phases differ by multiples of this, so that many polhodes share one.
 _STEP_OF_PHASES = 8
 # Rotations, shape (2, 3, 3), whose first two rows are the flow's x and y in the frame of L: several
-# orientations separate the parts of a rate.
+# orientations separate the parts of a rate. No entry is 0: neither s₀ nor w₀ vanishes.
 _ROTATIONS = np.array([[[2, -1, 2], [2, 2, -1], [-1, 2, 2]], [[6, 2, 3], [-3, 6, 2], [-2, -3, 6]]])
 _ROTATIONS = _ROTATIONS / np.array([[[3]], [[7]]])
 # Each rotation at either |L| of `_SIZES`, shape (poses, 3, 3).
@@ -86,14 +92,17 @@ def phases(side: SidedBody, y: Array) -> Array:
 
 def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     """Coefficients, shape (m,) each, from the means in all poses, and the largest misfit."""
+    # Rows of `mean` are the rates of L₁, L₂, L₃, y, α, β; those of `second` of L₁, L₂, L₃, y.
     x, y, z = (_EVERY_FRAME[:, i] for i in range(3))
     over = 1 / _SIZES
     s0 = x[:, 2] * y[:, 2]
     w0 = z[:, 2] / 2
     s = s0 * over
     w = w0 * over
+    # S_n⊥ and W_n, then their products with n×, each of shape (2, poses): n is e₃ in this frame.
     flow = [0.5 * (x * y[:, 2:] + sign * y * x[:, 2:])[:, :2].T for sign in (1, -1)]
     turned = [np.stack([-part[1], part[0]]) for part in flow]
+    # Columns of p₁ and p₂, then those of p₃ to p₆.
     across = [part * over for part in flow]
     steep = [*(part * s * over for part in turned), *(part * w for part in across)]
     parts = [((_SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
@@ -105,10 +114,12 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
 
 def _strengths(spectrum: Array) -> Array:
     """Strengths, shape (m, MODES, 3, 3), from the spectrum of L', shape (3, poses, m, a, b)."""
+    # Poses are split by rotation and by size; negative k₁ stand at the end of a spectrum, -1 last.
     size = np.linalg.norm(spectrum, axis=0).reshape(-1, 2, *spectrum.shape[2:])
     amplitudes = np.zeros((2, spectrum.shape[2], MODES, 3))
     most = min(MODES, spectrum.shape[3] // 2 - 1)
     amplitudes[:, :, :most] = size[..., : -most - 1 : -1, 1:4].max(axis=0)
+    # A strength is taken to grow evenly with l: amplitudes at l = 1 and l = 2 give that at 0 and its gain.
     gain = np.maximum(amplitudes[1] - amplitudes[0], 0)
     whole = np.broadcast_to(size[:, 0].max(axis=(0, 2, 3))[:, None, None], gain.shape)
     return np.stack([np.maximum(amplitudes[0] - gain, 0), gain, whole], axis=-1)
@@ -125,6 +136,7 @@ def second_order(torus: Torus) -> Array:
     change, turn = torus.ambient
     m = torus.momentum
     back = torus.rows.swapaxes(0, 1)
+    # Changes of L, x and y along the generator, seen from the body, which turns besides.
     tilted = change[0] - size * turn[1], change[1] + size * turn[0], change[2]
     flows = (cross(over_phases(direction), turn) for direction in (torus.flow, torus.gradient))
     dm, dx, dy = (times(back, vector) for vector in (tilted, *flows))

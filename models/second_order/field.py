@@ -3,7 +3,8 @@
 The state is y = (L/I_max, a, e₁, σ_α, σ_β). The distance of the polhode from the permanent axis is
 a² = -ln(1 - x) with x = (h - i₃)/(i₂ - i₃). Parallel transport carries e₁ ⊥ L along. The polhode
 phase is St σ_α and the precession phase St σ_β. All coefficients are functions of a², whose numbers
-stand in the parameters p behind each other:
+stand in the parameters p behind each other. `docs/second-order.md`, section 4, has the mathematics and
+a drawing of p:
 
 - `_HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
@@ -58,6 +59,8 @@ def field(ops: Operations) -> Field:
         nz = lz * over
         coefficients = series((a * a - p[0]) * p[1], p)
         f0, f2, g0, g2, r1, r2, ea, eb = coefficients[: len(_FIRST)]
+        # (a²)' of first order over l, as the divisors D of the table are over l, too. Times p[at + 1]
+        # it is ±w², w being the width of the resonance in a².
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
         for at in range(_HEAD + _SERIES * NODES, _HEAD + _SERIES * NODES + POLES * POLE, POLE):
             twice, once = regular(a * a - p[at], drift * p[at + 1])
@@ -71,6 +74,7 @@ def field(ops: Operations) -> Field:
         g = (g0, g2, b1, b2)
         growth, rise, tx, ty, tz = averaged(size, n, f, g, (r1, r2), across)
         s = nx * ny * over
+        # n'·e₁: parallel transport takes from e₁ what would leave it along n.
         lost = (ex * tx + ey * ty + ez * tz) * over
         return (
             growth * lx + tx,
@@ -90,7 +94,8 @@ def field(ops: Operations) -> Field:
 def regular(x: Any, square: Any) -> tuple[Any, Any]:
     """Regular functions in place of 1/x² and 1/x, with `square` = ±w².
 
-    The second is x³/(x⁴ + w⁴), the first minus its derivative.
+    The second is x³/(x⁴ + w⁴), the first minus its derivative. Far from 0 they are 1/x² and 1/x; at 0,
+    where averaging fails, both vanish.
     """
     x2 = x * x
     w4 = square * square + _TINY

@@ -163,6 +163,7 @@ def slow_start(
         # Each pass gains the same factor.
         if left * min(1, left / before) <= _START_CLOSE:
             return tuple(slow)
+        # The passes diverge, or met numbers that are not finite.
         if not max(map(abs, slow)) < 1e3 * max(map(abs, exact)):
             return None
     return None

@@ -1,4 +1,9 @@
-"""The first-order solution of a scene, the size of averaging along it, and its resonances."""
+"""The first-order solution of a scene, the size of averaging along it, and its resonances.
+
+`outline` cuts a run into segments by what stands here. `docs/second-order.md`, section 8, has the
+mathematics: rho (`swing`), the orders of averaging, the errors of angles, and kicks. A kick is the
+sudden change of L and E at a resonance. Columns of `slow` are L in space, (0, 1, 2), and E, 3.
+"""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -246,6 +251,7 @@ class Path:
             return []
         at = points[at]
         k1, k2, there, slope = table.resonances[which, :4].T
+        # The path meets each resonance between two points: `share` is where between them.
         share = (there - a2[at]) / (a2[at + 1] - a2[at])
         step = times[at + 1] - times[at]
         when = times[at] + share * step
@@ -253,12 +259,14 @@ class Path:
         slow = self.slow[at] + share[:, None] * (self.slow[at + 1] - self.slow[at])
         size = np.linalg.norm(slow[:, :3], axis=1)
         width = np.sqrt(self.torque_factor / (size * np.abs(slope) * drift))
+        # 2 √(2π) widths: a mode P changes L by this times P, and never for longer than the run.
         lasting = 2 / unit * np.minimum(sqrt(2 * pi) * width, times[-1])
         series = series_for(self.ellipsoid, side)
         modes = modes_at(series, slow[:, :3], there, k1.astype(int), k2.astype(int))
         strength, grown, risen = (lasting * amplitude for amplitude in modes)
         h = 2 * slow[:, 3] / size**2
         fall = np.exp(-there)
+        # E = ½ l² h, so that its change is l h dl + ½ l² dh, with dh = (i₂ - i₃) x (1 - x) dy.
         energy = (
             size * h * grown
             + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
@@ -266,6 +274,7 @@ class Path:
         orders = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
         along = np.stack([grown, energy], axis=1)
         rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
+        # Change of the mode's frequency, over St, that the kick's own change of L and E makes.
         turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
         bend = np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
         times, sizes, widths, bends, drifts = (

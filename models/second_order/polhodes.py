@@ -2,7 +2,9 @@
 
 Body axes are permuted so that the polhode circles axis 3 and axis 2 is the intermediate one; with
 i_j = 1/I_j, h = 2E/L² lies between i₃ and i₂, and y = ln((h - i₃)/(i₂ - h)) is the variable used
-for it. Frequencies are counted over l = |L|.
+for it. Frequencies are counted over l = |L|. A side is the region of h on one side of L² = 2EI₂: on it
+the polhode circles the longest or the shortest axis. `docs/second-order.md`, section 2, has the
+phases and frames; labels such as `eq:omg1` are those of the paper's equations.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +18,8 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Step in y of the sixth-order differences by which polhodes are differentiated.
+# Step in y of the sixth-order differences by which polhodes are differentiated. They err by the
+# seventh derivative times step⁶/140 = 5e-13, and by rounding over the step.
 _STEP = 0.02
 # Steps of these differences and the weights of their pairs.
 _DIFFERENCES = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
@@ -52,6 +55,8 @@ class SidedBody:
         if longest:
             order.reverse()
         axes = np.eye(3)[order]
+        # The permuted axes are made right-handed, and turned by half a turn about the first of them
+        # where the polhode is at the negative end.
         axes[1] *= np.linalg.det(axes)
         if below:
             axes[1:] *= -1
@@ -150,9 +155,12 @@ class Polhodes:
         """Turn of S about e₃ per α, shape (m,), and χ, shape (m, a)."""
         z = self.z
         dz = self.per_phase
+        # `lag` is the turn of S₀ about e₃ per α. χ takes its oscillating part away, so that S turns
+        # evenly: the mean of `lag` is the turn of S.
         lag = (z[..., 0] * dz[..., 1] - z[..., 1] * dz[..., 0]) / (1 + z[..., 2])
         spectrum = np.fft.fft(lag, axis=1)
         order = np.fft.fftfreq(self.nodes, 1 / self.nodes)
+        # Neither the mean nor the Nyquist mode is integrated.
         order[[0, self.nodes // 2]] = np.inf
         return spectrum[:, 0].real / self.nodes, np.fft.ifft(1j * spectrum / order, axis=1).real
 

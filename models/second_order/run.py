@@ -1,4 +1,8 @@
-"""Segments of triaxial runs that averaging to second order follows, from pose to pose."""
+"""Segments of triaxial runs that averaging to second order follows, from pose to pose.
+
+A pose is the exact L and rotation of the body at a time. From it a slow start is found, and from
+slow states the poses at later times. `docs/second-order.md`, section 6, has the mathematics.
+"""
 
 from dataclasses import dataclass
 from math import atan2, copysign, log1p, pi, sqrt
@@ -156,8 +160,10 @@ def _place(series: Series, z: Array) -> Place | None:
     above = (i2 - i3) * z3 * z3 - (i1 - i2) * z1 * z1
     if above == 0 or not below / above >= 0:
         return None
+    # `below` is h - i₃ and `above` is i₂ - h, without cancellation: `share` is x/(1 - x).
     share = max(below / above, tables.FLOOR)
     x = share / (1 + share)
+    # Here a2 is the squared amplitude A² of z₁, not a² = -ln(1 - x), which is ln(1 + share).
     a2, _, complement = series.side.moduli(x, 1 / (1 + share))
     amplitude = atan2(copysign(z2, (i2 - i3) * z2) / sqrt(x), z1 / sqrt(a2))
     alpha = pi / 2 * ellipkinc(amplitude, 1 - complement) / ellipkm1(complement)

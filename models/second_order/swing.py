@@ -386,6 +386,8 @@ class Place:
         a = _columns(np.sqrt(self.a2))
         size = _columns(size)
         kinds = self._sums(nu, c, a * size**2, torque_factor)
+        # ν₁, ν₂ and their derivatives with respect to y; the six kinds of sums, of which `drawn` is that of
+        # y' over D² and `growth` that of L₃' over D².
         nu1, nu2, rise1, rise2 = _columns(nu)
         u_y, u_a, u_l, _, drawn, growth = _columns(np.real(kinds))
         across = _columns(kinds)[3] / size
@@ -394,6 +396,7 @@ class Place:
         i1, i2, i3 = series.side.inverse_inertia.tolist()
         drawn = drawn / a
         u_y = u_y / a
+        # Over ν₁, as Euler's equations give ν₁ ∂z/∂α.
         u_a = (u_a / a - nu1 * growth - rise1 * drawn) / nu1
         h = i1 * z1 * z1 + i2 * z2 * z2 + i3 * z3 * z3
         u_b = -h * growth - (rise2 + (h - nu2) / nu1 * rise1) * drawn

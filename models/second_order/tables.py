@@ -1,4 +1,8 @@
-"""Second-order averaged triaxial ellipsoid on one side of L² = 2EI₂: tables of its field."""
+"""Second-order averaged triaxial ellipsoid on one side of L² = 2EI₂: tables of its field.
+
+They are computed once per shape and side, and cached on disk. `docs/second-order.md` has in section 4
+the functions and the layout of `parameters`, in section 7 the resonances and kicks.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -84,6 +88,8 @@ class Kick:
 
     def half_width(self, budget: float) -> float:
         """Half length of the full segment at whose ends about the budget is missed."""
+        # Each term of `missed` gives the number of widths at which it falls to the budget, the
+        # second one to half of it.
         least, largest = _WIDTHS
         share = self.size / budget
         by_bend = (share * self.bend) ** (1 / 3)
@@ -145,6 +151,8 @@ def made(side: SidedBody) -> Table:
 
 def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
     """Resonances, rows as in `Table`, in and somewhat beyond the table."""
+    # t is the variable of the Chebyshev series, from -1 at a² = 0 to 1 at `MAX_A2`. Divisors change
+    # sign between two of these points, and two steps of Newton's method refine each root.
     t = np.linspace(-1.1, 1.2, 400)
     nu = evaluated(rates, t)
     rows = []
@@ -187,6 +195,7 @@ def _poles(side: SidedBody, resonances: Array) -> Array:
     for name in SECOND_ORDER if isolated else ():
         scale = per_square(beside) if name[0] == "b" else 1.0
         values.append(functions[name] * scale)
+    # At ±δ from its pole a function is r₂/δ² ± r₁/δ: half the sum and half the difference tell both.
     below, above = np.array(values).reshape(len(SECOND_ORDER), 2, -1).swapaxes(0, 1)
     return np.column_stack(
         [places, 0.5 * _BESIDE**2 * (above + below).T, 0.5 * _BESIDE * (above - below).T]
