@@ -85,6 +85,7 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
 
 
 def _problems(request: StudyRequest, page_only: bool) -> None:
+    """The classical test problems (`polhode.models.problems.catalogue`) instead of scenes."""
     from polhode.harness.pages.problems import rewrite_page, write_page
     from polhode.harness.work_precision import pairs_of, run_problems
 
@@ -187,7 +188,7 @@ def regimes(request: StudyRequest, page_only: bool) -> None:
 
 
 def ahead(study: "Study", store: "Store") -> str:
-    """How much of a study is left to be measured."""
+    """How much of a study is left to be measured, in words: cases whose key the store does not hold."""
     measured_keys = store.keys()
     total = 0
     stored_cases = 0

@@ -44,6 +44,10 @@ def scene_names(
 def _names_in(
     catalogue: str, context: click.Context, parameter: click.Parameter, typed: str
 ) -> list[CompletionItem]:
+    """Names of a catalogue that begin with what was typed, each with its summary, for a shell's Tab.
+
+    `catalogue` is MODULE:NAME, imported only now: the commands start without it.
+    """
     entries = imported(catalogue)
     return [
         CompletionItem(name, help=entries.find(name).summary)

@@ -120,7 +120,7 @@ def redraw(sweep: Sweep, folder: Path) -> Path:
 
 
 def _picture(tables: dict[str, pd.DataFrame], sweep: Sweep) -> Any:
-    """The picture of one shape, from the rows of each file."""
+    """The picture of one shape, from its rows of each file of `_DRAWN`."""
     note = (
         f"{sweep.ensembles[0].particles} particles for each St, whose starts the sweep file gives; tolerance "
         f"{short(sweep.ensembles[0].tolerance)}. x: flow, y: gradient, z: vorticity; L over the largest moment of "
@@ -146,6 +146,8 @@ def _page(
             "shape": _shape(ensemble),
             "failed": sum(ensemble["failures"].values()),
             "ends": "; ".join(ends) or "–",
+            # Median of the time until a particle has arrived; "later" if it lies
+            # beyond the run's end.
             "median": _interval(times["0.5"], "later") if times else "–",
             "shares": {
                 name: interval["value"]

@@ -122,6 +122,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         ("spheroid-axis", _TAYLOR),
     )
     claims, worth = _worth(times)
+    # Of each overhead: what `solve` takes beyond the bare call in µs, and as a share of the bare call.
     calls = [
         (one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare})
         for one in measured.overheads

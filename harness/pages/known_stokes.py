@@ -113,8 +113,9 @@ def _splitting(
 
 
 def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path, of: str) -> list[str]:
-    """The time that averaging takes for tight errors of both kinds, and for a longer run.
+    """The time that averaging takes for tight errors of both kinds, and for a longer run, in sentences.
 
+    Without a run of `stroboscopic` that meets both errors there are none.
     `of` is the digest of the records.
     """
     slow, orientation, _ = _REACHED
@@ -123,6 +124,7 @@ def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path, of: str) -> l
     good: Any = where(
         done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation)
     )
+    # The least time of each solver to both errors, the fastest first; then the fastest rival.
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
     name = next((solver for solver in best if solver not in _OWN), None)
     if "stroboscopic" not in best:

@@ -123,6 +123,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     runs = _runs(outcomes)
     stopped = limit(table)
     solvers = sorted(set(table["solver"]), key=rank)
+    # By scene and solver: the number of runs that got through, and of all.
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
     shares = [
         "✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()
@@ -136,6 +137,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         [name, total[name], f"{percentage:.0f} %", *counts.loc[name]]
         for name, percentage in share.items()
     ]
+    # A row for each scene, a column for each solver; a dot where there is no run.
     by_scene = (
         pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
     )

@@ -1,8 +1,9 @@
 """The page of the stiff side: the fastest implicit solvers, what Jacobian and back end gain, who is stopped.
 
 The stiff side is that of small St. A run is one body, St, form, solver, back end, Jacobian and tolerance. The
-back end `compiled` runs without Python; by `numba` Python calls back a compiled right-hand side. A Jacobian
-is `exact` or by a `difference` of right-hand sides. The study is `harness/studies/stiff.toml`.
+back end `compiled` runs without Python; by `numba` Python calls back a compiled right-hand side, and has the
+name of its former compiler. A Jacobian is `exact` or by a `difference` of right-hand sides. The study is
+`harness/studies/stiff.toml`.
 """
 
 from collections.abc import Sequence

@@ -51,7 +51,7 @@ QUESTION_TITLE = "What should I run?"
 _WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
 # Errors at which methods are compared for the question: 16 in a decade, from 1 to 1e-14.
 _ERRORS = tuple(10.0 ** (-place / 16) for place in range(14 * 16 + 1))
-# Letters of a name from which on a line may be broken at its hyphens.
+# Letters beyond which a name may be broken at its hyphens.
 _LONG = 12
 
 _COSTS = "Cost against accuracy"

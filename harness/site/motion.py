@@ -61,7 +61,11 @@ def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Pa
 def motion(scene: Scene) -> dict[str, Any]:
     """Data for the drawing of a scene; `why` instead if it has no orientation or cannot be solved.
 
-    `motion.js` reads them by these keys.
+    `motion.js` reads them by these keys. `pole` is the index of the drawn axis, 0 to 2; `axis` and `L` are its
+    direction and that of L, three numbers a sample; `rows` the body's first two axes, six a sample, of a triaxial
+    body. `plane` has L_z and E over I_max, and `averaged` the same by the averaged equations. `circle` says that the
+    axis goes round L on a circle without torque; a triaxial body has `paths` instead. `parabolas` are factors f of
+    E = f L_z²/2, the least and the largest energy of a body with L along z.
     """
     if scene.ellipsoid.kind == "sphere":
         return {"why": "a sphere has no axis"}
@@ -165,6 +169,7 @@ def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
                 _rounded(np.repeat(moment.rotation[:, axis], _TURNS * _POINTS + 1, axis=0), 3)
             )
             continue
+        # The period of a rotation, in inverse shear rates.
         turn = 2 * pi * float(np.median(ellipsoid.inertia)) / size
         top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), _TURNS * turn)
         free = solve(

@@ -1,8 +1,9 @@
 """Figures of ensembles: orientation and arrivals of one shape, from the tables beside its page; speed.
 
 An ensemble is many particles of one shape at one St, with random starts. p is the direction of the
-body's last axis. A particle has arrived at an attractor once it stays near it to the end. L is the angular
-momentum; tables have it over the largest moment of inertia. "x, y, z" are flow, gradient, vorticity.
+body's last axis. An attractor is a stable state of the averaged motion in simple shear; a particle
+has arrived at it once it stays near it to the end. L is the angular momentum; tables have it over
+the largest moment of inertia. The axes x, y, z are those of flow, gradient and vorticity.
 """
 
 from collections.abc import Mapping, Sequence

@@ -126,6 +126,7 @@ def by_side(methods: Iterable[Method]) -> list[tuple[tuple[str, str], list[str]]
 
 def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
     """Draw one map: colour and letters name the winner, a corner who ties with it."""
+    # Cell (i, j) is a unit square at x = i, y = j; j grows downwards, with tighter errors.
     numbers = sorted({cell.stokes for cell in panel})
     targets = sorted({cell.target for cell in panel}, reverse=True)
     at = {(cell.stokes, cell.target): cell for cell in panel}
@@ -169,6 +170,7 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
 
     A text that neighbouring columns share stands once, in the middle below them.
     """
+    # Slow times of the runs; without inertia, at St = 0, there is none.
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {"St": [power(stokes) for stokes in numbers]}

@@ -484,7 +484,10 @@ def sentence(seconds: pd.DataFrame) -> str:
 
 
 def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
-    """The share of problems solved within a factor of the fastest, and within a time; `note` stands below."""
+    """The share of problems solved within a factor of the fastest, and within a time; `note` stands below.
+
+    A curve rises by 1/n at each of n problems that the method solves, and ends at the share that it solves at all.
+    """
     height = 4.6
     figure = plt.figure(figsize=(WIDTH, height))
     grid = [figure.add_subplot(2, 1, place) for place in (1, 2)]
@@ -505,6 +508,7 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
             points = np.sort(values.dropna().to_numpy(float))
             points = points[points <= end]
             shares = np.arange(1, len(points) + 1) / len(seconds)
+            # The curve goes on at its height to the edge of the panel.
             points = np.append(points, end)
             shares = np.append(shares, shares[-1] if len(shares) else 0.0)
             style: dict[str, Any] = {"color": look.colour, "linewidth": 1.8}
