@@ -58,11 +58,12 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "polhode",
     "mathtext.fontset": "dejavusans",
 }
-# Letters of a line of a key as wide as the page, beside its lines and gaps, and those of a gap.
+# A key is a legend. Its widths are counted in letters, and are estimates: of a line as wide as the
+# page, and of the sample of a line and the gap that each name needs besides.
 _KEY_LETTERS = 74
 _GAP = 6
 _NAME_LETTERS = 50  # A longer name in a key above a panel as wide as the page breaks.
-_LETTER = 0.082  # Inches: the width of most letters.
+_LETTER = 0.082  # Inches: the width of most letters, in labels of axes.
 
 
 @contextmanager
