@@ -16,7 +16,7 @@ from polhode.harness.commands._study_options import as_json, to_json
 from polhode.harness.common.progress import Progress
 from polhode.harness.common.text import aligned, fitting, on_terminal, scientific, short
 
-# Before the summary of a scene on a line of its own.
+# Stands before the summary of a scene on a line of its own, where the terminal is narrow.
 _INDENT = 4 * " "
 # Endings of pictures.
 _FORMATS = (".png", ".svg", ".pdf")

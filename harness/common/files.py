@@ -174,7 +174,10 @@ def _expect(path: Path, *coming: Path) -> None:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Wait until no other process is in here for the same folder."""
+    """Wait until no other process is in here for the same folder, which is locked meanwhile.
+
+    The lock is the system's: it ends with the process that has it, whatever ends that.
+    """
     place = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(place, fcntl.LOCK_EX)

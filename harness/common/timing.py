@@ -31,7 +31,8 @@ _PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.
 BUSY = 1.5
 _JUDGED_FROM = 1e-3  # Seconds: the processor's share of a shorter run is not judged.
 HAD = 0.9  # Share of the wall time of a run.
-# A run is repeated if its limit stopped it while it lacked the processor.
+# A run is repeated if its limit stopped it while it lacked the processor: the limit is meant for the
+# solver, not for a busy machine.
 AGAIN = 2  # Repetitions at most.
 _MORE = 1.5  # Factor on the time limit of a repetition.
 
@@ -205,7 +206,10 @@ class Pace:
         )
 
     def seconds(self, record: Mapping[str, Any]) -> float:
-        """Wall time of a record at this pace; as timed on another machine, or without a sentinel."""
+        """Wall time of a record as it would be at this pace.
+
+        It is the time as measured if that was on another machine, or without a sentinel.
+        """
         seconds = float(record["seconds"])
         sentinel = _sentinel_of(record)
         comparable = self.sentinel and sentinel and record.get("machine") == self.machine

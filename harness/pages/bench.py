@@ -150,6 +150,10 @@ def _listed(values: Iterable[Any]) -> str:
 
 
 def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
+    """The cheapest run to an error at one St, and ties, in words.
+
+    "unknown" stands for an error that the reference does not resolve, "none" for one that no run meets.
+    """
     if target <= pareto.limit_of(runs, error):
         return "unknown"
     winner = pareto.cheapest(runs, target, error)

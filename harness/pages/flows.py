@@ -83,6 +83,7 @@ def page(folder: Path, command: str) -> str:
 
 
 def _rows(table: Any) -> list[dict[str, Any]]:
+    """The rows of a frame as mappings, which templates read."""
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
@@ -91,6 +92,7 @@ def findings(tables: Mapping[str, Any]) -> list[str]:
     costs = tables["costs"]
     orbits = tables["orbits"]
     knots = tables["knots"]
+    # `ratio` is the time by the equations of any flow over that by shear's.
     cyrk = costs[costs["solver"].str.startswith("cyrk")]
     taylor = costs[costs["solver"] == "taylor"]
     closed = orbits[np.isfinite(orbits["theory"])]
@@ -98,6 +100,7 @@ def findings(tables: Mapping[str, Any]) -> list[str]:
     # The slope of log error against log spacing is the order.
     spacing, error = np.log(tables["orders"][["spacing", "error"]].to_numpy(float)).T
     order = np.polyfit(spacing, error, 1)
+    # Solvers that go on over a knot, and others, which start anew at each.
     cheap = knots[knots["solver"].str.startswith("cyrk") | (knots["solver"] == "taylor")]
     dear = knots[~knots.index.isin(cheap.index)]
     counts = bounded(tables["stated"])
@@ -139,7 +142,11 @@ def bounded(stated: Any) -> pd.DataFrame:
 
 
 def _by_ratio(orbits: Any) -> pd.DataFrame:
-    """One row for each aspect ratio: its threshold, orbits that close, axes that align."""
+    """One row for each aspect ratio: its threshold, orbits that close, axes that align.
+
+    `period` is the largest relative difference of a measured period from theory. `apart` is the largest difference
+    of the axis after a period from its start, `angle` the largest one, in rad, from the direction of theory.
+    """
     rows = []
     for ratio, own in orbits.groupby("ratio"):
         closed = own[np.isfinite(own["theory"])]

@@ -135,6 +135,8 @@ def _source(study: Any) -> str:
 
 
 def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> list[str]:
+    # Times over one parameter are drawn and tabulated too; over several there are only the panels, one
+    # for each point.
     lines = []
     if len(study.over) == 1:
         (name,) = study.over

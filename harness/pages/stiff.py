@@ -395,7 +395,10 @@ def _worst(pairs: Sequence[Pair]) -> str:
 
 
 def figure(runs: Sequence[Run], note: str = "") -> Figure:
-    """Time against St for the error shown, by the best form, back end and Jacobian of each solver."""
+    """Time against St for the error shown, by the best form, back end and Jacobian of each solver.
+
+    A solver has no point at a St where no run of it meets the error.
+    """
     scenes = list(dict.fromkeys(run.scene for run in runs))
     drawing, grid = panels(len(scenes), 1, 0.5 + 2.6 * len(scenes), sharex=True)
     styles = looks(run.solver for run in runs)

@@ -38,7 +38,12 @@ def look_up(
 
 
 def _answer(column: Column, error: float) -> dict[str, Any]:
-    """The run to make at one St, and what the averaged forms do there."""
+    """The run to make at one St, and what the averaged forms do there.
+
+    `cost` is the interpolated time by which methods are ranked; `error`, `seconds` and `tolerance` are those of the
+    fastest measured run that meets the error. `averaged` has form, least error and seconds of each averaged form.
+    """
+    # Of each averaged method: form, solver, least error, seconds of a run that meets the error.
     averaged = []
     for method in column["methods"]:
         if method["averaged"]:
