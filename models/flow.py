@@ -3,6 +3,9 @@
 Simple shear u = y x̂ has equations of its own (`jw1`–`jw3`). Any other linear flow has eight numbers:
 half its vorticity h₁, h₂, h₃, and its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, in space axes, with S₃₃
 subtracted from the diagonal: a multiple of the unit matrix turns nothing.
+
+`docs/flows.md` has the equations. Labels such as `jw1` are those of the paper's LaTeX source;
+`docs/misprints.md` says what those formulas should read. t_ij is component j, in space, of body axis i.
 """
 
 from bisect import bisect_right
@@ -291,6 +294,7 @@ def gyration(ellipsoid: Ellipsoid) -> Triple:
 def jeffery_angular_velocity(ops: Operations) -> Callable:
     """Jeffery's angular velocity in body axes from x = (t₁₁, t₂₁, t₃₁) and y = (t₁₂, t₂₂, t₃₂) (`jw1`–`jw3`)."""
 
+    # s is what `shares` gives.
     def spin(x, y, s):
         return (
             s[0] * y[1] * x[2] - s[1] * y[2] * x[1],

@@ -50,7 +50,7 @@ class OwnField:
     plain_reason: str = field(default="", compare=False, repr=False)
     # Its Jacobian, as far as the user states it.
     structure: Structure | None = field(default=None, compare=False, repr=False)
-    # Whether it stays so, whatever those names come to mean.
+    # Whether the recording stays, whatever the names that the function reads come to mean.
     frozen: bool = field(default=False, compare=False, repr=False)
 
     @property
@@ -187,13 +187,15 @@ def own_field(
 ) -> tuple[tuple[float, ...], OwnField]:
     """The start and the factory of a function's field.
 
+    `structure` is what `structure_of` takes but the dimension: the Jacobian, its pattern, and its
+    numbers of diagonals below and above. The start ends with the time 0 if the function uses time.
+
     Raises ValueError as `Problem.from_function` does.
     """
     if not callable(f):
         raise ValueError(f"f: got {in_one_line(f)}, expected a function f(t, y)")
     start = _numbers("y0", y0)
     values = _numbers("parameters", parameters)
-    # Machine code is cached under the function; a method can be a key where its object cannot.
     if not start:
         raise ValueError("y0: got no numbers, expected one per component")
     for name, time in zip(("t_start", "t_end"), span, strict=True):
@@ -207,6 +209,7 @@ def own_field(
         _check_signature(f, span[0], start, values)
         f = Unmassed(f, mass)
         jacobian = f.structure(jacobian)
+    # Machine code is cached under the function; a method can be a key where its object cannot.
     key = f if f.__hash__ else f.__call__
     reason = _known_reason(key)
     if not reason:

@@ -134,8 +134,10 @@ class _Recorder:
     """A recording under way: equal operations are noted once."""
 
     def __init__(self) -> None:
+        # The index of each node, in the order of their recording, and of each constant by its digits.
         self.nodes: dict[Node, int] = {}
         self.constants: dict[str, int] = {}
+        # What the function did that cannot be recorded; empty if nothing.
         self.failure = ""
 
     def node(self, *node: Any) -> "Recorded":
@@ -182,6 +184,7 @@ class _Recorder:
         return Recording(tuple(used), tuple(places[i] for i in ends))
 
 
+# Its `recorder` is the recording under way in this thread.
 _current = local()
 
 
@@ -436,6 +439,7 @@ def _cbrt(x: Any) -> Any:
 
 
 def _logaddexp(a: Any, b: Any) -> Any:
+    # log(e^a + e^b) without overflow: the larger one plus log(1 + e^(-|a - b|)).
     apart = _apply("neg", _absolute(_apply("sub", a, b)))
     return _apply("add", _maximum(a, b), _apply("log1p", _apply("exp", apart)))
 

@@ -1,4 +1,8 @@
-"""Orientation of the body axes: zxz Euler angles, unit quaternions, the matrix t_ij (`tiju`)."""
+"""Orientation of the body axes: zxz Euler angles, unit quaternions, the matrix t_ij (`tiju`).
+
+Labels such as `tiju` are those of the paper's LaTeX source (`docs/misprints.md`). A quaternion is
+(q0, q1, q2, q3) with the scalar part first.
+"""
 
 from math import atan2, cos, hypot, sin
 from typing import Any
@@ -66,6 +70,7 @@ def make_third(q: Quaternion, axis: int) -> Quaternion:
     """Quaternion after the cyclic renaming of the body axes that makes `axis` (0, 1, 2) the third one."""
     if axis == 2:
         return q
+    # The product with the quaternion (½, ±½, ±½, ±½): a third of a turn about (1, 1, 1).
     q0, q1, q2, q3 = (component / 2 for component in q)
     if axis == 0:
         return q0 - q1 - q2 - q3, q1 + q0 + q2 - q3, q2 + q0 + q3 - q1, q3 + q0 + q1 - q2

@@ -1,4 +1,7 @@
-"""The shape of the particle: semi-axes, moments of inertia, rotational resistance."""
+"""The shape of the particle: semi-axes, moments of inertia, rotational resistance.
+
+Labels such as `gove` are those of the paper's LaTeX source (`docs/misprints.md`).
+"""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,7 +13,8 @@ from typing import Any, Literal
 Kind = Literal["sphere", "prolate", "oblate", "triaxial"]
 Triple = tuple[float, float, float]
 
-# Below it the moments of inertia, of fourth order in the semi-axes, lose digits to underflow.
+# Least ratio of the shortest semi-axis to the longest. Below it the moments of inertia lose digits to
+# underflow: they are of fourth order in the semi-axes, down to 1e-280 here.
 _LEAST_RATIO = 1e-70
 # Distances from the mean, relative to it, below which the series of `carlson_rd` holds to double
 # precision.
@@ -145,6 +149,7 @@ def carlson_rd(x: float, y: float, z: float) -> float:
     distance_x = mean - x
     distance_y = mean - y
     spread = max(abs(mean - x), abs(mean - y), abs(mean - z))
+    # `share` is 4^-n after n duplications, and divides the distances from the mean.
     total = 0.0
     share = 1.0
     while share * spread > _CARLSON_SPREAD * mean:
@@ -158,6 +163,8 @@ def carlson_rd(x: float, y: float, z: float) -> float:
         z = (z + shift) / 4
         mean = (mean + shift) / 4
         share = share / 4
+    # Relative distances of x and y, u and v, and of z, w, which counts three times; e2 to e5 are the
+    # elementary symmetric functions of (u, v, w, w, w).
     u = share * distance_x / mean
     v = share * distance_y / mean
     uv = u * v

@@ -2,7 +2,9 @@
 
 The first-order solution says where the run goes. Along it rho, the size of the near-identity
 transformation over St, is the ratio of each order of averaging to the one before. Later kicks
-amplify an error: it shifts the phases of the resonances that follow, and so their kicks.
+amplify an error: it shifts the phases of the resonances that follow, and so their kicks. A kick is the
+sudden change of L and E at a resonance; a full segment is one of the full equations.
+`docs/second-order.md` has the mathematics in sections 8 and 9.
 """
 
 from collections.abc import Iterator

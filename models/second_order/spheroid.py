@@ -93,6 +93,10 @@ def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
 
 def slow_rates(ops: Operations) -> Callable[..., Any]:
     """Rates l'/l, h'/(h(1-h²)) and L'⊥ from l = |L|, n and h²; p as for `field`."""
+    # Where each polynomial of `coefficient_polynomials` begins in p, x being h²:
+    #
+    #     f0  f2  g0  g2  e  r1  r2   a1  a2  b1  b2  p1  p2  p3  p4  p5  p6
+    #      0   2   4   5  6   8  10   12  15  18  20  22  25  28  31  34  37
     averaged = ops.use(averaged_rates)
 
     def rates(size, n, x, p):
@@ -179,6 +183,7 @@ def generator(
     ex, ey, ez = e
     fx, fy, fz = f = cross(n, e)
     axis = plus(e, h, n)
+    # |e|² = 1 - h².
     r2 = dot(e, e) + _TINY
     h4 = 4 * h
     over2 = over * over
@@ -188,6 +193,7 @@ def generator(
     nf = nx * fy + ny * fx
     ee = 2 * ex * ey / r2
     ef = (ex * fy + ey * fx) / r2
+    # Changes of L along n, e and f: `along`, `across` and `beside`.
     along = over * (h4 * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn))
     across = over * (c8 * fz - k8 * ne - k8 * h4 * (2 * nn + ee))
     beside = d * h + over * (h4 * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf)
