@@ -41,7 +41,11 @@ _SLOPES_TO = 1e3
 
 @dataclass(frozen=True)
 class Band:
-    """Errors at St, by an order of averaging: what 2.5 %, half and 97.5 % of the bodies stay below."""
+    """Errors at St, by an order of averaging: what 2.5 %, half and 97.5 % of the bodies stay below.
+
+    `order` is "first order" or "second order", `crosses` whether the bodies cross L² = 2EI₂. All sequences have an
+    entry for each St, NaN where none is known.
+    """
 
     order: str
     crosses: bool

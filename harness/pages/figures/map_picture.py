@@ -70,12 +70,12 @@ CODES = {
     "averaged-spheroid": "A1",
     "averaged-second-order": "A2",
 }
-# Inches.
+# Inches; sizes are chosen by eye.
 _LEFT = 0.62  # Numbers and label of the error.
 _ROW = 0.27  # Height of a cell.
 _BELOW = 0.45  # Rows of St and t below the cells.
-_TITLE_ROOM = 0.32
-_KEY_LINE = 0.185
+_TITLE_ROOM = 0.32  # The title above the cells.
+_KEY_LINE = 0.185  # A line of the key.
 
 
 def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, note: str = "") -> Any:
@@ -211,7 +211,11 @@ def _grouped(texts: Sequence[str]) -> list[tuple[str, int, int]]:
 
 
 def ink_on(color: str) -> str:
-    """Black or white, whichever stands out more on a colour."""
+    """Black or white, whichever stands out more on a colour.
+
+    The numbers are those of WCAG 2: sRGB made linear, its relative luminance, and the contrast of two luminances,
+    (lighter + 0.05)/(darker + 0.05).
+    """
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(color)]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
     return "white" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "black"

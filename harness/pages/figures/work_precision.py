@@ -54,7 +54,7 @@ from polhode.harness.pages.tables import fill
 from polhode.harness.references.uncertainty import KNOWN, known
 from polhode.solvers.contract import Status
 
-# The band under the Pareto front.
+# The band under the Pareto front, the line of runs that no other run beats in both time and error.
 _FRONT = "#F2E27A"
 _FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
@@ -282,6 +282,7 @@ def name_lines(axes: Axes, few: int = 0) -> None:
             "shrinkB": 2,
             "relpos": (0, 0.5),
         }
+        # Points: room for a marker and the line that leads to the name.
         place = (box.x1 / scale + 24, height)
         axes.annotate(
             name,
@@ -547,6 +548,7 @@ def heat_map(
     """
     names = [str(name) for name in ratios]
     rows = [str(row) for row in ratios.index.get_level_values(1).unique()]
+    # Inches: names of rows, title of a panel, and names of columns.
     left, top, bottom = 1.25, 0.32, 0.95
     cell = (WIDTH - left - 0.05) / len(names)
     height = 0.19
