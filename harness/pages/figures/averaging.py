@@ -1,4 +1,8 @@
-"""Errors of averaging over random bodies against St, as bands by kind of body."""
+"""Errors of averaging over random bodies against St, as bands by kind of body.
+
+The study is that of `polhode accuracy`; `polhode.harness.pages.averaging.random_bodies` makes the bands.
+Orders are those of averaging: the error falls like 1/St by the first, like 1/St² by the second.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +37,8 @@ _COLUMNS = 4
 _LETTERS_OF_TITLE = 15
 # Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; titles, numbers.
 _ROW = 2.3
-_ERRORS = (1e-10, 3.0)  # Ends of the axis of the error of L and E, over I_max.
+# Ends of the axis of the error: of L and E over I_max, or of the orientation in rad.
+_ERRORS = (1e-10, 3.0)
 # St and error at which the dotted lines of slopes begin, and St at which they end.
 _SLOPES_FROM = (20.0, 1e-6)
 _SLOPES_TO = 1e3
