@@ -46,6 +46,7 @@ class Once(Generic[P, R]):
         self.size = size
         self.__wrapped__ = function
         self._entries: dict[tuple[Any, ...], _Entry] = {}
+        # Held while entries are added, or dropped as too many; results are computed under the entry's lock.
         self._lock = RLock()
         self.__qualname__ = function.__qualname__
         update_wrapper(self, function)

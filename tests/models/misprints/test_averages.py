@@ -11,13 +11,16 @@ from oracle.printed import Ellipsoid
 from oracle.verdict import assert_misprint, assert_right, deviation
 
 AXES = (1.0, 0.8, 0.5)
+# L in space, along no axis and in no plane of axes, so that no average vanishes by symmetry.
 MOMENTUM = np.array([0.21, -0.34, -0.27])
 SIDES = pytest.mark.parametrize("toward_longest", [False, True], ids=["L2>2EI2", "L2<2EI2"])
+# The orders of three different rows.
 DISTINCT = list(permutations(range(3)))
 
 
 def energy_on_side(toward_longest):
     moments = body(AXES).inertia
+    # 2E/L² between 1/I of the axis that the polhode circles and 1/I₂, where the sides meet.
     mixed = 0.6 / moments[0 if toward_longest else 2] + 0.4 / moments[1]
     return MOMENTUM @ MOMENTUM / 2 * mixed
 

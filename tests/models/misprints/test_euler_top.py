@@ -29,6 +29,7 @@ class EulerTop:
         self.order = [2, 1, 0] if exchange else [0, 1, 2]
         self.moments = i1, i2, i3 = SHAPE.inertia[self.order]
         self.energy = MOMENTUM**2 / 2 * (0.7 / i3 + 0.3 / i2)
+        # With the suffixes exchanged both are negative, as are the differences of moments under the roots.
         excess, deficit = 2 * self.energy * i3 - MOMENTUM**2, MOMENTUM**2 - 2 * self.energy * i1
         self.amplitudes = np.sqrt(
             [excess / (i1 * (i3 - i1)), excess / (i2 * (i3 - i2)), deficit / (i3 * (i3 - i1))]

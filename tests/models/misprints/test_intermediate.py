@@ -1,4 +1,8 @@
-"""The paper's neighbourhood of the intermediate-axis rotation against first principles (docs/misprints.md)."""
+"""The paper's neighbourhood of the intermediate-axis rotation against first principles (docs/misprints.md).
+
+The state is (y, L_z'). y = μ'δ = 1 - μδ is 0 where L² = 2EI₂, with the paper's μ = (2EI₃ - L²)/(L² - 2EI₁)
+and δ = (I₂ - I₁)/(I₃ - I₂); L_z' = L_z + I₂/2 is 0 where the body turns about its middle axis at half the vorticity.
+"""
 
 from math import exp, log, pi, sqrt
 
@@ -14,6 +18,7 @@ from oracle.verdict import assert_misprint, assert_right
 ELLIPSOID = Ellipsoid((1.0, 0.8, 0.5))
 INERTIA, RESISTANCE = ELLIPSOID.shape.inertia, ELLIPSOID.shape.resistance
 SIDES = pytest.mark.parametrize("side", [1, -1], ids=["L2>2EI2", "L2<2EI2"])
+# y and L_z' at the start.
 START, MOMENTUM_START = 0.05, 1e-4
 
 

@@ -10,6 +10,7 @@ from oracle.first_principles import integrate, momentum_and_energy
 from oracle.printed import Spheroid
 from oracle.verdict import assert_misprint, assert_right
 
+# |L| over I_e at the start, and the angle between L and the symmetry axis, in rad.
 MOMENTUM, THETA = 0.4, 0.3
 KAPPAS = pytest.mark.parametrize("kappa", [1.2, 2.0, 3.0])
 
@@ -41,6 +42,7 @@ def least_momentum(kappa, stokes):
     """Smallest |L|/I_e on the way past L = 0, root mean square over two azimuths of the axis."""
     s = Spheroid(kappa)
     z = MOMENTUM * s.ie
+    # Rates of the Euler angles at which L is along the z axis of space.
     rates = 0.0, z / s.ie, z * cos(THETA) * (1 / s.ia - 1 / s.ie)
     times = stokes * np.linspace(0.0, 0.02, 2001)
     least = []
