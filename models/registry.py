@@ -13,7 +13,8 @@ from weakref import WeakSet
 from polhode.models.spent import spent_on
 
 T = TypeVar("T")
-# A shorter word is a part of too much; less alike (`difflib`), a word is another one.
+# A shorter word is a part of too much; less alike (`difflib`, from 0 to 1), a word is another one.
+# Both are estimates.
 _SHORTEST_PART = 3
 _ALIKE = 0.7
 

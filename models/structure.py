@@ -9,7 +9,8 @@ import numpy as np
 
 from polhode.models.libraries import IMPORTS
 
-# Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded.
+# Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded;
+# an estimate.
 _MAX_DIAGONALS = 4
 
 

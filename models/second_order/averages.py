@@ -35,7 +35,7 @@ Array = np.ndarray
 # Number of polhode phases times ln(1/nome) that resolves second-order averages to 1e-9: Fourier
 # coefficients of a polhode fall like powers of the nome of its elliptic functions.
 _PHASES = 90.0
-# Least number of phases of a polhode.
+# Least number of phases of a polhode; an estimate.
 _LEAST_PHASES = 24
 # Numbers of phases differ by multiples of this, so that many polhodes share one.
 _STEP_OF_PHASES = 8

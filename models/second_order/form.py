@@ -25,7 +25,8 @@ from polhode.models.second_order.outline import Outline, outline
 _START_PASSES = 60
 # Residual of that equation, over |L|, at which passes end: rounding.
 _START_CLOSE = 1e-15
-# Shares of the time to the first segment of the full equations at which a run is tried to be stopped.
+# Shares of the time to the first segment of the full equations at which a run is tried to be stopped,
+# the longest first: estimates.
 STOPS = (0.98, 0.9)
 # Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing.
 _MEANINGLESS = 1.0

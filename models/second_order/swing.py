@@ -31,7 +31,7 @@ Array = np.ndarray
 
 # Changes whenever the numbers of a series do.
 VERSION = 4
-# Chebyshev nodes in a, from 0 to the end of the tables.
+# Chebyshev nodes in a, from 0 to the end of the tables. This number and the next two are estimates.
 _NODES = 40
 # Polhode phases at each node.
 _PHASES = 96

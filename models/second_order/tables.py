@@ -44,13 +44,13 @@ _SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu
 _SECOND = slice(COEFFICIENTS.index("a1"), COEFFICIENTS.index("nu1"))
 # Modes of a smaller share of the torque are no resonances.
 _FAINT = 1e-8
-# Averages at a divisor below this share of ν₂ weigh less in the table.
+# Averages at a divisor below this share of ν₂ weigh less in the table; an estimate.
 _NEAR = 0.02
 # The fit has this many terms fewer than nodes, as some nodes weigh little.
 _SPARE = 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
-# Distance in a² from a pole at which the averages tell its residues.
+# Distance in a² from a pole at which the averages tell its residues; an estimate.
 _BESIDE = 5e-4
 # The a² of rows without a pole: far beyond the table.
 _FAR = 1e3
