@@ -1,4 +1,8 @@
-"""The exact Jacobian of a vector field: traced numbers that carry their derivatives along."""
+"""The exact Jacobian of a vector field: traced numbers that carry their derivatives along.
+
+It is automatic differentiation in forward mode, by all components of the state at once. The rules
+of the chain, product and quotient act on traced numbers, so that they write lines of LLVM's.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,6 +23,7 @@ from polhode.solvers.machine_code.tracing import (
 )
 
 
+# A float or a traced number without derivatives is its own value, and has no slopes.
 def _value(x: Any) -> Any:
     return x.value if isinstance(x, Dual) else x
 
@@ -98,13 +103,14 @@ def _function(name: str, derivative: Callable[[Any], Any], x: Any) -> Any:
 def _where_positive(x: Any, a: Any, b: Any) -> Dual:
     where = partial(OPERATIONS.where_positive, _value(x))
     value = where(_value(a), _value(b))
+    # Slopes on either side of x = 0; that of the change from one side to the other is left out.
     above = _slopes(a)
     below = _slopes(b)
     slopes = {i: where(above.get(i, 0.0), below.get(i, 0.0)) for i in {*above, *below}}
     return Dual(value, slopes)
 
 
-# Derivatives of functions of C's library.
+# Derivatives of functions of C's library by their only argument; `_of_library` has those of atan2.
 _DERIVATIVES: dict[str, Callable[[Any], Any]] = {
     "expm1": partial(call, "exp"),
     "log1p": lambda x: 1.0 / (1.0 + x),

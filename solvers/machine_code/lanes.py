@@ -20,13 +20,14 @@ Step = Callable[[Sequence[Any], Sequence[Any]], Sequence[Any]]
 class Lanes:
     """A compiled map; see `lanes`."""
 
+    # Takes states, constants and counts, three arrays as in `march`, and fills the states.
     code: Callable[..., None]
-    dimension: int
+    dimension: int  # of the state, d
 
     def march(self, starts: np.ndarray, rows: int, constants: np.ndarray, steps: int) -> np.ndarray:
         """States in lanes, shape (groups, rows, d, width).
 
-        `steps` maps lead from each row to the next.
+        A group is `width()` particles, moved at once. `steps` maps lead from each row to the next.
 
         The last of the starts, shape (n, d), fills the lanes that are left over.
         """

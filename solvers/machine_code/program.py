@@ -92,7 +92,7 @@ class Program(dict[str, str]):
         return f"v{self.count}"
 
     def room(self, size: int = 1, lanes: int = 1) -> "Array":
-        """Space for numbers, or for one of each lane."""
+        """Space on the stack for `size` numbers, or for `size` vectors of one number a lane."""
         array = Array(self, f"%{self.new()}", lanes)
         self.rooms.append(f"{array.pointer} = alloca {array.kind}, i64 {size}")
         return array

@@ -12,8 +12,8 @@ from pathlib import Path
 from polhode.models.once import once
 from polhode.solvers.machine_code.llvm import compile_file
 
-# Control word of x86's floating-point unit: its usual one, with results and operands flushed to
-# zero.
+# Control word (MXCSR) of x86's floating-point unit: 0x1F80, its usual one, stops at no exception;
+# 0x8000 flushes results to zero, 0x0040 operands.
 _FLUSHING = 0x1F80 | 0x8000 | 0x0040
 
 

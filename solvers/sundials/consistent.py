@@ -3,6 +3,11 @@
 The part of the state that M sees stays as it is. The rest follows from the algebraic equations, by
 Newton's method; the slope solves the differential equations and the derivative of the algebraic
 ones.
+
+The singular value decomposition of M, of rank r, separates them. The first r left singular vectors
+combine the rows of ``M y' = f`` to differential equations. The others combine them to algebraic
+ones, without y', as their products with M vanish. The right singular vectors after the r-th are the
+directions of y that M does not see, in which the start may be moved.
 """
 
 from collections.abc import Callable
@@ -40,6 +45,8 @@ def consistent(
     """State and slope at the start; RuntimeError if there are none near, IndexAboveOneError as it says."""
     left, values, right = np.linalg.svd(full(mass))
     rank = int((values > _ZERO * values[0]).sum())
+    # Rows of `differential` and `algebraic` combine equations; columns of `free` are directions of
+    # the state.
     differential = left[:, :rank].T
     algebraic = left[:, rank:].T
     free = right[rank:].T
@@ -54,6 +61,7 @@ def consistent(
         now = at(time, state)
         residual = algebraic @ now
         jacobian = _differences(at, time, state, now)
+        # It is regular where the algebraic equations fix the free part of the state: index 1.
         matrix = algebraic @ jacobian @ free
         if np.linalg.matrix_rank(matrix) < len(matrix):
             raise IndexAboveOneError
@@ -64,6 +72,8 @@ def consistent(
             raise RuntimeError("the algebraic equations have no solution near the start")
     else:
         raise RuntimeError("the algebraic equations have no solution near the start")
+    # The algebraic equations g(t, y) = 0 hold at all times, so that g_y y' = -g_t, where
+    # `by_time` is the difference quotient for g_t.
     later = time + _DIFFERENCE * (1 + abs(time))
     by_time = algebraic @ (at(later, state) - now) / (later - time)
     whole = np.vstack([differential @ full(mass), algebraic @ jacobian])
