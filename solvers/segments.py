@@ -62,17 +62,18 @@ class Run:
         self.rows[0] = self.state = np.array(problem.start)
         self.now = float(times[0])
         self.end = float(times[-1])
-        self.done = 1
+        self.done = 1  # rows that are filled, the start included
         self.segments_run = 0
         # Listed for a problem of several segments alone.
         self.segments: list[SolvedSegment] = []
         self.work = Work()
         self.status = Status.REACHED_END
         self.message = ""
+        # The last segment's problem and tolerance, and the integrator made for them.
         self.prepared: tuple[Problem, float, Integrator] | None = None
         self.shrunk = False  # whether steps became much shorter on the way
         self.events: EventSearch | None = None
-        self.every_step = False
+        self.every_step = False  # whether rows are to lie at the solver's own steps
         self.began = perf_counter()
 
     def through(

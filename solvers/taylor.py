@@ -98,6 +98,7 @@ def propagate(
 
     ``states(rows, times)`` are the states that its rows mean, if these are not the rows themselves.
     """
+    # heyoka's result: [0] how it ended, [3] the number of steps, [-1] the states on the grid.
     outcome = load_heyoka().taylor_outcome
     number = integrator.state.dtype
     work = record.work
@@ -139,6 +140,7 @@ def propagate_with_events(
     max_step: float = np.inf,
 ) -> Outcome:
     """As `propagate`, with the record's events looked for on the series of every step."""
+    # heyoka's result: [0] how it ended, [3] the number of steps, [4] the series of all steps.
     outcome = load_heyoka().taylor_outcome
     steps = 0
     look = _FIRST_LOOK

@@ -49,7 +49,7 @@ def either_side(
 
 
 def operand(x: Any) -> str:
-    """How a line refers to a number or a constant."""
+    """How a line refers to a number, by name, or to a constant, by its 64 bits, not rounded."""
     return x.name if isinstance(x, Number) else f"0x{unpack('<Q', pack('<d', float(x)))[0]:016X}"
 
 
@@ -68,6 +68,7 @@ class Number:
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def __init__(self, lines: dict[str, str], name: str) -> None:
+        # Names of results by the lines that compute them, in order; a field's numbers share it.
         self.lines = lines
         self.name = name
 

@@ -44,12 +44,15 @@ class Memory:
         d = problem.dimension
         self.mass, values = posed(problem, self.implicit)
         self.count = len(values)
-        # The arrays live as long as what points to them.
+        # The library holds pointers to these arrays, which live as long as this object. `data` is
+        # what the field reads: parameters, then masses. `differential` is 1 for a component with
+        # a derivative in the equations and 0 for an algebraic one.
         self.data = np.array([*values, *self.mass])
         self.start = np.array(problem.start)
         self.slope = np.zeros(d)
         self.residual = np.zeros(d)
         self.differential = (self.mass != 0).astype(float)
+        # What to free: the library's function, its argument, and the box that this points to.
         self._owned: list[tuple[str, int, Any]] = []
         finalize(self, _free, library, self._owned)
 
@@ -89,6 +92,10 @@ class Memory:
             kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
             self._residual = self.field.function(kind)
         self._advance = _loop(library)
+        # What `rows.ll` writes: the last code, steps, time, evaluations of the field, further ones
+        # for differences, failed error tests, steps whose correction failed, Jacobians,
+        # factorizations, and the step to be tried next. Time and step, at 2 and 9, are doubles in
+        # the same 64 bits.
         self.report = np.zeros(10, dtype=np.int64)
 
     def _own(self, free: str, make: str, *arguments: int) -> int:

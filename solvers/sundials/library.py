@@ -41,6 +41,7 @@ class Sundials:
                 if hasattr(self._functions, name):
                     getattr(self._functions, name).restype = result
 
+    # Floats go as doubles; whole numbers are counts, or addresses of the library's objects.
     def __call__(self, name: str, *arguments: float) -> int:
         """Call a function, the library's own as ``SetStopTime``; RuntimeError if it fails."""
         converted = [
