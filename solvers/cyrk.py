@@ -58,6 +58,7 @@ _FIRST_LOOK = 256
 _SHARES = (1.0, 0.98, 0.9, 0.5)
 # Steps after which a solution that is looked at beforehand is given up.
 _MOST_STEPS = 2000
+# Memory that a run may take, in MB: the library's own default.
 _MAX_RAM_MB = 2000
 # Largest rate over the tolerated error: its square is below infinity.
 _LARGEST_NORM = 1.3e154

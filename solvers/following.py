@@ -9,7 +9,7 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import array_callback, parameter_array
 from polhode.solvers.contract import installed
 
-# Steps after which such a solution is given up.
+# Steps after which such a solution is given up; by estimate.
 _MAX_STEPS = 2000
 
 
@@ -40,6 +40,7 @@ def _followed_by_scipy(
         return out
 
     start = np.array(problem.start)
+    # The start as the only row.
     alone = np.zeros(1), start[None]
     # A rate that overflows or has no value ends the path; NumPy need not say so.
     with np.errstate(all="ignore"):
@@ -60,6 +61,8 @@ def _followed_by_scipy(
         if not interpolants:
             return alone
         steps = np.array(times)
+        # Numbers of steps, with fractions where there are fewer steps than points: each step gets
+        # as many times as any other.
         count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
         sampled = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
         return sampled, OdeSolution(steps, interpolants)(sampled).T

@@ -18,18 +18,20 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import denominators, frozen
 from polhode.solvers.contract import Status
 
-# Segments between two rows that are run again, at most.
+# Segments between two rows that are run again, at most; by estimate.
 _MAX_SEGMENTS = 3
-# Growth of the largest component from one row to the next that is looked into.
+# Growth of the largest component from one row to the next that is looked into; by estimate.
 _GROWTH = 100.0
 # Radau IIA of CyRK, or of SciPy where that is not installed.
 _RADAU = ("cyrk-radau", "radau")
 # Witnesses that run a segment again: the first of the names that takes the problem, and the factor
-# of its tolerance.
+# of its tolerance. All must fail: the implicit ones by a status of `_ENDED`, the explicit one by
+# any. The factor is an estimate.
 _WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
-# Tolerances of the witnesses: a run that is right need not be looser than the second.
+# Range of the witnesses' tolerances, to which the run's own is clipped before the factor applies; by
+# estimate. A run that is right need not be looser than the second.
 _TOLERANCES = (1e-8, 1e-4)
-# Steps of a witness, after which it says nothing.
+# Steps of a witness, by estimate. An implicit one that takes more says nothing: the run stands.
 _MAX_STEPS = 20_000
 # A witness may take this long, in seconds, or as long as the run itself.
 _LEAST_SECONDS = 0.5

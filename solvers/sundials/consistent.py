@@ -16,10 +16,10 @@ import numpy as np
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
-# Newton's steps, and the residual over the size of the rates at which they end.
+# Most Newton steps, and the residual over the size of the rates at which they end, by estimate.
 _MAX_STEPS = 50
 _CONVERGED = 1e-12
-# Singular values below this share of the largest one are zero.
+# Singular values below this share of the largest one count as zero, by estimate.
 _ZERO = 1e-12
 # Step of differences, over the size of what is stepped.
 _DIFFERENCE = 1e-7

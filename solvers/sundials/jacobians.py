@@ -10,7 +10,8 @@ from polhode.solvers.compile import plain_rates
 from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
 from polhode.solvers.sundials.consistent import full
 
-# Step of differences over the size of a component, and the least size.
+# Step of differences over the size of a component: the root of a double's rounding, at which errors
+# of rounding and of truncation are about equal. The least size, by estimate, serves where all components are 0.
 _DIFFERENCE = float(np.sqrt(np.finfo(float).eps))
 _TINY = 1e-30
 # scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB for this many components.

@@ -44,7 +44,8 @@ from polhode.solvers.sundials.compiled import Memory, integrator
 from polhode.solvers.sundials.consistent import IndexAboveOneError, consistent
 from polhode.solvers.sundials.library import load_sundials, posed
 
-# Components up to which the index is looked at, which takes a singular value decomposition.
+# Components up to which the index is looked at, which takes a singular value decomposition; by
+# estimate.
 _MAX_CHECKED = 200
 
 
