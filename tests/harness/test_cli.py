@@ -51,7 +51,7 @@ def test_what_makes_the_reports_are_commands(monkeypatch: pytest.MonkeyPatch):
     pages = list(root.glob("reports/*/README.md"))
     assert len(pages) > 8
     for page in pages:
-        made_by = re.search(r"Made by `polhode ([a-z-]+)", page.read_text())
+        made_by = re.search(r"Made by `(?:polhode|python) ([a-z_./-]+)", page.read_text())
         assert made_by, page
         assert made_by[1] in {line.split()[0] for line in lines}, page
 
