@@ -171,7 +171,10 @@ def splits(scene: Scene) -> bool:
 
 def _hybrid_pays(scene: Scene, error: float, want: str) -> bool:
     """Whether a run by `hybrid`, and the tables of a shape, cost less than a full run."""
-    if want != "slow" or isinf(scene.stokes) or error * scene.stokes**2 < HYBRID_LEAST_ERROR:
+    # A product may overflow to infinity; a power would raise.
+    if want != "slow" or isinf(scene.stokes):
+        return False
+    if error * scene.stokes * scene.stokes < HYBRID_LEAST_ERROR:
         return False
     if not find_form("hybrid").takes(scene):
         return False

@@ -230,3 +230,9 @@ def test_an_averaged_run_at_a_loose_tolerance_is_not_thought_lucky():
     off = errors(scene.ellipsoid, found.observables, true.observables).slow
     assert found.run.segments[0].averaged
     assert off <= found.error.slow.high <= 1e-7
+
+
+def test_the_largest_stokes_numbers_have_a_rule():
+    start = BodyStart((1.0, 0.0, 0.0, 0.0), (1e-150, 0.0, 0.0))
+    scene = Scene(Ellipsoid((1.0, 0.8, 0.5)), 1e300, start, 1e-6)
+    assert rules.methods_for(scene, 1e-6, "slow")
