@@ -5,6 +5,10 @@ same slow motion at a smaller St, is followed by the full equations as well; its
 the scene's own St by these powers, as measured over random bodies (`averaging_laws.py`), never by
 larger ones. The kicks of resonances, which fall like 1/√St, are added. Second order, and the
 segments of `hybrid`, state errors of their own, from the size of the terms left out.
+
+L is the angular momentum, E the energy, I₂ the middle moment of inertia. L² = 2EI₂ is the separatrix of
+the motion without torque, between rotations about the longest and about the shortest axis.
+docs/second-order.md derives second order; docs/references.md names the theory of crossings and jumps.
 """
 
 from dataclasses import replace
@@ -35,7 +39,7 @@ from polhode.models.observables import Observables
 from polhode.models.scene import BodyStart, Scene, SlowStart
 from polhode.models.shape import Ellipsoid
 
-# Rotations of a full run that an averaged one is compared with, at most.
+# Rotations of a full run that an averaged one is compared with, at most; an estimate.
 COMPARED_TURNS = 1_000.0
 
 
@@ -44,7 +48,12 @@ class NotKnownError(ValueError):
 
 
 def compared(runner: Runner, run: Run) -> tuple[str, str, Difference, str]:
-    """Kind of confirmation, family, difference and note of a run that averages."""
+    """Kind of confirmation, family, difference and note of a run that averages.
+
+    In this order: segments by what they estimate; a short run by a full one; second order by its own
+    estimate; first order by a surrogate. The last two add what a second averaged run differs by, which
+    is the error of the solver alone.
+    """
     if run.solution.segments:
         return "estimate", hybrid_family(runner.scene), *_of_segments(runner, run)
     form = run.method.form
@@ -115,6 +124,8 @@ def _raised(apart: Difference, slow: Any, angle: Any) -> Difference:
 def _surrogate_difference(runner: Runner, exact: Run, turns: float) -> tuple[np.ndarray, float]:
     """The error of L and E of first-order averaging at the compared times, from a surrogate, and the latter's St."""
     scene = oriented(runner.scene)
+    # The surrogate has St and time smaller by the same ratio: its slow time is the same, its rotations are
+    # `COMPARED_TURNS`. Its averaged motion is that of `exact`, since it depends on the slow time alone.
     ratio = min(1.0, COMPARED_TURNS / max(turns, 1e-300))
     surrogate = replace(scene, stokes=scene.stokes * ratio, time=scene.time * ratio)
     if damping_times(surrogate) > COMPARED_TURNS:
@@ -140,6 +151,7 @@ def _kicks(scene: Scene) -> np.ndarray | float:
         return 0.0
     from polhode.models.second_order.outline import outline
 
+    # A body has passed each kick that lies before a time; kicks of independent phases add up in squares.
     square = np.zeros_like(INNER)
     for kick in outline(scene).kicks:
         square[scene.slow_time * INNER >= kick.time] += kick.size**2
@@ -169,6 +181,8 @@ def oriented(scene: Scene) -> Scene:
     size = float(np.linalg.norm(momentum))
     if size == 0:
         raise NotKnownError("the start has L = 0 and no orientation")
+    # In body axes L lies in the plane of the longest axis (least inertia) and the shortest one (largest).
+    # Of L² the share s along the longest gives 2E/L² = s/I_min + (1 - s)/I_max; s is solved for.
     first, _, last = ellipsoid.order
     low = ellipsoid.inertia[first]
     high = ellipsoid.inertia[last]

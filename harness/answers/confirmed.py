@@ -7,6 +7,10 @@ theory does, a kind of its own.
 
 All decisions follow from counts and differences, none from a clock, so that the answer does not
 depend on what else the machine does.
+
+A second run is `looser`, `sharper` (a tighter one) or `unlike` (of another solver or form); the table
+in docs/method.md, "How `solve` answers", says when. A method of `many_periods` takes steps that hold
+many rotations, such as splitting. Runs *along a track* have a flow that changes at given times, knots.
 """
 
 from collections.abc import Iterator, Sequence
@@ -55,7 +59,7 @@ from polhode.solvers.solve import Interrupted, Solution
 # Ratio of the tolerances of a looser second run and the run: 0.65 of its steps at order 8. Splitting,
 # whose steps come in few sizes, is tightened by as much: 1.5 to 1.8 times the steps.
 _LOOSER = 30.0
-# From this tolerance on a second run is tighter: looser ones hold nothing.
+# From this tolerance on a second run is tighter: looser ones hold nothing. An estimate.
 _LOOSE = 1e-5
 # Least ratio of the steps of the better run to the steps of the worse run of one method. At this
 # ratio a method of order 6 errs by as much as its two runs differ, and by more below it.
@@ -65,16 +69,19 @@ LEAST_STEP_RATIO_SPLITTING = 1.35
 # The same along a track, where steps end at knots and both runs take the same between many of them: at
 # 1.15, 14 of 200 random runs by explicit methods erred by more than they stated, at 1.7 one.
 _LEAST_STEP_RATIO_TRACK = 1.7
-# Above this share of the largest L and E, or of π, differences do not grow with the tolerance.
+# Above this share of the largest L and E, or of π, differences do not grow with the tolerance. Errors
+# end at the size of the motion itself. An estimate.
 _SATURATED = 0.03
 # No full run is credited with an error below this share of its tolerance: that would be luck. With
 # 1e-3 the upper end of stiff runs' orientations is 16 times the error in the median, not 11.
 _LEAST_ERROR_PER_TOLERANCE = 0.05
-# Runs of a method that look for an error, at most.
+# Runs of a method that look for an error, at most; an estimate.
 _MAX_RUNS = 6
-# Share of the error that the next run is planned to have, where two have not met it.
+# Share of the error that the next run is planned to have, where two have not met it: below 1, since
+# the forecast of the error may be off. An estimate.
 PLANNED_SHARE = 0.3
-# The tolerances of two runs differ by this factor at most.
+# The tolerances of two runs differ by this factor at most: errors are taken to follow the tolerance in
+# proportion, which holds over a few decades. An estimate.
 MAX_STRIDE = 1e4
 # Rounding of L and E in a step, in eps of the largest, that steps add up: DOP853 errs by 0.04 to 0.27
 # after 3e4 to 8e4 steps at the tightest tolerance.
@@ -97,7 +104,7 @@ class Answer:
 
 
 class Second(NamedTuple):
-    """A second run worth trying, and what it confirms as."""
+    """A second run worth trying, and what it confirms as, a kind of the table in docs/method.md."""
 
     kind: str
     method: Method
@@ -156,6 +163,8 @@ def _meet(
     tolerance = first_tolerance(runner.scene, method, error, want)
     if not estimate or method.solver.closed_form or method.form.averaged:
         return confirm(runner, method, tolerance, estimate, watch)
+    # Two runs of the search confirm each other, unless a method is confirmed by an unlike one, or
+    # (`hybrid`) by estimates of its segments.
     in_pairs = method.form.name != "hybrid" and _partner(runner, method) is None
     run: Run | None = None
     before: Run | None = None  # The last one that reached its end.
@@ -223,6 +232,7 @@ def advised(answer: Answer, scene: Scene, error: float, want: str) -> RunError:
     size = f"about {scientific(interval.predicted)}, at most {scientific(interval.high)}"
     form = answer.method.form
     full = full_form(scene)
+    # Half of what proportion asks for, since the advice is to suffice.
     tighter = one_digit(answer.tolerance * error / interval.high / 2)
     remedy = "no second run could confirm a tighter one"
     if stated_error.kind == "estimate" or form.averaged:
@@ -300,7 +310,10 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
 
 
 def _tighter(method: Method) -> float:
-    """Ratio of the tolerances of a tighter run and of a run by a method."""
+    """Ratio, below 1, of the tolerances of a tighter run and of a run by a method.
+
+    Steps of `many_periods` come in few sizes, so such a run is tightened by more.
+    """
     return 1 / _LOOSER if method.solver.many_periods else TIGHTER
 
 
@@ -331,7 +344,11 @@ def _partner(runner: Runner, method: Method) -> Method | None:
 
 
 def _equal_error_tolerance(run: Run, partner: Method) -> float:
-    """The tolerance at which a partner errs by a share of what the run does."""
+    """The tolerance at which a partner errs by a share, `TIGHTER`, of what the run does.
+
+    A solver's `error_constant` bounds its error over rotations and tolerance: the ratio of two constants
+    converts one solver's tolerance to the other's.
+    """
     if partner.solver.closed_form:
         return run.tolerance
     partner_constant = getattr(partner.solver, "error_constant", 1.0)
@@ -340,7 +357,11 @@ def _equal_error_tolerance(run: Run, partner: Method) -> float:
 
 
 def _in_one(runner: Runner, run: Run) -> Run:
-    """A run in segments of the full equations as one run at the loosest tolerance of these."""
+    """A run in segments of the full equations as one run at the loosest tolerance of these.
+
+    `hybrid` may have found no segment to average: its run is then one by the full form, and confirmed
+    as one.
+    """
     form = find_form(full_form(runner.scene))
     tolerance = max(segment.tolerance for segment in run.solution.segments)
     return run._replace(method=Method(form, run.method.solver), tolerance=tolerance)
@@ -367,7 +388,7 @@ def _saturated(runner: Runner, run: Run, second: Run) -> bool:
 
 
 def _compared(runner: Runner, kind: str, run: Run, second: Run) -> RunError:
-    """State the error of a run from its difference to a second one."""
+    """State the error of a run from its difference to a second one; `family` names its factors."""
     apart = difference(runner.scene.ellipsoid, run.observables, second.observables)
     return _stated(runner, run, kind, family(run), apart, f"{kind}: {second.words}")
 
@@ -375,6 +396,8 @@ def _compared(runner: Runner, kind: str, run: Run, second: Run) -> RunError:
 def _stated(
     runner: Runner, run: Run, kind: str, family_name: str, apart: Difference, note: str
 ) -> RunError:
+    # `lucky` is the least difference that a full run is credited with, `rounded` the rounding of its steps
+    # in eps. Closed forms and averaged runs have neither; runs of `many_periods` have the first alone.
     rotations = 0.0 if run.method.form.averaged else turns(runner.scene, run.observables)
     ellipsoid = runner.scene.ellipsoid
     follows_tolerance = not (run.averaged or run.method.solver.closed_form)

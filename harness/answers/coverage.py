@@ -39,6 +39,7 @@ from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
+# Version of the rows in the store: rows of another one are measured anew.
 _SCHEMA = 5
 # Times at which a solution is compared with its reference.
 COMPARED_TIMES = 2001
@@ -46,7 +47,7 @@ COMPARED_TIMES = 2001
 _REFERENCE_SECONDS = 60.0
 # Tolerances of two references in long double.
 _REFERENCE_TOLERANCES = (1e-19, 1e-17)
-# The uncertainty of the tighter one over their difference.
+# The uncertainty of the tighter one over their difference; an estimate.
 _UNCERTAINTY = 3.0
 # A reference of a larger uncertainty, of L and E over I_max or in rad, judges nothing: chaos.
 _MOST_UNCERTAINTY = 1e-10
@@ -56,7 +57,8 @@ _RUNS_PER_SCENE = 4
 _MAX_TURNS = 3_000.0
 # Rotations from which on solvers and forms that average do so.
 _LEAST_AVERAGED_TURNS = 1_200.0
-# Share of the runs of a fit above the upper end, and below the lower one.
+# Share of the runs of a fit above the upper end, and below the lower one. The upper one is smaller than
+# the 0.025 that statements claim, so that another set of runs holds them too.
 _FITTED_ABOVE = 0.015
 _FITTED_BELOW = 0.025
 # Share of the runs that a fit of first tolerances lets meet the error.
@@ -68,9 +70,9 @@ _MANY_TURNS = 20.0
 # The solver that a family's first tolerances and steps are fitted to, and the forms.
 _USUAL = {"explicit": "cyrk-vern8", "implicit": "cyrk-radau", "splitting": "splitting"}
 _FULL = ("quaternion", "spheroid-axis")
-# Fewer runs fit nothing.
+# Fewer runs fit nothing; an estimate.
 _LEAST_FITTED = 40
-# The upper end over what the runs of a fit show: another set of runs shows a little more.
+# The upper end over what the runs of a fit show: another set of runs shows a little more. An estimate.
 _FIT_MARGIN = 1.1
 # A page marks rows beyond these limits: the share of runs above the upper end, and the median ratio
 # of the upper end to the true error.
@@ -81,7 +83,10 @@ _CLEAR = 10.0
 
 
 class Group(NamedTuple):
-    """Runs of one sort: how scenes are drawn, by which forms and solvers, and whether to an error."""
+    """Runs of one sort: how scenes are drawn, by which forms and solvers, and whether to an error.
+
+    Runs to an error are made by `meet`, which looks for a tolerance; the others by `confirm` at one.
+    """
 
     scenes: str  # their sort
     to_error: bool
@@ -284,6 +289,7 @@ def _reference(scene: Scene) -> tuple[Observables, dict[str, float]]:
 
 
 def _axes(random: np.random.Generator, spheroid: bool) -> tuple[float, float, float]:
+    """Semi-axes along the body axes, in random order: the longest is 1, the others are 0.1 to 0.955."""
     middle, short = sorted(10 ** random.uniform(-1.0, -0.02, 2), reverse=True)
     if not spheroid:
         axes = (1.0, middle, short)
@@ -296,6 +302,10 @@ def _axes(random: np.random.Generator, spheroid: bool) -> tuple[float, float, fl
 
 
 def _start(random: np.random.Generator) -> BodyStart:
+    """Any orientation, all equally likely, and an angular velocity of normal components.
+
+    In two of five starts it is 0.1 to 10 times as large.
+    """
     angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
     size = 10 ** random.uniform(-1.0, 1.0) if random.random() < 0.4 else 1.0
     x, y, z = (size * random.normal(size=3)).tolist()
@@ -303,7 +313,10 @@ def _start(random: np.random.Generator) -> BodyStart:
 
 
 def _ordinary(random: np.random.Generator) -> Scene:
-    """Any shape and St, runs of up to thousands of rotations."""
+    """Any shape and St, runs of up to thousands of rotations.
+
+    From St = 20 on the slow time T/St is 0.03 to 2; below, the time is 3 to 100 of the shear.
+    """
     stokes = float(10 ** random.uniform(-1.0, 5.0))
     time = stokes * 10 ** random.uniform(-1.5, 0.3) if stokes > 20 else 10 ** random.uniform(0.5, 2)
     return Scene(
@@ -312,7 +325,7 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
 
 def _stiff(random: np.random.Generator) -> Scene:
-    """Damping so fast that stability holds explicit methods back."""
+    """Damping so fast that stability holds explicit methods back: 25,000 to 200,000 damping times."""
     ellipsoid = Ellipsoid(_axes(random, random.random() < 0.4))
     start = _start(random)
     stokes = float(10 ** random.uniform(-4.0, -1.0))
@@ -328,7 +341,7 @@ def _spheroids(random: np.random.Generator) -> Scene:
 
 
 def _turning(random: np.random.Generator, spheroid: bool) -> Scene:
-    """Large St and thousands of rotations, where averaging applies."""
+    """Large St and thousands of rotations, where averaging applies; a slow time of at most 2."""
     ellipsoid = Ellipsoid(_axes(random, spheroid))
     start = _start(random)
     stokes = float(10 ** random.uniform(3.0, 6.0))
@@ -340,7 +353,8 @@ def _turning(random: np.random.Generator, spheroid: bool) -> Scene:
 def _fast(random: np.random.Generator) -> Scene:
     """Damping so slow beside the rotation that averaging to second order holds almost everywhere.
 
-    From the least St on runs take a slow time of order one, in which its errors add up.
+    At the least St the time of thousands of rotations is a slow time of order one: the errors of
+    averaging add up over it.
     """
     scene = _turning(random, random.random() < 0.5)
     return replace(scene, stokes=float(10 ** random.uniform(4.0, 8.0)))
@@ -474,7 +488,11 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, Any]]:
 
 
 def _fitted_growth(rows: Sequence[Record]) -> dict[str, list[float]]:
-    """Error over tolerance as an amount times a power of the rotations, by want; none of too few runs."""
+    """Error over tolerance as an amount times a power of the rotations, by want; none of too few runs.
+
+    The power is a least-squares slope of logarithms, the amount a quantile above its line: the fit lets
+    `_FITTED_MET` of the runs meet the error.
+    """
     growths = {}
     for want in WANTS:
         clear = [
@@ -516,7 +534,8 @@ def _fitted_factors(rows: Sequence[Record]) -> dict[str, dict[str, dict[str, lis
             apart = row[f"{want}_apart"]
             if want == "orientation" and high >= pi:
                 continue
-            # The factor multiplies the difference alone, not the additions for rounding and luck.
+            # The factor multiplies the difference alone, not the additions for rounding and luck: these
+            # are the stated upper end less what the factor of the old fit made of the difference.
             added = high - factors()[row["kind"]][row["family"]][want].high * apart
             if apart > 0:
                 ratio = max(0.0, row[want] - added) / apart

@@ -1,4 +1,7 @@
-"""Whether a run that claims success is to be believed."""
+"""Whether a run that claims success is to be believed.
+
+A *sharp* run is one at a tolerance so tight that its own error counts for nothing (`rules.SHARP`).
+"""
 
 import numpy as np
 
@@ -10,13 +13,13 @@ from polhode.harness.references.errors import magnitude
 from polhode.solvers.contract import SolverNotValidError
 
 # A success is false if L or E is off by more than this, over I_max, and by this share of the
-# largest of them.
+# largest of them. The first holds for slow bodies, the second for fast ones; both are estimates.
 OFF = 0.1
 OFF_SHARE = 0.01
 # Tolerances of two sharp runs, far enough apart that chaos shows.
 _SHARP = (100 * SHARP, SHARP)
-# The sharp runs agree if their distance is this share of the run's from them: runs of a chaotic
-# motion do not agree, and say nothing.
+# The sharp runs agree if their distance is at most this share of the run's from the second of them;
+# runs of a chaotic motion do not agree, and say nothing. The share is an estimate.
 _AGREE = 0.1
 
 

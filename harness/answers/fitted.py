@@ -22,7 +22,7 @@ class Factors(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """Error over tolerance of a run in four of five scenes: a first amount, and a power of the rotations."""
+    """Bound of error over tolerance that four of five runs keep: an amount, and a power of the rotations."""
 
     amount: float
     power: float

@@ -1,4 +1,9 @@
-"""Forecasts of long runs: from a shorter segment, and from the growth of steps and errors."""
+"""Forecasts of long runs: from a shorter segment, and from the growth of steps and errors.
+
+A segment of a long run is one of two shorter scenes. Its surrogate has a smaller St and a time that is
+shorter by the same ratio: it moves through the same slow time T/St, with fewer rotations in it. Its
+beginning has the same St and a shorter time. A rotation is a turn of the body by 2π rad.
+"""
 
 from dataclasses import dataclass, replace
 from math import inf
@@ -8,18 +13,19 @@ from polhode.harness.answers.rules import rotations, stiff
 from polhode.harness.references.rotations import damping_times
 from polhode.models.scene import Scene
 
-# Rotations of a segment, at least: what a race of a run of as many costs is a few milliseconds.
+# Rotations of a segment, at least: to race so many takes a few milliseconds. The number is an estimate.
 _LEAST_TURNS = 60.0
 # Ratio of the rotations of a segment and of the run: fifteen runs of it cost less than the run.
 _SHARE = 0.04
-# Share of a run from which on all of it is raced on.
+# Share of a run from which on all of it is raced on: less would be spared than a forecast loses. The
+# share is an estimate.
 _WHOLE = 0.5
 # Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
-# at every St.
+# at every St, so that a surrogate stands for the run. The number is an estimate.
 _FAST = 25.0
-# Errors and seconds of a run that was raced itself, over and under what the race saw.
+# Factor on either side of errors and seconds that the race saw on the run itself; an estimate.
 _RACED = 1.25
-# The same of a forecast from a segment.
+# The same of a forecast from a segment; an estimate.
 _FORECAST = 2.2
 
 
@@ -41,7 +47,9 @@ class RacedSegment:
     def growth(self, want: str) -> float:
         """Ratio of the errors of the run and of the segment, for a method at one tolerance.
 
-        Errors of L and E add up, unless damping forgets them; the phase follows them for ever longer.
+        Errors of L and E add up in proportion to the rotations, so their power of `ratio` is 1; in stiff
+        scenes, where damping forgets them, it is 0. The orientation has one power more: its phase is
+        the integral over time of the errors of L and E.
         """
         power = 0 if stiff(self.scene) else 1
         return self.ratio ** (power + (want == "orientation"))
@@ -60,6 +68,7 @@ def raced_segment(scene: Scene) -> RacedSegment:
     """The segment to race on instead of a scene."""
     scene = oriented(scene)
     turns = rotations(scene)
+    # Rotations that a surrogate needs so that it has `_FAST` of them in each damping time.
     slow = max(_least(turns), _FAST * damping_times(scene))
     if stiff(scene) or not 0 < scene.stokes < inf or slow >= _WHOLE * turns:
         return beginning_of(scene)

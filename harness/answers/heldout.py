@@ -2,7 +2,7 @@
 
 The best of a scene is the quickest run that met the error: of the listed methods at tolerances by
 tens, and of the first choice itself. The quickest ones and the first choice are timed once more, in
-turns, so that what disturbs one disturbs the others.
+turns (one after the other in each round), so that what disturbs one disturbs the others.
 """
 
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ from polhode.solvers.solve import solve
 # Strata by the seconds of the best run.
 STRATA = {"below 10 ms": 0.01, "10 ms to 1 s": 1.0, "above 1 s": inf}
 # Most time of a first choice over the best run; the share of a stratum that must keep it; and the
-# ratio that no first choice may reach.
+# ratio that no first choice may reach. These targets, and those of asking, are set, not measured.
 NEAR = 1.5
 SHARE_NEAR = 0.92
 FAR = 5.0
@@ -50,9 +50,10 @@ _ASKING_SECONDS = 0.005
 _ASKING_SHARE = 0.1
 # Seconds that a reference may take.
 _REFERENCE_SECONDS = 120.0
-# Uncertainty of a reference over the error requested, at most.
+# Uncertainty of a reference over the error requested, at most; an estimate.
 _KNOWN = 0.3
-# Decades from the error requested at which methods are measured.
+# Decades from the error requested at which methods are measured: tolerances of ten times the error,
+# the error, a tenth of it and so on.
 _DECADES = (1, 0, -1, -2, -3, -4, -5)
 # A run is stopped after this multiple of the best time until then, or after these seconds.
 _STOP = 3.0
@@ -62,8 +63,9 @@ _FIRST_SECONDS = 60.0
 # The quickest runs that are timed again, and how often.
 _FINALISTS = 4
 _TIMED = 5
-# Seconds of a run from which on it is timed once.
+# Seconds of a run from which on it is timed once: what disturbs it is a small share of it.
 _LONG = 0.5
+# Version of the rows in the store: rows of another one are measured anew.
 _SCHEMA = 2
 
 
@@ -218,7 +220,7 @@ class _Track:
         long = [name for name in names if runs[name]["seconds"] >= _LONG]
         seconds: dict[tuple[str, str, float], list[float]] = {name: [] for name in names}
         for number in range(_TIMED):
-            # A form may have cached results of the scene itself.
+            # A form may have cached results of the scene itself: each round has a scene of its own.
             scene = unseen(self.question.scene, number + 1)
             for form, solver, tolerance in names:
                 if (form, solver, tolerance) not in long:
@@ -279,14 +281,18 @@ def _reference(question: Question) -> Observables:
 
 
 def stratum(seconds: float) -> str:
-    """The stratum of a scene, by the seconds of its best run."""
+    """The stratum of a scene, by the seconds of its best run; "not attainable" where no run met the error."""
     if isnan(seconds):
         return "not attainable"
     return next(name for name, most in STRATA.items() if seconds < most)
 
 
 def judged(scenes: Any) -> list[Record]:
-    """Each stratum: how good first choices were, what asking took, and what rules alone would have done."""
+    """Each stratum: how good first choices were, what asking took, and what rules alone would have done.
+
+    `near` is the share of first choices that met the error within `NEAR` times the best, `total` asking
+    and running over plain practice (`timed.py`), `within` the share of runs in the seconds forecast.
+    """
     rows = []
     groups = scenes.groupby(scenes["best_seconds"].map(stratum), sort=False)
     for name, mine in groups:
@@ -318,7 +324,11 @@ def judged(scenes: Any) -> list[Record]:
 
 
 def break_even(scenes: Any) -> float:
-    """Seconds of the best run from which on asking and running cost less than plain practice; inf if never."""
+    """Seconds of the best run from which on asking and running cost less than plain practice; inf if never.
+
+    The first such scene, by the seconds of its best run, from which on more than half of the scenes
+    save time.
+    """
     with_plain = scenes.dropna(subset=["plain", "best_seconds", "seconds"]).sort_values(
         "best_seconds"
     )

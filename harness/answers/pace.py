@@ -1,4 +1,8 @@
-"""Cost of a step of a method on this machine, measured once in a process."""
+"""Cost of a step of a method on this machine, measured once in a process.
+
+A run takes seconds = start + step × steps + row × rows. Three runs of one fixed scene tell the three
+numbers: a long and a short one differ by steps alone, two equally long ones by rows alone.
+"""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -20,18 +24,23 @@ from polhode.solvers.solve import Solution, solve
 _TIMED = ("paper", "spheroid", "jeffery", "top", "tumbler", "sphere")
 # The scene on which steps of implicit solvers are timed: each solves equations there.
 _TIMED_IMPLICIT = ("stiff", *_TIMED)
-# Times that a run is repeated: the quickest one is the least disturbed.
+# Times that a run is repeated: the quickest one is the least disturbed. The number is an estimate.
 _REPEATS = 5
-# Share of the scene's time that the short run covers: its steps cost as much as in the long run.
+# Share of the scene's time that the short run covers: its steps cost as much as in the long run. The
+# share is an estimate.
 _SHORT = 0.1
-# Share of a run by which a scene is another one.
+# Share of its time by which a scene is shortened, so that caches take it for another one; its steps,
+# and so its cost, stay the same. The power of two is an estimate.
 _TRIFLE = 2.0**-40
 # Rows of the run that times rows.
 _ROWS = 201
 
 
 class Pace(NamedTuple):
-    """Seconds of a run: to start, for a step, for a row; and what the method took to compile here."""
+    """Seconds of a run: to start, for a step, for a row; and what the method took to compile here.
+
+    The compilation is that of this process, 0 if the method had been compiled before it was timed.
+    """
 
     start: float
     step: float
@@ -56,6 +65,7 @@ def forget() -> None:
 
 @lru_cache(maxsize=500)
 def _measured(method: Method, tolerance: float) -> Pace:
+    # The first run compiles. The long and the short run have two rows each, their start and their end.
     scene = _scene_for(method)
     compiled = SPENT.seconds["compilation"]
     long, steps = _quickest(method, tolerance, scene, 2)
@@ -68,6 +78,7 @@ def _measured(method: Method, tolerance: float) -> Pace:
 
 
 def _scene_for(method: Method) -> Scene:
+    """The fixed scene on which a method's steps are timed: what a step costs hardly depends on it."""
     for name in _TIMED_IMPLICIT if method.solver.implicit else _TIMED:
         scene = named_scene(name)
         if method.form.takes(scene) and method.solver.takes(method.form.problem(scene)):

@@ -1,4 +1,11 @@
-"""`pick`: which form, which solver, at what tolerance, and what it will cost."""
+"""`pick`: which form, which solver, at what tolerance, and what it will cost.
+
+`race.py` makes the runs; here the request is checked, and the result becomes a `Recommendation`.
+
+Seconds of asking leave compilation out: a process compiles a method once, whatever it is asked, and
+`RankedRun.first_run_seconds` states it. So asking is comparable with the runs it chooses from, whose
+seconds leave it out too. `SPENT` adds up the seconds that a thread has compiled for.
+"""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -48,6 +55,7 @@ def _remembered(
     everything: bool,
     names: tuple[tuple[str, str], ...],
 ) -> Recommendation:
+    """The answer of `pick` to a request that has been checked; an equal request is raced once."""
     began = perf_counter() - SPENT.seconds["compilation"]
     methods, unfit = contenders(scene, want, everything, names)
     if not methods and not everything:
@@ -91,6 +99,7 @@ def forget() -> None:
 
 
 def _ranked(entries: Sequence[Entry]) -> tuple[RankedRun, ...]:
+    """Rows of the entries of a race, which come sorted, the quickest one first."""
     least = entries[0].seconds.predicted
     within_tie = [entry.seconds.predicted <= TIED * least for entry in entries]
     tied = sum(within_tie) > 1
@@ -114,7 +123,11 @@ def _ranked(entries: Sequence[Entry]) -> tuple[RankedRun, ...]:
 
 
 def _why_nothing(refusals: Sequence[Refusal], size: float) -> str:
-    """Why no method will do: the least error that one would do for, or the reason that most have."""
+    """Why no method will do: the least error that one would do for, or the reason that most have.
+
+    `size` is the largest error that means anything: the largest L or E over I_max, or π rad. Solvers
+    that are not installed are named too, since installing one may be the remedy.
+    """
     best = min(refusals, key=lambda refusal: refusal.least)
     absent = [
         refusal.reason for refusal in refusals if refusal.reason == refusal.method.solver.why_not

@@ -12,13 +12,16 @@ from polhode.models.shape import Ellipsoid
 
 Want = Literal["slow", "orientation"]
 
-# Shares of special scenes: planar starts, St = 0 and St = inf.
+# A random number from 0 to 1 chooses the sort of a scene, by limits in this order: very many rotations
+# below `_MANY_TURNS`, a slow time of order one at large St below `_LONG`, so that 0.3 of the scenes have
+# it, planar starts in the next `_PLANAR`, and ordinary scenes in the remaining 0.42. The shares, decades
+# and limits of this module are choices, so that each sort occurs; they are not measured.
 _PLANAR = 0.08
+# Shares of the ordinary scenes at St = 0 and St = inf.
 _AT_ZERO = 0.08
 _AT_INFINITY = 0.05
-# Share of the scenes that run for a slow time of order one at large St.
+# Limits of the scenes of a slow time of order one, and of very many rotations.
 _LONG = 0.5
-# Share of the scenes that are followed through very many rotations.
 _MANY_TURNS = 0.2
 # Decades of these rotations, and of their slow time.
 _TURNS = (3.7, 5.2)
@@ -103,7 +106,7 @@ def _ordinary(random: np.random.Generator) -> Scene:
 
 
 def _planar(random: np.random.Generator) -> Scene:
-    """A start with body axis z' along the vorticity."""
+    """A start with body axis z' along the vorticity, z, and the spin about it: the motion is planar."""
     stokes = float(10 ** random.uniform(-4, 6))
     size = random.uniform(0.1, 3)
     half = random.uniform(0, pi)
@@ -113,7 +116,7 @@ def _planar(random: np.random.Generator) -> Scene:
 
 
 def _start(random: np.random.Generator, size: float) -> BodyStart:
-    """Any orientation, all equally likely, and an angular velocity of normal components."""
+    """Any orientation, all equally likely, and an angular velocity of normal components, times `size`."""
     angles = (acos(random.uniform(-1, 1)), random.uniform(0, 2 * pi), random.uniform(0, 2 * pi))
     x, y, z = (size * random.normal(size=3)).tolist()
     return BodyStart(EulerStart(angles).quaternion, (x, y, z))
@@ -150,6 +153,8 @@ def _duration(
     random: np.random.Generator, ellipsoid: Ellipsoid, stokes: float, size: float
 ) -> float:
     """Duration: a slow time where there is one, unless rotations or damping times become too many."""
+    # √3 `size` is the root mean square of an angular velocity's length; the flow turns a body at 0.5. From
+    # rest a body turns by its first radian in a time of order √St, which stands for the slow time.
     turns = _MOST_ROTATIONS * 10 ** random.uniform(-1, 0) * (10 if random.random() < 0.1 else 1)
     most = turns * 2 * pi / max(sqrt(3) * size, 0.5)
     if 0 < stokes < inf:

@@ -5,6 +5,10 @@ tolerances until its error is close to the one requested; what it costs follows 
 run whose steps cost more than `_CUT` times the best so far is cut. Methods that average run the
 scene itself and are confirmed as runs of `solve` are. No decision follows from how long a full run
 took.
+
+The words: a method *follows* on a segment (`_Race.follow`) if its error is measured there against the
+reference, and is *judged* (`_Race.judge`) if it runs the scene itself and a second run states its
+error. *Whole* means that the segment is the scene itself. *Apart* is what two runs differ by.
 """
 
 import tomllib
@@ -52,19 +56,23 @@ from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import UNLIMITED, SolverNotValidError
 
-# A method is cut that costs more than this times the best one so far.
+# A method is cut that costs more than this times the best one so far: the held-out test counts a
+# first choice as near the best up to the same factor (`heldout.NEAR`).
 _CUT = 1.5
-# Runs of a method in a race, at most.
+# Runs of a method in a race, at most; an estimate.
 _MAX_RUNS = 3
-# The least share of the error requested that a method need not use better.
+# A method whose error is at least this share of the one requested is not run again at a looser
+# tolerance: at order 8 that would spare some quarter of its steps at most. The share is an estimate.
 _LEAST_SHARE = 0.08
-# A reference is known to this share of the error requested.
+# The error of a reference is at most this share of the one requested, so that the other half is left
+# to the methods; an estimate.
 _KNOWN = 0.5
-# Damping times from which on implicit methods take part.
+# Damping times from which on implicit methods take part; an estimate.
 _IMPLICIT_FROM = 100.0
-# A difference that grows by a larger power of time tells of chaos.
+# A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
+# most, that of the orientation (`forecast.RacedSegment.growth`). The margin is an estimate.
 _MOST_GROWTH = 4.0
-# Index of the middle of a segment.
+# Index in `INNER`, the compared times, of the middle of a segment.
 _MIDDLE = int(np.searchsorted(INNER, 0.5))
 
 
@@ -84,7 +92,10 @@ class Entry(NamedTuple):
 
 
 class Refusal(NamedTuple):
-    """A method that will not do, why, and the least error that it would do for, if that is why."""
+    """A method that will not do, why, and the least error that it would do for, if that is why.
+
+    The error is of L and E over I_max, or of the orientation in rad; inf if no error would help.
+    """
 
     method: Method
     reason: str
@@ -157,7 +168,11 @@ def _in_tables(form: Form) -> bool:
 
 
 def _averages(method: Method) -> bool:
-    """Whether no part of a run shows what the method does on all of it."""
+    """Whether no part of a run shows what the method does on all of it.
+
+    The error of averaging is one of the model: it depends on St and grows along the slow motion, so a
+    surrogate or a beginning does not have it.
+    """
     return method.form.averaged or _in_tables(method.form) or method.solver.name == "stroboscopic"
 
 
@@ -215,7 +230,7 @@ class _Segment:
         self.reference: Observables | None = None
         self.apart = inf  # What the reference is off by, about.
         self.most = inf  # What it is off by, at most.
-        self.looked = False
+        self.looked = False  # Whether the reference has been looked for.
 
     def find_reference(self) -> None:
         """Run the usual method until its error is confirmed; on the scene itself where its beginning tells nothing."""
@@ -234,7 +249,11 @@ class _Segment:
             self._confirm()
 
     def _confirm(self) -> float:
-        """Look for the reference; the power of time with which the difference of its two runs grows."""
+        """Look for the reference; the power of time with which the difference of its two runs grows.
+
+        The power is log2 of the largest difference in the run over the largest in its first half. It
+        is 0 where the usual method states no error.
+        """
         self.reference = None
         self.apart = inf
         try:
@@ -250,6 +269,7 @@ class _Segment:
             form = answer.method.form
             self.reference = form.observe(self.raced.scene, answer.solution.states)
         values = getattr(answer.error.difference, self.want)
+        # Differences may be 0: 1e-99 keeps quotient and logarithm finite.
         before = max(float(values[: _MIDDLE + 1].max()), 1e-99)
         return float(np.log2(max(float(values.max()), 1e-99) / before))
 
@@ -268,6 +288,7 @@ class _Race:
         self.error = error
         self.want = want
         self.samples = samples
+        # Whether the start is L and E alone: then no full run is there to compare with.
         self.bare = isinstance(scene.start, SlowStart)
         self.entries: list[Entry] = []
         self.refusals: list[Refusal] = []
@@ -278,10 +299,16 @@ class _Race:
         # Steps that a full run is expected to take.
         self.steps = steps_of(scene, first, first_tolerance(scene, first, error, want))
         self.segment = _Segment(self.raced, self.usual, error, want)
+        # The beginning of the scene, on which splitting is raced; made when it is needed.
         self._splitting: _Segment | None = None
 
     def turn(self, method: Method) -> int:
-        """When a method has its turn: those first that cost little and tell when to cut others."""
+        """Place of a method in the order of the race, 0 the first.
+
+        Those come first that cost little and tell when to cut others. 0: closed forms. 1: averaged forms
+        that need no tables of a triaxial shape. 2: splitting, where it suits the scene. 3: the usual
+        solver. 4: all others. 5: methods that average and need tables, or many rotations.
+        """
         spheroid = self.scene.ellipsoid.symmetry_axis is not None
         if method.solver.closed_form:
             return 0
@@ -345,7 +372,7 @@ class _Race:
         return min((entry.seconds.predicted for entry in self.entries), default=inf)
 
     def limit(self, method: Method, cost: Pace, ratio: float) -> int:
-        """Steps that a run may take without being cut."""
+        """Steps that a run of a segment may take, whose rotations are 1/`ratio` of the scene's, without being cut."""
         if self.best == inf or cost.step == 0 or method in self.uncut:
             return MAX_STEPS
         left = _CUT * self.best - cost.start - cost.row * self.samples
@@ -359,7 +386,11 @@ class _Race:
         self._enter(method, TIGHTEST, error, seconds, reason, self.raced.spread)
 
     def follow(self, method: Method, segment: _Segment) -> None:
-        """Run a method on a segment until its error is close to the one requested."""
+        """Run a method on a segment until its error is close to the one requested.
+
+        `met` is the run of the loosest tolerance that met the budget, and `least` the smallest error
+        seen, of which a refusal tells.
+        """
         cost = pace(method, PACED_TOLERANCE)
         met: tuple[float, float, int] | None = None  # Tolerance, error and steps.
         least = inf
@@ -422,7 +453,11 @@ class _Race:
         self._enter(method, tolerance, interval, seconds, reason, spread)
 
     def judge(self, method: Method) -> None:
-        """Run a method on the scene itself, and confirm the run; once more where it follows its tolerance."""
+        """Run a method on the scene itself, and confirm the run.
+
+        Splitting, stroboscopic averaging and `hybrid` follow their tolerance: they run again at the
+        planned tolerance, `_MAX_RUNS` times at most. The error of averaging does not depend on it.
+        """
         runner = Runner(self.scene, np.array([0.0, self.scene.time]))
         tolerance = _rounded(method, first_tolerance(self.scene, method, self.error, self.want))
         follows = method.solver.many_periods or method.form.name == "hybrid"
@@ -480,23 +515,32 @@ class _Race:
         reason: str,
         spread: float,
     ) -> None:
+        # A paced run of few steps may come out at 0 s: quotients of seconds need a positive number.
         seconds = max(seconds, 1e-9)
         interval = Interval(seconds, seconds / spread, seconds * spread)
         self.entries.append(Entry(method, tolerance, error, interval, reason))
 
     def _refuse(self, method: Method, reason: str, least: float = inf) -> None:
+        # Callers divide the error that a run had by `_KNOWN`: an error requested must be larger than
+        # that, since part of it goes to the reference.
         self.refusals.append(Refusal(method, reason, least))
 
 
 def _planned(method: Method, tolerance: float, error: float, budget: float) -> float:
-    """The tolerance at which a method is planned to have its share of an error, from a run at another one."""
+    """The tolerance at which a method is planned to have its share of an error, from a run at another one.
+
+    Errors are taken to be proportional to the tolerance, up to `MAX_STRIDE`.
+    """
     stride = PLANNED_SHARE * budget / max(error, 1e-99)
     stride = min(MAX_STRIDE, max(1 / MAX_STRIDE, stride))
     return _rounded(method, min(LOOSEST, max(TIGHTEST, stride * tolerance)))
 
 
 def _rounded(method: Method, tolerance: float) -> float:
-    """The tolerance in one digit; a power of ten where each one is compiled for."""
+    """The tolerance in one digit; a power of ten where each one is compiled for.
+
+    1e-9 keeps the floor of a logarithm at -5 where rounding makes it a little less than -5.
+    """
     if not method.solver.order_by_tolerance:
         return one_digit(tolerance)
     return max(TIGHTEST, float(f"1e{floor(log10(tolerance) + 1e-9)}"))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Rows whose times differ by less than this factor are tied: other work on the machine may change
-# their order.
+# their order. The factor is an estimate.
 TIED = 1.2
 
 

@@ -10,6 +10,7 @@ from polhode.models.scene import MAX_NUMBER, Scene, SlowStart
 from polhode.models.shape import require_numbers
 
 WANTS = ("slow", "orientation")
+# Relative distance of neighbouring doubles near 1: what rounding makes of a number is about this much.
 EPS = float(np.finfo(float).eps)
 # A tighter tolerance is lost in the rounding of double precision.
 _LEAST_TOLERANCE = 1e-16
@@ -70,13 +71,19 @@ def check_representable(error: float, least: float) -> None:
 
 
 def rounded_up(value: float) -> str:
-    """A positive number in two digits that is no smaller."""
+    """A positive number in two digits that is no smaller.
+
+    1e-12 keeps a number that already has two digits where rounding puts it a little above them.
+    """
     unit = 10.0 ** (floor(log10(value)) - 1)
     return in_full(float(f"{ceil(value / unit * (1 - 1e-12)) * unit:.1e}"))
 
 
 def one_digit(tolerance: float) -> float:
-    """The tolerance at one digit, never looser: solvers that compile for a tolerance do so for few."""
+    """The tolerance at one digit, never looser: solvers that compile for a tolerance do so for few.
+
+    1e-9 keeps a digit such as the 3 of 3e-7, whose quotient rounding may put a little below 3.
+    """
     if not 0 < tolerance < inf:
         return tolerance
     power = floor(log10(tolerance))

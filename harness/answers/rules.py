@@ -22,22 +22,24 @@ IMPLICIT = ("cyrk-radau", "cvode-bdf", "radau")
 SPLITTING = ("splitting", "splitting-extended")
 # The explicit solver where an eps a step would be more than this share of the error: it takes about
 # as many steps as Verner's method, whose coefficients round in one direction, and errs by a tenth.
+# The share is an estimate.
 _ROUNDS_LESS = "cyrk-dop853"
 _ROUNDED_SHARE = 0.1
-# St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta.
+# St from which on the torque is so small that splitting takes fewer steps than Runge-Kutta; an estimate.
 _SPLITTING_FROM = 300.0
 # The least error times St² that `hybrid` is tried for: below it full segments cover the run. Of ten
 # timed runs by `hybrid` the six above took 0.02 to 0.2 times plain practice, the four below 1.0 to 3.2.
 HYBRID_LEAST_ERROR = 2e5
-# Steps of a full run that cost as much as the second-order tables of a triaxial shape.
+# Steps of a full run that cost as much as the second-order tables of a triaxial shape; an estimate.
 STEPS_OF_TABLES = 600_000
-# Steps of a full run from which on tables of a triaxial shape are made to choose and to confirm:
-# more runs of the shape may follow.
+# Steps of a full run from which on tables of a triaxial shape are made to choose and to confirm: fewer
+# than above, since tables are kept and more runs of the shape may follow. The number is an estimate.
 TABLED_FROM = 50_000
 # Steps of a full run that cost as much as to look ahead along a run and to average it, tables not
 # counted: of 42 random spheroids with more, `hybrid` took 0.01 to 0.75 times as long as splitting.
 AVERAGED_FROM = 2_000
 # Tolerance of an averaged run over its error: its steps cost nothing, and L² = 2EI₂ amplifies errors.
+# I₂ is the middle moment of inertia; the motion without torque has its separatrix there. An estimate.
 _AVERAGED_TOLERANCE = 1e-3
 # The shear turns a body at half its rate, in rad per unit of time.
 _SHEAR = 0.5
@@ -56,7 +58,12 @@ class Method(NamedTuple):
 
 
 def rotations(scene: Scene) -> float:
-    """Estimate the rotations of a run before it: the start's own spin until damping ends it, then the flow's."""
+    """Estimate the rotations of a run before it: the start's own spin until damping ends it, then the flow's.
+
+    The spin is taken to fall from its start ω₀ to the flow's rate as rate + (ω₀ - rate) exp(-S t/T), S the
+    damping times in the run's time T: in the mean over the run the exponential is (1 - exp(-S))/S.
+    `references.rotations` counts along the motion instead, and takes milliseconds.
+    """
     rate = _SHEAR if scene.flow is None else scene.flow.rate
     if isinstance(scene.start, SlowStart):
         return rate * scene.time / (2 * pi)
@@ -191,7 +198,12 @@ def cheapest_full(scene: Scene) -> Method:
 
 
 def first_tolerance(scene: Scene, method: Method, error: float, want: str) -> float:
-    """The tolerance at which four of five runs meet an error."""
+    """The tolerance at which four of five runs meet an error; within [`TIGHTEST`, `LOOSEST`].
+
+    `fitted.Growth` was fitted so. For `hybrid` the median of `fitted.Factors` stands in, so about half of
+    the runs meet it. That of an averaged form is a fixed share of the error, since the tolerance does not
+    set its error.
+    """
     if method.form.name == "hybrid":
         of_kind = factors()["estimate"][hybrid_family(scene)]["slow"]
         tolerance = error / ERROR_PER_TOLERANCE / of_kind.middle
@@ -209,7 +221,11 @@ def hybrid_family(scene: Scene) -> str:
 
 
 def steps_of(scene: Scene, method: Method, tolerance: float) -> float:
-    """Approximate steps of a run, in explicit ones; 0 where they do not follow the rotations."""
+    """Approximate steps of a run; 0 where they do not follow the rotations.
+
+    They are counted as steps of the usual explicit solver, also for implicit ones, and as those of
+    splitting for solvers of `many_periods`.
+    """
     if method.form.averaged or method.form.name == "hybrid" or method.solver.closed_form:
         return 0.0
     return steps_per_turn(_family_of_steps(method)).at(tolerance) * rotations(scene)

@@ -19,9 +19,9 @@ from polhode.solvers.solve import Interrupted, Solution, solve
 
 Watch = Callable[[Record], None] | None
 
-# Steps that a run may take before anything is known that it could be compared with.
+# Steps that a run may take before anything is known that it could be compared with; an estimate.
 MAX_STEPS = 300_000
-# Most steps of a second run: those, and this multiple of the steps of the run.
+# Most steps of a second run: those, and this multiple of the steps of the run; an estimate.
 STEP_RATIO = 30
 # Ratio of the tolerances of a tighter run and of a run: a third more steps at order 8.
 TIGHTER = 0.1
@@ -89,6 +89,7 @@ class Runner:
         inner = np.where(
             np.abs(times[nearest_rows] - inner) <= _CLOSE * end, times[nearest_rows], inner
         )
+        # A run is asked for all times at once; the indices pick the user's rows and the compared times.
         self.inner = inner
         self.every = np.union1d(times, inner)
         self._at_rows = self.every.searchsorted(times)
@@ -110,6 +111,7 @@ class Runner:
     ) -> Run:
         """Run a method; failure is the solution's status."""
         problem = self.problem(method.form)
+        # Averaged forms have a slow time T/St of their own, so their problem ends at another time.
         times = self.every * (problem.end / self.scene.time)
         try:
             with spent_on("integration"):
@@ -118,6 +120,7 @@ class Runner:
                 )
         except Interrupted as interruption:
             raise Interrupted(self.rows(interruption.solution)) from None
+        # A run that failed has its first rows alone.
         inner = self._at_inner[: np.searchsorted(self._at_inner, len(solution.times))]
         observables = method.form.observe(self.scene, solution.states[inner])
         return Run(method, tolerance, solution, observables)
@@ -129,7 +132,10 @@ class Runner:
 
 
 def turns(scene: Scene, observables: Observables) -> float:
-    """Rotations ∫|ω|dt/2π of a run, about: |ω| is 2E/|L| and somewhat more."""
+    """Rotations ∫|ω|dt/2π of a run, about: |ω| is 2E/|L| and somewhat more, since 2E = ω·L ≤ |ω||L|.
+
+    The observables are those at the compared times `INNER`, fewer if the run ended early.
+    """
     momentum = observables.angular_momentum
     size = np.sqrt(np.einsum("ij,ij->i", momentum, momentum))
     speed = np.divide(2 * observables.energy, size, out=np.zeros_like(size), where=size > 0)

@@ -21,10 +21,12 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Share of the runs whose error stays below the upper end, as `polhode validate` counts.
+# Share of the runs whose error stays below the upper end, as `polhode validate` counts; the fit asks
+# for a little more (`coverage._FITTED_ABOVE`).
 _BOUNDED = 0.975
-# Times at which two runs are compared: equispaced ones, and ones that grow from the start on by a
-# constant ratio, since what damping leaves of an error lies there.
+# Times at which two runs are compared, as shares of the run in `INNER`, shape (137,): equispaced ones,
+# and ones that grow from the start on by a constant ratio, since what damping leaves of an error lies
+# there. The numbers are estimates.
 _EQUISPACED = 96
 _GROWING = 40
 # The first of the latter, as a share of the run: the shortest damping time of a very stiff one.
@@ -34,10 +36,11 @@ INNER = np.unique(
 )
 # Rounding of a run in eps of its largest L and E or of π. In splitting and averaging, errors of L and
 # E add up at random, as this power of the rotations. Errors of the phase follow them for ever longer.
+# The power lies between ½, of independent roundings, and 1, of those in one direction: an estimate.
 _ROUNDING = 2.0
 _ROUNDING_GROWTH = 0.7
 # Compared times on either side of one whose largest difference stands for that time: differences
-# pass through zero.
+# pass through zero. The number is an estimate.
 _NEIGHBOURS = 6
 # No time has less than this share of the largest statement of the run: fits do not reach further.
 _LEAST_SHARE = 0.1
@@ -162,13 +165,15 @@ def stated(
 ) -> RunError:
     """State the error of a run whose observables at the compared times differ so from a second one's.
 
-    `least` is a difference below which two runs agree by luck, `rounded_steps` is the rounding that
-    steps add up, in eps.
+    `apart` are the differences and `turns` the rotations of the run. `least` is a difference below which
+    two runs agree by luck, `rounded_steps` is the rounding that steps add up, in eps. The upper end is
+    factor × max(difference, least) + rounding, `factor` that of the kind and family.
     """
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
     rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
+    # The phase adds up what rounding makes of L and E, so its rounding has a factor of the rotations more.
     units = {"slow": size, "orientation": pi * (1 + turns)}
     for want, largest in apart.largest.items():
         factor = factors()[kind][family][want]
@@ -210,6 +215,7 @@ def _shape(values: Array) -> Array:
     largest = values.max()
     if not 0 < largest < np.inf:
         return np.ones_like(values)
+    # Row i of `windows` holds the values from i - _NEIGHBOURS to i + _NEIGHBOURS.
     padded = np.pad(values, _NEIGHBOURS, mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEIGHBOURS + 1)
     return np.maximum(windows.max(axis=1) / largest, _LEAST_SHARE)

@@ -22,9 +22,10 @@ from polhode.solvers.compile import plain_field
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, extends_precision
 
-# Steps into which a whole run is divided at least, by the method that looks for pulses.
+# Steps into which a whole run is divided at least, by the method that looks for pulses: a pulse that is
+# shorter than a step may be stepped over. An estimate.
 _LEAST_STEPS = 10_000
-# Steps between two samples, after which an explicit method gives way to an implicit one.
+# Steps between two samples, after which an explicit method gives way to an implicit one; an estimate.
 _MAX_STEPS = 50_000
 # Who looks over the reference, the first that takes the problem and gets through: tolerance, and
 # what it may differ by from one sample to the next, over a component's size.
@@ -43,12 +44,15 @@ _PAIRS = (
 _SMALL = 1e-6
 # Error that double precision leaves in a run of some thousand steps.
 _ROUNDING = 1e-14
-# Deviation of two unlike runs, over a component's size, up to which they confirm each other.
+# Deviation of two unlike runs, in the measure of the errors, up to which they confirm each other: a run
+# that differs by more is ten times as uncertain as its deviation (`SAFETY`). An estimate.
 _CONFIRMED = 1e-5
 
-# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation.
+# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation; an
+# estimate.
 _ALIKE = 3.0
 
+# How far states of shape (n, d) are from others: a number, such as the largest error over all rows.
 Measure = Callable[[np.ndarray, np.ndarray], float]
 
 

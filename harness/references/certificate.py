@@ -1,4 +1,9 @@
-"""Certificates of references: short segments solved again by an unrelated method in another form, and back again."""
+"""Certificates of references: short segments solved again by an unrelated method in another form, and back again.
+
+A segment starts from the reference's own observables (of averaged forms, its state). Its end is compared
+with the reference there: the ratio of their difference to the other method's own error must be at most
+1. A segment is then gone back over by the reference's own method.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -17,7 +22,7 @@ from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
 # Segments of a run, evenly spread over it. At least `_REQUIRED` of them must be decided, none against
-# the reference.
+# the reference: the others may run into the other form's singularity. Both numbers are estimates.
 _SEGMENTS = 24
 _REQUIRED = 20
 # Longest segment that a solver is given, in units of the inverse shear rate for full forms, in slow
@@ -25,21 +30,25 @@ _REQUIRED = 20
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
-# Going back amplifies by exp(max(8πX/I) Δt/St): segments that go back keep the exponent below this.
+# Going back amplifies by exp(max(8πX/I) Δt/St): segments that go back keep the exponent below this, an
+# estimate. 8πX/I is the damping rate about a body axis at St = 1 (`Ellipsoid.damping`).
 _LARGEST_EXPONENT = 5.0
 # The other method's own error at the tight tolerance is a sum: the tolerance, the difference of the
 # loose run, ten times the effect of an ulp in the start, an ulp for each step, and rounding of the
 # numbers compared. It holds for L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a
 # disc at St = 3e5, where √n ulps are 2e-14.
+# The pairs are a tight and a loose tolerance.
 _TOLERANCES = {
     "cyrk-vern8": (1e-14, 1e-13),
     "dop853": (1e-13, 1e-12),
     "ida": (1e-12, 1e-11),
     "exact": (1e-15, 1e-15),
 }
+# Multiple of the effect of an ulp in the start, and rounding of the numbers compared; both estimates.
 _ULPS = 10.0
 _ROUNDING = 1e-14
-# Ways to move the numbers of a start by an ulp, up and down.
+# Ways to move the numbers of a start by an ulp, up and down. Four rows of signs, orthogonal to each
+# other, so that no direction of a start of four numbers escapes all of them.
 _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
 
@@ -60,6 +69,7 @@ def segments(scene: Scene, form: Form, end: float) -> list[tuple[float, float, f
     damping = max(scene.ellipsoid.damping) * (
         1.0 if form.averaged else min(scene.torque_factor, 1e300)
     )
+    # 0.9 keeps the exponent below its limit.
     short = length if damping * length < _LARGEST_EXPONENT else 0.9 * _LARGEST_EXPONENT / damping
     starts = np.arange(_SEGMENTS) * (end / _SEGMENTS)
     return [(start, start + length, start + short) for start in starts.tolist()]
@@ -126,7 +136,10 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 
 
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
-    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L, in ulps."""
+    """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L, in ulps.
+
+    The four move the quaternion's components, by half an ulp of 1 each; the last three move L_x to L_z.
+    """
     rotation = observables.rotation[0].astype(float)
     ulp = np.finfo(float).eps * ulps
     momentum = observables.angular_momentum[0].astype(float) * (1 + ulp[1:])
@@ -143,8 +156,8 @@ def _other_form(
     length: float,
 ) -> float | None:
     """Ratio of difference to own error of a segment solved again; None where it cannot be solved."""
-    # Euler angles are taken about the three body axes in turn, from the one farthest from their
-    # pole on.
+    # Euler angles are taken about the three body axes in turn, from the one farthest from their pole on:
+    # the pole is where an axis lies along z, so `rotation[0, :, 2]`, the axes' z-components, tells.
     form = find_form(by[0])
     axes = (
         [2]
@@ -182,7 +195,10 @@ def _same_form(
 def _tried(
     scene: Scene, form: Form, solver: str, problems: list[Problem], after: Observables
 ) -> float | None:
-    """Ratio of solving a segment from its start, at two tolerances, and from starts moved by an ulp."""
+    """Ratio of solving a segment from its start, at two tolerances, and from starts moved by an ulp.
+
+    The first of `problems` starts from the reference itself, the others from moved starts.
+    """
     tight, loose = _TOLERANCES[solver]
     solutions = [
         solve(problems[0], solver, loose),

@@ -1,4 +1,8 @@
-"""Chaos: how fast neighbouring solutions part, from the variational equations, and what that leaves to compare."""
+"""Chaos: how fast neighbouring solutions part, from the variational equations, and what that leaves to compare.
+
+The tangent v is the small difference of two neighbouring solutions y: v̇ = (∂f/∂y) v along ẏ = f. Where
+motion is regular |v| grows like a power of time, where it is chaotic like an exponential.
+"""
 
 from dataclasses import dataclass, replace
 from math import inf, log
@@ -13,15 +17,16 @@ from polhode.solvers.catalogue import first_available
 from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
+# Tolerance of the tangent's integrator, and a hundred times that of neighbours' runs; an estimate.
 _TIGHT_TOLERANCE = 1e-12
 # After each of these intervals the tangent is brought back to unit length, and its growth written
 # down.
 _INTERVALS = 400
 # Algebraic growth, as a phase error has it, makes at most a few factors of two of the second
-# half of a run; growth beyond this logarithm is exponential.
+# half of a run; growth beyond this natural logarithm is exponential. It is a factor of 150, an estimate.
 _EXPONENTIAL = 5.0
 # Trajectories are meaningless once half an ulp, below which no run in double precision errs, has
-# grown to this, in rad.
+# grown to this, in rad; an estimate.
 _MEANINGLESS = 1e-2
 _HALF_ULP = 1e-16
 # Distance of two neighbouring solutions: their growth follows the linear equations to 1e-7, rounding errs by 1e-8.
@@ -55,8 +60,8 @@ class Growth:
 
 def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
     """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
-    # v starts in a generic direction and is renormalised after each interval (Benettin et al.,
-    # Meccanica 15 (1980) 9).
+    # v starts in a generic direction, cos 1, cos 2, …, of which no component vanishes, and is renormalised
+    # after each interval (Benettin et al., Meccanica 15 (1980) 9).
     if not installed("heyoka") or problem.parameter_table is not None:
         return _growth_of_neighbours(problem, intervals)
     times = np.linspace(0.0, problem.end, intervals + 1)
@@ -81,7 +86,10 @@ def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
 
 
 def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
-    """Growth of the distance of two neighbouring solutions, brought back to `_NEIGHBOUR` after each interval."""
+    """Growth of the distance of two neighbouring solutions, brought back to `_NEIGHBOUR` after each interval.
+
+    It stands in where heyoka is missing, or where the flow changes along a track.
+    """
     times = np.linspace(0.0, problem.end, intervals + 1)
     method = first_available("cyrk-vern8", "dop853")
     state = np.array(problem.start)

@@ -12,7 +12,7 @@ from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
 # Largest angle, in rad, at which a difference of orientation splits into phase and shape to first
-# order.
+# order: terms of its square are left out. An estimate.
 _SPLIT_LIMIT = 0.3
 # Samples resolve the power under two conditions. A body turns by less than this angle, in rad,
 # between two of them, and half of them give the same residual to this fraction, or to rounding.
@@ -46,6 +46,8 @@ def errors(
     ellipsoid: Ellipsoid, found: Observables, reference: Observables, scene: Scene | None = None
 ) -> Errors:
     """Errors of observables at the same n times; ValueError if the numbers of samples differ.
+
+    L_x, L_y, L_z and E are the four columns of `Observables.slow`.
 
     The scene that was solved is needed for `Errors.balance` alone, if the samples are equispaced
     over its duration.
@@ -147,6 +149,8 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, reference: Obs
 
     a = columns(found)
     b = columns(reference)
+    # Columns of both are the squares of the entries of the known body axes, then L_z and E. Samples are
+    # sorted into quantiles at midpoints of n equal shares: W₁ is the mean distance of like quantiles.
     scale = np.ones(b.shape[1])
     scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
     levels = (np.arange(len(a)) + 0.5) / len(a)
@@ -185,6 +189,7 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
     )
     power = power * scene.torque_factor / unit
     energy = (found.energy - reference.energy).astype(float) / unit
+    # Every other sample, an even number of intervals of them.
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine = _residual(times, energy, power)
     coarse = _residual(times[even], energy[even], power[even])
@@ -203,6 +208,7 @@ def body_angular_velocity(
 
 
 def _residual(times: np.ndarray, energy: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Energy less its start and less the work done until each time, the integral of a spline of `rate`."""
     with IMPORTS:
         from scipy.interpolate import CubicSpline
 

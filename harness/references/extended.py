@@ -12,6 +12,7 @@ from polhode.solvers.parameter_table import with_parameter_table
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, Precision, extends_precision
 
+# A run of a reference: its precision and its tolerance.
 Run = tuple[Precision, float]
 
 # Runs that show what rounding of a start makes of a reference, and runs back over it.
@@ -32,6 +33,7 @@ _UNLIKE = (
 )
 _UNLIKE_TOLERANCES = {"cyrk-vern8": 1e-14, "radau": 1e-12, "cyrk-radau": 1e-12}
 _UNLIKE_TOLERANCE = 1e-13
+# Steps after which an unlike run is given up; an estimate.
 _MAX_UNLIKE_STEPS = 10_000_000
 
 

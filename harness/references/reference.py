@@ -1,4 +1,8 @@
-"""References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own."""
+"""References: solutions in extended precision, certified, with a stated uncertainty, never a contestant's own.
+
+docs/method.md, "References", says in short how they are made. A *contestant* is a method that is judged
+by the reference. *Moved* runs start with each number half an ulp away, which double precision cannot tell.
+"""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -35,18 +39,18 @@ from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
 # Tight and loose run; their difference, times the safety factor, is the reference's own
-# uncertainty.
+# uncertainty. The factor is an estimate, on the safe side: the tighter run errs less than the looser.
 _QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
-# Cost of a run, in units of T: fast rotation makes it more, and so does stability on the stiff
+# Cost of a run, in units of the scene's time T: fast rotation makes it more, and so does stability on the stiff
 # side. Quadruple precision, 45 times as slow, is used up to the first number, two moved starts
 # instead of one up to the second.
 QUADRUPLE_UP_TO = 5000.0
 _TWO_MOVED_UP_TO = 2e5
-# Length of Taylor's interval of stability at these orders, about.
+# Length of Taylor's interval of stability on the negative real axis at these orders, about.
 _STABLE = 8.0
-# Angular velocity, in shear rates, up to which T alone tells the cost.
+# Angular velocity, in shear rates, up to which T alone tells the cost; an estimate.
 _ORDINARY = 3.0
 # Above this St runs of more shear times than the second number are known in double precision alone,
 # since extended precision takes hours; beyond the third not at all.
@@ -56,7 +60,8 @@ _HORIZON = 5e7
 # Runs with each number of start and parameters moved by half an ulp, which double precision cannot
 # tell.
 _ROUNDING_SEEDS = (1, 2)
-# Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos.
+# Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos; an
+# estimate.
 _SUSPICIOUS = 1e-9
 # Rotations: up to the first number extended precision is used in limited time, beyond the second
 # one not even two methods in double: the reference's own for spheroids or for other shapes, and the
@@ -73,11 +78,12 @@ _AGAINST_WITHOUT = ("dop853", 1e-13)
 # their distance.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
-# Error of L and E, over I_max, from which on the two do not confirm each other.
+# Error of L and E, over I_max, from which on the two do not confirm each other; an estimate.
 APART = 1e-4
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
 # chaotic, trajectories mean something until it has grown too large.
 _DOUBLE_ERROR = 1e-13
+# Version of what is cached: references of another one are computed anew.
 _SCHEMA = 10
 # Changes with what certifies a reference: those that failed before are tried again.
 _CERTIFICATES = 2
@@ -190,6 +196,11 @@ def _tried_less(arrays: dict[str, np.ndarray], seconds: float) -> bool:
 def _compute(
     scene: Scene, form: Form, problem: Problem, samples: int, deadline: float
 ) -> Reference:
+    """Reference of a form in extended precision, certified.
+
+    `every` holds the samples, and the ends of the certificate's segments between them. If the moved
+    runs part too far, chaos is looked for; errors count over the first `kept` samples alone.
+    """
     times = np.linspace(0.0, problem.end, samples)
     extra = [*chain(*segments(scene, form, problem.end)), problem.end]
     every = np.union1d(times, extra)
@@ -326,6 +337,7 @@ def _packed(solution: Reference) -> dict[str, Any]:
 
 
 def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
+    """The reference that `_packed` made arrays of."""
     names = (
         "slow_uncertainty",
         "orientation_uncertainty",
@@ -345,7 +357,10 @@ def _unpacked(form: Form, arrays: dict[str, np.ndarray]) -> Reference:
 
 
 def _runs(scene: Scene, form: Form) -> tuple[Run, Run, tuple[int, ...]]:
-    """Tight and loose run of a scene, and the seeds of the moved ones."""
+    """Tight and loose run of a scene, and the seeds of the moved ones; a cheap run has the better of each.
+
+    The cost is the time times what is largest: 1, the steps that stability asks for, or fast rotation.
+    """
     if form.averaged:
         return *LONG_DOUBLE, _ROUNDING_SEEDS
     stiffness = (

@@ -1,6 +1,11 @@
 """How much there is to integrate: rotations on the oscillatory side, stiffness on the other.
 
-Run times of full forms follow these two numbers, not St alone.
+Run times of full forms follow these two numbers, not St alone. A rotation is 2π rad of turning, whatever
+the axis: their number is N = ∫|ω| dt/2π.
+
+Symbols: ω is the angular velocity in shear rates, T the scene's time, X and I the resistance and moment
+of inertia about one body axis, so that 8πX/I is its damping rate at St = 1 (`Ellipsoid.damping`).
+Section `DAC`, "Discussions and Conclusions", of the paper (docs/references.md) scales starts from rest.
 """
 
 from collections.abc import Callable
@@ -20,7 +25,8 @@ from polhode.models.scene import Scene, SlowStart, start_from
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-# The explicit runs are cheap enough to follow a chaotic scene for a while.
+# Tolerances of loose runs. The explicit ones are cheap enough to follow a chaotic scene for a while.
+# All three are estimates.
 _LOOSE_TOLERANCE = 1e-9
 _STIFF_TOLERANCE = 1e-6
 _AVERAGED_TOLERANCE = 1e-6
@@ -30,20 +36,23 @@ MANY = 1000.0
 # rest is extrapolated.
 LONGEST_ROTATIONS = 1e5
 LONGEST_STIFF = 5e3
-# Damping rate from which an implicit method takes fewer steps than stability allows an explicit
-# one.
+# Damping rate, in shear rates, from which an implicit method takes fewer steps than stability allows an
+# explicit one; an estimate.
 _STIFF_FROM = 30.0
 # Least |ω| √(St I/8πX), the root of the angle turned while the torque changes |ω| by itself
-# (section `DAC`).
+# (section `DAC`). Averages over a rotation need ω to change little in it. An estimate.
 _SEPARATED = 1.5
 # From rest a body turns by some 100 rad within this multiple of √(St I/8πX). It is then so fast that
 # averages serve from there on.
 _RISEN = 20.0
+# Nodes of the quadrature of the averaged speed over a run; an estimate.
 _NODES = 64
 # Damping times from which on stability may hold an explicit method back, and how many of them a
 # rotation and a unit of time that follows the flow outweigh: beyond, stability asks for 0.4 of the
 # steps, and errors do not follow the tolerance. Errors of Taylor's method, whose order is higher,
-# still do.
+# still do. The two numbers are from counts of cyrk-vern8's steps at 1e-9 in the quaternion form: 8 in
+# a rotation, 1.6 in a unit of following time, 0.28 in a damping time. Since 0.28 S must be 0.4 of all
+# steps, they are 8 × 0.4/0.6/0.28 and 1.6 × 0.4/0.6/0.28. `STIFF` is an estimate.
 STIFF = 2e4
 _PER_ROTATION = 19.0
 _PER_TIME = 3.8
@@ -102,14 +111,15 @@ def _is_separated(scene: Scene) -> bool:
 
 
 def _separation(scene: Scene) -> float:
-    """√(St I/8πX) of the strongest damping."""
+    """√(St I/8πX) of the strongest damping: a body at rest turns by an angle of order one in it."""
     return sqrt(scene.stokes / max(scene.ellipsoid.damping))
 
 
 def _averaged_angle(scene: Scene) -> float | None:
     """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply."""
     # By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that
-    # the transient and a long rest are both resolved.
+    # the transient and a long rest are both resolved. `node` and `weight` are those on [-1, 1], `span` is
+    # the end of s, and dt₂ = τ exp(s) ds stands in the sum. St makes t of t₂.
     if isinf(scene.stokes):
         return scene.time * float(mean_speed(scene.ellipsoid, scene.initial.slow)[0])
     form = find_form(averaged_form(scene))
@@ -153,7 +163,11 @@ def _with_angle(full: Problem, with_angle: Callable[[Factory], WithRate]) -> Pro
 
 
 def _angle(scene: Scene) -> float:
-    """∫|ω| dt by a loose run of the full equations, from rest only until averages serve."""
+    """∫|ω| dt by a loose run of the full equations, from rest only until averages serve.
+
+    A run that is too long stops at `end`, and the rate of its second half is extrapolated. `angle` is
+    the last component, or the one before the time if the problem has a time of its own.
+    """
     form = find_form(reference_form(scene))
     full = form.problem(scene)
     module = jeffery if scene.stokes == 0 else quaternion

@@ -4,7 +4,8 @@ from typing import cast
 
 import pandas as pd
 
-# An error closer to the reference's uncertainty than this factor is not known.
+# An error closer to the reference's uncertainty than this factor is not known: the uncertainty then adds
+# at most a tenth to it.
 KNOWN = 10.0
 
 
