@@ -101,6 +101,7 @@ def same_slow_start(start: BodyStart | EulerStart, generator: np.random.Generato
     precession are what they do not know.
     """
     top = TorqueFree(_ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
+    # Inverse shear rates: long against the periods of both phases, so that these come out evenly spread.
     quaternion, omega = top.at([generator.uniform(50.0, 500.0)])
     return BodyStart(tuple(quaternion[0].tolist()), tuple(omega[0].tolist()))
 
@@ -149,6 +150,7 @@ class AveragingOrder(Experiment):
         """Largest error of L and E, over I_max, of the averaged form: a row for each side, start and St."""
         generator = np.random.default_rng(11)
         slow_times = np.linspace(0.0, _ORDER_TIME, 3001)
+        # Stokes numbers, and below them the starts of each side: without a crossing, and with one.
         numbers = np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist()
         numbers += grid.of([1e7], [])
         for side, (name, count) in enumerate(zip(_SIDES, grid.of((16, 64), (4, 8)), strict=True)):
@@ -280,34 +282,35 @@ class Laws:
     sizes: list[np.ndarray]  # Root mean squares without and with a crossing.
     typical: np.ndarray  # Geometric means with a crossing.
     single: np.ndarray  # Exponents of the starts without a crossing.
-    free: Estimate  # Their mean.
+    free: Estimate  # The mean of `single`.
     local: list[Estimate]  # Exponents between neighbouring St, with a crossing.
-    jump: float  # a of the two laws √((a/St)² + b²/St).
-    scattering: float  # b of them.
-    calm: float  # b without a crossing.
+    jump: float  # a of the two laws √((a/St)² + b²/St), with a crossing; over I_max.
+    scattering: float  # b of the two laws, with a crossing; over I_max.
+    calm: float  # b of the two laws without a crossing; over I_max.
 
     @classmethod
     def of(cls, table: Table) -> "Laws":
-        """Those of the item's table."""
+        """The laws of the item's table."""
         without = table[table.side == 0]
         crossing = table[table.side == 1]
         stokes, calm_size = root_mean_squares(without, "stokes", "error")
         _, size = root_mean_squares(crossing, "stokes", "error")
         typical = typical_errors(crossing)
         jump, scattering = two_laws(stokes, typical)
+        _, calm = two_laws(stokes, typical_errors(without))
         single = start_exponents(without)
         return cls(
-            without,
-            crossing,
-            stokes,
-            [calm_size, size],
-            typical,
-            single,
-            mean(single),
-            local_exponents(crossing),
-            jump,
-            scattering,
-            two_laws(stokes, typical_errors(without))[1],
+            without=without,
+            crossing=crossing,
+            stokes=stokes,
+            sizes=[calm_size, size],
+            typical=typical,
+            single=single,
+            free=mean(single),
+            local=local_exponents(crossing),
+            jump=jump,
+            scattering=scattering,
+            calm=calm,
         )
 
     @property
@@ -387,8 +390,8 @@ class Laws:
 
 # Slow time of the runs over the crossing.
 _JUMP_TIME = 0.08
-# Slow times from the crossing between which deviations are averaged, to take the regular
-# oscillation out.
+# Windows of slow time, counted from the crossing, over which deviations are averaged: this takes the
+# regular oscillation out. Both are clear of the crossing itself; their places are estimates.
 _BEFORE_CROSSING = (-0.03, -0.02)
 _AFTER_CROSSING = (0.015, 0.025)
 # Largest St at which resonances are taken not to matter: an estimate.
@@ -409,23 +412,24 @@ def law(values: np.ndarray) -> np.ndarray:
 def fitted_level(count: int) -> float:
     """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted.
 
-    The distance is Kolmogorov's and Smirnov's, the level that of 4000 simulated samples, as in
-    Lilliefors' test for a normal law: the tabulated level is for laws without fitted parameters.
+    The distance is Kolmogorov's and Smirnov's. Its tabulated level holds for laws without fitted
+    parameters, so that 4000 simulated samples give the level, as in Lilliefors' test for a normal law.
     """
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
     values = np.sort(
         (values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True)
     )
+    # A sample's distribution function jumps at each value from one of these heights to the next.
     steps = np.arange(count + 1) / count
     distances = np.maximum(steps[1:] - law(values), law(values) - steps[:-1]).max(axis=1)
     return float(np.quantile(distances, 0.95))
 
 
 class Scatter(NamedTuple):
-    """How deviations scatter."""
+    """How deviations of (L_x, L_y, L_z, E) over I_max scatter about their mean."""
 
-    size: float  # Standard deviation.
-    share: float  # Of the variance, along the main direction.
+    size: float  # Standard deviation over I_max: the root of the variances' sum.
+    share: float  # Share of the variance along the main direction.
     # Components along it, which points to where the law has its tail, in units of their deviation.
     along: np.ndarray
 
@@ -485,9 +489,12 @@ class CrossingJumps(Experiment):
         along = after[first].along
         distance = float(stats.kstest(along, law).statistic)
         normal = float(stats.kstest(along, "norm").statistic)
+        # The tabulated 5 % level. A normal law with fitted mean and deviation has a lower one: what exceeds
+        # the tabulated level is rejected all the more.
         critical = float(stats.kstwo.isf(0.05, len(along)))
         level = fitted_level(len(along))
         ratio = sizes[0] / before[first].size
+        # Values of the law at even phases ξ, which give its skewness.
         tail = -np.log(2 * np.sin(np.pi * (np.arange(100_000) + 0.5) / 100_000))
         slope = exponent(stokes[regular], sizes[regular])
         later = exponent(stokes[late], sizes[late])
@@ -596,20 +603,21 @@ class CrossingJumps(Experiment):
 
 def _scatters(table: Table) -> tuple[dict[float, Scatter], dict[float, Scatter]]:
     """Scatter before and after the crossing, by St."""
-    before = {n: scatter(rows) for n, rows in groups(table[table.after == 0], "stokes")}
-    after = {n: scatter(rows) for n, rows in groups(table[table.after == 1], "stokes")}
+    before = {stokes: scatter(rows) for stokes, rows in groups(table[table.after == 0], "stokes")}
+    after = {stokes: scatter(rows) for stokes, rows in groups(table[table.after == 1], "stokes")}
     return before, after
 
 
 # Slow time of the runs from next to the saddle: longer than any arrival at the node, which `judge` checks.
 _ENDING_TIME = 1.5
-# Ticks of the figure of arrivals.
+# Ticks of the figure of arrivals: slow times, and their texts.
 _TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
-# Distance from the node, over I_max, at which a run has arrived.
+# Distance from the node, over I_max, at which a run has arrived: an estimate, above what remains of the
+# full runs' oscillation at the smallest St.
 _ARRIVED = 0.06
 _ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs.
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
-# angular velocities.
+# angular velocities, in shear rates.
 _NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
 # Populations of the shares: of starts next to the saddle, and of starts of the map.
 _AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
@@ -623,6 +631,7 @@ def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
 
     `spread` is their standard deviation, in rad and in units of the shear rate.
     """
+    # At θ = π/2 the longest axis x' lies along +z for ψ = π/2 and along -z for ψ = -π/2.
     phi = generator.uniform(0, 2 * pi)
     psi = generator.choice([-pi / 2, pi / 2])
     tilt = generator.normal(scale=spread, size=2)
@@ -640,10 +649,11 @@ def _arrival(slow_times: np.ndarray, slow: np.ndarray, radius: float = _ARRIVED)
 
 def late(table: Table) -> dict[float, Estimate]:
     """Share of arrivals that are late or early, by St."""
-    return {
-        n: share(np.abs(arrivals.full - arrivals.averaged) > _OFF_BY * arrivals.averaged)
-        for n, arrivals in groups(table, "stokes")
-    }
+    shares = {}
+    for stokes, arrivals in groups(table, "stokes"):
+        delay = np.abs(arrivals.full - arrivals.averaged)
+        shares[stokes] = share(delay > _OFF_BY * arrivals.averaged)
+    return shares
 
 
 @dataclass(frozen=True)
@@ -655,9 +665,9 @@ class SaddleEndings(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Arrival at the node: averaged, and full at several St, with the end of z'.
 
-        A row is a full run: `near` is the spread of the start, `phase` 0 for the start itself and 1
-        for another with the same L and E, `averaged` and `full` are slow times of arrival, `up` is
-        1 if z' ends along +z.
+        A row is a full run. `near` is the spread of the start. `phase` is 0 for the start itself and 1 for
+        another one with its L and E. `averaged` and `full` are slow times of arrival. `up` is 1 if z' ends
+        along +z.
         """
         generator = np.random.default_rng(23)
         slow_times = np.linspace(0.0, _ENDING_TIME, 1501)
@@ -710,6 +720,7 @@ class SaddleEndings(Experiment):
                 float(flipped),
                 interval=flipped.interval,
             ),
+            # `_arrival` gives the end of the run, the last sample, for one that does not arrive.
             Number(
                 "share of full runs that reach the node",
                 float(np.mean(table.full < 0.999 * _ENDING_TIME)),
@@ -821,10 +832,12 @@ class Basins(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
         slow_times = graded(2.0, 1201)
+        # Points along either side of the map of transients (`size`) and of the map of ends (`side`).
         size = grid.of(41, 9)
         side = grid.of(64, 10)
         cosines = np.linspace(-0.999, 0.999, size).tolist()
         heights = np.linspace(0.002, 0.998, size).tolist()
+        # L has the size I_max/2 and the cosine of its angle to the vorticity; L_x = L_y.
         for cosine, height in product(cosines, heights):
             sine = sqrt((1 - cosine**2) / 2)
             slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(_ELLIPSOID, 0.5, height))
@@ -832,6 +845,7 @@ class Basins(Experiment):
             arrival = _arrival(slow_times, run, _NEAR_NODE)
             yield "transients", {"cosine": cosine, "share": height, "t2": arrival}
         times = np.array([0.0, _BASIN_STOKES * _BASIN_TIME])
+        # θ and ψ are the middles of equal parts of [0, π] and [-π, π].
         steps = np.arange(side) + 0.5
         thetas = (steps * pi / side).tolist()
         psis = (steps * 2 * pi / side - pi).tolist()

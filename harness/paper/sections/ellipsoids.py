@@ -7,10 +7,10 @@ sides: 0 is long, L² < 2EI₂, before the point, 1 is short, after it.
 """
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from math import sqrt
 from operator import itemgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -61,9 +61,10 @@ _MIDDLE = sorted(_ELLIPSOID.inertia)[1] / _UNIT  # The middle moment of inertia 
 _SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ up to which local and averaged rates are compared.
 _NEAR_Y = 1e-3
-# Largest y of the passage through the singular point.
+# Largest y of the passage through the singular point: there the local solution is good to some 10 %.
 _PASSAGE_Y = 0.1
-# How much longer than by the local solution the averaged passage is followed.
+# Slow time for which the averaged passage is followed, over the time by the local solution. The averaged
+# passage takes longer by the relative order y: 1.2 covers y = 0.1, with a margin that is an estimate.
 _PASSAGE_LONGER = 1.2
 
 
@@ -73,6 +74,7 @@ def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
     m is the parameter of the elliptic functions of the polhode.
     """
     i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
+    # Moments about the axis that the polhode encircles, and about the axis at the other end of the order.
     end_inertia, other_inertia = (i3, i1) if side == "short" else (i1, i3)
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
     energy2 = 2 * slow[:, 3]
@@ -92,9 +94,11 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     """Rates of y and L_z'/I_max by the averaged equations, at L_x = L_y = 0."""
     state = state_of(local, complement, shift)
     problem = Averaged().problem(slow_scene(_ELLIPSOID, state, 1.0))
+    # Rates of (L_x, L_y, L_z, E) over I_max.
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
-    # y is a quotient of L² - 2EI₂ and L² - 2EI, whose rates are exact; differences of y are not,
-    # as it is small.
+    # By `complement_of` y is `scale` times the quotient of L² - 2EI₂ and L² - 2EI, I of the other end: the
+    # two values `squared`, whose rates `changes` are exact. The rate of y is that of a quotient. A
+    # difference of two values of y would lose its digits, as y is small.
     i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
     end_inertia, other_inertia = (i3, i1) if local.side == "short" else (i1, i3)
     squared = state[2] ** 2 - 2 * state[3] * np.array([i2, other_inertia])
@@ -107,13 +111,13 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
 def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
 
-    Found by bisection of L_z' at the start: those that start with more pass the point with more. The
-    start is in units of I_max, the time slow. The local solution takes over the last part of the way, from a
-    row of each run.
+    A bisection of L_z' at the start finds it: trajectories that start with more pass the point with more.
+    The start is in units of I_max, the time slow. Runs have `points` rows. The last row before the point
+    decides, by the critical L_z' of the local solution at its y, and gives the time that is left.
     """
     local = Separatrix(_ELLIPSOID, "long")
-    # The averaged passage takes somewhat longer than the local one; beyond y = 0.3, where the local time
-    # says little, it takes less than 0.3 of slow time (an estimate).
+    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). Beyond y = 0.3, where the
+    # local time says little, it takes less than 0.3 of slow time (an estimate).
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:
@@ -129,7 +133,8 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
         _, left, momentum = before_point(shift)
         return momentum <= local.critical(left) / _UNIT
 
-    # 45 halvings narrow the 1.8 I_max down to 5e-14.
+    # The ends, L_z' = -1.5 and 0.3 I_max, lie far on either side of the critical start. 45 halvings narrow
+    # the 1.8 I_max between them down to 5e-14.
     shift = bisected(meets_below, -1.5 * _UNIT, 0.3 * _UNIT, 45)
     time, left, _ = before_point(shift)
     return state_of(local, complement, shift), time - local.time(left)
@@ -168,8 +173,10 @@ def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
     """y and L_z' against time to or from the singular point: critical trajectories, local and averaged."""
     duration = abs(local.time(_PASSAGE_Y))
     if local.side == "long":
+        # Without 0: at the singular point itself the averaged equations are singular.
         times_left = duration * np.linspace(1.0, 0.0, points)[:-1]
-        # The averaged passage takes longer than the local one.
+        # The averaged passage from `_PASSAGE_Y` takes longer than the local one, so that every time left
+        # lies within it. Tenfold rows bring the last one before the point close to it.
         slow = critical_before(_PASSAGE_Y, 10 * points, times_left)
         times = -times_left
     else:
@@ -188,7 +195,11 @@ def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class SingularPoint(Experiment):
-    """The passage through the rotation about the middle axis, local solution and averaged equations."""
+    """The passage through the rotation about the middle axis, local solution and averaged equations.
+
+    Columns `local_…` and `averaged_…` are by the two of them: in "rates" of the rates of y and of L_z'
+    ("shift"), in "trajectory" of y and L_z' themselves along the critical trajectory.
+    """
 
     def compute(self, grid: Grid) -> Computed:
         """Rates near the singular point, local and averaged; the critical trajectory on either side."""
@@ -319,6 +330,7 @@ class FirstStart(SlowMotion):
     def compute(self, grid: Grid) -> Computed:
         """Also how irregularly L_z swings, beside the paper's first spheroid, at one St."""
         yield from super().compute(grid)
+        # 400 samples in each inverse shear rate, so that every turning point of L_z shows.
         times = np.linspace(0.0, _IRREGULAR_STOKES * _IRREGULAR_SLOW_TIME, 20001)
         for body, start in ((self.ellipsoid, self.start), (spheroid(2.0), SPHEROID_START)):
             scene = Scene(body, _IRREGULAR_STOKES, start, times[-1])
@@ -370,11 +382,12 @@ class FirstStart(SlowMotion):
 
 
 def _scatter(values: np.ndarray) -> float:
-    """Median of the logarithm, up to its sign, of the ratio of a swing to the next in the same direction.
+    """Median size of the logarithm of the ratio of a swing to the next one in the same direction.
 
     A swing is the change of a value from one turning point to the next; every other one has the
     same direction.
     """
+    # Rows at which the difference to the next row changes its sign.
     turning = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
     swings = np.abs(np.diff(values[turning]))
     return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
@@ -384,7 +397,7 @@ def _scatter(values: np.ndarray) -> float:
 _CLOSE_TO_POINT = 2e-3
 # Slow time for which the trajectory on the upper parabola is followed.
 _ON_EDGE = 0.25
-# Half sizes of the magnified view of the singular point, over I_max.
+# Half sizes along L_z and E of the magnified view of the singular point, over I_max.
 _WINDOW = (0.004, 0.0016)
 
 
@@ -394,6 +407,8 @@ class Plane(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
+        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds: from next to
+        # the lower parabola to next to the upper one; the last start lies on the upper one.
         shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.08, 1.1), shares)]
         starts.append((-1.1, 1.0))
@@ -404,7 +419,8 @@ class Plane(Experiment):
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             # Kind 0 is the local solution, kind 1 below the averaged one.
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
-        # Dense near the point, where both are compared.
+        # The averaged one starts far from the point, at y = 0.8. Squares of even steps make its rows dense
+        # near the point, where both are compared; the start and the point itself are left out.
         _, arrival = critical_start(0.8, 4001)
         before = critical_before(0.8, 4001, arrival * np.linspace(1.0, 0.0, 1001)[1:-1] ** 2)
         for number, slow in enumerate((before, critical_after(graded(0.5, 401)))):
@@ -419,9 +435,10 @@ class Plane(Experiment):
         on_edge = paths[float(np.argmax(ends.share == 1.0))]
         saddle = planes.fixed_point(_ELLIPSOID, "saddle")
         off_saddle = np.hypot(on_edge.Lz[-1] - saddle[0], on_edge.E[-1] - saddle[1])
-        before, after = (misfits(data["critical"], side) for side in (0.0, 1.0))
-        close_misfit = max(before[0], after[0])
-        far_misfit = max(before[1], after[1])
+        before = misfits(data["critical"], 0.0)
+        after = misfits(data["critical"], 1.0)
+        close_misfit = max(before.close, after.close)
+        far_misfit = max(before.at_end, after.at_end)
         small = Range.at_most(
             2e-3, "relative order y ≤ 0.1 of a distance of 2e-3, tenfold for log(16/y)"
         )
@@ -454,11 +471,12 @@ class Plane(Experiment):
                 ),
                 Number(
                     "local against averaged critical trajectory, before the point",
-                    before[0],
+                    before.close,
                     small,
                     "I_max",
                 ),
-                Number("the same after the point", after[0], small, "I_max"),
+                Number("the same after the point", after.close, small, "I_max"),
+                # The local trajectory of `compute` ends at y = 0.5.
                 Number(
                     "the same at the end of the local one, y = 0.5, worse side",
                     far_misfit,
@@ -475,6 +493,7 @@ class Plane(Experiment):
         for axes in (whole, close):
             plane_drawing.draw_frame(axes, _ELLIPSOID, -1.0, 1.0)
             plane_drawing.draw_paths(axes, data[""], (0.6, 0.2, 0.1))
+            # The dashed local solution, kind 0, lies on top of the averaged one, kind 1.
             for kind, color, line, order in ((0, ORANGE, "--", 5), (1, VERMILLION, "-", 4)):
                 style: dict[str, Any] = {
                     "colors": (color,),
@@ -495,7 +514,6 @@ class Plane(Experiment):
             ylim=(energy - height, energy + height),
             title="around the singular point",
         )
-        close.locator_params(axis="x", nbins=5)
         close.locator_params(axis="x", nbins=4)
         key_above(figure, whole)
         return figure
@@ -503,24 +521,30 @@ class Plane(Experiment):
 
 def _kept(slow: np.ndarray) -> np.ndarray:
     """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
+    # 1.2 views: a line that leaves the view is drawn up to its edge.
     inside = np.abs(slow[:, 2:] - planes.fixed_point(_ELLIPSOID, "singular")) < 1.2 * np.array(
         _WINDOW
     )
     return np.union1d(planes.plane_steps(slow, 250), np.flatnonzero(np.all(inside, axis=1)))
 
 
-def misfits(critical: Table, side: float) -> tuple[float, float]:
-    """How far the local critical trajectory is off the averaged one near the singular point, and at its end.
+class Misfit(NamedTuple):
+    """Distances in the L_z–E plane, over I_max, of the local critical trajectory from the averaged one."""
 
-    Both are distances in the L_z–E plane, over I_max.
-    """
+    close: float  # The largest within `_CLOSE_TO_POINT` of the singular point.
+    at_end: float  # At the end of the local trajectory, y = 0.5.
+
+
+def misfits(critical: Table, side: float) -> Misfit:
+    """How far the local critical trajectory is off the averaged one on a side, 0 or 1 as in the tables."""
     kinds = by(by(critical, "side")[side], "kind")
     local = kinds[0.0]
     averaged = kinds[1.0]
     gaps = planes.distances(
         np.column_stack([local.Lz, local.E]), np.column_stack([averaged.Lz, averaged.E])
     )
-    return np.max(gaps[np.abs(local.Lz + _MIDDLE / 2) < _CLOSE_TO_POINT]), gaps[-1]
+    near_point = np.abs(local.Lz + _MIDDLE / 2) < _CLOSE_TO_POINT
+    return Misfit(np.max(gaps[near_point]), gaps[-1])
 
 
 @dataclass(frozen=True)
@@ -531,11 +555,15 @@ class EllipsoidPlanes(PlanesOfBodies):
         """That the differences fall with St and grow with eccentricity."""
         low, high = planes.PLANE_STOKES
         ratios = [differences[low][name] / differences[high][name] for name in self.bodies]
-        first = differences[low]
-        # Bodies are named by their places in `SIX_BODIES`: those of one b have the places 2k (c = 0.5)
-        # and 2k + 1 (c = 0.3), and the next b is two places on.
-        thinner = [first[more] / first[less] for more, less in ((1, 0), (3, 2), (5, 4))]
-        narrower = [first[more] / first[less] for more, less in ((0, 2), (2, 4), (1, 3), (3, 5))]
+        by_axes = {body.semi_axes: differences[low][name] for name, body in self.bodies.items()}
+        # The bodies (1, b, c) have every pair of these b and c.
+        b_axes = sorted({b for _, b, _ in by_axes})
+        small_c, large_c = sorted({c for _, _, c in by_axes})
+        thinner = [by_axes[1.0, b, small_c] / by_axes[1.0, b, large_c] for b in b_axes]
+        narrower = []
+        for c in (small_c, large_c):
+            for small_b, large_b in pairwise(b_axes):
+                narrower.append(by_axes[1.0, small_b, c] / by_axes[1.0, large_b, c])
         larger = Range(1.0, 10.0, "the claim: larger; ten would be more than the change of shape")
         return [
             Number(
@@ -564,6 +592,10 @@ class EllipsoidPlanes(PlanesOfBodies):
         ]
 
 
+# Largest |L_z|/I_max of the figure in three dimensions.
+_SHOWN_LZ = 0.6
+
+
 @dataclass(frozen=True)
 class Space(Experiment):
     """Slow trajectories in the invariant subspaces L_x = 0 and L_y = 0."""
@@ -571,6 +603,8 @@ class Space(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """One slow trajectory with L_x = 0 throughout and one with L_y = 0."""
         slow_times = graded(1.0, grid.of(401, 101))
+        # `zero` is the place, in (L_x, L_y, L_z, E), of the component that is 0: 1 for L_y, then 0 for L_x.
+        # The start has |L| = 1 and L_z = -0.2 I_max.
         for zero in (1, 0):
             slow = np.array([0.0, 0.0, -0.2, planes.energy_at(_ELLIPSOID, 1.0, 0.7)])
             slow[1 - zero] = sqrt(1 - 0.2**2)
@@ -616,15 +650,18 @@ class Space(Experiment):
     def _draw_subspace(self, axes: Axes, rows: Table, zero: int) -> None:
         """The trajectory with L_x = 0 (`zero` = 0) or L_y = 0 (`zero` = 1)."""
         space: Any = axes  # Its methods for three dimensions are no part of Axes.
+        # The component of L that is not 0, and a grid of it and L_z: the paraboloid E = L²/2I_max.
         name = ("Ly", "Lx")[zero]
-        u = np.linspace(0.0, 1.0, 16)[None]
-        v = np.linspace(-0.6, 0.6, 16)[:, None]
-        space.plot_wireframe(u, v, (u**2 + v**2) / 2, color=BOUND, linewidth=0.4)
+        horizontal = np.linspace(0.0, 1.0, 16)[None]
+        vertical = np.linspace(-_SHOWN_LZ, _SHOWN_LZ, 16)[:, None]
+        paraboloid = (horizontal**2 + vertical**2) / 2
+        space.plot_wireframe(horizontal, vertical, paraboloid, color=BOUND, linewidth=0.4)
         space.plot(rows[name], rows.Lz, rows.E, color=BLUE, linewidth=1.6)
+        # Projections: on the paraboloid, on the plane where the component is 0, and on the wall of L_z.
         thin = {"color": BLACK, "linewidth": 0.8}
         space.plot(rows[name], rows.Lz, (rows[name] ** 2 + rows.Lz**2) / 2, **thin)
         space.plot(0 * rows.E, rows.Lz, rows.E, **thin)
-        space.plot(rows[name], np.full_like(rows.E, 0.6), rows.E, **thin)
+        space.plot(rows[name], np.full_like(rows.E, _SHOWN_LZ), rows.E, **thin)
         for point in fixed_points(_ELLIPSOID):
             place = planes.place_of(_ELLIPSOID, point)
             space.scatter(0.0, *place, color=NODE, edgecolor=BLACK, s=25)
@@ -633,11 +670,11 @@ class Space(Experiment):
             xlabel=f"$L_{name[1]}/I_{{max}}$",
             ylabel="$L_z/I_{max}$",
             zlabel="$E/I_{max}$",
-            ylim=(-0.6, 0.6),
+            ylim=(-_SHOWN_LZ, _SHOWN_LZ),
         )
         space.locator_params(nbins=4)
         space.set_title(f"$L_{'xy'[zero]} = 0$", y=1.0)
-        space.view_init(22, 35)
+        space.view_init(22, 35)  # Elevation and azimuth of the viewer, in degrees.
         space.set_box_aspect((1, 1, 0.8), zoom=1.0)
 
 

@@ -1,14 +1,14 @@
 """The limits St = 0 and ∞: Poincaré sections of the Jeffery top, chaos at its saddle, and Euler tops in closed form.
 
 The items are the paper's figures `slender_prolate` to `flat_oblate`, `euler_top_nutation` and
-`symmetric_top_nutation`. Orbits of the Jeffery top are those of `polhode.harness.paper.jeffery_top`;
-the Euler top's closed form is `polhode.models.free_top`.
+`symmetric_top_nutation`. `polhode.harness.paper.jeffery_top` computes orbits of the Jeffery top;
+`polhode.models.free_top` has the Euler top's closed form.
 """
 
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, pi
+from math import ceil, inf, pi
 from typing import Any, ClassVar
 
 import numpy as np
@@ -58,10 +58,14 @@ _BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
 # Starts about the separatrix: their distances from it along θ, over the separatrix' own distance from
 # θ = π/2. They grow like squares, so that starts are densest next to the separatrix.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
+# A start that lies nearer than this, in rad, to the middle of the layer is the one of step 0: the others
+# lie farther off, and eight digits of the tables blur the difference less.
+_IN_THE_MIDDLE = 1e-6
 # Width, in rad, that rounding alone gives a separatrix.
 _ROUNDING = 1e-12
 _ACROSS = 1000  # Orbits that start across a layer.
-# Half of their window over the layer's width by the search for its ends: the edges are frayed.
+# Half of their window over the layer's width by the search for its ends: the edges are frayed, and an
+# estimate says by how much.
 _WINDOW = 2.5
 # Chaotic orbits from which on the median of their exponents is given: an estimate.
 _FEW = 30
@@ -121,6 +125,7 @@ class _Sections(Experiment):
         offsets = _BESIDE_OFFSETS[: grid.of(3, 1)]
         starts += [Start(_BESIDE, pi / 2 + offset, _BESIDE_PSI) for offset in offsets]
         if layers:
+            # Distances from θ = π/2, in rad, of the layer's ends over the largest number of half turns.
             librating, circulating = layers[-1]
             middle = (librating + circulating) / 2
             steps = _STEPS_OFF[:: grid.of(1, 2)]
@@ -136,10 +141,12 @@ class _Sections(Experiment):
         turns = grid.of(self.sections, self.sections // 6)
         # The share after fewer half turns shows whether it still changes.
         earlier = [turns // 4, turns // 2, turns]
+        # Half turns over which the layer is measured: the more, the wider it shows itself.
         counts = grid.of((200, 800), (100,)) if self.layered else ()
         layers = [measure_layer(body, count) for count in counts]
         starts = self.starts(grid, layers)
         angles = [(start.theta, start.phi, start.psi) for start in starts]
+        # Logarithms of the stretching, shape (starts, counts of half turns).
         stretches = stretching(body, angles, earlier)
         chaotic = stretches > [chaos_border(count) for count in earlier]
         kinds = np.array([start.kind for start in starts])
@@ -174,8 +181,10 @@ class _Sections(Experiment):
         close = []
         for number, (theta, psi) in zip(drawn, paths, strict=True):
             points = np.column_stack([np.full(len(theta), number), theta, psi])
+            # The picture of the whole section is too coarse for orbits about the separatrix.
             if kinds[number] != _ABOUT:
                 whole.append(points)
+            # ψ is at most π/2: the frame has the saddle on its right edge.
             in_frame = (np.abs(theta - pi / 2) <= height) & (pi / 2 - psi <= width)
             close.append(points[in_frame])
         yield "", _thinned(np.concatenate(whole), grid.of(9000, 2000))
@@ -191,7 +200,8 @@ class _Sections(Experiment):
         wild = orbits.orbit[orbits.chaotic > 0]
         figure, (whole, saddle) = panels(1, 2, 2.9)
         for axes, points, size in ((whole, data[""], 1.2), (saddle, data["close"], 1.8)):
-            table = points[:: -(-len(points) // _MOST_DRAWN)]
+            every = ceil(len(points) / _MOST_DRAWN)
+            table = points[::every]
             chaotic = np.isin(table.orbit, wild)
             style: dict[str, Any] = {
                 "linestyle": "none",
@@ -239,28 +249,31 @@ class Chaos:
     Exponents are logarithms of the stretching over the number of half turns.
     """
 
-    isotropic: np.ndarray  # Of starts uniform on SO(3): whether chaotic.
-    on_section: np.ndarray  # Of starts with φ = 0, cos θ and ψ uniform.
-    beside: np.ndarray  # Of starts next to the saddle.
-    share: Estimate  # Of the isotropic ones.
-    chaotic_exponent: Estimate | None  # Median of all chaotic orbits, per half turn.
+    # Whether each orbit is chaotic, of the starts of three kinds.
+    isotropic: np.ndarray  # Uniform on SO(3).
+    on_section: np.ndarray  # φ = 0, cos θ and ψ uniform.
+    beside: np.ndarray  # Next to the saddle.
+    share: Estimate  # Share of chaotic orbits among the isotropic ones.
+    # Median exponents of the orbits of all kinds, per half turn; None where few are chaotic.
+    chaotic_exponent: Estimate | None
     regular_exponent: Estimate
-    chaotic_count: int  # Of all kinds.
+    chaotic_count: int  # Chaotic orbits of all kinds.
 
     @classmethod
     def of(cls, data: Data) -> "Chaos":
-        """That of an item's tables."""
+        """The chaos that an item's tables show."""
         orbits = data["orbits"]
         chaotic = orbits.chaotic > 0
         isotropic = chaotic[orbits.kind == _ISOTROPIC]
+        count = int(np.sum(chaotic))
         return cls(
-            isotropic,
-            chaotic[orbits.kind == _ON_SECTION],
-            chaotic[orbits.kind == _BESIDE],
-            share(isotropic),
-            median(orbits.exponent[chaotic]) if np.sum(chaotic) >= _FEW else None,
-            median(orbits.exponent[~chaotic]),
-            int(np.sum(chaotic)),
+            isotropic=isotropic,
+            on_section=chaotic[orbits.kind == _ON_SECTION],
+            beside=chaotic[orbits.kind == _BESIDE],
+            share=share(isotropic),
+            chaotic_exponent=median(orbits.exponent[chaotic]) if count >= _FEW else None,
+            regular_exponent=median(orbits.exponent[~chaotic]),
+            chaotic_count=count,
         )
 
     def sentence(self) -> str:
@@ -390,7 +403,7 @@ class ThinLayers(_Sections):
         layer = data["layer"]
         middle = (layer.librating[-1] + layer.circulating[-1]) / 2
         offset = np.abs(orbits.theta - pi / 2 - middle)
-        beside_layer = (orbits.kind == _ABOUT) & (offset > 1e-6)
+        beside_layer = (orbits.kind == _ABOUT) & (offset > _IN_THE_MIDDLE)
         chaotic = int(np.sum(orbits.chaotic[beside_layer] > 0))
         nearest = f"{offset[beside_layer].min():.1g}"
         farthest = f"{offset[beside_layer].max():.1g}"
@@ -415,11 +428,12 @@ def _frayed_width(across: Table) -> tuple[float, tuple[float, float]]:
 
 
 def _thinned(points: np.ndarray, count: int) -> dict[str, np.ndarray]:
-    """About `count` of the points at most: orbit, θ and ψ, shape (n, 3)."""
+    """Every k-th point, about `count` of them, as columns; `points` are orbit, θ and ψ in rad, shape (n, 3)."""
     table = np.round(points[:: max(1, len(points) // count)], 6)
     return dict(zip(("orbit", "theta", "psi"), table.T, strict=True))
 
 
+# The start of the paper's figures of tops: Euler angles in rad, and their rates in shear rates.
 _TOP_START = EulerStart((1.05, 0.0, 0.0), (2.5, 15.0, 4.0))
 # Duration, in inverse shear rates, of the tops' paths.
 _TOP_TIME = 12.0
@@ -571,11 +585,16 @@ def measured_period(path: Table) -> float:
     The path is a circle: three of its points give its normal, and the azimuth about it grows evenly.
     """
     axis = np.column_stack([path.x, path.y, path.z])
-    normal = np.cross(axis[0] - axis[len(axis) // 5], axis[0] - axis[len(axis) // 3])
+    # Any two further points do that are not at the place of the first one.
+    second = axis[len(axis) // 5]
+    third = axis[len(axis) // 3]
+    normal = np.cross(axis[0] - second, axis[0] - third)
     normal /= np.linalg.norm(normal)
+    # The parts of the axes in the plane of the circle, where `first` and `beside` are unit vectors.
     across = axis - np.outer(axis @ normal, normal)
     first = across[0] / np.linalg.norm(across[0])
-    azimuth = np.unwrap(np.arctan2(across @ np.cross(normal, first), across @ first))
+    beside = np.cross(normal, first)
+    azimuth = np.unwrap(np.arctan2(across @ beside, across @ first))
     return path.t[-1] * 2 * pi / abs(azimuth[-1] - azimuth[0])
 
 
@@ -591,7 +610,9 @@ LIMITS_SECTION = Section(
             "Poincaré section, slender prolate ellipsoid",
             "slender_prolate",
             "For b/a = 1/10, c/a = 1/20 chaotic trajectories are dominant.",
-            DominantChaos(Ellipsoid((1 / 20, 1 / 10, 1.0)), 120, (0.8, 0.8), 2000),
+            DominantChaos(
+                Ellipsoid((1 / 20, 1 / 10, 1.0)), sections=120, close=(0.8, 0.8), isotropic=2000
+            ),
         ),
         Item(
             "poincare-fat-prolate",
@@ -599,14 +620,22 @@ LIMITS_SECTION = Section(
             "fat_prolate",
             "For b/a = 1.2/3, c/a = 1/3 chaos is confined to thin layers along the separatrices of "
             "the saddles.",
-            ThinLayers(Ellipsoid((1 / 3, 1.2 / 3, 1.0)), 400, (0.06, 0.06), 400, layered=True),
+            ThinLayers(
+                Ellipsoid((1 / 3, 1.2 / 3, 1.0)),
+                sections=400,
+                close=(0.06, 0.06),
+                isotropic=400,
+                layered=True,
+            ),
         ),
         Item(
             "poincare-flat",
             "Poincaré section, thin oblate ellipsoid",
             "flat_oblate",
             "For b/a = 1/2, c/a = 1/20 chaotic trajectories are dominant.",
-            DominantChaos(Ellipsoid((1.0, 1 / 2, 1 / 20)), 120, (0.8, 0.8), 2000),
+            DominantChaos(
+                Ellipsoid((1.0, 1 / 2, 1 / 20)), sections=120, close=(0.8, 0.8), isotropic=2000
+            ),
         ),
         Item(
             "poincare-fat-oblate",
@@ -614,7 +643,13 @@ LIMITS_SECTION = Section(
             "fat_oblate",
             "For b/a = 2/2.1, c/a = 1/2.1 chaos is confined to thin layers along the separatrices "
             "of the saddles.",
-            ThinLayers(Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)), 400, (0.06, 0.03), 400, layered=True),
+            ThinLayers(
+                Ellipsoid((1.0, 2 / 2.1, 1 / 2.1)),
+                sections=400,
+                close=(0.06, 0.03),
+                isotropic=400,
+                layered=True,
+            ),
         ),
         Item(
             "euler-top",
