@@ -7,8 +7,10 @@ full equations alone.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import nan
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,34 +50,52 @@ _RANDOM = 120  # Starts of each held-out seed.
 HYBRID_SAMPLES = 201  # Output times of a run.
 SEGMENT_SOLVER = "cyrk-vern8"  # Of every segment of a hybrid run.
 _LEAST_AXIS = 0.15  # Random semi-axes lie between this and 1.
-# Random starts go through all pairs of St and slow time in turns.
+# Random starts go through all pairs of St and slow time t₂ = t/St in turns.
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # The reference of a run up to this duration, in inverse shear rates, is a run in long double; a
 # looser run shows its error.
 _LONG_DOUBLE_UP_TO = 1.2e5
-# Longer runs are solved by two unrelated methods in double. Their difference is the reference's
-# uncertainty. Pairs of solver and tolerance.
+# Longer runs are solved by two unrelated methods in double, here with their tolerances. The difference of
+# the two is the reference's uncertainty.
 _DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
 # Runs above this duration, in inverse shear rates, have no reference: it would take minutes.
 _LONGEST = 5.1e6
 # The speed of random starts is measured at one slow time and error, against FULL_SOLVERS at the
 # loosest tolerance that meets the error.
 _FAST_SEED = 16
-FAST = {1e6: 40, 1e7: 12, 1e8: 12}  # Number of starts by St.
+# Number of starts by St: an estimate, fewer where a run takes longer.
+FAST = {1e6: 40, 1e7: 12, 1e8: 12}
 FAST_SLOW_TIME = 0.5
 FAST_ERROR = 1e-6  # Of L and E, over I_max.
 FEW_SAMPLES = 11  # Output times of a run that shows few.
-SPEED_REPEATS = 3  # Turns, and runs of each turn, of which the fastest counts.
+# Every run is timed in so many turns, so many times in each: the fastest counts.
+SPEED_REPEATS = 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
-# And against a full solver of spheroids that knows St; its tolerance is meant for the whole run.
+# The speed is measured against this full solver of spheroids too, which knows St. Its tolerance is meant
+# for the whole run.
 KNOWING = "splitting"
 KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # Least |cos| of the angle between the vorticity and the shortest axis (the symmetry axis of a
 # spheroid) of a body that has settled: one side up or the other. An estimate.
 _SETTLED = 0.9
 HYBRID_PARTS = ("errors", "speed")
+
+
+class HybridReference(NamedTuple):
+    """The full equations' solution at equispaced times, and how far it may be off."""
+
+    observables: Observables
+    slow: float  # of L and E, over I_max
+    orientation: float  # in rad
+
+
+class FullMethod(NamedTuple):
+    """Solver and tolerance of a full run; no solver where there is no run."""
+
+    solver: str = ""
+    tolerance: float = nan
 
 
 @dataclass(frozen=True)
@@ -113,8 +133,9 @@ class Speed:
     solver: str
     tolerance: float
     full_seconds: float
-    new_shape: float = 0.0  # seconds that the tables of a triaxial shape take, not seen before,
-    known_shape: float = 0.0  # and read from disk
+    # Seconds that the tables of a triaxial shape take: of one not seen before, and read from disk.
+    new_shape: float = 0.0
+    known_shape: float = 0.0
     knowing_seconds: float = nan  # of the full solver that knows St
     # Steps of the segments that the full equations follow, and of the best full solution; NaN
     # unless the same solver took both.
@@ -130,50 +151,54 @@ def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
         axes = np.exp(draw.uniform(np.log(_LEAST_AXIS), 0.0, 3))
         quaternion = draw.normal(size=4)
         spin = draw.normal(size=3)
-        # A spheroid: two axes are alike, and the third is the first, second or last one in turns.
+        # A triaxial start and the spheroid after it are a pair, with one St and one slow time.
+        pair = i // 2
         if i % 2:
-            axes[(i // 2 % 3 + 1) % 3] = axes[(i // 2 % 3 + 2) % 3]
-        stokes = STOKES[i // 2 % len(STOKES)]
-        time = SLOW_TIMES[i // (2 * len(STOKES)) % len(SLOW_TIMES)] * stokes
+            # Of a spheroid two axes are alike. The odd one is the first, second or third in turns.
+            odd = pair % 3
+            axes[(odd + 1) % 3] = axes[(odd + 2) % 3]
+        stokes = STOKES[pair % len(STOKES)]
+        slow_time = SLOW_TIMES[pair // len(STOKES) % len(SLOW_TIMES)]
+        time = slow_time * stokes
         start = BodyStart(tuple(quaternion.tolist()), tuple(spin.tolist()))
         yield Scene(Ellipsoid(tuple(axes.tolist())), stokes, start, time)
 
 
-def reference_of(scene: Scene, samples: int = HYBRID_SAMPLES) -> tuple[Observables, float, float]:
-    """The full equations' solution at equispaced times, from the cache or computed, and how far it may be off."""
+def reference_of(scene: Scene, samples: int = HYBRID_SAMPLES) -> HybridReference:
+    """The reference of a scene at equispaced times, from the cache or computed."""
     form = find_form(full_form(scene))
     problem = form.problem(scene)
-    values = (*problem.start, *(problem.parameters or ()), problem.end)
-    key = digest(
-        [
-            "hybrid",
-            problem.name,
-            [value.hex() for value in values],
-            samples,
-            REFERENCE_TOLERANCES,
-            _DOUBLE,
-            *([] if extends_precision() else ["without heyoka"]),
-        ]
-    )
-    cached = cache.load(key)
-    if cached is None:
+    numbers = (*problem.start, *(problem.parameters or ()), problem.end)
+    content = [
+        "hybrid",
+        problem.name,
+        [number.hex() for number in numbers],
+        samples,
+        REFERENCE_TOLERANCES,
+        _DOUBLE,
+    ]
+    if not extends_precision():
+        content.append("without heyoka")
+    key = digest(content)
+    arrays = cache.load(key)
+    if arrays is None:
         if problem.end <= _LONG_DOUBLE_UP_TO:
             tight, apart = reference_observables(scene, samples)
         else:
             times = np.linspace(0.0, problem.end, samples)
-            runs = (
-                (solve(problem, *how, times).states for how in _DOUBLE)
-                if all(find_solver(name).available for name, _ in _DOUBLE)
-                else unlike_runs(problem, times).values()
-            )
-            tight, double = (form.observe(scene, states) for states in runs)
-            apart = errors(scene.ellipsoid, double, tight)
-        cached = {name: values.astype(float) for name, values in vars(tight).items()}
-        cached = cache.save(
-            key, cached | {"uncertainty": np.array([apart.slow, apart.orientation])}
-        )
-    slow, orientation = cached.pop("uncertainty").tolist()
-    return Observables(**cached), slow, orientation
+            if all(find_solver(solver).available for solver, _ in _DOUBLE):
+                runs = [
+                    solve(problem, solver, tolerance, times).states for solver, tolerance in _DOUBLE
+                ]
+            else:
+                runs = unlike_runs(problem, times).values()
+            tight, other = (form.observe(scene, states) for states in runs)
+            apart = errors(scene.ellipsoid, other, tight)
+        arrays = {name: values.astype(float) for name, values in vars(tight).items()}
+        arrays["uncertainty"] = np.array([apart.slow, apart.orientation])
+        arrays = cache.save(key, arrays)
+    slow, orientation = arrays.pop("uncertainty").tolist()
+    return HybridReference(Observables(**arrays), slow, orientation)
 
 
 def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridError]:
@@ -186,11 +211,8 @@ def measure_errors(scenes: Sequence[Scene], quiet: bool = False) -> list[HybridE
     return rows
 
 
-def _measured(
-    start: int, scene: Scene, error: float, reference_and_doubt: tuple[Observables, float, float]
-) -> HybridError:
-    """The row of a start for a requested error, `reference_and_doubt` being what `reference_of` gives."""
-    reference, slow_off, orientation_off = reference_and_doubt
+def _measured(start: int, scene: Scene, error: float, reference: HybridReference) -> HybridError:
+    """The row of a start for a requested error of L and E over I_max."""
     run = plan(
         scene,
         Hybrid.name,
@@ -200,22 +222,35 @@ def _measured(
         "slow",
         HYBRID_SAMPLES,
     ).run()
-    slow = orientation = mirror = nan
+    slow = nan
+    orientation = nan
+    mirror = nan
+    body = scene.ellipsoid
     if run.success:
-        measured = errors(scene.ellipsoid, run.observables, reference)
+        measured = errors(body, run.observables, reference.observables)
         slow = measured.slow
         orientation = measured.orientation or nan
-        # The body axis that shows which side is up, and its z at the end of the reference.
-        axis = scene.ellipsoid.symmetry_axis
-        axis = scene.ellipsoid.order[2] if axis is None else axis
-        up = float(reference.rotation[-1, axis, 2])
-        if abs(up) > _SETTLED and orientation_off < 1 - _SETTLED:
+        # The body axis that shows which side is up: the symmetry axis, or else the shortest one. `up` is
+        # its z component at the end of the reference, which must be sure of it.
+        axis = body.order[2] if body.symmetry_axis is None else body.symmetry_axis
+        up = float(reference.observables.rotation[-1, axis, 2])
+        if abs(up) > _SETTLED and reference.orientation < 1 - _SETTLED:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
-    axes = ":".join(f"{axis:.3g}" for axis in scene.ellipsoid.semi_axes)
     return HybridError(
-        *(start, scene.ellipsoid.kind, axes, scene.stokes, scene.slow_time, error, str(run.status)),
-        *(slow, orientation, run.error.slow.high if run.error.slow else nan, slow_off),
-        *(_share(run.segments, scene.slow_time), len(run.segments), mirror),
+        start=start,
+        kind=body.kind,
+        axes=":".join(f"{length:.3g}" for length in body.semi_axes),
+        stokes=scene.stokes,
+        slow_time=scene.slow_time,
+        error=error,
+        status=str(run.status),
+        slow=slow,
+        orientation=orientation,
+        estimated=run.error.slow.high if run.error.slow else nan,
+        uncertainty=reference.slow,
+        full_share=_share(run.segments, scene.slow_time),
+        segments=len(run.segments),
+        mirror=mirror,
     )
 
 
@@ -229,14 +264,25 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
 
 
 def _timed(start: int, scene: Scene) -> Speed:
-    """The row of a start at `FAST_ERROR`; `at` is the tolerance of a full run."""
+    """The row of a start at `FAST_ERROR`: the error of the hybrid run, its times, those of full runs beside it."""
     form = Hybrid()
-    times = np.linspace(0.0, scene.time, HYBRID_SAMPLES)
     problem = form.problem(scene)
+    full_problem = find_form(full_form(scene)).problem(scene)
+    times = np.linspace(0.0, scene.time, HYBRID_SAMPLES)
+    # Every 20th of the 201 times.
+    few_times = times[:: HYBRID_SAMPLES // (FEW_SAMPLES - 1)]
     tolerance = FAST_ERROR / ERROR_PER_TOLERANCE
     segment_solver = available_like(SEGMENT_SOLVER)
+    run = solve(problem, segment_solver, tolerance, times)
+    slow = nan
+    steps_of: dict[FullMethod, float] = {}
+    if scene.time <= _LONGEST:
+        reference = reference_of(scene).observables
+        if run.success:
+            slow = errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
+        steps_of = _full(scene, full_problem, times, reference)
 
-    def seconds(times: np.ndarray) -> float:
+    def hybrid_seconds(times: np.ndarray) -> float:
         """Wall time of a run that looks ahead anew, as a first one must."""
         for cached in (outline, path_of):
             cached.cache_clear()
@@ -244,52 +290,53 @@ def _timed(start: int, scene: Scene) -> Speed:
         solve(problem, segment_solver, tolerance, times)
         return perf_counter() - began
 
-    run = solve(problem, segment_solver, tolerance, times)
-    slow = nan
-    # Steps of full runs by solver and tolerance, as `_full` gives them.
-    full = dict[tuple[str, float], float]()
-    exact = find_form(full_form(scene)).problem(scene)
-    if scene.time <= _LONGEST:
-        reference, *_ = reference_of(scene)
-        slow = (
-            errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
-            if run.success
-            else nan
-        )
-        full = _full(scene, exact, times, reference)
-    # In turns, so that a slow moment of the machine hits them alike; each warm, whatever the one
-    # before left in caches.
-    timed_runs: list[Callable[[], float]] = [
-        lambda: seconds(times),
-        # Every 20th of the 201 times: FEW_SAMPLES of them.
-        lambda: seconds(times[:: HYBRID_SAMPLES // (FEW_SAMPLES - 1)]),
-    ]
-    timed_runs += [
-        lambda solver=solver, at=at: solve(exact, solver, at, times).seconds for solver, at in full
-    ]
-    turns = [[*map(_fastest, timed_runs)] for _ in range(SPEED_REPEATS)]
-    taken, few, *full_seconds = np.min(turns, axis=0).tolist()
-    seconds_of = dict(zip(full, full_seconds, strict=True))
+    def full_seconds(method: FullMethod) -> float:
+        """Wall time of a full run."""
+        return solve(full_problem, method.solver, method.tolerance, times).seconds
+
+    timed_runs = [partial(hybrid_seconds, times), partial(hybrid_seconds, few_times)]
+    timed_runs += [partial(full_seconds, method) for method in steps_of]
+    seconds, few_seconds, *seconds_in_full = _in_turns(timed_runs)
+    seconds_of = dict(zip(steps_of, seconds_in_full, strict=True))
     # The solver that knows St has a column of its own, and is not among the others.
-    knowing = min((seconds_of.pop(pair) for pair in full if pair[0] == KNOWING), default=nan)
-    (solver, at), best = min(
-        seconds_of.items(), key=lambda entry: entry[1], default=(("", nan), nan)
-    )
-    costs = slow, _share(run.segments, scene.time), taken, few, solver, at, best
-    steps = (
-        sum(stage.steps or 0 for stage in run.segments if not stage.averaged),
-        full.get((segment_solver, at), nan),
-    )
-    steps = steps if solver == segment_solver else (nan, nan)
+    knowing_seconds = nan
+    for method in steps_of:
+        if method.solver == KNOWING:
+            knowing_seconds = seconds_of.pop(method)
+    best = min(seconds_of, key=seconds_of.__getitem__, default=FullMethod())
+    segment_steps = nan
+    full_steps = nan
+    if best.solver == segment_solver:
+        segment_steps = sum(segment.steps or 0 for segment in run.segments if not segment.averaged)
+        full_steps = steps_of[best]
+    new_shape, known_shape = _prepared(scene.ellipsoid)
     return Speed(
-        start,
-        scene.ellipsoid.kind,
-        scene.stokes,
-        *costs,
-        *_prepared(scene.ellipsoid),
-        knowing,
-        *steps,
+        start=start,
+        kind=scene.ellipsoid.kind,
+        stokes=scene.stokes,
+        slow=slow,
+        full_share=_share(run.segments, scene.time),
+        seconds=seconds,
+        few_seconds=few_seconds,
+        solver=best.solver,
+        tolerance=best.tolerance,
+        full_seconds=seconds_of.get(best, nan),
+        new_shape=new_shape,
+        known_shape=known_shape,
+        knowing_seconds=knowing_seconds,
+        segment_steps=segment_steps,
+        full_steps=full_steps,
     )
+
+
+def _in_turns(runs: Sequence[Callable[[], float]]) -> list[float]:
+    """Shortest wall time, in seconds, of each of several runs.
+
+    Runs take turns, so that a slow moment of the machine hits them alike. In its turn each run is repeated,
+    so that it is warm, whatever the one before left in caches.
+    """
+    turns = [list(map(_fastest, runs)) for _ in range(SPEED_REPEATS)]
+    return np.min(turns, axis=0).tolist()
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
@@ -311,12 +358,15 @@ def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
             swing.series_for(ellipsoid, longest)
         return perf_counter() - began
 
+    # Makes the files of a shape that was not seen before.
     read()
     began = perf_counter()
-    for side in (tables.side_of(ellipsoid, longest) for longest in (False, True)):
+    for longest in (False, True):
+        side = tables.side_of(ellipsoid, longest)
         tables.made(side)
         squares_of(swing.series_of(side))
-    return perf_counter() - began, read()
+    made_anew = perf_counter() - began
+    return made_anew, read()
 
 
 def _fastest(run: Callable[[], float]) -> float:
@@ -326,24 +376,23 @@ def _fastest(run: Callable[[], float]) -> float:
 
 def _full(
     scene: Scene, problem: Problem, times: np.ndarray, reference: Observables
-) -> dict[tuple[str, float], float]:
-    """Steps of runs in full, by each solver at the loosest tolerance that meets the error."""
+) -> dict[FullMethod, float]:
+    """Steps of full runs, by each solver at the loosest tolerance that meets the error."""
     form = find_form(full_form(scene))
-    steps = dict[tuple[str, float], float]()
-    tried: list[tuple[str, Sequence[float]]] = [(name, FULL_TOLERANCES) for name in FULL_SOLVERS]
+    steps: dict[FullMethod, float] = {}
+    tolerances_of: dict[str, Sequence[float]] = dict.fromkeys(FULL_SOLVERS, FULL_TOLERANCES)
     if find_solver(KNOWING).takes(problem):
-        tried.append((KNOWING, KNOWING_TOLERANCES))
-    for solver, tolerances in tried:
+        tolerances_of[KNOWING] = KNOWING_TOLERANCES
+    for solver, tolerances in tolerances_of.items():
         if not find_solver(solver).available:
             continue
         for tolerance in tolerances:
             run = solve(problem, solver, tolerance, times)
-            if (
-                run.success
-                and errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
-                <= FAST_ERROR
-            ):
-                steps[solver, tolerance] = run.work.steps or nan
+            if not run.success:
+                continue
+            error = errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
+            if error <= FAST_ERROR:
+                steps[FullMethod(solver, tolerance)] = run.work.steps or nan
                 break
     return steps
 

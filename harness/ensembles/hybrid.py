@@ -1,10 +1,10 @@
 """Hybrid equations of many particles: averaged to first order where that is good enough, form `hybrid` elsewhere.
 
-An error of L and E far above 1/St leaves the fast phases open: St times as large an angle. So
-a method that keeps no more than that error may draw them evenly, as averaging says they are. The
-error of averaging is largest where |L| is least; how small |L| may become is found on a sample that
-runs both ways. A particle of smaller |L| follows the full equations until |L| has grown again, or
-form `hybrid` where that would take longer.
+An error of L and E far above 1/St leaves the fast phases open: their error, an angle, is St times as
+large. So a method that keeps no more than that error may draw the phases evenly, as averaging says they
+are. The error of averaging is largest where |L| is least. A sample that runs both ways shows how small
+|L| may become. A particle of smaller |L| follows the full equations until |L| has grown again, or form
+`hybrid` where that would take longer.
 
 `docs/scaling.md`, under Hybrid, says what users see of it. Words used here: L is the angular
 momentum and I_max the largest moment of inertia. "Both ways" is averaged and by form `hybrid`.
@@ -16,7 +16,7 @@ moment of inertia and the spin about p̂ of a spheroid.
 """
 
 from dataclasses import replace
-from math import inf
+from math import ceil, inf
 
 import numpy as np
 
@@ -43,16 +43,16 @@ BOTH_WAYS = 64
 # Particles that they are chosen from, averaged in lanes at little cost.
 POOL = 4096
 # Share of all particles that may miss the error: form `hybrid` is meant to keep it in 97.5 %.
-_MISSED = 0.025
+_MAX_MISSED_SHARE = 0.025
 # Full equations last until |L| is this multiple of the least one that may be averaged; an estimate.
 _CLEAR = 1.25
 # Longest time, in inverse shear rates, for which full equations in lanes stand in for form
 # `hybrid`: by trial, one run of that form takes as long as they take to get there.
 FULL = 3e5
-# Allowed error of the whole state over that of L and E. By trial the ratio is thousands, as the
-# phases add up the errors of L: 100 is on the safe side.
+# The allowed error of the whole state over the allowed error of L and E. By trial errors have a ratio of
+# thousands, as the phases add up the errors of L: 100 is on the safe side.
 _WHOLE = 100.0
-# Times at which |L| is looked at, at least; an estimate.
+# Least number of times at which |L| is looked at; an estimate.
 PATH = 65
 # The requested error over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
 ERROR_OVER_TOLERANCE = 1e4
@@ -65,18 +65,17 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
 
     `starts` are states of the full equations, shape (n, d); the start of `scene` is not used.
     """
-    unit = max(scene.ellipsoid.inertia)
-    form = find_form(full_form(scene))
-    if (
-        tolerance * scene.stokes < _OPEN
-        or not form.observe(scene, starts).angular_momentum.any(axis=1).all()
-    ):
+    if tolerance * scene.stokes < _OPEN:
+        return inf
+    # Averaged equations have no start at L = 0.
+    momenta = find_form(full_form(scene)).observe(scene, starts).angular_momentum
+    if not momenta.any(axis=1).all():
         return inf
     times = np.linspace(0.0, scene.time, PATH)
     path, _ = averaged(scene, starts, times, tolerance)
     least = least_between(scene, path).min(axis=0)
     count = len(starts)
-    # Ranks, by the least |L|, of those that run both ways. By the cube they lie closest together
+    # Ranks, by the least |L|, of the starts that run both ways. By the cube they lie closest together
     # where |L| is small and averaging errs most.
     ranks = np.unique(np.ceil(count * np.linspace(0, 1, BOTH_WAYS + 1)[1:] ** 3).astype(int))
     # A path that averaging gave up has NaN, and counts as one of |L| = 0.
@@ -84,25 +83,41 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     states, statuses = run_alone(scene, starts[chosen], times, tolerance / 10)
     finished = statuses == str(Status.REACHED_END)
     chosen = chosen[finished]
-    # Share of all starts that each of them stands for: those between its rank and the one before.
+    # Share of all starts that each chosen one stands for: those between its rank and the one before.
     shares = (np.diff(ranks, prepend=0) / count)[finished]
-    exact = form.observe(scene, states[:, finished].reshape(-1, states.shape[2])).slow.reshape(
-        PATH, -1, 4
-    )
-    slow = (
-        find_form(averaged_form(scene))
-        .observe(scene, path[:, chosen].reshape(-1, 4))
-        .slow.reshape(exact.shape)
-    )
-    missed = ~(np.abs(slow - exact).max(axis=(0, 2)) <= tolerance * unit)
-    # `below` and `few` are places in `chosen`, ordered by |L|. Below the first, misses outnumber the
-    # others by most. Above the second, no more than `_MISSED` of all particles miss, and one by chance:
-    # the one of the largest share is left out.
-    below = np.argmax(np.cumsum(np.append(0, np.where(missed, 1, -1))))
-    above = np.append(shares * missed, 0)
-    above[np.argmax(above)] = 0
-    few = np.argmax(np.cumsum(above[::-1])[::-1] <= _MISSED)
-    return float(np.append(least[chosen], inf)[max(below, few)])
+    missed = _missed(scene, states[:, finished], path[:, chosen], tolerance)
+    return _border(least[chosen], missed, shares)
+
+
+def _missed(scene: Scene, full: Array, averaged_path: Array, tolerance: float) -> Array:
+    """Whether averaging misses an error of L and E over I_max, for each particle, shape (n,).
+
+    `full` are states of the full equations, shape (m, n, d), `averaged_path` averaged ones, (m, n, 4).
+    """
+    times, particles, dimension = full.shape
+    exact = find_form(full_form(scene)).observe(scene, full.reshape(-1, dimension)).slow
+    slow = find_form(averaged_form(scene)).observe(scene, averaged_path.reshape(-1, 4)).slow
+    differences = np.abs(slow - exact).reshape(times, particles, 4).max(axis=(0, 2))
+    # A path that has NaN misses too.
+    return ~(differences <= tolerance * max(scene.ellipsoid.inertia))
+
+
+def _border(least: Array, missed: Array, shares: Array) -> float:
+    """The |L| from which on particles may be averaged, inf if from none, of n particles that ran both ways.
+
+    `least` is their least |L|, ascending, `missed` whether averaging missed the error, `shares` the shares
+    of all particles that they stand for. A border at place i, 0 to n, averages the particles from i on.
+    """
+    # Before this border, misses outnumber the other particles by most.
+    misses_over_others = np.cumsum(np.append(0, np.where(missed, 1, -1)))
+    majority = np.argmax(misses_over_others)
+    # From this border on, the particles that miss stand for no more than `_MAX_MISSED_SHARE` of all. One
+    # may miss by chance: the one of the largest share is left out.
+    missed_shares = np.append(shares * missed, 0)
+    missed_shares[np.argmax(missed_shares)] = 0
+    missed_from = np.cumsum(missed_shares[::-1])[::-1]
+    few = np.argmax(missed_from <= _MAX_MISSED_SHARE)
+    return float(np.append(least, inf)[max(majority, few)])
 
 
 def run_hybrid(
@@ -119,9 +134,9 @@ def run_hybrid(
     """
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
-    # Intervals of `grid`, on which |L| is looked at, in each interval of `times`: so many that
-    # `grid` has `PATH` times or more.
-    every = -(-(PATH - 1) // (len(times) - 1))
+    # |L| is looked at on `grid`: each interval of `times` has `every` of its intervals, the fewest that
+    # give it `PATH` times.
+    every = ceil((PATH - 1) / (len(times) - 1))
     grid = np.linspace(0.0, times[-1], every * (len(times) - 1) + 1)
     path, statuses = averaged(scene, starts, grid, tolerance)
     states = np.concatenate([starts[None], posed(scene, starts, path[every::every], random)])
@@ -131,18 +146,17 @@ def run_hybrid(
     # The place in `grid` from which |L| is large again: behind the last interval in which it is not.
     clear = len(between) - np.argmax((between[:, small] < _CLEAR * least)[::-1], axis=0)
     soon = ~failed[small] & (clear < len(between)) & (grid[clear] <= FULL)
-    # Particles of the full equations in lanes, and those of form `hybrid`.
+    # Particles that follow the full equations in lanes, and particles that form `hybrid` follows alone.
     lanes = small[soon]
     alone = small[~soon]
     if len(lanes):
         # All lanes change over to averaged equations together, when the last one may.
-        then = clear[soon].max()
-        begun, _ = run_full(scene, starts[lanes], grid[: then + 1], tolerance)
-        ended, statuses[lanes] = averaged(scene, begun[-1], grid[then:] - grid[then], tolerance)
-        states[:, lanes] = np.concatenate([begun, posed(scene, begun[-1], ended[1:], random)])[
-            ::every
-        ]
-        # Those whose second, averaged part failed run anew.
+        change = clear[soon].max()
+        full, _ = run_full(scene, starts[lanes], grid[: change + 1], tolerance)
+        slow, statuses[lanes] = averaged(scene, full[-1], grid[change:] - grid[change], tolerance)
+        on_grid = np.concatenate([full, posed(scene, full[-1], slow[1:], random)])
+        states[:, lanes] = on_grid[::every]
+        # A particle whose second, averaged part failed runs anew.
         alone = np.append(alone, lanes[statuses[lanes] != str(Status.REACHED_END)])
     states[:, alone], statuses[alone] = run_alone(scene, starts[alone], times, tolerance)
     return states, statuses
@@ -189,8 +203,9 @@ def least_between(scene: Scene, path: Array) -> Array:
         np.einsum("mni,mni->mn", momentum[: len(later)], later)
         for later in (momentum, momentum[1:])
     )
-    # On L₀ + s (L₁ - L₀), |L|² is |L₀|² - 2 s `back` + s² `way`, least at s = `share`. Dot products
-    # alone are held, as differences of all vectors would take more memory.
+    # `square` is |L|² at each time, `along` L₀·L₁ of neighbouring times. On L₀ + s (L₁ - L₀), |L|² is
+    # |L₀|² - 2 s `back` + s² `way`, least at s = `share`; 1e-300 keeps the quotient finite where L does
+    # not change. Dot products alone are held, as differences of all vectors would take more memory.
     back = square[:-1] - along
     way = np.maximum(back + square[1:] - along, 1e-300)
     share = np.clip(back / way, 0, 1)
@@ -216,56 +231,91 @@ def posed(scene: Scene, starts: Array, slow: Array, random: np.random.Generator)
 def _posed(ellipsoid: Ellipsoid, starts: Array, slow: Array, random: np.random.Generator) -> Array:
     """Quaternions and angular velocities on polhodes (`eq:omg1`–`eq:omg3`), as states, shape (m, n, 7).
 
-    `slow` has L and E, shape (m, n, 4). z is the direction of L in body axes: |z| = 1 and Σ z_i²/I_i = h.
+    `slow` has L and E, shape (m, n, 4). `starts` are full states at the start, shape (n, 7).
     """
     inertia = np.array(ellipsoid.inertia)
-    first, middle, last = ellipsoid.order
     momentum = slow[..., :3]
-    shape = slow.shape[:-1]
     square = np.sum(momentum**2, axis=-1)
-    h = 2 * slow[..., 3] / square
-    # Whether the polhode circles the longest axis, else the shortest one; that axis is the pole.
-    longest = h > 1 / inertia[middle]
-    # h of rotations about the pole, and about the axis that is neither the pole nor the middle one.
-    near_limit = np.where(longest, 1 / inertia[first], 1 / inertia[last])
-    far_limit = np.where(longest, 1 / inertia[last], 1 / inertia[first])
-    rise = 1 / inertia[middle] - near_limit
-    # Largest values of z_i² along the middle axis (`share`) and along the third one (`small`).
-    share = np.clip((h - near_limit) / rise, 0, 1)
-    small = rise / (far_limit - near_limit) * share
-    # 1 - k² of the elliptic functions, above 0 so that K is finite.
-    complement = np.clip((1 - share) / (1 - small), 1e-300, 1)
     # The fast phases: of the polhode in units of K, of the turn about L in units of π, and two signs.
-    phase, turn, *signs = random.uniform(-1, 1, (4, *shape))
+    phase, turn, half, other_sense = random.uniform(-1, 1, (4, *square.shape))
+    h = 2 * slow[..., 3] / square
+    # The sense that a particle has on the other side of L² = 2EI₂ is drawn once for all times.
+    senses = _senses(ellipsoid, starts, h, np.sign(other_sense[0]))
+    z = _on_polhode(ellipsoid, h, phase, np.sign(half), senses)
+    n = momentum / np.sqrt(square)[..., None]
+    q = _carrying(z, n, np.pi * turn)
+    return np.concatenate([q, np.sqrt(square)[..., None] * z / inertia], axis=-1)
+
+
+def _circles_longest(ellipsoid: Ellipsoid, h: Array) -> Array:
+    """Whether a polhode with h = 2E/L² circles the longest axis; else it circles the shortest one."""
+    _, middle, _ = ellipsoid.order
+    return h > 1 / ellipsoid.inertia[middle]
+
+
+def _senses(ellipsoid: Ellipsoid, starts: Array, h: Array, other_sense: Array) -> Array:
+    """Sign of the component of L along the axis that the polhode circles, shape (m, n).
+
+    A particle keeps the sense of its start on the start's side of L² = 2EI₂, and has `other_sense`, shape
+    (n,), on the other side.
+    """
+    longest_axis, middle, shortest_axis = ellipsoid.order
+    inertia = np.array(ellipsoid.inertia)
+    omega = starts[:, 4:]
+    body_momentum = omega * inertia
+    energy2 = np.sum(omega * body_momentum, axis=1)
+    began_longest = energy2 * inertia[middle] > np.sum(body_momentum**2, axis=1)
+    along_pole = np.where(
+        began_longest, body_momentum[:, longest_axis], body_momentum[:, shortest_axis]
+    )
+    return np.where(
+        _circles_longest(ellipsoid, h) == began_longest, np.sign(along_pole), other_sense
+    )
+
+
+def _on_polhode(ellipsoid: Ellipsoid, h: Array, phase: Array, half: Array, senses: Array) -> Array:
+    """Direction z of L in body axes, shape (m, n, 3), with |z| = 1 and Σ z_i²/I_i = h = 2E/L².
+
+    `phase`, -1 to 1, is the place on half of a polhode, in units of K; the sign `half` chooses one of its
+    halves, which are images of each other. `senses` are signs of z along the axis that it circles.
+    """
     with IMPORTS:
         from scipy.special import ellipj, ellipkm1
 
+    inertia = np.array(ellipsoid.inertia)
+    longest_axis, middle, shortest_axis = ellipsoid.order
+    longest = _circles_longest(ellipsoid, h)
+    # The axis that the polhode circles is the pole. h of rotations about the pole, and about the axis that
+    # is neither the pole nor the middle one.
+    near_limit = np.where(longest, 1 / inertia[longest_axis], 1 / inertia[shortest_axis])
+    far_limit = np.where(longest, 1 / inertia[shortest_axis], 1 / inertia[longest_axis])
+    rise = 1 / inertia[middle] - near_limit
+    # Largest values of z_i² along the middle axis, and along the one that `far_limit` belongs to.
+    middle_square = np.clip((h - near_limit) / rise, 0, 1)
+    far_square = rise / (far_limit - near_limit) * middle_square
+    # 1 - k² of the elliptic functions, above 0 so that K is finite.
+    complement = np.clip((1 - middle_square) / (1 - far_square), 1e-300, 1)
     sn, cn, dn, _ = ellipj(phase * ellipkm1(complement), 1 - complement)
-    # Half of the polhode; the other half is its image.
-    flip = np.sign(signs[0])
-    # The sense is the sign of z along the pole. A particle keeps that of its start. On the other
-    # side of L² = 2EI₂ it is drawn once for all times. `body` is L in body axes at the start, and
-    # `began` is `longest` there.
-    body = starts[:, 4:] * inertia
-    began = np.sum(starts[:, 4:] * body, axis=1) * inertia[middle] > np.sum(body**2, axis=1)
-    start_sense = np.sign(np.where(began, body[:, first], body[:, last]))
-    sense = np.where(longest == began, start_sense, np.sign(signs[1][0]))
-    z = np.empty((*shape, 3))
-    along_pole = sense * np.sqrt(1 - small) * dn
-    across_pole = flip * np.sqrt(small) * cn
-    z[..., first] = np.where(longest, along_pole, across_pole)
-    z[..., last] = np.where(longest, across_pole, along_pole)
-    z[..., middle] = flip * np.sqrt(share) * sn
-    # The rotations that carry z to n, the direction of L in space axes: the circle of unit
-    # quaternions [cos(angle) (1 + z·n, z×n) + sin(angle) (0, z + n)] / √(2 (1 + z·n)).
-    n = momentum / np.sqrt(square)[..., None]
-    cosine = 1 + np.sum(z * n, axis=-1)
-    angle = np.pi * turn
-    size = np.sqrt(2 * cosine)
-    real = np.cos(angle) * cosine
+    along_pole = senses * np.sqrt(1 - far_square) * dn
+    along_far = half * np.sqrt(far_square) * cn
+    z = np.empty((*h.shape, 3))
+    z[..., longest_axis] = np.where(longest, along_pole, along_far)
+    z[..., shortest_axis] = np.where(longest, along_far, along_pole)
+    z[..., middle] = half * np.sqrt(middle_square) * sn
+    return z
+
+
+def _carrying(z: Array, n: Array, angle: Array) -> Array:
+    """Unit quaternions of rotations that carry z to n, unit vectors of shape (m, n, 3).
+
+    They form a circle, on which `angle`, shape (m, n), is the place:
+    [cos(angle) (1 + z·n, z×n) + sin(angle) (0, z + n)] / √(2 (1 + z·n)).
+    """
+    one_plus_cosine = 1 + np.sum(z * n, axis=-1)
+    size = np.sqrt(2 * one_plus_cosine)
+    real = np.cos(angle) * one_plus_cosine
     imaginary = np.cos(angle)[..., None] * np.cross(z, n) + np.sin(angle)[..., None] * (z + n)
-    q = np.concatenate([real[..., None], imaginary], axis=-1) / size[..., None]
-    return np.concatenate([q, np.sqrt(square)[..., None] * z / inertia], axis=-1)
+    return np.concatenate([real[..., None], imaginary], axis=-1) / size[..., None]
 
 
 def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
