@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import cycle
 from math import ceil, floor, log10
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -76,17 +76,59 @@ _LEFT = 0.72  # Numbers and label of the time.
 _NAMES_WIDTH = 1.5  # Names beside a panel.
 _ABOVE = 0.42  # Title of a panel, and runs without a result.
 _BELOW = 0.5  # Numbers and label of the error, below the lowest panel.
-_LEAST_HEIGHT = 1.0  # Of a panel.
-_MOST_DECADE = 0.42  # Width and height of a decade.
+_BELOW_UPPER = 0.22  # Numbers of the error, below the panels above it.
+_LEAST_HEIGHT = 1.0  # Least height of a panel.
+_MOST_DECADE = 0.42  # Largest width and height of a decade.
 _KEY_LINE = 0.2  # A line of the key.
+_KEY_MARGIN = 0.06  # Room below the key.
 _KEY_LETTERS = 68  # Letters for which two columns of the key, together, have room.
-_NAME_SPACING = 12.5  # Points: the least distance between two lines of names.
+# Points, of names beside a panel.
+_NAME_SPACING = 12.5  # The least distance between two lines of names.
+_NAME_OFFSET = (
+    24.0  # From the panel's edge to a name: room for a marker and the line that leads there.
+)
+_MARKER_OFFSET = 9.0  # From a name back to the middle of its marker.
+_DASH = 5.0  # Half the length of the dash that stands for a line without a marker.
 _BEHIND_NAME = "nowhere on the front"
 # Factors over the time of the fastest method; both are choices.
 _LARGEST_FACTOR = 1000.0  # The figure ends here.
 _NEAR = 2.0  # The sentence names the method that stays most often within this factor.
 # Methods that the figure names, those that are fast and sure; the others are grey.
 NAMED = 7
+# Ratios below which the heat map writes "1", in bold, and below which it writes a number at all: "9.9"
+# is the longest text that fits into a cell.
+_FASTEST_BELOW = 1.05
+_WRITTEN_BELOW = 9.95
+# Ratios of the heat map's key.
+_KEY_RATIOS = (1, 2, 5, 10, 30, 100)
+
+
+class _Limits(NamedTuple):
+    """Ends of a panel's axes, as exponents of ten: of the error, and of the seconds."""
+
+    least_error: float
+    most_error: float
+    least_time: float
+    most_time: float
+
+    @property
+    def error_decades(self) -> float:
+        """How many decades of the error the panel has."""
+        return self.most_error - self.least_error
+
+    @property
+    def time_decades(self) -> float:
+        """How many decades of the seconds the panel has."""
+        return self.most_time - self.least_time
+
+
+class _LineName(NamedTuple):
+    """A line of a panel that has its name beside it."""
+
+    line: Line2D
+    text: str
+    end: tuple[float, float]  # The line's last point: error and seconds.
+    height: float  # Of that point above the foot of the figure, in points.
 
 
 def conditions(runs: pd.DataFrame, machine: str, repeats: str = "fastest of up to 5") -> str:
@@ -156,17 +198,7 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
             _grey_out(axes, method_runs, error, look.marker, style["markersize"])
     for form in forms:
         if form not in full:
-            form_runs = where(done, done["form"] == form)
-            look = looks([form])[form]
-            cheapest = pareto_front(form_runs, error)
-            style = {"marker": look.marker, "markersize": 9, "linewidth": 0, "color": look.colour}
-            axes.plot(*_points(cheapest, error), label=f"{form} form,\ncheapest runs", **style)
-            _grey_out(axes, cheapest, error, look.marker, 9)
-            for model in form_runs[f"model_{error}"].dropna().head(1):
-                label = f"{form} form,\nmodel error"
-                axes.axvline(
-                    float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label
-                )
+            _draw_averaged(axes, where(done, done["form"] == form), error, form)
     axes.set(xscale="log", yscale="log")
     axes.yaxis.set_minor_formatter(NullFormatter())
     plain(axes)
@@ -178,7 +210,22 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     return axes
 
 
+def _draw_averaged(axes: Axes, runs: pd.DataFrame, error: str, form: str) -> None:
+    """Draw the cheapest runs of an averaged form, and its model error as a dotted line."""
+    look = looks([form])[form]
+    cheapest = pareto_front(runs, error)
+    size = 9
+    style = {"marker": look.marker, "markersize": size, "linewidth": 0, "color": look.colour}
+    axes.plot(*_points(cheapest, error), label=f"{form} form,\ncheapest runs", **style)
+    _grey_out(axes, cheapest, error, look.marker, size)
+    # All runs of the form have the same one.
+    for model in runs[f"model_{error}"].dropna().head(1):
+        label = f"{form} form,\nmodel error"
+        axes.axvline(float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label)
+
+
 def _points(runs: pd.DataFrame, error: str) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and seconds of runs."""
     return runs[error].to_numpy(float), runs["seconds"].to_numpy(float)
 
 
@@ -205,10 +252,10 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
     """A hollow marker above the upper edge for each run without a result, at its tolerance, side by side."""
     figure: Any = axes.figure
     failed: Any = where(runs, runs["status"] != Status.REACHED_END)
-    # Failed runs whose tolerance lies beyond the errors that are drawn stand at the edge.
-    places = (
-        failed["tolerance"].astype(float).clip(*(sorted(axes.get_xlim()) if axes.lines else ()))
-    )
+    places = failed["tolerance"].astype(float)
+    if axes.lines:
+        # Failed runs whose tolerance lies beyond the errors that are drawn stand at the edge.
+        places = places.clip(*sorted(axes.get_xlim()))
     for tolerance, failed_runs in failed.groupby(places):
         for i, (solver, look) in enumerate(looks(failed_runs["solver"]).items()):
             style = {
@@ -220,6 +267,7 @@ def _without_result(axes: Axes, runs: pd.DataFrame) -> None:
                 "fillstyle": "none",
                 "linewidth": 0,
             }
+            # 7 points above the edge; solvers at one tolerance stand 8 points apart.
             place = offset_copy(axes.get_xaxis_transform(), figure, 8 * i, 7, units="points")
             axes.plot(
                 [tolerance],
@@ -237,77 +285,117 @@ def name_lines(axes: Axes, few: int = 0) -> None:
     A panel of more than `few` lines shows pale ones in grey, without markers or names.
     """
     axes.get_ylim()  # Limits that follow from the data are set once they are asked for.
-    figure: Any = axes.figure
-    # In points, which a picture's resolution does not change.
-    scale = figure.dpi / 72
-    ends = []
-    named = set()
     lines = axes.get_lines()
-    many = len([line for line in lines if not str(line.get_label()).startswith("_")]) > few
+    if len([line for line in lines if not str(line.get_label()).startswith("_")]) > few:
+        _grey_behind(lines)
+    names = _names_of(axes)
+    for name, height in zip(names, _heights_of(axes, names), strict=True):
+        _write_name(axes, name, height)
+
+
+def _grey_behind(lines: Sequence[Line2D]) -> None:
+    """Show pale lines in grey, without markers or names, and the failed runs of solvers without a named line."""
+    named = set()
     for line in lines:
         label = str(line.get_label())
-        points = np.asarray(line.get_xydata())
-        if many and line.get_alpha() is not None:
+        if line.get_alpha() is not None:
             line.set(color=BEHIND, marker="", alpha=1.0, label=f"_{label}")
-        elif (
-            not label.startswith("_") and "\n" not in label and label != _FRONT_NAME and len(points)
-        ):
-            end = points[-1]
-            name = label.replace(", ", ",\n") if len(label) > _LONGEST_NAME else label
+        elif _has_name(line):
             named.add(label.partition(", ")[0])
-            ends.append((axes.transData.transform(end)[1] / scale, tuple(end), line, name))
     for line in lines:
-        solver, _, what = str(line.get_label()).removeprefix("_").partition(": ")
-        if many and what == "no result" and solver not in named:
+        label = str(line.get_label())
+        solver = label.removeprefix("_").removesuffix(NO_RESULT)
+        if label.endswith(NO_RESULT) and solver not in named:
             line.set(color=BEHIND)
-    ends.sort(key=lambda entry: entry[0])
+
+
+def _has_name(line: Line2D) -> bool:
+    """Whether a line's name belongs beside the panel, and not into the key."""
+    label = str(line.get_label())
+    in_key = label.startswith("_") or "\n" in label or label == _FRONT_NAME
+    return not in_key and len(np.asarray(line.get_xydata())) > 0
+
+
+def _points_of(figure: Any) -> float:
+    """Pixels of a point. Names stand at places in points, which a picture's resolution does not change."""
+    return figure.dpi / 72
+
+
+def _names_of(axes: Axes) -> list[_LineName]:
+    """Names of a panel's lines by the heights of their ends, the lowest first."""
+    names = []
+    for line in axes.get_lines():
+        if not _has_name(line):
+            continue
+        label = str(line.get_label())
+        text = label.replace(", ", ",\n") if len(label) > _LONGEST_NAME else label
+        end = np.asarray(line.get_xydata())[-1]
+        height = axes.transData.transform(end)[1] / _points_of(axes.figure)
+        names.append(_LineName(line, text, tuple(end), height))
+    return sorted(names, key=lambda name: name.height)
+
+
+def _heights_of(axes: Axes, names: Sequence[_LineName]) -> np.ndarray:
+    """Heights of names above the foot of the figure, in points.
+
+    Names move as little as keeps them apart, in order and beside the panel.
+    """
+    if not names:
+        return np.array([])
     box = axes.get_window_extent()
-    # Names move as little as keeps them apart, in order and beside the panel. `rooms` are their heights
-    # in points. Stacked without gaps their middles are at `middles`; heights less `middles` may not
-    # fall from one name to the next, and isotonic regression finds the nearest such values.
-    rooms = np.array([_NAME_SPACING * (1 + name.count("\n")) for *_, name in ends])
+    point = _points_of(axes.figure)
+    # Stacked without gaps the names, as high as `rooms`, have their middles at `middles`. Heights less
+    # `middles` may not fall from one name to the next: isotonic regression finds the nearest such values.
+    rooms = np.array([_NAME_SPACING * (1 + name.text.count("\n")) for name in names])
     middles = np.cumsum(rooms) - rooms / 2
-    # Below the panel stand the numbers of its axis.
-    highest = box.y1 / scale + 1.5 * _NAME_SPACING - rooms.sum()
-    lowest = min(box.y0 / scale, highest)
-    free = [y - middle for (y, *_), middle in zip(ends, middles, strict=True)]
-    heights = middles + np.clip(isotonic_regression(free).x if free else [], lowest, highest)
-    for (_, end, line, name), height in zip(ends, heights, strict=True):
-        # From the name's left edge, lest it cross the names beside it.
-        arrow = {
-            "arrowstyle": "-",
-            "color": BEHIND,
-            "lw": 0.4,
-            "shrinkA": 12,
-            "shrinkB": 2,
-            "relpos": (0, 0.5),
-        }
-        # Points: room for a marker and the line that leads to the name.
-        place = (box.x1 / scale + 24, height)
-        axes.annotate(
-            name,
-            end,
-            place,
-            textcoords="figure points",
-            arrowprops=arrow,
-            annotation_clip=False,
-            fontsize=LETTERS,
-            color=INK,
-            va="center",
-            linespacing=1.0,
+    # Names may rise above the panel by a line and a half. Below it stand the numbers of its axis.
+    highest = box.y1 / point + 1.5 * _NAME_SPACING - rooms.sum()
+    lowest = min(box.y0 / point, highest)
+    shifts = isotonic_regression([name.height for name in names] - middles).x
+    return middles + np.clip(shifts, lowest, highest)
+
+
+def _write_name(axes: Axes, name: _LineName, height: float) -> None:
+    """Write a line's name beside the panel, at a height in points, with its marker and a line from its end."""
+    figure: Any = axes.figure
+    point = _points_of(figure)
+    # From the name's left edge, lest it cross the names beside it.
+    arrow = {
+        "arrowstyle": "-",
+        "color": BEHIND,
+        "lw": 0.4,
+        "shrinkA": 12,
+        "shrinkB": 2,
+        "relpos": (0, 0.5),
+    }
+    left = axes.get_window_extent().x1 / point + _NAME_OFFSET
+    axes.annotate(
+        name.text,
+        name.end,
+        (left, height),
+        textcoords="figure points",
+        arrowprops=arrow,
+        annotation_clip=False,
+        fontsize=LETTERS,
+        color=INK,
+        va="center",
+        linespacing=1.0,
+    )
+    # The middle of the marker, in shares of the figure's width and height.
+    x, y = np.array([left - _MARKER_OFFSET, height]) * point / figure.bbox.size
+    line = name.line
+    style = {"color": line.get_color(), "marker": line.get_marker(), "markersize": 6}
+    mark = Line2D([x], [y], transform=figure.transFigure, **style)
+    if mark.get_marker() in ("", "None", None):
+        dash = _DASH * point / figure.bbox.width
+        mark = Line2D(
+            [x - dash, x + dash],
+            [y, y],
+            transform=figure.transFigure,
+            color=line.get_color(),
+            linewidth=line.get_linewidth(),
         )
-        spot = np.array([place[0] - 9, height]) * scale / figure.bbox.size
-        style = {"color": line.get_color(), "marker": line.get_marker(), "markersize": 6}
-        mark = Line2D([spot[0]], [spot[1]], transform=figure.transFigure, **style)
-        if mark.get_marker() in ("", "None", None):
-            mark = Line2D(
-                [spot[0] - 5 * scale / figure.bbox.width, spot[0] + 5 * scale / figure.bbox.width],
-                [spot[1]] * 2,
-                transform=figure.transFigure,
-                color=line.get_color(),
-                linewidth=line.get_linewidth(),
-            )
-        figure.add_artist(mark)
+    figure.add_artist(mark)
 
 
 def work_precision_panels(
@@ -329,55 +417,62 @@ def panels(
 ) -> Figure:
     """Panels of `work_precision` below each other, for each title and its runs; `alike` ones share their axes.
 
-    Decades of the error are as long as those of the time. The key stands on top, `note` below.
+    Decades of the error and of the time have one length. The key stands on top, `note` below.
     """
     everything = pd.concat([runs for _, runs in groups])
-    # For each panel the ends of its axes, as exponents of ten: of the error, and of the seconds.
     limits = []
     for _, runs in groups:
         shown: Any = everything if alike else runs
-        limits.append(
-            (_decades(shown[error], LARGEST_ERROR), _decades(shown["seconds"], np.inf, least=1))
-        )
+        error_ends = _decades(shown[error], LARGEST_ERROR)
+        time_ends = _decades(shown["seconds"], np.inf, least=1)
+        limits.append(_Limits(*error_ends, *time_ends))
     width = WIDTH - _LEFT - _NAMES_WIDTH
     # Inches of a decade, the same in all panels and along both axes.
-    decade = min(min(width / (high - low) for (low, high), _ in limits), _MOST_DECADE)
-    heights = [max(_LEAST_HEIGHT, decade * (top - bottom)) for _, (bottom, top) in limits]
+    decade = min(min(width / ends.error_decades for ends in limits), _MOST_DECADE)
+    heights = [max(_LEAST_HEIGHT, decade * ends.time_decades) for ends in limits]
     drawing = plt.figure(figsize=(WIDTH, 1.0))
     grid = [drawing.add_subplot() for _ in groups]
-    for axes, (title, runs), ((low, high), (bottom, top)), height in zip(
-        grid, groups, limits, heights, strict=True
-    ):
-        axes.set_xlim(10.0**high, 10.0**low)
-        work_precision(axes, runs, error)
-        # A panel that is lower than its names is filled up with empty decades.
-        axes.set_ylim(10.0**bottom, 10.0 ** max(top, bottom + height / decade))
+    for axes, (title, runs), ends, height in zip(grid, groups, limits, heights, strict=True):
+        _draw_panel(axes, runs, error, ends, height / decade)
         axes.set_title(title, fontsize=TITLE, loc="left", pad=13, color=INK)
-        axes.xaxis.set_major_locator(LogLocator(100.0 if high - low > 7 else 10.0, numticks=30))
-        axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.yaxis.set_major_locator(LogLocator(10.0, numticks=30))
-        axes.set_ylabel("time, s", fontsize=LETTERS, color=INK)
     grid[-1].set_xlabel(f"{label}, smaller to the right", fontsize=LETTERS, color=INK)
     handles = _key_of(grid)
-    half = ceil(len(handles) / 2)
-    parts = (handles[:half], handles[half:])
-    letters = [max(len(str(handle.get_label())) for handle in part) for part in parts if part]
-    columns = 2 if sum(letters) <= _KEY_LETTERS else 1
-    key_height = _KEY_LINE * ceil(len(handles) / columns) + 0.06
-    below = [_BELOW if not alike or axes is grid[-1] else 0.22 for axes in grid]
+    columns = _key_columns(handles)
+    key_height = _KEY_LINE * ceil(len(handles) / columns) + _KEY_MARGIN
+    below = [_BELOW if not alike or axes is grid[-1] else _BELOW_UPPER for axes in grid]
     total = key_height + sum(heights) + _ABOVE * len(grid) + sum(below)
     drawing.set_size_inches(WIDTH, total)
-    top_edge = total - key_height
-    for axes, ((low, high), _), height, room in zip(grid, limits, heights, below, strict=True):
-        top_edge -= _ABOVE + height
-        box = (_LEFT / WIDTH, top_edge / total, decade * (high - low) / WIDTH, height / total)
-        axes.set_position(box)
-        top_edge -= room
+    # Panels are placed from the top down; `edge` is the lowest inch that is taken.
+    edge = total - key_height
+    for axes, ends, height, room in zip(grid, limits, heights, below, strict=True):
+        edge -= _ABOVE + height
+        # Left, bottom, width and height, in shares of the figure.
+        axes.set_position(
+            (_LEFT / WIDTH, edge / total, decade * ends.error_decades / WIDTH, height / total)
+        )
+        edge -= room
     _write_key(drawing, handles, columns)
     caption(drawing, note)
     for axes in grid:
         name_lines(axes, _FEW_LINES)
     return drawing
+
+
+def _draw_panel(
+    axes: Axes, runs: pd.DataFrame, error: str, ends: _Limits, time_decades: float
+) -> None:
+    """Draw runs into a panel whose height has room for `time_decades`, with a power of ten at each tick."""
+    axes.set_xlim(10.0**ends.most_error, 10.0**ends.least_error)
+    work_precision(axes, runs, error)
+    # A panel that is lower than its names is filled up with empty decades.
+    most_time = max(ends.most_time, ends.least_time + time_decades)
+    axes.set_ylim(10.0**ends.least_time, 10.0**most_time)
+    # More than seven powers of ten crowd: then every other one is written.
+    step = 100.0 if ends.error_decades > 7 else 10.0
+    axes.xaxis.set_major_locator(LogLocator(step, numticks=30))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_locator(LogLocator(10.0, numticks=30))
+    axes.set_ylabel("time, s", fontsize=LETTERS, color=INK)
 
 
 def _decades(values: pd.Series, most: float, least: int = 0) -> tuple[float, float]:
@@ -413,7 +508,16 @@ def _key_of(grid: Sequence[Axes]) -> list[Any]:
     return named
 
 
+def _key_columns(handles: Sequence[Any]) -> int:
+    """Columns of the key, which are filled one after the other: two where the longest texts of both have room."""
+    half = ceil(len(handles) / 2)
+    columns = (handles[:half], handles[half:])
+    letters = [max(len(str(handle.get_label())) for handle in part) for part in columns if part]
+    return 2 if sum(letters) <= _KEY_LETTERS else 1
+
+
 def _write_key(drawing: Figure, handles: Sequence[Any], columns: int) -> None:
+    """Write the key into the upper left corner."""
     spacing = {"columnspacing": 1.4, "handletextpad": 0.8, "labelspacing": 0.35}
     key(drawing, handles, columns, loc="upper left", bbox_to_anchor=(0.0, 1.0), **spacing)
 
@@ -423,12 +527,13 @@ def times(table: pd.DataFrame, error: str = "slow_error") -> pd.DataFrame:
     groups = []
     for _, scene_runs in by_scene(table):
         groups += [runs for _, runs in by_stokes(scene_runs)]
+    # A row for each form and solver, a column for each problem.
     seconds: Any = costs(enumerate(groups), TARGETS, error).dropna(how="all").T
-    return (
-        seconds.groupby([Method(*column).label for column in seconds.index], sort=False).min().T
-        if len(seconds)
-        else seconds
-    )
+    if not len(seconds):
+        return seconds
+    # Pairs of one label are one method: the fastest of them counts.
+    labels = [Method(form, solver).label for form, solver in seconds.index]
+    return seconds.groupby(labels, sort=False).min().T
 
 
 def profile_lines(
@@ -463,10 +568,7 @@ def profile_lines(
 
 
 def sentence(seconds: pd.DataFrame) -> str:
-    """Who is seldom far from the fastest, and who gets there most often, from a table of `times`.
-
-    `slow` is what nine in ten of the ratios of the surest method stay below.
-    """
+    """Who is seldom far from the fastest, and who gets there most often, from a table of `times`."""
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     nearly_fastest = (ratios <= _NEAR).mean()
     reached = seconds.notna().mean()
@@ -474,14 +576,17 @@ def sentence(seconds: pd.DataFrame) -> str:
     order = nearly_fastest.sort_values(ascending=False, kind="stable").index
     first = str(order[0])
     surest = str(reached.reindex(order).idxmax())
-    slow = np.nanquantile(ratios[surest].to_numpy(float), 0.9)
-    shares = {
-        "near": nearly_fastest[first],
-        "reached": reached[surest],
-        "factor": _NEAR,
-        "slow": slow,
-    }
-    return fill("profiles-sentence", count=len(seconds), first=first, surest=surest, **shares)
+    return fill(
+        "profiles-sentence",
+        count=len(seconds),
+        first=first,
+        surest=surest,
+        near=nearly_fastest[first],
+        reached=reached[surest],
+        factor=_NEAR,
+        # Nine in ten of the ratios of the surest method stay below this one.
+        slow=np.nanquantile(ratios[surest].to_numpy(float), 0.9),
+    )
 
 
 def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
@@ -493,10 +598,8 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
     figure = plt.figure(figsize=(WIDTH, height))
     grid = [figure.add_subplot(2, 1, place) for place in (1, 2)]
     ratios = seconds.div(seconds.min(axis=1), axis=0)
-    fastest, longest = (
-        float(end)
-        for end in (np.nanmin(seconds.to_numpy(float)), np.nanmax(seconds.to_numpy(float)))
-    )
+    fastest = float(np.nanmin(seconds.to_numpy(float)))
+    longest = float(np.nanmax(seconds.to_numpy(float)))
     # Methods are ranked by the share of problems solved nearly as fast as the fastest, plus the share
     # solved at all: both count as much.
     standing = (ratios <= _NEAR).mean() + seconds.notna().mean()
@@ -506,15 +609,10 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
             (grid[0], ratios[name], _LARGEST_FACTOR),
             (grid[1], seconds[name], longest * 1.1),
         ):
-            points = np.sort(values.dropna().to_numpy(float))
-            points = points[points <= end]
-            shares = np.arange(1, len(points) + 1) / len(seconds)
-            # The curve goes on at its height to the edge of the panel.
-            points = np.append(points, end)
-            shares = np.append(shares, shares[-1] if len(shares) else 0.0)
             style: dict[str, Any] = {"color": look.colour, "linewidth": 1.8}
             if name not in named:
                 style = {"color": BEHIND, "linewidth": 0.8, "alpha": 0.5, "zorder": 1}
+            points, shares = _profile(values.dropna().to_numpy(float), len(seconds), end)
             axes.step(points, shares, where="post", label=name, **style)
     grid[0].set_xlim(1, _LARGEST_FACTOR)
     grid[1].set_xlim(fastest / 1.1, longest * 1.1)
@@ -538,28 +636,44 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
     return figure
 
 
+def _profile(values: np.ndarray, count: int, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places and heights of the steps of one curve, which rises by 1/count at each value up to `end`."""
+    points = np.sort(values)
+    points = points[points <= end]
+    shares = np.arange(1, len(points) + 1) / count
+    # The curve goes on at its height to the edge of the panel.
+    points = np.append(points, end)
+    shares = np.append(shares, shares[-1] if len(shares) else 0.0)
+    return points, shares
+
+
 def heat_map(
     ratios: pd.DataFrame, titles: Sequence[str], note: str = "", most: float = 100.0
 ) -> Figure:
-    """Time over that of the fastest: a row for each problem, a column for each solver, a panel for each title.
+    """Ratios of times to the fastest one: a row for each problem, a column for each solver, a panel for each title.
 
-    `ratios` has the titles' places as its outer level of rows. Numbers stand where a solver is
-    within 10 times the fastest; white: no run gets there.
+    `ratios` has the titles' places as its outer level of rows. Shades end at the ratio `most`. Numbers
+    stand where a solver is within 10 times the fastest. A cell is white where no run reaches the error.
     """
     names = [str(name) for name in ratios]
     rows = [str(row) for row in ratios.index.get_level_values(1).unique()]
-    # Inches: names of rows, title of a panel, and names of columns.
-    left, top, bottom = 1.25, 0.32, 0.95
-    cell = (WIDTH - left - 0.05) / len(names)
-    height = 0.19
-    panel = height * len(rows)
-    total = (panel + top) * len(titles) + bottom + 0.5
+    # Inches.
+    left = 1.25  # Names of rows.
+    right = 0.05
+    title_height = 0.32
+    bottom = 0.95  # Names of columns.
+    key_height = 0.5
+    row_height = 0.19
+    cell = (WIDTH - left - right) / len(names)
+    panel = row_height * len(rows)
+    total = (panel + title_height) * len(titles) + bottom + key_height
     figure = plt.figure(figsize=(WIDTH, total))
     shades = plt.get_cmap("YlOrBr")
-    edge = total - 0.5
+    # Panels are placed from the top down; `edge` is the lowest inch that is taken.
+    edge = total - key_height
     grid = []
     for place, title in zip(ratios.index.get_level_values(0).unique(), titles, strict=True):
-        edge -= top + panel
+        edge -= title_height + panel
         axes = figure.add_axes(
             (left / WIDTH, edge / total, cell * len(names) / WIDTH, panel / total)
         )
@@ -573,12 +687,7 @@ def heat_map(
             edgecolor="white",
             linewidth=0.6,
         )
-        for (i, j), value in np.ndenumerate(values):
-            # Below 9.95 two digits, "9.9", fit into a cell; below 1.05 they would read "1".
-            if value < 9.95:
-                text = "1" if value < 1.05 else f"{value:.2g}"
-                style = {"fontsize": 8, "weight": "bold" if value < 1.05 else "normal"}
-                axes.text(j + 0.5, i + 0.5, text, ha="center", va="center", color=INK, **style)
+        _write_ratios(axes, values)
         axes.set_title(
             title,
             fontsize=TITLE,
@@ -595,11 +704,11 @@ def heat_map(
     grid[-1].set_xticks(
         np.arange(len(names)) + 0.5, names, fontsize=9, color=INK, rotation=90, va="top"
     )
-    steps = [1, 2, 5, 10, 30, 100]
-    handles = [
-        Patch(facecolor=shades(log10(step) / log10(most)), label=f"{step}") for step in steps
-    ]
-    handles[-1].set_label(f"{steps[-1]} and more")
+    handles = []
+    for ratio in _KEY_RATIOS:
+        shade = shades(log10(ratio) / log10(most))
+        handles.append(Patch(facecolor=shade, label=f"{ratio}"))
+    handles[-1].set_label(f"{_KEY_RATIOS[-1]} and more")
     handles.append(Patch(facecolor="white", edgecolor="0.7", label="never"))
     key(
         figure,
@@ -617,3 +726,13 @@ def heat_map(
     )
     caption(figure, note)
     return figure
+
+
+def _write_ratios(axes: Axes, ratios: np.ndarray) -> None:
+    """Write the ratios near the fastest into the cells of a heat map, shape (rows, columns)."""
+    for (row, column), ratio in np.ndenumerate(ratios):
+        if ratio < _WRITTEN_BELOW:
+            fastest = ratio < _FASTEST_BELOW
+            text = "1" if fastest else f"{ratio:.2g}"
+            style = {"fontsize": 8, "weight": "bold" if fastest else "normal"}
+            axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=INK, **style)
