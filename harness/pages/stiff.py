@@ -1,17 +1,18 @@
 """The page of the stiff side: the fastest implicit solvers, what Jacobian and back end gain, who is stopped.
 
-The stiff side is that of small St. A run is one body, St, form, solver, back end, Jacobian and tolerance. The
-back end `compiled` runs without Python; by `numba` Python calls back a compiled right-hand side, and has the
-name of its former compiler. A Jacobian is `exact` or by a `difference` of right-hand sides. The study is
-`harness/studies/stiff.toml`.
+Equations are stiff where St is small. A run has one body, St, form, solver, back end, Jacobian and tolerance.
+The back end `compiled` runs without Python. In the back end `numba`, named after its former compiler, Python
+calls back a compiled right-hand side. A Jacobian is `exact` or a `difference` of right-hand sides. The study
+is `harness/studies/stiff.toml`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
+from math import inf
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
@@ -41,7 +42,7 @@ from polhode.solvers.contract import Status
 _ERRORS = (1e-4, 1e-6, 1e-8)
 # The error of the figure and of the table of forms: the middle one.
 _SHOWN_ERROR = 1e-6
-# Fields that the page does not read. The records beside it leave them out: there are 1500.
+# Fields that the page does not read. The 1500 records beside it leave them out.
 _LEFT_OUT = (
     "key",
     "errors",
@@ -55,6 +56,8 @@ _LEFT_OUT = (
 )
 # Forms whose state is angles: one column of the table of forms.
 _ANGLES = ("euler-angles", "spheroid-angles")
+# What the two back ends are called on the page.
+_BACKEND_NAMES = {"compiled": "compiled", "numba": "called back"}
 
 
 @dataclass(frozen=True)
@@ -70,24 +73,24 @@ class Run:
     tolerance: float
     status: str
     message: str
-    error: float | None  # Largest of L and E, over I_max.
-    times: tuple[float, ...]
+    error: float | None  # The largest error of L and E, over I_max.
+    times: tuple[float, ...]  # Wall times of its repeats, in seconds.
 
     @classmethod
     def of(cls, record: Record) -> "Run":
         """The run of a record, whose time is absent and whose error may be if it failed."""
         return cls(
-            record["scene_name"],
-            record["scene"]["stokes"],
-            record["form"],
-            record["solver"],
-            record["backend"],
-            record["jacobian"],
-            record["tolerance"],
-            record["status"],
-            record["message"],
-            record.get("slow_error"),
-            tuple(record.get("seconds_runs") or ()),
+            scene=record["scene_name"],
+            stokes=record["scene"]["stokes"],
+            form=record["form"],
+            solver=record["solver"],
+            backend=record["backend"],
+            jacobian=record["jacobian"],
+            tolerance=record["tolerance"],
+            status=record["status"],
+            message=record["message"],
+            error=record.get("slow_error"),
+            times=tuple(record.get("seconds_runs") or ()),
         )
 
     @property
@@ -114,9 +117,9 @@ class Run:
 
 
 def _gains_table(
-    runs: Sequence[Run], choice: str, pair: tuple[str, str], heads: tuple[str, str, str]
+    runs: Sequence[Run], choice: str, options: tuple[str, str], heads: tuple[str, str, str]
 ) -> str:
-    """The gain of the first option of `pair` over the second, in a row for each solver.
+    """The gain of the first of two options over the second, in a row for each solver.
 
     `choice` is "jacobian" or "backend". `heads` are headings: of the column of the choice that is held equal, and
     of the counts of runs that only the first option, and only the second one, gets through.
@@ -124,7 +127,7 @@ def _gains_table(
     beside, only_first, only_second = heads
     return markdown(
         ["solver", beside, "pairs", "median", "least", "most", only_first, only_second],
-        [_pair_cells(gain) for gain in gains(runs, choice, pair)],
+        [_gain_cells(gain) for gain in gains(runs, choice, options)],
         right=range(2, 8),
     )
 
@@ -141,14 +144,13 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     made = provenance(command, records)
     note = conditions(frame(records), measured(made))
     save(figure(runs, note), folder, "stiff")
-    first = [_winner_cells(found) for found in winners(runs)]
     page = fill(
         "stiff",
         title=study.title,
         answers=answers(runs),
         winners=markdown(
             ["body", "St", "error", "fastest", "time", "next solver", "lead"],
-            first,
+            [_winner_cells(winner) for winner in winners(runs)],
             right=(1, 2, 4),
         ),
         error=_SHOWN_ERROR,
@@ -191,26 +193,27 @@ class Winner:
 
     @property
     def lead(self) -> float:
-        """Time of the other solver over the fastest's; NaN if no other gets there."""
+        """Time of the other solver over the time of the fastest; NaN if no other one meets the error."""
         return self.other.seconds / self.run.seconds if self.other else float("nan")
 
 
 def winners(runs: Sequence[Run]) -> list[Winner]:
     """The winner of each body, St and error that some run meets, in any form, back end and Jacobian."""
-    found = []
+    winning = []
     places = dict.fromkeys((run.scene, run.stokes) for run in runs)
     for (scene, stokes), error in product(places, _ERRORS):
-        here = [
-            run for run in runs if (run.scene, run.stokes) == (scene, stokes) and run.meets(error)
-        ]
-        here.sort(key=lambda run: run.seconds)
-        if here:
-            other = next((run for run in here if run.solver != here[0].solver), None)
-            found.append(Winner(scene, stokes, error, here[0], other))
-    return found
+        there = [run for run in runs if (run.scene, run.stokes) == (scene, stokes)]
+        meeting = [run for run in there if run.meets(error)]
+        meeting.sort(key=lambda run: run.seconds)
+        if meeting:
+            fastest = meeting[0]
+            other = next((run for run in meeting if run.solver != fastest.solver), None)
+            winning.append(Winner(scene, stokes, error, fastest, other))
+    return winning
 
 
 def _winner_cells(winner: Winner) -> list[str]:
+    """A row of the table of winners."""
     run = winner.run
     other = winner.other
     lead = "alone" if other is None else f"× {winner.lead:.3g}"
@@ -221,69 +224,80 @@ def _winner_cells(winner: Winner) -> list[str]:
 
 
 def _named(run: Run) -> str:
-    called = "compiled" if run.backend == "compiled" else "called back"
-    return f"{run.solver}, {run.form} ({called}, {run.jacobian})"
+    """Solver, form, back end and Jacobian of a run."""
+    return f"{run.solver}, {run.form} ({_BACKEND_NAMES[run.backend]}, {run.jacobian})"
 
 
 # --- what a choice gains -----------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Times of two options of a choice, in pairs of runs that differ in nothing else.
+class _Case(NamedTuple):
+    """All that two runs of a pair share: everything but the choice that is compared."""
 
-    The choice is the Jacobian or the back end. A pair of runs has one solver, body, St, form and tolerance.
+    solver: str
+    beside: str  # The option of the other choice: the back end if Jacobians are compared.
+    scene: str
+    stokes: float
+    form: str
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What the first of two options gains over the second, in pairs of runs that differ in nothing else.
+
+    The options are two Jacobians or two back ends. A ratio is the time by the second option over the time by
+    the first, of a pair of runs that both reach their end.
     """
 
     solver: str
-    beside: str  # The other one of the two choices, which both runs share.
-    ratios: list[float]  # Time by the second option over that by the first.
-    longest: Run | None  # The first one's run with the largest ratio.
-    only_first: int  # Runs that only the first choice gets through.
-    only_second: int
+    beside: str  # The option of the other choice, which both runs share.
+    ratios: list[float]
+    gains_most: Run | None  # The run by the first option that has the largest ratio.
+    only_first: int  # Pairs of which only the run by the first option reaches its end.
+    only_second: int  # Pairs of which only the run by the second option does.
+
+    @classmethod
+    def of(cls, solver: str, beside: str, pairs: Sequence[tuple[Run, Run]]) -> "Gain":
+        """The gain in pairs of runs, each by the first option and by the second."""
+        timed = [(first, second) for first, second in pairs if first.reached and second.reached]
+        ratios = [second.seconds / first.seconds for first, second in timed]
+        gains_most = timed[ratios.index(max(ratios))][0] if ratios else None
+        only_first = sum(first.reached and not second.reached for first, second in pairs)
+        only_second = sum(second.reached and not first.reached for first, second in pairs)
+        return cls(solver, beside, ratios, gains_most, only_first, only_second)
 
 
-def gains(runs: Sequence[Run], choice: str, names: tuple[str, str]) -> list[Pair]:
-    """Time by the second option over that by the first, for each solver and value of the other choice.
+def gains(runs: Sequence[Run], choice: str, options: tuple[str, str]) -> list[Gain]:
+    """The gain of the first option over the second, for each solver and option of the other choice.
 
-    `choice` is "jacobian" or "backend", and `names` are two of its options.
+    `choice` is "jacobian" or "backend", and `options` are two of its values.
     """
-    beside = "backend" if choice == "jacobian" else "jacobian"
-    pairs: dict[tuple[str, str], Pair] = {}
-    # Runs that differ in the choice alone stand together, each under its option.
-    by_choice: dict[tuple[Any, ...], dict[str, Run]] = {}
+    other_choice = "backend" if choice == "jacobian" else "jacobian"
+    by_case: dict[_Case, dict[str, Run]] = {}
     for run in runs:
-        own = getattr(run, beside)
-        key = run.solver, own, run.scene, run.stokes, run.form, run.tolerance
-        by_choice.setdefault(key, {})[getattr(run, choice)] = run
-    for (solver, own, *_), found in by_choice.items():
-        if set(names) <= set(found):
-            first, second = (found[name] for name in names)
-            pair = pairs.setdefault((solver, own), Pair(solver, own, [], None, 0, 0))
-            longest = pair.longest
-            if first.reached and second.reached:
-                ratio = second.seconds / first.seconds
-                if ratio > max(pair.ratios, default=0.0):
-                    longest = first
-                pair.ratios.append(ratio)
-            one = pair.only_first + (first.reached and not second.reached)
-            two = pair.only_second + (second.reached and not first.reached)
-            pairs[solver, own] = Pair(solver, own, pair.ratios, longest, one, two)
-    return sorted(pairs.values(), key=lambda pair: (rank(pair.solver), pair.beside))
+        beside = getattr(run, other_choice)
+        case = _Case(run.solver, beside, run.scene, run.stokes, run.form, run.tolerance)
+        by_case.setdefault(case, {})[getattr(run, choice)] = run
+    first, second = options
+    pairs: dict[tuple[str, str], list[tuple[Run, Run]]] = {}
+    for case, by_option in by_case.items():
+        if first in by_option and second in by_option:
+            pair = by_option[first], by_option[second]
+            pairs.setdefault((case.solver, case.beside), []).append(pair)
+    rows = [Gain.of(solver, beside, own_pairs) for (solver, beside), own_pairs in pairs.items()]
+    return sorted(rows, key=lambda gain: (rank(gain.solver), gain.beside))
 
 
-def _pair_cells(pair: Pair) -> list[str]:
-    beside = {"numba": "called back"}.get(pair.beside, pair.beside)
-    if not pair.ratios:
-        sizes = ["–"] * 3
-    else:
-        sizes = [
-            f"{value:.2g}" for value in (median(pair.ratios), min(pair.ratios), max(pair.ratios))
-        ]
-    return [
-        *(pair.solver, beside, str(len(pair.ratios)), *sizes),
-        *(str(pair.only_first), str(pair.only_second)),
-    ]
+def _gain_cells(gain: Gain) -> list[str]:
+    """A row of a table of gains."""
+    beside = _BACKEND_NAMES.get(gain.beside, gain.beside)
+    ratios = gain.ratios
+    sizes = ["–"] * 3
+    if ratios:
+        sizes = [f"{value:.2g}" for value in (median(ratios), min(ratios), max(ratios))]
+    counts = [str(gain.only_first), str(gain.only_second)]
+    return [gain.solver, beside, str(len(ratios)), *sizes, *counts]
 
 
 # --- forms -------------------------------------------------------------------------------------------
@@ -307,6 +321,7 @@ def forms(runs: Sequence[Run]) -> list[tuple[str, float, dict[str, Run]]]:
 
 
 def _form_cells(row: tuple[str, float, dict[str, Run]]) -> list[str]:
+    """A row of the table of forms."""
     scene, stokes, best = row
     cells = [
         f"{duration(best[kind].seconds)} ({best[kind].solver})" if kind in best else "–"
@@ -319,21 +334,26 @@ def _form_cells(row: tuple[str, float, dict[str, Run]]) -> list[str]:
 
 
 def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
-    """In a line each: solvers with an exact Jacobian that a scene stopped at a tolerance which another one met."""
+    """Solvers that stop before the end of a run at a tolerance where another solver gets through, a line each.
+
+    Runs with an exact Jacobian count. A line has a solver, its back end, the places and the reason.
+    """
     tight = [run for run in runs if run.tolerance == tolerance and run.jacobian == "exact"]
-    lines: dict[tuple[str, str, str], list[str]] = {}
-    for scene, stokes, form in dict.fromkeys((run.scene, run.stokes, run.form) for run in tight):
-        here = [run for run in tight if (run.scene, run.stokes, run.form) == (scene, stokes, form)]
-        if any(run.reached for run in here):
-            for run in here:
-                if not run.reached:
-                    called = "compiled" if run.backend == "compiled" else "called back"
-                    why = f"{run.status.replace('_', ' ')}: {run.message}".rstrip(": ")
-                    key = run.solver, called, why
-                    lines.setdefault(key, []).append(f"{scene} in {form} at St = {short(stokes)}")
+    passed = {(run.scene, run.stokes, run.form) for run in tight if run.reached}
+    by_place: dict[tuple[str, float, str], list[Run]] = {}
+    for run in tight:
+        by_place.setdefault((run.scene, run.stokes, run.form), []).append(run)
+    places_of: dict[tuple[str, str, str], list[str]] = {}
+    for place, place_runs in by_place.items():
+        scene, stokes, form = place
+        for run in place_runs:
+            if place in passed and not run.reached:
+                reason = f"{run.status.replace('_', ' ')}: {run.message}".rstrip(": ")
+                places = places_of.setdefault((run.solver, _BACKEND_NAMES[run.backend], reason), [])
+                places.append(f"{scene} in {form} at St = {short(stokes)}")
     return [
-        f"{solver}, {called}: {'; '.join(places)} ({why})"
-        for (solver, called, why), places in sorted(lines.items())
+        f"{solver}, {backend}: {'; '.join(places)} ({reason})"
+        for (solver, backend, reason), places in sorted(places_of.items())
     ]
 
 
@@ -345,51 +365,52 @@ def answers(runs: Sequence[Run]) -> dict[str, Any]:
 
     A cell is a body, a St and an error that some run meets.
     """
-    found = winners(runs)
-    won: dict[str, list[Winner]] = {}
-    for winner in found:
-        won.setdefault(winner.run.solver, []).append(winner)
-    order = sorted(won, key=lambda name: -len(won[name]))
+    cells = winners(runs)
+    by_solver: dict[str, list[Winner]] = {}
+    for winner in cells:
+        by_solver.setdefault(winner.run.solver, []).append(winner)
+    won = []
+    for solver in sorted(by_solver, key=lambda name: -len(by_solver[name])):
+        own_cells = by_solver[solver]
+        won.append(
+            {
+                "solver": solver,
+                "cells": len(own_cells),
+                "ties": sum(winner.tied for winner in own_cells),
+                "low": min(winner.stokes for winner in own_cells),
+                "high": max(winner.stokes for winner in own_cells),
+            }
+        )
+    leads = [winner.lead for winner in cells if winner.other and not winner.tied]
+    exact_wins = sum(winner.run.jacobian == "exact" for winner in cells)
     jacobians = gains(runs, "jacobian", ("exact", "difference"))
     backends = gains(runs, "backend", ("compiled", "numba"))
-    by_python = [winner.run.backend != "compiled" for winner in found]
     return {
-        "count": len(found),
-        "won": [
-            {
-                "solver": name,
-                "cells": len(won[name]),
-                "ties": sum(winner.tied for winner in won[name]),
-                "low": min(winner.stokes for winner in won[name]),
-                "high": max(winner.stokes for winner in won[name]),
-            }
-            for name in order
-        ],
-        "leads": median(winner.lead for winner in found if winner.other and not winner.tied)
-        if any(winner.other and not winner.tied for winner in found)
-        else None,
-        "exact_wins": percent(sum(winner.run.jacobian == "exact" for winner in found) / len(found)),
-        "by_python": sum(by_python),
+        "count": len(cells),
+        "won": won,
+        "leads": median(leads) if leads else None,
+        "exact_wins": percent(exact_wins / len(cells)),
+        "by_python": sum(winner.run.backend != "compiled" for winner in cells),
         "exact": _span(jacobians),
         "compiled": _span(backends),
         "worst": _worst(jacobians),
-        "only_exact": sum(pair.only_first for pair in jacobians),
-        "only_differenced": sum(pair.only_second for pair in jacobians),
+        "only_exact": sum(gain.only_first for gain in jacobians),
+        "only_differenced": sum(gain.only_second for gain in jacobians),
     }
 
 
-def _span(pairs: Sequence[Pair]) -> tuple[float, float, float] | None:
+def _span(rows: Sequence[Gain]) -> tuple[float, float, float] | None:
     """Median, least and largest ratio; None if there is none."""
-    ratios = [ratio for pair in pairs for ratio in pair.ratios]
+    ratios = [*chain.from_iterable(gain.ratios for gain in rows)]
     return (median(ratios), min(ratios), max(ratios)) if ratios else None
 
 
-def _worst(pairs: Sequence[Pair]) -> str:
-    """The run of the first option that gains most over the second, in words; empty without a pair."""
-    pair = max(pairs, key=lambda pair: max(pair.ratios, default=0.0), default=None)
-    if pair is None or pair.longest is None:
+def _worst(rows: Sequence[Gain]) -> str:
+    """The run by the first option that gains most over the second, in words; empty without a pair."""
+    gain = max(rows, key=lambda gain: max(gain.ratios, default=0.0), default=None)
+    if gain is None or gain.gains_most is None:
         return ""
-    run = pair.longest
+    run = gain.gains_most
     place = f"{run.scene} in {run.form} at St = {short(run.stokes)}"
     return f"{run.solver}, {place}, tolerance {short(run.tolerance)}"
 
@@ -403,18 +424,18 @@ def figure(runs: Sequence[Run], note: str = "") -> Figure:
     drawing, grid = panels(len(scenes), 1, 0.5 + 2.6 * len(scenes), sharex=True)
     styles = looks(run.solver for run in runs)
     for axes, scene in zip(grid[:, 0], scenes, strict=True):
-        own = [run for run in runs if run.scene == scene and run.meets(_SHOWN_ERROR)]
+        scene_runs = [run for run in runs if run.scene == scene and run.meets(_SHOWN_ERROR)]
         for solver, look in styles.items():
-            numbers = sorted({run.stokes for run in own if run.solver == solver})
-            times = [
-                1e3
-                * min(run.seconds for run in own if (run.solver, run.stokes) == (solver, stokes))
-                for stokes in numbers
-            ]
+            fastest: dict[float, float] = {}
+            for run in scene_runs:
+                if run.solver == solver:
+                    fastest[run.stokes] = min(run.seconds, fastest.get(run.stokes, inf))
+            numbers = sorted(fastest)
+            milliseconds = [1e3 * fastest[stokes] for stokes in numbers]
             style = {"color": look.colour, "marker": look.marker, "linewidth": 1.2}
-            axes.plot(numbers, times, markersize=5, label=solver, **style)
+            axes.plot(numbers, milliseconds, markersize=5, label=solver, **style)
         axes.set(xscale="log", yscale="log")
-        # Decades of both axes are as long.
+        # Decades of both axes have one length.
         axes.set_aspect("equal")
         words = f"{scene}, to an error of {power(_SHOWN_ERROR)}"
         axes.set_title(words, fontsize=TITLE, loc="left", color=INK)
