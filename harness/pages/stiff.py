@@ -56,8 +56,8 @@ _LEFT_OUT = (
 )
 # Forms whose state is angles: one column of the table of forms.
 _ANGLES = ("euler-angles", "spheroid-angles")
-# What the two back ends are called on the page.
-_BACKEND_NAMES = {"compiled": "compiled", "numba": "called back"}
+# Names on the page of back ends that have another one than in the records.
+_BACKEND_NAMES = {"numba": "called back"}
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,8 @@ def _winner_cells(winner: Winner) -> list[str]:
 
 def _named(run: Run) -> str:
     """Solver, form, back end and Jacobian of a run."""
-    return f"{run.solver}, {run.form} ({_BACKEND_NAMES[run.backend]}, {run.jacobian})"
+    backend = _BACKEND_NAMES.get(run.backend, run.backend)
+    return f"{run.solver}, {run.form} ({backend}, {run.jacobian})"
 
 
 # --- what a choice gains -----------------------------------------------------------------------------
@@ -344,13 +345,17 @@ def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
     for run in tight:
         by_place.setdefault((run.scene, run.stokes, run.form), []).append(run)
     places_of: dict[tuple[str, str, str], list[str]] = {}
-    for place, place_runs in by_place.items():
+    for place in by_place:
+        if place not in passed:
+            continue
         scene, stokes, form = place
-        for run in place_runs:
-            if place in passed and not run.reached:
-                reason = f"{run.status.replace('_', ' ')}: {run.message}".rstrip(": ")
-                places = places_of.setdefault((run.solver, _BACKEND_NAMES[run.backend], reason), [])
-                places.append(f"{scene} in {form} at St = {short(stokes)}")
+        for run in by_place[place]:
+            if run.reached:
+                continue
+            backend = _BACKEND_NAMES.get(run.backend, run.backend)
+            reason = f"{run.status.replace('_', ' ')}: {run.message}".rstrip(": ")
+            places = places_of.setdefault((run.solver, backend, reason), [])
+            places.append(f"{scene} in {form} at St = {short(stokes)}")
     return [
         f"{solver}, {backend}: {'; '.join(places)} ({reason})"
         for (solver, backend, reason), places in sorted(places_of.items())

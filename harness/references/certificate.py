@@ -1,11 +1,12 @@
 """Certificates of references: short segments solved again by an unrelated method in another form, and back again.
 
-A segment starts from the reference's own observables (of averaged forms, its state). Its end is compared
-with the reference there: the ratio of their difference to the other method's own error must be at most
-1. A segment is then gone back over by the reference's own method.
+A segment starts from the reference's own observables, or from its state where the form is averaged. Its end is
+compared with the reference there: the difference of the two over the other method's own error, the "ratio",
+must be at most 1. The reference's own method then goes back over the segment.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,9 +22,10 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
-# Segments of a run, evenly spread over it. At least `_REQUIRED` of them must be decided, none against
-# the reference: the others may run into the other form's singularity. Both numbers are estimates.
+# Segments of a run, evenly spread over it. Both numbers are estimates.
 _SEGMENTS = 24
+# Segments that must agree with the reference, and none may disagree: the others may run into the other
+# form's singularity.
 _REQUIRED = 20
 # Longest segment that a solver is given, in units of the inverse shear rate for full forms, in slow
 # time for averaged ones: methods of low order are slow.
@@ -33,22 +35,27 @@ _UNRELATED = ("cyrk-vern8", "dop853")
 # Going back amplifies by exp(max(8πX/I) Δt/St): segments that go back keep the exponent below this, an
 # estimate. 8πX/I is the damping rate about a body axis at St = 1 (`Ellipsoid.damping`).
 _LARGEST_EXPONENT = 5.0
-# The other method's own error at the tight tolerance is a sum: the tolerance, the difference of the
-# loose run, ten times the effect of an ulp in the start, an ulp for each step, and rounding of the
-# numbers compared. It holds for L and E too: their rounding adds up, to 2e-12 in 10,000 steps of a
-# disc at St = 3e5, where √n ulps are 2e-14.
-# The pairs are a tight and a loose tolerance.
+# Tight and loose tolerance of the other method. Its own error at the tight one is a sum: the tolerance, the
+# difference of the loose run, ten times the effect of an ulp in the start, an ulp for each step, and
+# rounding of the numbers compared. An ulp for each step holds for L and E too, whose rounding adds up: to
+# 2e-12 in 10,000 steps of a disc at St = 3e5, where √n ulps are 2e-14. (An ulp is the distance of
+# neighbouring numbers in double precision.)
 _TOLERANCES = {
     "cyrk-vern8": (1e-14, 1e-13),
     "dop853": (1e-13, 1e-12),
     "ida": (1e-12, 1e-11),
     "exact": (1e-15, 1e-15),
 }
-# Multiple of the effect of an ulp in the start, and rounding of the numbers compared; both estimates.
+# Multiple of the effect of an ulp in the start; an estimate.
 _ULPS = 10.0
+# Rounding of the numbers compared, over max(1, their size); an estimate.
 _ROUNDING = 1e-14
-# Ways to move the numbers of a start by an ulp, up and down. Four rows of signs, orthogonal to each
-# other, so that no direction of a start of four numbers escapes all of them.
+# Largest rate, in shear rates, that the damping over St counts as, so that products with it stay finite.
+_LARGEST_RATE = 1e300
+# The body axis z', about which Euler angles and symmetry axes are taken.
+_THIRD_AXIS = 2
+# Four ways to move the numbers of a start by an ulp, up and down: the rows are orthogonal to each other, so
+# that no direction of a start of four numbers escapes all of them.
 _SIGNS = np.array([[1.0, 1, 1, 1], [1, -1, 1, -1], [1, 1, -1, -1], [1, -1, -1, 1]])
 
 
@@ -58,21 +65,32 @@ class Certificate:
 
     form: str
     solver: str
-    segments: int  # that agreed forwards, of `_SEGMENTS` tried; the others ran into the other form's singularity
-    back: int  # that agreed when the reference's own method went back over them
-    ratio: float  # largest difference over the method's own error; at most 1
+    # Segments that agreed forwards, of `_SEGMENTS` tried; the others ran into the other form's singularity.
+    segments: int
+    back: int  # Segments that agreed when the reference's own method went back over them.
+    ratio: float  # Largest difference over the method's own error; at most 1.
 
 
-def segments(scene: Scene, form: Form, end: float) -> list[tuple[float, float, float]]:
-    """Segments evenly spread over a run to `end`, in the form's own time: start, end, and end if gone back over."""
-    length = min(end / _SEGMENTS, _LONGEST[opposite(scene, form)[1]])
-    damping = max(scene.ellipsoid.damping) * (
-        1.0 if form.averaged else min(scene.torque_factor, 1e300)
-    )
+class Segment(NamedTuple):
+    """Times of a segment, in the form's own time."""
+
+    start: float
+    stop: float
+    turn: float  # Where the reference's own method turns back to the start.
+
+
+def segments(scene: Scene, form: Form, end: float) -> list[Segment]:
+    """Segments evenly spread over a run to `end`."""
+    _, solver = opposite(scene, form)
+    length = min(end / _SEGMENTS, _LONGEST[solver])
+    # The fastest damping about a body axis, in the form's own time: slow time if it is averaged.
+    damping = max(scene.ellipsoid.damping)
+    if not form.averaged:
+        damping *= min(scene.torque_factor, _LARGEST_RATE)
     # 0.9 keeps the exponent below its limit.
     short = length if damping * length < _LARGEST_EXPONENT else 0.9 * _LARGEST_EXPONENT / damping
     starts = np.arange(_SEGMENTS) * (end / _SEGMENTS)
-    return [(start, start + length, start + short) for start in starts.tolist()]
+    return [Segment(start, start + length, start + short) for start in starts.tolist()]
 
 
 def certify(
@@ -89,18 +107,20 @@ def certify(
     back = 0
     worst = 0.0
     for start, stop, turn in segments(scene, form, problem.end):
+        length = stop - start
         if form.averaged:
-            ratio = _same_form(scene, form, solver, states[start], observables[stop], stop - start)
+            ratio = _same_form(scene, form, solver, states[start], observables[stop], length)
         else:
-            later = scene.later(start, scene.start, stop - start)
+            # The flow as it is from `start` on. `_other_form` replaces the scene's start.
+            later = scene.later(start, scene.start, length)
             ratio = _other_form(
-                later, (opposite_form, solver), observables[start], observables[stop], stop - start
+                later, (opposite_form, solver), observables[start], observables[stop], length
             )
         if ratio is not None:
             agreed += 1
             worst = np.maximum(worst, ratio)
         if scene.stokes > 0:
-            worst = np.maximum(worst, _backward(scene, form, problem, states, (start, turn)))
+            worst = np.maximum(worst, _backward(scene, form, problem, states, start, turn))
             back += 1
         if not worst <= 1:  # No number where a run ended beyond all numbers.
             raise ReferenceFailedError(
@@ -121,7 +141,7 @@ def observe(form: Form, scene: Scene, states: np.ndarray) -> Observables:
 
 
 def opposite(scene: Scene, form: Form) -> tuple[str, str]:
-    """Another form and an unrelated method; averaged forms have no second form of their own."""
+    """Names of another form and of an unrelated solver; averaged forms have no second form of their own."""
     if form.averaged:
         return form.name, first_available(*_UNRELATED)
     spheroidal = scene.ellipsoid.kind in ("prolate", "oblate")
@@ -138,7 +158,8 @@ def opposite(scene: Scene, form: Form) -> tuple[str, str]:
 def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodyStart:
     """Start from observables at one time; `ulps`, shape (4,), moves quaternion and L, in ulps.
 
-    The four move the quaternion's components, by half an ulp of 1 each; the last three move L_x to L_z.
+    All four move the quaternion's components, by half an ulp of 1 each. The last three also move L_x to
+    L_z, by an ulp of each.
     """
     rotation = observables.rotation[0].astype(float)
     ulp = np.finfo(float).eps * ulps
@@ -150,46 +171,70 @@ def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodySta
 
 def _other_form(
     scene: Scene,
-    by: tuple[str, str],
+    form_and_solver: tuple[str, str],
     before: Observables,
     after: Observables,
     length: float,
 ) -> float | None:
-    """Ratio of difference to own error of a segment solved again; None where it cannot be solved."""
-    # Euler angles are taken about the three body axes in turn, from the one farthest from their pole on:
-    # the pole is where an axis lies along z, so `rotation[0, :, 2]`, the axes' z-components, tells.
-    form = find_form(by[0])
-    axes = (
-        [2]
-        if by[0] != "euler-angles"
-        else np.argsort(np.abs(before.rotation[0, :, 2].astype(float))).tolist()
-    )
+    """Ratio of difference to own error of a segment solved again; None where it cannot be solved.
+
+    Euler angles are tried about the three body axes in turn, until one agrees with the reference.
+    """
+    form_name, solver = form_and_solver
+    form = find_form(form_name)
+    axes = _axes_off_the_pole(before) if form_name == "euler-angles" else [_THIRD_AXIS]
     ratios: list[float] = []
     for axis in axes:
-        x, y, z = np.roll(scene.ellipsoid.semi_axes, -1 - axis).tolist()
-        body = Ellipsoid((x, y, z))
-        turned = replace(scene, ellipsoid=body, time=length)
-        starts = (restart(turned, _turned(before, axis), ulps) for ulps in (np.zeros(4), *_SIGNS))
+        renamed = _renamed_scene(scene, axis, length)
+        start_observables = _renamed(before, axis)
+        problems = []
         try:
-            problems = [form.problem(replace(turned, start=start)) for start in starts]
+            for ulps in (np.zeros(4), *_SIGNS):
+                start = restart(renamed, start_observables, ulps)
+                problems.append(form.problem(replace(renamed, start=start)))
         except FormNotValidError:
             continue
-        if (ratio := _tried(turned, form, by[1], problems, _turned(after, axis))) is not None:
+        ratio = _tried(renamed, form, solver, problems, _renamed(after, axis))
+        if ratio is not None:
             ratios.append(ratio)
             if ratio <= 1:
                 break
     return min(ratios, default=None)
 
 
+def _axes_off_the_pole(observables: Observables) -> list[int]:
+    """Body axes at the first time, from the one farthest from the vorticity axis z to the nearest.
+
+    Euler angles about a body axis are singular where it lies along z.
+    """
+    z_components = observables.rotation[0, :, 2].astype(float)
+    return np.argsort(np.abs(z_components)).tolist()
+
+
+def _renamed_scene(scene: Scene, axis: int, length: float) -> Scene:
+    """A scene of a segment's length with the body axes renamed cyclically, so that `axis` is the third one."""
+    x, y, z = np.roll(scene.ellipsoid.semi_axes, _THIRD_AXIS - axis).tolist()
+    return replace(scene, ellipsoid=Ellipsoid((x, y, z)), time=length)
+
+
+def _renamed(observables: Observables, axis: int) -> Observables:
+    """Observables with the body axes renamed in this way: they are the rows of the rotation matrices."""
+    rotation = np.roll(observables.rotation, _THIRD_AXIS - axis, axis=1)
+    return replace(observables, rotation=rotation)
+
+
 def _same_form(
     scene: Scene, form: Form, solver: str, before: np.ndarray, after: Observables, length: float
 ) -> float | None:
-    """As `_other_form`, from the very state."""
+    """The same for an averaged form, from the reference's state at the start, shape (d,)."""
     state = before.astype(float)
     ulps = np.finfo(float).eps * np.resize(_SIGNS, (len(_SIGNS), len(state)))
-    starts = (tuple((state * (1 + ulp)).tolist()) for ulp in (np.zeros(len(state)), *ulps))
     problem = replace(form.problem(scene), end=length)
-    return _tried(scene, form, solver, [replace(problem, start=start) for start in starts], after)
+    problems = []
+    for ulp in (np.zeros(len(state)), *ulps):
+        start = tuple((state * (1 + ulp)).tolist())
+        problems.append(replace(problem, start=start))
+    return _tried(scene, form, solver, problems, after)
 
 
 def _tried(
@@ -199,32 +244,36 @@ def _tried(
 
     The first of `problems` starts from the reference itself, the others from moved starts.
     """
-    tight, loose = _TOLERANCES[solver]
-    solutions = [
-        solve(problems[0], solver, loose),
-        *(solve(problem, solver, tight) for problem in problems),
-    ]
+    tight_tolerance, loose_tolerance = _TOLERANCES[solver]
+    loose = solve(problems[0], solver, loose_tolerance)
+    tight, *moved = (solve(problem, solver, tight_tolerance) for problem in problems)
+    solutions = (loose, tight, *moved)
     if not all(solution.success for solution in solutions):
         return None
-    accumulated = tight + np.finfo(float).eps * (solutions[1].work.steps or 0)
-    return _compare(
-        scene.ellipsoid,
-        [form.observe(scene, solution.states[-1:]) for solution in solutions],
-        after,
-        accumulated,
+    accumulated = tight_tolerance + np.finfo(float).eps * (tight.work.steps or 0)
+    loose_end, tight_end, *moved_ends = (
+        form.observe(scene, solution.states[-1:]) for solution in solutions
     )
+    return _compare(scene.ellipsoid, loose_end, tight_end, moved_ends, after, accumulated)
 
 
 def _compare(
-    ellipsoid: Ellipsoid, runs: list[Observables], reference: Observables, tolerance: float
+    ellipsoid: Ellipsoid,
+    loose: Observables,
+    tight: Observables,
+    moved: list[Observables],
+    reference: Observables,
+    accumulated: float,
 ) -> float:
-    """Ratio of difference to own error, of L and E or of the orientation, whichever is larger."""
-    # The second run is compared; the first is looser, and the others start elsewhere by an ulp.
-    loose, tight, *moved = runs
+    """Ratio of difference to own error, of L and E or of the orientation, whichever is larger.
+
+    The run `tight` is compared with the reference. `loose` has a looser tolerance, and the runs `moved`
+    start elsewhere by an ulp. `accumulated` is what tolerance and steps add to the run's own error.
+    """
     deviation = errors(ellipsoid, tight, reference)
     numerical_error = errors(ellipsoid, loose, tight)
     spread = [errors(ellipsoid, moved_run, tight) for moved_run in moved]
-    rounding = (_ROUNDING + tolerance) * max(1.0, magnitude(ellipsoid, reference))
+    rounding = (_ROUNDING + accumulated) * max(1.0, magnitude(ellipsoid, reference))
     slow = numerical_error.slow + _ULPS * max(shift.slow for shift in spread) + rounding
     angle = (
         (numerical_error.orientation or 0.0)
@@ -239,28 +288,20 @@ def _backward(
     form: Form,
     problem: Problem,
     states: dict[float, np.ndarray],
-    segment: tuple[float, float],
+    start: float,
+    turn: float,
 ) -> float:
-    """Ratio of the difference after going back over a segment to what an ulp at its end makes of it."""
-    start, end = segment
-    ulp = np.abs(states[end].astype(float)) * np.finfo(float).eps
-    returned, moved = (
-        extended_run(replace(problem, start=tuple(state)), np.array([end, start]), *ROUNDING_RUN)[
-            -1
-        ]
-        for state in (states[end], states[end] + ulp)
-    )
-    reference, returned_observables, moved_observables = (
-        observe(form, scene, state[None]) for state in (states[start], returned, moved)
-    )
-    return _compare(
-        scene.ellipsoid,
-        [returned_observables, returned_observables, moved_observables],
-        reference,
-        0.0,
-    )
+    """Ratio of the difference after going back from `turn` to `start` to what an ulp at `turn` makes of it."""
 
+    def returned_from(state: np.ndarray) -> Observables:
+        """Observables at `start` of a run back from a state at `turn`."""
+        way_back = np.array([turn, start])
+        states_back = extended_run(replace(problem, start=tuple(state)), way_back, *ROUNDING_RUN)
+        return observe(form, scene, states_back[-1][None])
 
-def _turned(observables: Observables, axis: int) -> Observables:
-    """The same with the body axes renamed cyclically, so that `axis` is the third one."""
-    return replace(observables, rotation=np.roll(observables.rotation, -1 - axis, axis=1))
+    ulp = np.abs(states[turn].astype(float)) * np.finfo(float).eps
+    returned = returned_from(states[turn])
+    moved = returned_from(states[turn] + ulp)
+    reference = observe(form, scene, states[start][None])
+    # There is no looser run, and the method is the reference's own: an ulp alone makes the difference.
+    return _compare(scene.ellipsoid, returned, returned, [moved], reference, accumulated=0.0)
