@@ -16,12 +16,12 @@ LongArray = NDArray[np.longdouble]
 PI = Long("3.14159265358979323846264338327950288")
 # Rounding of one long double, relative.
 LONG_EPSILON = np.finfo(Long).eps
-# The means below converge quadratically: two numbers this close have a mean that is good to the
-# last bit.
+# The arithmetic-geometric means below converge quadratically: two numbers of this relative
+# difference d have a mean that is good to the last bit, as the next difference is d²/8.
 _CLOSE = np.sqrt(LONG_EPSILON) / 8
 # Stands for a sine of 0: its reciprocal and products with it do not overflow.
 _TINY = np.finfo(Long).tiny ** Long(0.25)
-# exp(−_NEGLIGIBLE) adds nothing to a sum of order one.
+# exp(−_NEGLIGIBLE), a 148th of the rounding, adds nothing to a sum of order one.
 _NEGLIGIBLE = 5 - np.log(LONG_EPSILON)
 
 
@@ -45,6 +45,9 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
     """Carlson's R_F(x, y, z), x, y, z ≥ 0, infinite if two of them are zero (DLMF §19.36(i))."""
     if sorted((x, y, z))[1] == 0:
         return Long(np.inf)
+    # Each step divides the differences of the three by 4 and keeps R_F. The series at the end is
+    # good to rounding once the largest difference is below (3ε/8)^⅛ of the mean, as it leaves out
+    # terms of degree 8.
     spread = max(abs(x - z), abs(y - z), abs(x - y)) / (3 * LONG_EPSILON / 8) ** (Long(1) / 8)
     while spread > abs(x + y + z) / 3:
         step = np.sqrt(x) * np.sqrt(y) + np.sqrt(y) * np.sqrt(z) + np.sqrt(z) * np.sqrt(x)
@@ -53,15 +56,17 @@ def carlson_rf(x: Long, y: Long, z: Long) -> Long:
         z = (z + step) / 4
         spread = spread / 4
     mean = (x + y + z) / 3
-    x = 1 - x / mean
-    y = 1 - y / mean
+    return _rf_series(1 - x / mean, 1 - y / mean) / np.sqrt(mean)
+
+
+def _rf_series(x: Long, y: Long) -> Long:
+    """R_F of 1−x, 1−y and 1−z, where z = −x−y, up to terms of degree 7 (DLMF (19.36.1))."""
     z = -x - y
+    # Elementary symmetric functions of x, y and z; the first one is 0.
     e2 = x * y - z * z
     e3 = x * y * z
-    # DLMF (19.36.1), whose first neglected terms have degree 8.
     low = 1 - e2 / 10 + e3 / 14 + e2 * e2 / 24 - 3 * e2 * e3 / 44
-    series = low - 5 * e2**3 / 208 + 3 * e3 * e3 / 104 + e2 * e2 * e3 / 16
-    return series / np.sqrt(mean)
+    return low - 5 * e2**3 / 208 + 3 * e3 * e3 / 104 + e2 * e2 * e3 / 16
 
 
 def complete_k(m1: Long) -> Long:
@@ -75,7 +80,9 @@ def complete_k(m1: Long) -> Long:
 def complete_cel(kc: Long, p: Long, a: Long, b: Long) -> Long:
     """Bulirsch's complete integral cel(kc, p, a, b) for kc, p > 0, a, b ≥ 0, without subtraction."""
     # ∫₀^{π/2} (a cos²θ + b sin²θ) / ((cos²θ + p sin²θ) √(cos²θ + kc² sin²θ)) dθ (Bulirsch 1969;
-    # DLMF §19.2(iii)).
+    # DLMF §19.2(iii)). Each step replaces kc, p, a and b by others with the same integral but for a
+    # factor. Its means are sums, not halved: after n steps `mean` and kc are 2ⁿ times the numbers of
+    # the arithmetic-geometric mean. `product` is the product of the last two.
     product = kc
     mean = Long(1)
     p = np.sqrt(p)
@@ -102,6 +109,10 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
         return np.tanh(u), sech, sech
+    #
+    # `ladder` holds the pairs of the arithmetic-geometric mean of 1 and √m1. At its limit M, where the
+    # Jacobi functions are sine and cosine of Mu, cs = M cot Mu and dn = 1. The way back up the ladder
+    # turns these into the functions of m. In between, `ratio` is what the next step makes cs and dn of.
     mean = Long(1)
     geometric = np.sqrt(m1)
     ladder = []
@@ -143,37 +154,51 @@ def theta4_phase(u: LongArray, m: Long, m1: Long, n: Long) -> LongArray:
     if n == 0:
         return np.zeros_like(u)
     w = carlson_rf(n, n + m, n + 1)
-    if m > Long(0.5):
-        return _phase_theta2(u, w, complete_k(m), complete_k(m1))
-    return _phase_theta4(u, w, complete_k(m1), complete_k(m))
+    phase = _phase_theta2 if m > Long(0.5) else _phase_theta4
+    return phase(u, w, complete_k(m1), complete_k(m))
 
 
 def _phase_theta4(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
-    sine = np.sin(PI * u / (2 * k))
-    sine2 = np.sin(PI * u / k)
+    """The phase by the product of ϑ₄ in the nome q = exp(−πK'/K), for m ≤ 1/2."""
+    # With z = πu/2K, ϑ₄(z + iη) is a product of factors, for j = 0, 1, …, but for one that is real:
+    #
+    #     (1 − r e^(−2iz)), r = exp(−π (w + 2jK')/K)           of phase  arctan(r sin 2z/(1 − r cos 2z))
+    #     (1 − r e^(+2iz)), r = exp(−π (2K' − w + 2jK')/K)     of phase −arctan(r sin 2z/(1 − r cos 2z))
+    #
+    # `decay` is the exponent's (…) here. Factors of negligible r are left out.
+    sine_z = np.sin(PI * u / (2 * k))
+    sine_2z = np.sin(PI * u / k)
     phase = np.zeros_like(u)
-    for sign, distance in ((1, w), (-1, 2 * k_prime - w)):
-        while distance < _NEGLIGIBLE * k / PI:
-            radius = np.exp(-PI * distance / k)
+    for sign, first_decay in ((1, w), (-1, 2 * k_prime - w)):
+        decay = first_decay
+        while decay < _NEGLIGIBLE * k / PI:
+            radius = np.exp(-PI * decay / k)
             # 1 − r cos 2z, written so that it keeps its relative accuracy where r is close to 1.
-            cosine_part = -np.expm1(-PI * distance / k) + 2 * radius * sine**2
-            phase = phase + sign * np.arctan2(radius * sine2, cosine_part)
-            distance = distance + 2 * k_prime
+            real_part = -np.expm1(-PI * decay / k) + 2 * radius * sine_z**2
+            phase = phase + sign * np.arctan2(radius * sine_2z, real_part)
+            decay = decay + 2 * k_prime
     return phase
 
 
-def _phase_theta2(u: LongArray, w: Long, k_prime: Long, k: Long) -> LongArray:
-    angle = PI * w / (2 * k_prime)
-    stretched = PI * u / (2 * k_prime)
-    phase = np.arctan2(np.cos(angle) * np.tanh(stretched), np.sin(angle)) - PI * u / (2 * k) * (
-        1 - w / k_prime
-    )
+def _phase_theta2(u: LongArray, w: Long, k: Long, k_prime: Long) -> LongArray:
+    """The phase by the product of ϑ₂ in the complementary nome q' = exp(−πK/K'), for m > 1/2."""
+    # Jacobi's imaginary transformation takes z + iη to i(z + iη)K/K' = a − π/2 + is with a = πw/2K'
+    # and s = πu/2K'. Then ϑ₄(z + iη | q) is, but for a real factor, the product of
+    #
+    #     exp(−(z + iη)² K/(πK'))                       of phase −(πu/2K)(1 − w/K')
+    #     cos(a − π/2 + is) = sin(a + is)               of phase  arctan(tanh s/tan a)
+    #     (1 − r e^(−2ia)), r = exp(2s − 2jπK/K')       of phase  arctan(r sin 2a/(1 − r cos 2a))
+    #     (1 − r e^(+2ia)), r = exp(−2s − 2jπK/K')      of phase −arctan(r sin 2a/(1 − r cos 2a))
+    #
+    # for j = 1, 2, …. Factors of negligible r are left out.
+    a = PI * w / (2 * k_prime)
+    s = PI * u / (2 * k_prime)
+    of_exponential = PI * u / (2 * k) * (1 - w / k_prime)
+    phase = np.arctan2(np.cos(a) * np.tanh(s), np.sin(a)) - of_exponential
     for sign in (1, -1):
-        exponent = 2 * sign * stretched - 2 * PI * k / k_prime
+        exponent = 2 * sign * s - 2 * PI * k / k_prime
         while np.any(exponent > -_NEGLIGIBLE):
             radius = np.exp(exponent)
-            phase = phase + sign * np.arctan2(
-                radius * np.sin(2 * angle), 1 - radius * np.cos(2 * angle)
-            )
+            phase = phase + sign * np.arctan2(radius * np.sin(2 * a), 1 - radius * np.cos(2 * a))
             exponent = exponent - 2 * PI * k / k_prime
     return phase

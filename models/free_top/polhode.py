@@ -13,6 +13,10 @@ from polhode.models.shape import Ellipsoid
 
 # Nodes of the midpoint rule over a quarter of a polhode: 1e-6 relative off the separatrix.
 _QUARTER_NODES = 32
+# Least square that is divided by, where a body is at rest.
+_TINY = 1e-300
+# Largest parameter m of SciPy's elliptic functions, for K(m) is infinite at 1.
+_LARGEST_PARAMETER = 1 - 1e-15
 
 
 @dataclass(frozen=True)
@@ -55,17 +59,19 @@ class Polhode:
             zero = Long(0)
             one = Long(1)
             return cls(
-                order,
-                sense,
-                momentum,
-                zero,
-                momentum / rounded(b),
-                zero,
-                one,
-                zero,
-                (zero, zero, zero),
-                PI / 2,
+                order=order,
+                sense=sense,
+                momentum=momentum,
+                rate=zero,
+                precession=momentum / rounded(b),
+                m=zero,
+                m1=one,
+                n=zero,
+                amplitudes=(zero, zero, zero),
+                quarter=PI / 2,
             )
+        # With `side`, the distances from where the motion changes its kind. Each has the sign of
+        # c - a: `side` is 0 on the separatrix, `wobble` at rotation about c. `spin` is never 0.
         wobble = twice_energy * c - momentum_squared
         spin = momentum_squared - twice_energy * a
         n = rounded(c * (b - a) / (a * (c - b)))
@@ -75,7 +81,18 @@ class Polhode:
         precession = momentum * _mean_inverse_inertia(rounded(a), rounded(b), n, m1)
         squares = wobble / (a * (c - a)), wobble / (b * (c - b)), spin / (c * (c - a))
         cn, sn, dn = (np.sqrt(rounded(square)) for square in squares)
-        return cls(order, sense, momentum, rate, precession, m, m1, n, (cn, sn, dn), complete_k(m1))
+        return cls(
+            order=order,
+            sense=sense,
+            momentum=momentum,
+            rate=rate,
+            precession=precession,
+            m=m,
+            m1=m1,
+            n=n,
+            amplitudes=(cn, sn, dn),
+            quarter=complete_k(m1),
+        )
 
     @property
     def periods(self) -> tuple[float, float]:
@@ -123,16 +140,20 @@ def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
     i1, i2, i3 = sorted(ellipsoid.inertia)
     if i1 == i3:
         return np.sqrt(momentum2) / i1
+    # Axis c, encircled by the polhode, and a, opposite to it, as in `Polhode`; a spheroid's polhodes
+    # all encircle its symmetry axis.
     greatest = np.full(len(slow), i1 == i2) if i1 == i2 or i2 == i3 else momentum2 > energy2 * i2
     encircled = np.where(greatest, i3, i1)
     opposite = np.where(greatest, i1, i3)
-    # Zero up to rounding at the permanent rotations and at rest.
+    # I_a ω_a² at its largest, where cn = 1, and I_c ω_c² at its largest, where dn = 1. They are zero
+    # up to rounding at the permanent rotations and at rest.
     short = np.maximum((energy2 * encircled - momentum2) / (encircled - opposite), 0)
     long = np.maximum((momentum2 - energy2 * opposite) / (encircled - opposite), 0)
-    parameter = (opposite - i2) / (i2 - encircled) * short / np.maximum(long, 1e-300)
-    parameter = np.clip(parameter, 0, 1 - 1e-15)[:, None]
+    parameter = (opposite - i2) / (i2 - encircled) * short / np.maximum(long, _TINY)
+    parameter = np.clip(parameter, 0, _LARGEST_PARAMETER)[:, None]
     quarter = (np.arange(_QUARTER_NODES) + 0.5) / _QUARTER_NODES
     sn, cn, dn, _ = ellipj(quarter * ellipk(parameter), parameter)
+    # ω_a² + ω_b² + ω_c² at the nodes, shape (n, nodes).
     squares = (
         (short / opposite)[:, None] * cn**2
         + (short * (encircled - opposite) / (i2 * (encircled - i2)))[:, None] * sn**2

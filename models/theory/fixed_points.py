@@ -83,6 +83,8 @@ def eigenvalues(ellipsoid: Ellipsoid, axis: int) -> tuple[float, float, float, f
     wobble = 0.0
     for across in ((axis + 1) % 3, (axis + 2) % 3):
         third = 3 - axis - across
+        # Jeffery's angular velocity about the axis `across` has two terms, of weights `share` and
+        # 1 - share. One of them makes L_x decay, the other L_y.
         share = squares[third] / (squares[axis] + squares[third])
         along_x += resistance[across] * share
         along_y += resistance[across] * (1 - share)
@@ -139,7 +141,8 @@ def circle(ellipsoid: Ellipsoid, stokes: float) -> float:
     """
     # There ω̇ = -(d/St)(ω - Ω_J) with Ω_J = -½ + ½ Λ cos t; d is the damping rate and Λ the
     # anisotropy of the section across the axis. Hence ω oscillates by dΛ/(2 St) about -½, and
-    # E = Iω²/2 by half that amplitude. The distance is 0 for oblate spheroids.
+    # E = Iω²/2 by half that amplitude, I being I_max: together by √(1 + ¼) = √5/2 times dΛ/(2 St).
+    # The distance is 0 for oblate spheroids.
     longest, middle, shortest = ellipsoid.order
     a2 = ellipsoid.scaled_axes[longest] ** 2
     b2 = ellipsoid.scaled_axes[middle] ** 2

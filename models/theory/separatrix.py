@@ -88,6 +88,7 @@ class Separatrix:
             )
         if passed == 0:
             return 0.0
+        # With y = 16e exp(W), y ln(16/y) + y = -16e W exp(W). As y < 16, W < -1: the branch is -1.
         return 16 * e * exp(float(lambertw(-passed / (16 * e), k=-1).real))
 
     def shift(self, complement: float, complement_start: float, shift_start: float) -> float:
@@ -95,6 +96,9 @@ class Separatrix:
         with IMPORTS:
             from scipy.integrate import quad
 
+        # Over the rate of y, the equation of L_z' is dL_z'/dy = -rate ln(16/y) L_z' - Ŵ/2W. As
+        # ln(16/y) is the derivative of y ln(16/y) + y, exp(rate (y ln(16/y) + y)) is the integrating
+        # factor.
         rate = self.decay / self.growth
         exponent_end = _passed(complement)
         integral = quad(
@@ -115,6 +119,8 @@ class Separatrix:
         """Exact slow variables (L_x, L_y, L_z, E) of y and L_z', with L_x = L_y = 0."""
         i1, i2, i3 = self._sorted[0]
         encircled, opposite = (i3, i1) if self.side == "short" else (i1, i3)
+        # y is (I_c - I_a)(L² - 2EI₂)/((I_c - I₂)(L² - 2EI_a)), where c is the axis encircled and a the
+        # opposite one. So L² - 2EI₂ is this share of L² - 2EI_a.
         share = complement * (encircled - i2) / (encircled - opposite)
         momentum = shift - i2 / 2
         return 0.0, 0.0, momentum, momentum * momentum * (1 - share) / (2 * (i2 - share * opposite))

@@ -76,8 +76,10 @@ class CorrectedSpheroid(Form):
 def _correction(scene: Scene, lz: np.ndarray, spin: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """L_z⁽¹⁾/St in units of I_e, shape (n,)."""
     spheroid = Spheroid.of(scene.ellipsoid)
+    # p̂ = (sin θ sin φ, -sin θ cos φ, cos θ), and φ turns at the rate L_z/I_e.
     x, y, _ = scene.initial_rotation[spheroid.axis]
     angle = scene.stokes * phase + atan2(x, -y)
+    # h̄² is the sine squared of the angle between p̂ and L, as L·p̂ = I_a η; the damping is 8πY_c/I_e.
     across2 = 1 - (spheroid.inertia_ratio * spin / lz) ** 2
     amplitude = spheroid.equatorial_damping * spheroid.anisotropy * across2 / (4 * lz)
     return -amplitude * np.sin(2 * angle) / scene.stokes

@@ -1,4 +1,12 @@
-"""Period of a tumbler, an ellipsoid with a principal axis along the vorticity, at any St."""
+"""Period of a tumbler, an ellipsoid with a principal axis along the vorticity, at any St.
+
+The body turns backwards: φ falls and w = -φ̇ is positive. The functions below have -φ as their
+variable, which rises with time. They take it by way of s, tan(-φ) = √(b/a) tan s, at n equispaced
+nodes of half a turn, s in [0, π), after which everything repeats. Per s, with r the relative lag of
+the body behind the fluid,
+
+    dw/ds = -ε⁻¹ r,   r = (1 - g/w) slope,   slope = d(-φ)/ds.
+"""
 
 from math import isfinite, nan, pi, sqrt
 
@@ -7,12 +15,24 @@ import numpy as np
 from polhode.models.libraries import IMPORTS
 from polhode.models.shape import Ellipsoid
 
-# Collocation nodes in half a turn; they resolve ratios a/b up to 1000 in seconds.
+# Collocation nodes in half a turn: the first try, and the last one, as each try has twice as many.
+# The last resolves ratios a/b up to 1000 in seconds.
+_FIRST_NODES = 32
 _MOST_NODES = 2048
 # Newton's method converges quadratically from the marched guess: more steps would not help.
 _MOST_STEPS = 20
+# Largest step of Newton's method, over w: w stays positive.
+_MOST_CHANGE = 0.5
+# Newton's method ends when no w changes by more than this, relative: as it converges quadratically,
+# the square of it, far below rounding, is left.
+_CONVERGED = 1e-9
 # Relative difference of two periods, over √nodes, that counts as rounding.
 _ROUNDOFF = 1e-14
+# Rate w at which any body turns if St is large: that of the fluid, half the shear rate.
+_RATE_OF_FLUID = 0.5
+# Half turns over which the guess marches: behind the first one it has forgotten its start, or St
+# is so large that w hardly leaves it.
+_MARCHED_HALF_TURNS = 2
 
 
 def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
@@ -22,7 +42,7 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     (a²sin²φ + b²cos²φ)/(a² + b²), ε is St I/(8πX), and a, b are the semi-axes in the flow-gradient
     plane.
     Its solution of period π is found by collocation, not by waiting for the transient to decay, and
-    T = 2∫dφ/w over half a turn. It is 2π(κ + 1/κ), κ = a/b, at St = 0 and tends to 4π as St → ∞.
+    T = 2∫d(-φ)/w over half a turn. It is 2π(κ + 1/κ), κ = a/b, at St = 0 and tends to 4π as St → ∞.
 
     Body axis `axis` (0, 1, 2) stays along the vorticity. The result is good to about 1e-13,
     relative. Raises ValueError if St is not finite or negative, or a/b too far from one to be
@@ -33,14 +53,16 @@ def tumbling_period(ellipsoid: Ellipsoid, stokes: float, axis: int) -> float:
     a, b = (ellipsoid.scaled_axes[(axis + step) % 3] for step in (1, 2))
     if stokes == 0:
         return 2 * pi * (a / b + b / a)
-    damping = ellipsoid.damping[axis] / stokes
+    damping = ellipsoid.damping[axis] / stokes  # ε⁻¹
     slope, equilibrium = _profile(a, b, _MOST_NODES)
     guess = _marched(slope, equilibrium, damping)
-    nodes = 32
+    nodes = _FIRST_NODES
     previous = nan
     while nodes <= _MOST_NODES:
-        every = _MOST_NODES // nodes
-        period = _collocated_period(slope[::every], equilibrium[::every], damping, guess[::every])
+        stride = _MOST_NODES // nodes
+        rate = _collocated_rate(slope[::stride], equilibrium[::stride], damping, guess[::stride])
+        # T = 2∫ slope/w ds over s from 0 to π; a mean over equispaced nodes is the integral over π.
+        period = 2 * pi * float(np.mean(slope[::stride] / rate))
         if abs(period - previous) <= _ROUNDOFF * nodes**0.5 * period:
             return period
         nodes = 2 * nodes
@@ -58,10 +80,14 @@ def weak_inertia_period_change(ellipsoid: Ellipsoid, stokes: float, axis: int) -
 
 
 def _profile(a: float, b: float, nodes: int) -> tuple[np.ndarray, np.ndarray]:
-    """dφ/ds and g, each of shape (n,), at equispaced nodes of s in [0, π), tan φ = √(b/a) tan s."""
-    # The map keeps both the zeros of g and its own poles as far as √(b/a) from the real axis.
+    """`slope` and the equilibrium rate g, each of shape (n,), at the nodes of s."""
+    # A Fourier series converges the faster, the farther its function's singular points in complex s
+    # are from the real axis. Per φ the zeros of g, at tan φ = ±ib/a, are as near as b/a for small
+    # b/a. Per s they are as far as √(b/a), at tan s = ±iq, and so are the poles of the slope, at
+    # tan s = ±i/q. The factor q = √(b/a) is the one that makes both distances equal.
     s = pi * np.arange(nodes) / nodes
     q = sqrt(b / a)
+    # cos²φ = cos²s/square and sin²φ = q² sin²s/square.
     square = np.cos(s) ** 2 + q * q * np.sin(s) ** 2
     equilibrium = (a * a * q * q * np.sin(s) ** 2 + b * b * np.cos(s) ** 2) / (
         square * (a * a + b * b)
@@ -72,11 +98,13 @@ def _profile(a: float, b: float, nodes: int) -> tuple[np.ndarray, np.ndarray]:
 def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.ndarray:
     """w, shape (n,), within O(1/n), by implicit Euler steps from w = 1/2 over two half turns."""
     # The equation contracts everywhere and each step has one positive root, so that this cannot
-    # fail.
+    # fail. `step` is ε⁻¹ slope ds, and the new w has w = rate - step (1 - g/w), which is
+    # w² - 2 half w - step g = 0. Of the two ways to write its positive root the code takes the one
+    # that adds.
     steps = (pi / len(slope) * damping * slope).tolist()
     rates = []
-    rate = 0.5
-    for _ in range(2):
+    rate = _RATE_OF_FLUID
+    for _ in range(_MARCHED_HALF_TURNS):
         rates = []
         for step, g in zip(steps, equilibrium.tolist(), strict=True):
             half = (rate - step) / 2
@@ -86,33 +114,45 @@ def _marched(slope: np.ndarray, equilibrium: np.ndarray, damping: float) -> np.n
     return np.array(rates)
 
 
-def _collocated_period(
+def _collocated_rate(
     slope: np.ndarray, equilibrium: np.ndarray, damping: float, rate: np.ndarray
-) -> float:
-    """Period from the values of w, shape (n,), at equispaced nodes of s, by Newton's method.
+) -> np.ndarray:
+    """w, shape (n,), at the nodes, from a guess `rate`, shape (n,), by Newton's method.
 
-    NaN if it fails.
+    NaN if it does not converge.
     """
-    # The equation is integrated once, which keeps it well-conditioned for any damping 1/ε: w - ⟨w⟩
-    # + ε⁻¹ ∫ r ds = 0 and ⟨r⟩ = 0 with r = (1 - g/w) dφ/ds.
-    with IMPORTS:
-        from scipy.linalg import circulant
-
+    # The equation is integrated once, which keeps it well-conditioned for any damping ε⁻¹:
+    # w - ⟨w⟩ + ε⁻¹ ∫ r ds = 0, where ∫ is of zero mean. It has no mean itself. That of
+    # dw/ds = -ε⁻¹ r, ⟨r⟩ = 0, takes the free place: both are added and vanish together.
     nodes = len(slope)
-    wave = np.fft.fftfreq(nodes, d=1 / (2 * nodes))
-    inverse = np.zeros(nodes, dtype=complex)
-    resolved = (wave != 0) & (wave != -nodes)
-    inverse[resolved] = -1j / wave[resolved]
-    integral = circulant(np.fft.ifft(inverse).real)
+    integral = _antiderivative(nodes)
     mean = np.full((nodes, nodes), 1 / nodes)
     for _ in range(_MOST_STEPS):
-        force = slope * (1 - equilibrium / rate)
-        residual = rate - rate.mean() + damping * (integral @ force) + force.mean()
+        lag = slope * (1 - equilibrium / rate)  # r
+        residual = rate - rate.mean() + damping * (integral @ lag) + lag.mean()
+        # dr/dw = slope g/w².
         jacobian = (
             np.eye(nodes) - mean + (damping * integral + mean) * (slope * equilibrium / rate**2)
         )
         step = np.linalg.solve(jacobian, residual)
-        rate = rate - step * min(1.0, 0.5 / max(0.5, np.max(step / rate)))
-        if np.max(np.abs(step / rate)) < 1e-9:
-            return 2 * pi * float(np.mean(slope / rate))
-    return nan
+        rate = rate - step * min(1.0, _MOST_CHANGE / max(_MOST_CHANGE, np.max(step / rate)))
+        if np.max(np.abs(step / rate)) < _CONVERGED:
+            return rate
+    return np.full(nodes, nan)
+
+
+def _antiderivative(nodes: int) -> np.ndarray:
+    """Matrix, shape (n, n), that takes a function of period π to its integral of zero mean.
+
+    Both are given at the nodes. The mean of the function does not count, nor does its last Fourier
+    mode, whose integral vanishes at all nodes.
+    """
+    with IMPORTS:
+        from scipy.linalg import circulant
+
+    # Functions of period π have even wave numbers; the integral of exp(iks) is exp(iks)/(ik).
+    wave_numbers = np.fft.fftfreq(nodes, d=1 / (2 * nodes))
+    factors = np.zeros(nodes, dtype=complex)
+    resolved = (wave_numbers != 0) & (wave_numbers != -nodes)
+    factors[resolved] = -1j / wave_numbers[resolved]
+    return circulant(np.fft.ifft(factors).real)
