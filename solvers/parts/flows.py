@@ -1,6 +1,15 @@
-"""The flows of a problem's parts, in lanes, with the constants of a step: parts of kernels."""
+"""The flows of a problem's parts, in lanes, with the constants of a step: parts of kernels.
+
+A scheme reaches machine code as one array, as `schemes.Scheme.numbers` lays it out. Of s stages and
+c chains, and of the s' stages of the one chain that leads to rows, it holds::
+
+    s | fast shares, (s + 1, c) | slow shares, (s, c) | weights, (c,) | s' | fast, s' + 1 | slow, s'
+
+`stages_of`, `shares_of`, `weights_of` and `row_scheme_of` know where these stand.
+"""
 
 from collections.abc import Sequence
+from typing import Any
 
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import (
@@ -14,8 +23,35 @@ from polhode.solvers.machine_code.program import (
 )
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
-# More slow flows than a step of any scheme has.
-_MOST_STAGES = 16
+# No scheme has more slow flows in a step: room is made for so many.
+_MAX_STAGES = 16
+# No problem has more parameters: so many stand in where a part's constants are only counted.
+_MAX_PARAMETERS = 64
+
+
+def stages_of(scheme: Array) -> Number:
+    """Number s of slow flows in a step."""
+    return scheme[0]
+
+
+def shares_of(scheme: Array, lanes: int) -> Array:
+    """Shares of a step, `lanes` at an index: s + 1 fast ones, then s slow ones."""
+    return (scheme + 1).of(lanes)
+
+
+def fast_share_of(scheme: Array, i: Number) -> Number:
+    """Share of fast flow i, of a scheme of one chain."""
+    return scheme[i + 1.0]
+
+
+def weights_of(scheme: Array, stages: Number, chains: int) -> Number:
+    """Weights of the chains, one in each lane; they stand behind all shares."""
+    return shares_of(scheme, chains)[2.0 * stages + 1.0]
+
+
+def row_scheme_of(scheme: Array, stages: Number, chains: int) -> Array:
+    """The scheme that leads to rows, behind the weights."""
+    return scheme + (1.0 + (2.0 * stages + 2.0) * chains)
 
 
 class Flows:
@@ -24,8 +60,9 @@ class Flows:
     `prepare` computes the constants of a step's flows, `spread` moves rows by a step.
 
     Chains are compositions of flows beside each other, each in a SIMD lane. Row i of an array of
-    constants belongs to stage i, a fast flow and a slow one. The row behind belongs to the last
-    fast flow, and with one chain alone a further row to the last and the next one together.
+    constants belongs to stage i, and holds those of a fast flow, then those of the slow flow behind
+    it. Of s stages there are s + 2 rows: row s has the last fast flow of a step; row s + 1, of one
+    chain alone, the last fast flow and the first one of the next step, which are one of both times.
     """
 
     def __init__(self, parts: Parts, dimension: int, number: type = float, chains: int = 1) -> None:
@@ -36,59 +73,82 @@ class Flows:
         self.fast = parts.fast.flow(OPERATIONS)
         self.slow = parts.slow.flow(OPERATIONS)
         self.rate = parts.rate(OPERATIONS)
-        numbers = (0.5,) * 64, 0.5
-        self.sizes = len(parts.fast.constants(*numbers)), len(parts.slow.constants(*numbers))
-        self.both = (
-            parts.both(OPERATIONS)
-            if parts.both
-            else lambda y, fast, slow, *_: self.slow(self.fast(y, fast), slow)
-        )
+        # Any parameters and any time will do to count the constants of a fast and of a slow flow.
+        any_numbers = (0.5,) * _MAX_PARAMETERS, 0.5
+        fast_size = len(parts.fast.constants(*any_numbers))
+        slow_size = len(parts.slow.constants(*any_numbers))
+        self.sizes = fast_size, slow_size
+        self.both = parts.both(OPERATIONS) if parts.both else self._one_after_the_other
         self.prepare = self._prepare()
         self.spread = self._spread()
 
+    def _one_after_the_other(self, y: Any, fast: Any, slow: Any) -> Sequence[Any]:
+        """The fast flow, then the slow one, of parts that know no quicker way."""
+        return self.slow(self.fast(y, fast), slow)
+
     def constants(self, program: Program, lanes: int = 0) -> Array:
         """Room for the constants of a step, of each chain if lanes are not given."""
-        return program.room((_MOST_STAGES + 2) * sum(self.sizes), lanes or self.chains)
+        return program.room((_MAX_STAGES + 2) * sum(self.sizes), lanes or self.chains)
 
     def row(self, constants: Array, i: float | Number) -> Array:
-        """Constants from row i on."""
+        """Row i of constants, and all rows behind it."""
         return constants + i * float(sum(self.sizes))
 
-    def whole(self, y: Array, base: Sequence[Number]) -> tuple[Number, ...]:
-        """The state of which an array holds what the first components gain beside a base."""
-        state = y.load(self.dimension)
-        return *(number + gain for number, gain in zip(base, state, strict=False)), *state[
-            len(base) :
-        ]
+    def slow_constants(self, row: Array) -> Array:
+        """A row's constants of the slow flow, which stand behind those of the fast one."""
+        return row + self.sizes[0]
 
-    def fast_flow(self, y: Array, constants: Array, base: Sequence[Number] = ()) -> None:
-        """Advance a state."""
-        moved = self.fast(self.whole(y, base), constants.load(self.sizes[0]))
+    def whole(self, y: Array, base: Sequence[Number]) -> tuple[Number, ...]:
+        """The state that an array holds, whose first components may be gains on those of a base."""
+        numbers = y.load(self.dimension)
+        firsts = [before + gain for before, gain in zip(base, numbers, strict=False)]
+        return *firsts, *numbers[len(base) :]
+
+    def fast_flow(self, y: Array, row: Array, base: Sequence[Number] = ()) -> None:
+        """Advance a state by the fast flow of a row of constants; `base` as in `whole`.
+
+        The flow leaves the components of a base alone, and so their gains.
+        """
+        moved = self.fast(self.whole(y, base), row.load(self.sizes[0]))
         (y + len(base)).store(moved[len(base) :])
 
-    def slow_flow(self, y: Array, constants: Array) -> None:
-        """Advance a state."""
-        y.store(self.slow(y.load(self.dimension), (constants + self.sizes[0]).load(self.sizes[1])))
+    def slow_flow(self, y: Array, row: Array) -> None:
+        """Advance a state by the slow flow of a row of constants."""
+        y.store(self.slow(y.load(self.dimension), self.slow_constants(row).load(self.sizes[1])))
 
-    def both_flows(self, y: Array, fast: Array, slow: Array, base: Sequence[Number] = ()) -> None:
-        """Advance a state by a fast flow and a slow one, with the constants of two rows."""
-        constants = fast.load(self.sizes[0]), (slow + self.sizes[0]).load(self.sizes[1])
-        y.store(self.both(self.whole(y, base), *constants, *([y.load(len(base))] if base else [])))
+    def both_flows(
+        self, y: Array, fast_row: Array, slow_row: Array, base: Sequence[Number] = ()
+    ) -> None:
+        """Advance a state by a fast flow and a slow one, whose constants are of two rows."""
+        fast = fast_row.load(self.sizes[0])
+        slow = self.slow_constants(slow_row).load(self.sizes[1])
+        state = self.whole(y, base)
+        if base:
+            # What has been gained advances in the place of the components themselves.
+            y.store(self.both(state, fast, slow, y.load(len(base))))
+        else:
+            y.store(self.both(state, fast, slow))
 
     def _prepare(self) -> Program:
+        """Compute the constants of a step of time `h`, of each chain."""
         program = Program("prepare", "scheme p constants", "h", "internal", "noinline")
         scheme, p, constants, h = program.arguments
-        shares = (scheme + 1).of(self.chains)
-        self.fill(constants.of(self.chains), scheme[0], shares, p, splat(h, self.chains))
+        shares = shares_of(scheme, self.chains)
+        stages = stages_of(scheme)
+        self.fill(constants.of(self.chains), stages, shares, p, splat(h, self.chains))
         return program
 
     def fill(
         self, constants: Array, stages: Number, shares: Array | Same, p: Array, h: Number
     ) -> None:
-        """Compute the constants of a step h, in as many lanes as they have."""
+        """Compute the constants of a step of time h, in as many lanes as they have.
+
+        `Same` shares are those of the scheme that leads to rows, of one chain in every lane.
+        """
         fast = self.parts.fast
         slow = self.parts.slow
         lanes = constants.lanes
+        # A scheme of one chain reads alike from either end: half of its slow flows are computed.
         mirrored = self.chains == 1 or isinstance(shares, Same)
         ops = WIDE if lanes > 1 else OPERATIONS
         parameters = Same(p, lanes)
@@ -101,19 +161,23 @@ class Flows:
             )
         with program.times(0.5 * stages if mirrored else stages) as i:
             slow_constants = slow.constants(parameters, shares[stages + 1.0 + i] * h, ops)
-            for row in (i, stages - 1.0 - i) if mirrored else (i,):
-                (self.row(constants, row) + self.sizes[0]).store(slow_constants)
+            self.slow_constants(self.row(constants, i)).store(slow_constants)
+            if mirrored:
+                mirror_image = self.row(constants, stages - 1.0 - i)
+                self.slow_constants(mirror_image).store(slow_constants)
 
     def _spread(self) -> Program:
-        """Move rows by a time of each one's own, one in each lane.
+        """Move rows by a time of each one's own, one row in each lane.
 
-        `number` holds the rows, and the steps of each.
+        `number` holds the number of rows, and in how many steps each of them is moved. The last
+        row fills the lanes that are left over: it is moved alike in all of them, and written once
+        more by each.
         """
         program = Program(
             "spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS
         )
         scheme, p, number, times, rows = program.arguments
-        stages = scheme[0]
+        stages = stages_of(scheme)
         last = number[0] - 1.0
         steps = number[1]
         dimension = self.dimension
@@ -121,11 +185,13 @@ class Flows:
         y = program.room(dimension, self.lanes)
         h = program.room(1, self.lanes)
         constants = self.constants(program, self.lanes)
+        # The same places number by number: entry k + c * lanes is component c of the row in lane k.
         entries = y.of(1)
         lengths = h.of(1)
         with program.times(number[0] / lanes) as i:
 
             def row(k: Number) -> tuple[Number, Array]:
+                """Number of the row in lane k, and its place."""
                 j = lanes * i + k
                 j = OPERATIONS.where_positive(j - last, last, j)
                 return j, rows + j * float(dimension)
@@ -135,7 +201,8 @@ class Flows:
                 lengths[k] = times[j] / steps
                 for c in range(dimension):
                     entries[k + c * lanes] = at[c]
-            self.fill(constants, stages, Same(scheme + 1, self.lanes), p, h[0])
+            shares = Same(shares_of(scheme, 1), self.lanes)
+            self.fill(constants, stages, shares, p, h[0])
             with program.times(steps):
                 with program.times(stages) as k:
                     self.both_flows(y, self.row(constants, k), self.row(constants, k))

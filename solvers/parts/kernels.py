@@ -1,4 +1,8 @@
-"""Machine code that composes the flows of a problem's parts: no Python per step or row."""
+"""Machine code that composes the flows of a problem's parts: no Python per step or row.
+
+`advance` steps and fills rows; `check` runs `advance` twice, by two laws of step size, and compares
+the rows. Their numbers lie in arrays, whose places `LawAt`, `ClockAt` and `CheckAt` name.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,25 +22,81 @@ from polhode.solvers.machine_code.program import (
     splat,
 )
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.flows import Flows
+from polhode.solvers.parts.flows import Flows, row_scheme_of, stages_of, weights_of
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it
 # stays, since what errs to and fro within a turn adds up to nothing only while steps are equal.
 _BAND = 1.05
-# Rows are reached backwards in time where the slow part relaxes by less than twice this in a step.
-_BACKWARD = 0.05
-# Numbers in a law.
-_LAW = 6
-# Times at which a check compares runs, in either part.
+# Rows are reached backwards in time where the slow part relaxes by less than twice this in a step:
+# a flow backwards, by half a step at most, amplifies what relaxes: here by a twentieth. An estimate.
+_MAX_RELAXED_BACKWARD = 0.05
+# Times at which a check compares runs, in either of its two parts; an estimate.
 _POINTS = 8
-# Difference of two runs by rounding, per type of number, relative.
+# What two runs of a check differ by for rounding alone, in a fast component of size 1, per type of
+# number: some 450 roundings, an estimate.
 _ROUNDING = {float: 1e-13, np.longdouble: 5e-17}
-# How a call of `advance` ends.
-Code = IntEnum("Code", "FINISHED STEPS_DONE PAUSED OUTSIDE NOT_FINITE NO_STEP", start=0)
-# Places in a clock: the time at which the step was last changed, the step, the rates between which
-# it stays, the steps since then, rows filled, steps in all, the code; then the limits of a call: a
-# time, steps, and the number of times.
-At = IntEnum("At", "BEGIN STEP LOW HIGH SINCE FILLED STEPS CODE UNTIL LIMIT ROWS", start=0)
+
+
+class Code(IntEnum):
+    """How a call of `advance` ends."""
+
+    FINISHED = 0  # all rows are filled
+    STEPS_DONE = 1  # the most steps of the call are taken
+    PAUSED = 2  # the time at which the caller plans anew is reached
+    OUTSIDE = 3  # the rate has left the bounds between which the law holds
+    NOT_FINITE = 4  # the rate is infinite or NaN
+    NO_STEP = 5  # a step no longer moves the time
+
+
+class LawAt(IntEnum):
+    """Places in a law of step size: ``h = min(FACTOR r**-EXPONENT, WIDEST / r)``.
+
+    The rate r, no less than a least one, is the root of the fast angle's squared rate plus FLOOR.
+    """
+
+    FACTOR = 0
+    EXPONENT = 1
+    WIDEST = 2  # the largest angle h r, in rad
+    FLOOR = 3  # the square of the least rate that counts
+    LOWEST = 4  # the law holds from this rate r
+    HIGHEST = 5  # to this one
+
+
+class ClockAt(IntEnum):
+    """Places in a clock: how far a run has come, and the limits of the next call of `advance`."""
+
+    BEGIN = 0  # the time at which the step was last changed
+    STEP = 1
+    LOW = 2  # the step stays while the rate is at least this,
+    HIGH = 3  # and at most this
+    SINCE = 4  # steps since BEGIN: the time is BEGIN + SINCE STEP
+    FILLED = 5  # rows
+    STEPS = 6  # in all
+    CODE = 7  # a `Code`
+    UNTIL = 8  # limit: a time
+    LIMIT = 9  # limit: steps of this call
+    ROWS = 10  # number of rows
+
+
+class CheckAt(IntEnum):
+    """Places in the numbers of `check`: two laws, settings, and from SLOW on the results."""
+
+    FIRST_LAW = 0
+    SECOND_LAW = len(LawAt)
+    SPAN = 2 * len(LawAt)  # time of either part, at the beginning and at the end of the check
+    WHOLE = SPAN + 1  # time of the whole check
+    RATE = SPAN + 2  # of the fast angle
+    SLOW = SPAN + 3  # largest difference of the two runs in slow quantities
+    FAST = SPAN + 4  # the same in fast components, over one and the turns up to there
+    CHANGE = SPAN + 5  # of the mean difference of slow quantities, from part to part
+    AMPLITUDE_BEGIN = SPAN + 6  # of the fast components about their mean in the first part,
+    AMPLITUDE_END = SPAN + 7  # and in the second
+    STEPS = SPAN + 8  # of both runs
+    CODES = SPAN + 9  # sum of both runs' codes: 0 if both reached the end
+
+
+CHECK_SIZE = CheckAt.CODES + 1
+_RESULTS_SIZE = CHECK_SIZE - CheckAt.SLOW
 
 sqrt = OPERATIONS.sqrt
 where_positive = OPERATIONS.where_positive
@@ -46,21 +106,15 @@ where_positive = OPERATIONS.where_positive
 class Kernels:
     """Compiled functions of one problem's parts; all arguments are arrays.
 
-    A scheme holds the number of slow flows in a step, the fast and the slow shares of each chain,
-    and the chains' weights; then comes the scheme, of one chain, that leads to a row. A law holds
-    the factor, the exponent and the widest angle of a step, the square of the least rate that
-    counts, and the rates between which it holds.
+    `parts.flows` shows what a scheme holds.
     """
 
     # (scheme, law, p, state, clock, times, rests, rows): steps until the rows are filled, or a
     # limit in the clock is met, from which state and clock go on. `rests` is room for a number of
     # each row.
     advance: Callable[..., None]
-    # (scheme, p, state, numbers): two runs by one law each, to POINTS times at the beginning and at
-    # the end. The numbers: the laws, the length of either part and of the whole, the rate, and the
-    # results. These are the largest difference of the two runs in slow quantities, and in fast
-    # components per turn; the change of the mean difference of slow quantities; the amplitudes of
-    # the fast components in either part; the steps; the codes' sum.
+    # (scheme, p, state, numbers): two runs by one law each, compared at `_POINTS` times at the
+    # beginning and as many at the end; `CheckAt` names the numbers and the results among them.
     check: Callable[..., None]
 
 
@@ -69,7 +123,13 @@ def clock(time: float, number: type = float) -> np.ndarray:
 
     No rate lies between its bounds, so that a first step is chosen.
     """
-    return np.array([time, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, 0.0, 0.0], number)
+    numbers = np.zeros(len(ClockAt), number)
+    numbers[ClockAt.BEGIN] = time
+    numbers[ClockAt.HIGH] = -1.0
+    # The start is the first row.
+    numbers[ClockAt.FILLED] = 1.0
+    numbers[ClockAt.UNTIL] = inf
+    return numbers
 
 
 @once()
@@ -92,38 +152,50 @@ def length(vector: Sequence[Number]) -> Number:
 
 
 def _advance(flows: Flows) -> Program:
+    """`Kernels.advance`.
+
+    With one chain the last fast flow of a step and the first one of the next are one: between steps
+    the state lacks the last fast flow of its step, `open_` is 1, and `close` makes up for it where
+    the state itself is needed. With several chains a state is their mean, and complete after each
+    step.
+    """
     program = Program(
         "advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS
     )
     scheme, law, p, state, clock, times, rests, rows = program.arguments
-    stages = scheme[0]
+    stages = stages_of(scheme)
     dimension = flows.dimension
     # Number of first components that the fast flow leaves alone.
     unmoved = flows.parts.moving[0]
     constants = flows.constants(program)
-    number = program.room(2)
+    # What `spread` receives: rows to be moved, and the steps by which each of them is.
+    spread_numbers = program.room(2)
     y = program.room(dimension)
     at = program.room(dimension)
     chain_states = program.room(dimension, flows.chains)
+    # What rounding has left out of the components that the fast flow leaves alone.
     remainder = program.room(unmoved)
     remainder.store([0.0] * unmoved)
     y.store(state.load(dimension))
     # 1 while the state lacks the last fast flow of its step.
     open_ = program.cell(0.0)
     code = program.cell(float(Code.FINISHED))
-    limit = clock[At.STEPS] + clock[At.LIMIT]
-    begin, step, low, high, since, filled, steps = (program.cell(clock[i]) for i in range(At.CODE))
+    limit = clock[ClockAt.STEPS] + clock[ClockAt.LIMIT]
+    begin, step, low, high, since, filled, steps = (
+        program.cell(clock[i]) for i in range(ClockAt.CODE)
+    )
 
     def close(y: Array) -> None:
+        """Make up for the last fast flow of a step if the state lacks it."""
         if flows.chains == 1:
             with program.when(compare("ogt", open_[0], 0.0)):
                 flows.fast_flow(y, flows.row(constants, stages))
 
     program.call(flows.prepare, scheme, p, constants, step[0])
     with program.repeat() as leave:
-        leave(compare("oge", filled[0], clock[At.ROWS]))
+        leave(compare("oge", filled[0], clock[ClockAt.ROWS]))
         rate = flows.rate(y, p)
-        speed = sqrt(rate * rate + law[3])
+        speed = sqrt(rate * rate + law[LawAt.FLOOR])
         outside = program.cell(1.0)
         with (
             program.when(compare("oge", speed, low[0])),
@@ -137,33 +209,36 @@ def _advance(flows: Flows) -> Program:
             since[0] = 0.0
             low[0] = speed / _BAND
             high[0] = speed * _BAND
-            free = law[0] * speed ** (1.0 - law[1])
-            step[0] = where_positive(law[2] - free, free, law[2]) / speed
+            free_angle = law[LawAt.FACTOR] * speed ** (1.0 - law[LawAt.EXPONENT])
+            widest = law[LawAt.WIDEST]
+            step[0] = where_positive(widest - free_angle, free_angle, widest) / speed
             code[0] = float(Code.NOT_FINITE)
             leave(compare("uge", speed, inf))
             code[0] = float(Code.OUTSIDE)
-            leave(compare("olt", speed, law[4]))
-            leave(compare("ogt", speed, law[5]))
+            leave(compare("olt", speed, law[LawAt.LOWEST]))
+            leave(compare("ogt", speed, law[LawAt.HIGHEST]))
             code[0] = float(Code.NO_STEP)
             leave(compare("ule", begin[0] + step[0], begin[0]))
             program.call(flows.prepare, scheme, p, constants, step[0])
         now = begin[0] + since[0] * step[0]
         # Rows are reached from the nearer end of a step, except back in time where the slow part is
-        # strong.
-        row_limit = now + where_positive(_BACKWARD - law[3] * step[0], 0.5, 1.0) * step[0]
+        # strong: FLOOR is half the rate of its relaxation (`splitting.Split.floor`).
+        relaxed = law[LawAt.FLOOR] * step[0]
+        share_from_here = where_positive(_MAX_RELAXED_BACKWARD - relaxed, 0.5, 1.0)
+        row_limit = now + share_from_here * step[0]
         with program.when(compare("ole", times[filled[0]], row_limit)):
             at.store(y.load(dimension))
             close(at)
             with program.repeat() as done:
-                done(compare("oge", filled[0], clock[At.ROWS]))
+                done(compare("oge", filled[0], clock[ClockAt.ROWS]))
                 done(compare("ogt", times[filled[0]], row_limit))
                 (rows + filled[0] * float(dimension)).store(at.load(dimension))
                 rests[filled[0]] = times[filled[0]] - now
                 filled[0] = filled[0] + 1.0
         for condition, reason in (
-            (compare("oge", filled[0], clock[At.ROWS]), Code.FINISHED),
+            (compare("oge", filled[0], clock[ClockAt.ROWS]), Code.FINISHED),
             (compare("oge", steps[0], limit), Code.STEPS_DONE),
-            (compare("oge", now, clock[At.UNTIL]), Code.PAUSED),
+            (compare("oge", now, clock[ClockAt.UNTIL]), Code.PAUSED),
         ):
             code[0] = float(reason)
             leave(condition)
@@ -173,109 +248,120 @@ def _advance(flows: Flows) -> Program:
             # Gains of components that the fast flow leaves alone are summed apart: rounding of
             # equal sign in each step would pile up.
             start = y.load(dimension)
-            chain_states.store(
-                [
-                    splat(number, flows.chains)
-                    for number in (*remainder.load(unmoved), *start[unmoved:])
-                ]
-            )
-            base = [splat(number, flows.chains) for number in start[:unmoved]]
+            chain_starts = (*remainder.load(unmoved), *start[unmoved:])
+            chain_states.store([splat(component, flows.chains) for component in chain_starts])
+            base = [splat(component, flows.chains) for component in start[:unmoved]]
             with program.times(stages) as i:
-                flows.both_flows(
-                    chain_states, flows.row(constants, i), flows.row(constants, i), base
-                )
+                row = flows.row(constants, i)
+                flows.both_flows(chain_states, row, flows.row(constants, i), base)
             flows.fast_flow(chain_states, flows.row(constants, stages), base)
-            weights = (scheme + 1).of(flows.chains)[2.0 * stages + 1.0]
-            means = [(weights * number).total() for number in chain_states.load(dimension)]
-            ends = [before + gain for before, gain in zip(start, means[:unmoved], strict=False)]
+            weights = weights_of(scheme, stages, flows.chains)
+            means = [(weights * lanes).total() for lanes in chain_states.load(dimension)]
+            gains = means[:unmoved]
+            before = start[:unmoved]
+            ends = [old + gain for old, gain in zip(before, gains, strict=True)]
+            # Of each gain, the part that the rounded sum has not taken up.
             remainder.store(
-                [
-                    gain - (end - before)
-                    for before, gain, end in zip(start, means, ends, strict=False)
-                ]
+                [gain - (end - old) for old, gain, end in zip(before, gains, ends, strict=True)]
             )
             assert flows.parts.restored is not None
             y.store(flows.parts.restored([*ends, *means[unmoved:]]))
         else:
-            first = open_[0] * (stages + 1.0)
+            # The first fast flow of a step begins with the last one of the step before, in the
+            # row behind all others, unless there is none before.
+            first_fast = open_[0] * (stages + 1.0)
             with program.times(stages) as i:
-                flows.both_flows(
-                    y, flows.row(constants, where_positive(i, i, first)), flows.row(constants, i)
-                )
+                fast_row = flows.row(constants, where_positive(i, i, first_fast))
+                flows.both_flows(y, fast_row, flows.row(constants, i))
             open_[0] = 1.0
         since[0] = since[0] + 1.0
         steps[0] = steps[0] + 1.0
     close(y)
     state.store(y.load(dimension))
-    before = clock[At.FILLED]
-    leading = scheme + (1.0 + (2.0 * stages + 2.0) * flows.chains)
-    number.store([filled[0] - before, 1.0])
-    program.call(flows.spread, leading, p, number, rests + before, rows + before * float(dimension))
+    # The rows that this call has reached still stand at the ends of steps.
+    before = clock[ClockAt.FILLED]
+    row_scheme = row_scheme_of(scheme, stages, flows.chains)
+    spread_numbers.store([filled[0] - before, 1.0])
+    first_row = rows + before * float(dimension)
+    program.call(flows.spread, row_scheme, p, spread_numbers, rests + before, first_row)
+    # In the order of `ClockAt`.
     cells = (begin, step, low, high, since, filled, steps, code)
     clock.store([cell[0] for cell in cells])
     return program
 
 
 def _check(flows: Flows, advance: Program, rounding: float) -> Program:
+    """`Kernels.check`."""
     program = Program("check", "scheme p state numbers")
-    scheme, p, state, laws = program.arguments
-    setting = laws + 2 * _LAW
-    out = laws + (2 * _LAW + 3)
+    scheme, p, state, numbers = program.arguments
     dimension = flows.dimension
     moving = range(*flows.parts.moving)
     points = float(_POINTS)
-    rows = program.room((4 * _POINTS + 2) * dimension)
+    # Rows of a run: the start, those of the first part, those of the second.
+    run_length = 2 * _POINTS + 1
+    rows = program.room(2 * run_length * dimension)
     y = program.room(dimension)
-    times, rests = (program.room(2 * _POINTS + 1) for _ in range(2))
+    times = program.room(run_length)
+    rests = program.room(run_length)
     # From 0 on: times far from 0 have a rounding larger than the differences that a check seeks.
-    span, whole, rate = setting.load(3)
+    span = numbers[CheckAt.SPAN]
+    whole = numbers[CheckAt.WHOLE]
+    rate = numbers[CheckAt.RATE]
     times[0] = 0.0
     with program.times(points) as k:
         after = (k + 1.0) * (span / points)
         times[k + 1.0] = after
         times[k + (points + 1.0)] = whole - span + after
-    out.store([0.0] * 7)
+    (numbers + CheckAt.SLOW).store([0.0] * _RESULTS_SIZE)
     with program.times(2.0) as run:
-        clock = program.room(len(At))
-        clock.store([0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, inf, inf, 2 * points + 1])
+        clock = program.room(len(ClockAt))
+        # That of `clock` at time 0, without a limit of steps.
+        clock.store([0.0] * len(ClockAt))
+        clock[ClockAt.HIGH] = -1.0
+        clock[ClockAt.FILLED] = 1.0
+        clock[ClockAt.UNTIL] = inf
+        clock[ClockAt.LIMIT] = inf
+        clock[ClockAt.ROWS] = float(run_length)
         y.store(state.load(dimension))
-        run_rows = rows + run * (2 * points + 1) * dimension
-        program.call(advance, scheme, laws + run * float(_LAW), p, y, clock, times, rests, run_rows)
-        steps = out[5] + clock[At.STEPS]
-        codes = out[6] + clock[At.CODE]
-        out[5] = steps
-        out[6] = codes
+        law = numbers + run * float(len(LawAt))
+        run_rows = rows + run * run_length * dimension
+        program.call(advance, scheme, law, p, y, clock, times, rests, run_rows)
+        numbers[CheckAt.STEPS] = numbers[CheckAt.STEPS] + clock[ClockAt.STEPS]
+        numbers[CheckAt.CODES] = numbers[CheckAt.CODES] + clock[ClockAt.CODE]
     size = len(flows.parts.slow_quantities(y))
-    before = program.room(size)
+    change_before = program.room(size)
     with program.times(2.0) as part:
+        # Sum over the part of the difference of slow quantities; mean of the fast components.
         change = program.room(size)
         middle = program.room(len(moving))
-        most = out + part + 3.0
+        amplitude = numbers + part + float(CheckAt.AMPLITUDE_BEGIN)
         change.store([0.0] * size)
         middle.store([0.0] * len(moving))
 
-        def row(k: Number, run: float) -> Array:
-            return rows + ((part + 2 * run) * points + (k + 1.0 + run)) * float(dimension)
+        def row(k: Number, run: int) -> Array:
+            """Row k of this part, of run 0 or 1."""
+            before = float(run * run_length + 1)
+            return rows + (before + part * points + k) * float(dimension)
 
         with program.times(points) as k:
-            first = row(k, 0.0)
-            second = row(k, 1.0)
-            slow = [
-                b - a
-                for a, b in zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
-            ]
+            first = row(k, 0)
+            second = row(k, 1)
+            slow_pairs = zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
+            slow = [b - a for a, b in slow_pairs]
             change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
-            out[0] = larger(out[0], length(slow))
+            numbers[CheckAt.SLOW] = larger(numbers[CheckAt.SLOW], length(slow))
             turns = times[part * points + k + 1.0] * rate / (2 * pi)
-            out[1] = larger(
-                out[1], (length([second[i] - first[i] for i in moving]) - rounding) / (1.0 + turns)
-            )
+            fast = length([second[i] - first[i] for i in moving]) - rounding
+            numbers[CheckAt.FAST] = larger(numbers[CheckAt.FAST], fast / (1.0 + turns))
             middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
-        most[0] = 0.0
+        amplitude[0] = 0.0
         with program.times(points) as k:
-            first = row(k, 0.0)
-            most[0] = larger(most[0], length([first[i] - middle[j] for j, i in enumerate(moving)]))
-        # The first part leaves its mean for the second to compare with.
-        out[2] = length([(change[i] - before[i]) / points for i in range(size)])
-        before.store(change.load(size))
+            first = row(k, 0)
+            off_middle = length([first[i] - middle[j] for j, i in enumerate(moving)])
+            amplitude[0] = larger(amplitude[0], off_middle)
+        # The first part, where this is overwritten, leaves its sum for the second to compare with.
+        numbers[CheckAt.CHANGE] = length(
+            [(change[i] - change_before[i]) / points for i in range(size)]
+        )
+        change_before.store(change.load(size))
     return program

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from polhode.solvers.contract import Record
+from polhode.solvers.parts.kernels import CHECK_SIZE, CheckAt, LawAt
 
 # The law of errors. A step h leaves the slow components with errors of about
 # COEFFICIENT γ r**-POWER (h r)**ORDER; r is the rate of the fast angle, γ the rate at which the
@@ -58,8 +59,6 @@ _LEAST_ERROR = 100.0
 _REWARDING = 0.85
 # It pays only if the plans differ by a check, which costs this many steps beside its own.
 _CHECK = 250.0
-# Numbers that a check returns.
-_FOUND = 7
 # An angle of the fast components, in rad, that may be off per turn, in tolerances.
 _PER_TURN = 0.1
 # Scale of the error of a plan that ends in nothing.
@@ -75,7 +74,14 @@ class Plan(NamedTuple):
 
     def law(self, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
         """The law as machine code receives it; it holds between two rates."""
-        return self.factor, _EXPONENT, self.widest, self.floor, *between
+        law = [0.0] * len(LawAt)
+        law[LawAt.FACTOR] = self.factor
+        law[LawAt.EXPONENT] = _EXPONENT
+        law[LawAt.WIDEST] = self.widest
+        law[LawAt.FLOOR] = self.floor
+        law[LawAt.LOWEST] = between[0]
+        law[LawAt.HIGHEST] = between[1]
+        return tuple(law)
 
     def step(self, rate: float) -> float:
         """A step at a rate of the fast angle."""
@@ -183,17 +189,23 @@ class Planner:
         if length < turn * min(_MOST_ALL, _ALL * max(1.0, _DAMPED * problem.strength * turn)):
             trial = length
         span = _MEAN_OVER * turn if trial > 4 * _MEAN_OVER * turn else trial / 2
-        settings = *plan.law(), *plan.narrowed(_FINER).law(), span, trial, rate
-        numbers = np.array((*settings, *(0.0,) * _FOUND), problem.number)
+        numbers = np.zeros(CHECK_SIZE, problem.number)
+        numbers[CheckAt.FIRST_LAW : CheckAt.SECOND_LAW] = plan.law()
+        numbers[CheckAt.SECOND_LAW : CheckAt.SPAN] = plan.narrowed(_FINER).law()
+        numbers[CheckAt.SPAN] = span
+        numbers[CheckAt.WHOLE] = trial
+        numbers[CheckAt.RATE] = rate
         problem.kernels.check(
             problem.scheme.addresses[problem.number], problem.address, state, numbers
         )
-        slow, fast, change, begin, end, steps, failed = numbers[-_FOUND:].tolist()
+        found = numbers.tolist()
+        steps = found[CheckAt.STEPS]
+        fast = found[CheckAt.FAST]
         record.work.rejected = (record.work.rejected or 0) + int(steps)
-        if failed:
+        if found[CheckAt.CODES]:
             return inf, 0.0
-        if end > begin:
-            fast /= min(1.0, end)
+        if found[CheckAt.AMPLITUDE_END] > found[CheckAt.AMPLITUDE_BEGIN]:
+            fast /= min(1.0, found[CheckAt.AMPLITUDE_END])
         # Slow components remember for a time between the memory of the fastest and the slowest one.
         remaining = max(0.0, min(length, 1 / sqrt(problem.strength * problem.forgetting)) - trial)
         grown = remaining / (trial - span)
@@ -202,4 +214,5 @@ class Planner:
         rounding = problem.epsilon * max(
             rate * sqrt(steps) * (1 + grown), steps / (1 + trial / turn) / _PER_TURN
         )
-        return max(slow + change * grown, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding
+        slow = found[CheckAt.SLOW] + found[CheckAt.CHANGE] * grown
+        return max(slow, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding

@@ -21,7 +21,7 @@ from polhode.solvers.contract import (
     Status,
 )
 from polhode.solvers.machine_code.underflow import FlushedToZero
-from polhode.solvers.parts.kernels import At, Code, Kernels, clock, kernels
+from polhode.solvers.parts.kernels import ClockAt, Code, Kernels, clock, kernels
 from polhode.solvers.parts.planning import Planner
 from polhode.solvers.parts.schemes import ABA, PARALLEL
 
@@ -120,17 +120,17 @@ class Split:
                 before = plan
                 plan = self.planner.plan(plan, state, float(now), record)
                 if plan is not before:
-                    run_clock[: At.FILLED] = clock(now, self.number)[: At.FILLED]
-                run_clock[At.UNTIL] = next((mark for mark in marks if mark > now), inf)
+                    run_clock[: ClockAt.FILLED] = clock(now, self.number)[: ClockAt.FILLED]
+                run_clock[ClockAt.UNTIL] = next((mark for mark in marks if mark > now), inf)
                 # Ever wider, so that an oscillating rate needs few plans.
                 law = plan.law((rate / width, rate * width))
                 width = width * _WIDER
             limit = min(
-                record.chunk(_MAX_STEPS_PER_CALL), record.max_steps - int(run_clock[At.STEPS])
+                record.chunk(_MAX_STEPS_PER_CALL), record.max_steps - int(run_clock[ClockAt.STEPS])
             )
             code = self.advance(law, state, run_clock, times, rows, limit=limit)
-            record.put(rows[record.filled : int(run_clock[At.FILLED])])
-            work.steps = int(run_clock[At.STEPS])
+            record.put(rows[record.filled : int(run_clock[ClockAt.FILLED])])
+            work.steps = int(run_clock[ClockAt.STEPS])
             record.now = float(now_of(run_clock))
             if code == Code.STEPS_DONE and (stopped := record.stopped):
                 return stopped
@@ -141,15 +141,15 @@ class Split:
     def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
         """Advance state and clock until rows at times are filled, or a limit is met; says which."""
         state, run_clock, times, rows = arrays
-        run_clock[At.LIMIT] = limit
-        run_clock[At.ROWS] = len(times)
+        run_clock[ClockAt.LIMIT] = limit
+        run_clock[ClockAt.ROWS] = len(times)
         law_numbers = np.array(law, self.number)
         rests = np.empty_like(times)
         scheme = self.scheme.addresses[self.number]
         self.kernels.advance(
             scheme, law_numbers, self.address, state, run_clock, times, rests, rows
         )
-        return int(run_clock[At.CODE])
+        return int(run_clock[ClockAt.CODE])
 
     def free(self, record: Record) -> Outcome:
         """Fill the record's rows by the fast flow alone, modulo whole turns."""
@@ -172,7 +172,7 @@ class Split:
 
 def now_of(run_clock: np.ndarray) -> Any:
     """The time on a clock."""
-    return run_clock[At.BEGIN] + run_clock[At.SINCE] * run_clock[At.STEP]
+    return run_clock[ClockAt.BEGIN] + run_clock[ClockAt.SINCE] * run_clock[ClockAt.STEP]
 
 
 class Splitting(Solver):

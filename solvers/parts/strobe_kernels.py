@@ -1,45 +1,81 @@
-"""Machine code of stroboscopic averaging: turns, their differences, macro-steps and rows."""
+"""Machine code of stroboscopic averaging: turns, their differences, macro-steps and rows.
 
-from collections.abc import Callable, Sequence
+`stroboscopic` says what turns, the averaged field and macro-steps are. A *point* is a state with
+its time behind it: ``dimension + 1`` numbers. Each kernel takes its few numbers in one array, the
+`setting`, whose places `MeanAt`, `MacroAt` and `RowsAt` name.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from math import nan, pi
 
 from polhode.models.once import once
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.flows import Flows
+from polhode.solvers.parts.flows import Flows, fast_share_of, stages_of
 
-# Most turns between a row and the point of whole turns from which it is reached.
+# Most turns between a row and the end of a whole turn from which it is reached: half a turn, and a
+# hundredth of that since the period there is known by the present rate alone; an estimate.
 MAX_TURNS_TO_ROW = 0.505
-# Trials to find that point, after which the row is NaN.
-_TRIALS = 20.0
+# Most trials to find that end of a turn, each of which corrects the guess before; then the row is
+# NaN. An estimate.
+_MAX_TRIALS = 20.0
 # Terms of DOP853's interpolant.
 TERMS = 7
-# A number beside which others are rounded to whole ones.
-_WHOLE = 1.5 * 2.0**52
-# Most turns of which the averaged field takes differences.
-_MOST_TURNS = 3
-# Stages in a row of a Runge-Kutta table.
-_TABLE = 16
+# Doubles of this size are whole numbers next to each other: adding it rounds a number below 2**51
+# to the nearest whole one, and subtracting it again is exact. 1.5 lets that number be negative.
+_ROUNDS_TO_WHOLE = 1.5 * 2.0**52
+# Turns of the widest central difference, of order 6: columns of `weights`.
+_MAX_DIFFERENCE_TURNS = 3
+# Columns of SciPy's table A of DOP853, which has a row and a column for each of 16 stages.
+_TABLE_COLUMNS = 16
+
+
+class MeanAt(IntEnum):
+    """Places in the setting of `StrobeKernels.mean`."""
+
+    MICRO_STEPS = 0  # steps of splitting in a turn
+    TURNS = 1  # turns of the widest difference, 1 to 3
+    ROWS = 2  # of weights, and of fields to be computed
+
+
+class MacroAt(IntEnum):
+    """Places in the setting of `StrobeKernels.macro`; it begins with one of `MeanAt`."""
+
+    MICRO_STEPS = MeanAt.MICRO_STEPS
+    TURNS = MeanAt.TURNS
+    ROWS = MeanAt.ROWS  # 1: a stage has the field of one order
+    STAGE = 3  # the first stage to be computed; those before it are given
+    STAGES_END = 4  # the stage behind the last one
+    MACRO_TURNS = 5  # length of the macro-step in turns
+
+
+class RowsAt(IntEnum):
+    """Places in the setting of `StrobeKernels.rows`."""
+
+    ROWS = 0
+    MICRO_STEPS = 1  # steps of splitting from the end of a turn to a row
+    MACRO_TURNS = 2  # length of the macro-step in turns
 
 
 @dataclass(frozen=True)
 class StrobeKernels:
-    """Kernels of stroboscopic averaging; a point is a state with its time behind it."""
+    """Kernels of stroboscopic averaging; arguments are arrays of float64, or their addresses."""
 
-    # (scheme, p, setting, weights, point, out): weighted sums, a row of weights each, of
-    # differences of the map of 1, 2, ... turns: the averaged field, per turn. `setting` holds the
-    # steps of a turn, the turns, the rows.
+    # (scheme, p, setting, weights, point, out): averaged fields per turn, one to each row of
+    # `weights`, shape (rows, 3). A row of `out`, shape (rows, d + 1), is the sum over k = 1, 2, ...
+    # of weight k times what k turns forth and k turns back from the point differ by.
     mean: Callable[..., None]
     # (scheme, p, setting, weights, point, table, stages, ends): stages of a Runge-Kutta step by the
-    # averaged field, the last one taken at `ends`; `setting` holds besides the first stage, the one
-    # behind the last, the turns in the step.
+    # averaged field, one a row of `stages`, shape (16, d + 1). `table` is the matrix A of the
+    # method, and `ends` keeps the point at which the last stage was taken.
     macro: Callable[..., None]
-    # (scheme, p, setting, terms, point, times, rests, rows): rows at times within a macro-step from
-    # `point` on. An interpolant gives the points at the ends of whole turns; from the nearest one a
-    # part of a turn leads to a row. `setting` holds the rows, the steps to each, the turns in the
-    # step; `rests` is room for a number of each row.
+    # (scheme, p, setting, terms, point, times, rests, rows): states at times within a macro-step
+    # from `point` on, shape (rows, d). The interpolant of which `terms`, shape (7, d + 1), are the
+    # coefficients gives the points at the ends of whole turns; from the nearest one a part of a
+    # turn leads to a row. `rests` is room for that part, a time, of each row.
     rows: Callable[..., None]
 
 
@@ -53,100 +89,121 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
     return StrobeKernels(*compiled(*programs))
 
 
+@dataclass(frozen=True)
+class _Side:
+    """One of two turns that are taken at once, forth or back, which hides each one's latency."""
+
+    sign: float  # 1.0 forth, -1.0 back
+    point: Array  # where the turn begins, overwritten by where it ends
+    state: Array  # on the way
+    angle: Array  # cell: the angle turned so far, in rad, negative backwards
+    constants: Array  # of the flows in one of the equal steps
+    closing: Array  # of the flows in the step that closes the turn
+
+
 def _turn(flows: Flows) -> Program:
-    """One turn of the fast angle, forth for the first point and back for the second, at once."""
-    # Each takes `steps` steps, and two short ones that close it: one of the scheme, and one of
-    # Strang for the angle that this leaves.
+    """One turn of the fast angle, forth from the first of two points and back from the second.
+
+    Each takes `steps` equal steps of the scheme, of time `h` forth and `-h` back, which turn by
+    nearly 2π. A short step of the scheme turns the rest of it at the rate reached, and as the rate
+    changes a little on the way, a still shorter one of Strang's splitting turns what is left then.
+    """
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
     fast = flows.parts.fast
     slow = flows.parts.slow
     dimension = flows.dimension
     states = [program.room(dimension) for _ in range(2)]
-    points = [points, points + (dimension + 1)]
+    both_points = [points, points + (dimension + 1)]
     angles = [program.cell(0.0) for _ in range(2)]
     closing = [flows.constants(program) for _ in range(2)]
-    ends = flows.constants(program)
-    for y, point in zip(states, points, strict=True):
-        y.store(point.load(dimension))
+    strang = flows.constants(program)
+    sides = [
+        _Side(1.0, both_points[0], states[0], angles[0], forth, closing[0]),
+        _Side(-1.0, both_points[1], states[1], angles[1], back, closing[1]),
+    ]
+    for side in sides:
+        side.state.store(side.point.load(dimension))
 
-    def fast_flow(y: Array, angle: Array, row: Array, share: Number) -> None:
-        angle[0] = angle[0] + flows.rate(y, p) * share
-        flows.fast_flow(y, row)
+    def fast_flow(side: _Side, constants: Array, time: Number) -> None:
+        """Advance by the fast flow, and the angle by its rate, which that flow keeps."""
+        side.angle[0] = side.angle[0] + flows.rate(side.state, p) * time
+        flows.fast_flow(side.state, constants)
 
-    def step(side_constants: Sequence[Array], lengths: Sequence[Number]) -> None:
-        sides = list(zip(states, angles, side_constants, lengths, strict=True))
-        with program.times(scheme[0]) as i:
-            for y, angle, constants, length in sides:
-                fast_flow(y, angle, flows.row(constants, i), length * scheme[i + 1.0])
-            for y, _, constants, _ in sides:
-                flows.slow_flow(y, flows.row(constants, i))
-        for y, angle, constants, length in sides:
-            fast_flow(y, angle, flows.row(constants, scheme[0]), length * scheme[scheme[0] + 1.0])
+    def step(constants: list[Array], times: list[Number]) -> None:
+        """A step of the scheme on each side, with its own constants and length in time."""
+        moves = list(zip(sides, constants, times, strict=True))
+        with program.times(stages_of(scheme)) as i:
+            for side, rows, time in moves:
+                fast_flow(side, flows.row(rows, i), time * fast_share_of(scheme, i))
+            for side, rows, _ in moves:
+                flows.slow_flow(side.state, flows.row(rows, i))
+        for side, rows, time in moves:
+            row = flows.row(rows, stages_of(scheme))
+            fast_flow(side, row, time * fast_share_of(scheme, stages_of(scheme)))
 
-    def left() -> list[Number]:
-        """Times that close the turns at the present rates."""
-        return [
-            (sign * 2 * pi - angle[0]) / flows.rate(y, p)
-            for y, angle, sign in zip(states, angles, (1.0, -1.0), strict=True)
-        ]
+    def rest(side: _Side) -> Number:
+        """The time that closes the turn at the present rate."""
+        return (side.sign * 2 * pi - side.angle[0]) / flows.rate(side.state, p)
 
     with program.times(steps):
-        step((forth, back), (h, -1.0 * h))
-    first = left()
-    for constants, remaining in zip(closing, first, strict=True):
-        program.call(flows.prepare, scheme, p, constants, remaining)
-    step(closing, first)
-    passed = [
-        sign * steps * h + remaining for sign, remaining in zip((1.0, -1.0), first, strict=True)
-    ]
-    for y, angle, point, time, remaining in zip(
-        states, angles, points, passed, left(), strict=True
-    ):
-        for part, shift, share in ((fast, 0, 0.5), (slow, flows.sizes[0], 1.0)):
-            (ends + shift).store(part.constants(p, share * remaining, OPERATIONS))
-        fast_flow(y, angle, ends, 0.5 * remaining)
-        flows.slow_flow(y, ends)
-        fast_flow(y, angle, ends, 0.5 * remaining)
-        point.store([*y.load(dimension), point[dimension] + time + remaining])
+        step([side.constants for side in sides], [h, -1.0 * h])
+    first_rests = [rest(side) for side in sides]
+    for side, time in zip(sides, first_rests, strict=True):
+        program.call(flows.prepare, scheme, p, side.closing, time)
+    step([side.closing for side in sides], first_rests)
+    passed = [side.sign * steps * h + time for side, time in zip(sides, first_rests, strict=True)]
+    last_rests = [rest(side) for side in sides]
+    for side, time_passed, time in zip(sides, passed, last_rests, strict=True):
+        strang.store(fast.constants(p, 0.5 * time, OPERATIONS))
+        flows.slow_constants(strang).store(slow.constants(p, time, OPERATIONS))
+        fast_flow(side, strang, 0.5 * time)
+        flows.slow_flow(side.state, strang)
+        fast_flow(side, strang, 0.5 * time)
+        end_time = side.point[dimension] + time_passed + time
+        side.point.store([*side.state.load(dimension), end_time])
     return program
 
 
 def _mean(flows: Flows, turn: Program) -> Program:
+    """`StrobeKernels.mean`."""
     program = Program("mean", "scheme p setting weights point out")
     scheme, p, setting, weights, point, out = program.arguments
     dimension = flows.dimension
-    sides = [flows.constants(program) for _ in range(2)]
+    forth = flows.constants(program)
+    back = flows.constants(program)
     size = dimension + 1
+    # Two points, moved k turns forth and k turns back, whose time is counted from 0.
     moved = program.room(2 * size)
-    steps, turns, rows = setting.load(3)
+    steps, turns, rows = setting.load(len(MeanAt))
     with program.times(rows * float(size)) as i:
         out[i] = 0.0
     h = 2 * pi / (flows.rate(point, p) * steps)
-    for i, (constants, sign) in enumerate(zip(sides, (1.0, -1.0), strict=True)):
+    for i, (constants, sign) in enumerate(((forth, 1.0), (back, -1.0))):
         program.call(flows.prepare, scheme, p, constants, sign * h)
         (moved + i * size).store([*point.load(dimension), 0.0])
     with program.times(turns) as k:
-        program.call(turn, scheme, p, *sides, moved, steps, h)
+        program.call(turn, scheme, p, forth, back, moved, steps, h)
         with program.times(rows) as row:
-            weight = weights[row * float(_MOST_TURNS) + k]
-            into = out + row * float(size)
+            weight = weights[row * float(_MAX_DIFFERENCE_TURNS) + k]
+            field = out + row * float(size)
             for i in range(size):
-                into[i] = into[i] + weight * (moved[i] - moved[size + i])
+                field[i] = field[i] + weight * (moved[i] - moved[size + i])
     return program
 
 
 def _macro(dimension: int, mean: Program) -> Program:
+    """`StrobeKernels.macro`."""
     program = Program("macro", "scheme p setting weights point table stages ends")
     scheme, p, setting, weights, point, table, stages, ends = program.arguments
-    stage = program.cell(setting[3])
+    stage = program.cell(setting[MacroAt.STAGE])
     size = float(dimension + 1)
     with program.repeat() as leave:
         s = stage[0]
-        leave(compare("oge", s, setting[4]))
+        leave(compare("oge", s, setting[MacroAt.STAGES_END]))
         ends.store(point.load(dimension + 1))
         with program.times(s) as j:
-            weight = setting[5] * table[s * float(_TABLE) + j]
+            weight = setting[MacroAt.MACRO_TURNS] * table[s * float(_TABLE_COLUMNS) + j]
             for i in range(dimension + 1):
                 ends[i] = ends[i] + weight * stages[j * size + float(i)]
         program.call(mean, scheme, p, setting, weights, ends, stages + s * size)
@@ -154,33 +211,56 @@ def _macro(dimension: int, mean: Program) -> Program:
     return program
 
 
+def nearest_whole(x: Number) -> Number:
+    """The whole number next to x, for ``|x| < 2**51``."""
+    return (x + _ROUNDS_TO_WHOLE) - _ROUNDS_TO_WHOLE
+
+
+def _interpolated(terms: Array, component: int, size: int, x: Number) -> Number:
+    """Gain of a component of the point in the share x of a macro-step, by DOP853's interpolant.
+
+    It is ``x (F0 + (1 - x) (F1 + x (F2 + ...)))``, where row k of `terms` is Fk.
+    """
+    value = 0.0
+    for k in reversed(range(TERMS)):
+        value = (value + terms[k * size + component]) * (1.0 - x if k % 2 else x)
+    return value
+
+
 def _rows(flows: Flows) -> Program:
+    """`StrobeKernels.rows`.
+
+    For each row: guess the number of whole turns to it, look at which time they end, and correct
+    the guess by the turns between there and the row, until these are few enough.
+    """
     program = Program("rows", "scheme p setting terms point times rests rows")
     scheme, p, setting, terms, point, times, rests, rows = program.arguments
     dimension = flows.dimension
-    turns = setting[2]
-    at = program.room(flows.dimension + 1)
+    macro_turns = setting[RowsAt.MACRO_TURNS]
+    # The point at the end of whole turns.
+    at = program.room(dimension + 1)
     size = dimension + 1
-    whole = program.cell(0.0)
-    off = program.cell(0.0)
-    tried = program.cell(0.0)
-    with program.times(setting[0]) as j:
-        off[0] = turns * (times[j] - point[dimension]) / terms[dimension]
-        whole[0] = tried[0] = 0.0
+    # Whole turns from the beginning of the macro-step, turns from there to the row, trials.
+    whole_turns = program.cell(0.0)
+    turns_off = program.cell(0.0)
+    trials = program.cell(0.0)
+    with program.times(setting[RowsAt.ROWS]) as j:
+        # The first term of the interpolant is the gain over the step, here of time.
+        turns_off[0] = macro_turns * (times[j] - point[dimension]) / terms[dimension]
+        whole_turns[0] = trials[0] = 0.0
         with program.repeat() as leave:
-            whole[0] = whole[0] + ((off[0] + _WHOLE) - _WHOLE)
-            x = whole[0] / turns
+            whole_turns[0] = whole_turns[0] + nearest_whole(turns_off[0])
+            x = whole_turns[0] / macro_turns
             for i in range(size):
-                value = 0.0
-                for k in reversed(range(TERMS)):
-                    value = (value + terms[k * size + i]) * (1.0 - x if k % 2 else x)
-                at[i] = point[i] + value
+                at[i] = point[i] + _interpolated(terms, i, size, x)
             rests[j] = times[j] - at[dimension]
-            off[0] = rests[j] * flows.rate(at, p) / (2 * pi)
-            tried[0] = tried[0] + 1.0
-            leave(compare("ole", off[0] * off[0], MAX_TURNS_TO_ROW**2))
+            turns_off[0] = rests[j] * flows.rate(at, p) / (2 * pi)
+            trials[0] = trials[0] + 1.0
+            leave(compare("ole", turns_off[0] * turns_off[0], MAX_TURNS_TO_ROW**2))
+            # It stays so after the last trial: `spread` makes the row NaN.
             rests[j] = nan
-            leave(compare("oge", tried[0], _TRIALS))
+            leave(compare("oge", trials[0], _MAX_TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))
+    # `spread` reads the number of rows and of steps to each from the first two places of `RowsAt`.
     program.call(flows.spread, scheme, p, setting, rests, rows)
     return program

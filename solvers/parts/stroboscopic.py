@@ -19,7 +19,14 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Outcome, Record, Status
 from polhode.solvers.parts.schemes import ABA, dop853
 from polhode.solvers.parts.splitting import Split, Splitting
-from polhode.solvers.parts.strobe_kernels import MAX_TURNS_TO_ROW, StrobeKernels, strobe_kernels
+from polhode.solvers.parts.strobe_kernels import (
+    MAX_TURNS_TO_ROW,
+    MacroAt,
+    MeanAt,
+    RowsAt,
+    StrobeKernels,
+    strobe_kernels,
+)
 
 # Where a number is called an estimate, no measurement of it is recorded.
 
@@ -192,9 +199,14 @@ class Strobe:
             if turns < min(_PAYING * order, left / period):
                 setting.turns = 0.0
                 return None
-            # Micro-steps, largest k, weight rows, first stage, the one behind the last, turns: as
-            # `StrobeKernels.macro` takes them. Stage 0 is known.
-            numbers = np.array([setting.micro, order // 2, 1, 1, _STAGES, turns], dtype=float)
+            numbers = np.empty(len(MacroAt))
+            numbers[MacroAt.MICRO_STEPS] = setting.micro
+            numbers[MacroAt.TURNS] = order // 2
+            numbers[MacroAt.ROWS] = 1
+            # Stage 0 is known.
+            numbers[MacroAt.STAGE] = 1
+            numbers[MacroAt.STAGES_END] = _STAGES
+            numbers[MacroAt.MACRO_TURNS] = turns
             self.stages(numbers, point, stages, end)
             estimates = (
                 turns * (self.table.E5 @ stages[:_STAGES]),
@@ -212,7 +224,8 @@ class Strobe:
         last = int(np.searchsorted(record.times, end[-1], side="right"))
         if last > record.filled:
             # The interpolant's further stages. Their points would overwrite `end`.
-            numbers[3:5] = _STAGES, len(stages)
+            numbers[MacroAt.STAGE] = _STAGES
+            numbers[MacroAt.STAGES_END] = len(stages)
             self.stages(numbers, point, stages, end.copy())
             record.put(
                 self.rows(
@@ -238,7 +251,10 @@ class Strobe:
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
         terms = interpolant() @ np.vstack([end - point, turns * stages])
-        setting = np.array([len(times), 1.0 + int(MAX_TURNS_TO_ROW * micro), turns])
+        setting = np.empty(len(RowsAt))
+        setting[RowsAt.ROWS] = len(times)
+        setting[RowsAt.MICRO_STEPS] = 1.0 + int(MAX_TURNS_TO_ROW * micro)
+        setting[RowsAt.MACRO_TURNS] = turns
         self.kernels.rows(self.scheme, self.p, setting, terms, point, times, rests, rows)
         return rows
 
@@ -272,16 +288,22 @@ class Strobe:
         self, numbers: np.ndarray, point: np.ndarray, stages: np.ndarray, end: np.ndarray
     ) -> None:
         """Fill the stages that `numbers` names, and `end` with the point of the last one."""
-        # Two directions, micro-steps per turn, turns in each, stages.
-        self.inner += int(2 * numbers[0] * numbers[1] * (numbers[4] - numbers[3]))
+        turns = int(numbers[MacroAt.TURNS])
+        computed = int(numbers[MacroAt.STAGES_END] - numbers[MacroAt.STAGE])
+        # Of each stage there are so many turns forth and as many back.
+        self.inner += 2 * int(numbers[MacroAt.MICRO_STEPS]) * turns * computed
         self.kernels.macro(
-            self.scheme, self.p, numbers, _ROWS[int(numbers[1])], point, self.nodes, stages, end
+            self.scheme, self.p, numbers, _ROWS[turns], point, self.nodes, stages, end
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Fill rows of `out` with the averaged fields of order 2, 4, 6, by `micro` steps a turn."""
         self.inner += 2 * micro * len(out)
-        setting = np.array([micro, len(out), len(out)], dtype=float)
+        setting = np.empty(len(MeanAt))
+        setting[MeanAt.MICRO_STEPS] = micro
+        # Row j is of order 2j, which asks for j turns.
+        setting[MeanAt.TURNS] = len(out)
+        setting[MeanAt.ROWS] = len(out)
         self.kernels.mean(self.scheme, self.p, setting, _ROWS[1], point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
