@@ -1,4 +1,8 @@
-"""Coefficients of steps: compositions of the flows of two parts (`schemes.toml`), and DOP853."""
+"""Coefficients of steps: compositions of the flows of two parts (`schemes.toml`), and DOP853.
+
+A *share* is a flow's time over the step's. A step of s stages takes s + 1 fast flows and s slow
+ones in turns: fast, slow, fast, ..., slow, fast.
+"""
 
 import tomllib
 from collections.abc import Sequence
@@ -20,10 +24,9 @@ class Scheme:
     """A palindromic composition of fast and slow flows, fast ones first and last."""
 
     name: str
-    # Slow flows in a step; first half of the shares of a step, the middle one included.
-    stages: int
-    slow: Sequence[float]
-    fast: Sequence[float] = ()
+    stages: int  # slow flows in a step
+    slow: Sequence[float]  # first half of the slow shares, the middle one included
+    fast: Sequence[float] = ()  # of the fast ones
 
     @property
     def chains(self) -> int:
@@ -32,7 +35,10 @@ class Scheme:
 
     @cached_property
     def numbers(self) -> dict[type, np.ndarray]:
-        """The scheme and the one that leads to rows as numbers for machine code, by their type."""
+        """The scheme and the one that leads to rows as numbers for machine code, by their type.
+
+        `flows` shows how they lie. The scheme that leads to rows needs no weight.
+        """
         types = float, np.longdouble
         return {
             number: np.concatenate([self.listed(number), ABA.listed(number)[:-1]])
@@ -40,7 +46,7 @@ class Scheme:
         }
 
     def listed(self, number: type) -> np.ndarray:
-        """Stages, fast shares, slow shares, weights of the chains."""
+        """Stages, fast shares, slow shares, weights of the chains, with the chain as last index."""
         fast = _mirrored(self.fast, self.stages + 1, number)
         slow = _mirrored(self.slow, self.stages, number)
         return np.concatenate([np.array([self.stages], number), fast, slow, np.ones(1, number)])
@@ -48,7 +54,8 @@ class Scheme:
     @cached_property
     def widest(self) -> float:
         """The largest fast share, either way."""
-        return float(np.abs(self.numbers[float][1 : 1 + (self.stages + 1) * self.chains]).max())
+        fast = self.numbers[float][1 : 1 + (self.stages + 1) * self.chains]
+        return float(np.abs(fast).max())
 
     @cached_property
     def addresses(self) -> dict[type, int]:
@@ -57,8 +64,13 @@ class Scheme:
 
 
 def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
-    """All shares; the middle ones make their sum 1, as another sum would change the clock."""
-    shares = np.array([*half, *half[: length - len(half)][::-1]], number)
+    """All shares; the middle ones make their sum 1, as another sum would change the clock.
+
+    The table's digits are those of doubles, whose sum is not 1 in long double.
+    """
+    mirror_image = half[: length - len(half)][::-1]
+    shares = np.array([*half, *mirror_image], number)
+    # One share or two, as `length` is odd or even: a view, through which `shares` changes.
     middle = shares[(length - 1) // 2 : length // 2 + 1]
     middle += (1 - shares.sum()) / len(middle)
     return shares
@@ -68,23 +80,26 @@ def _mirrored(half: Sequence[float], length: int, number: type) -> np.ndarray:
 class Parallel(Scheme):
     """A mean, by weight, of compositions and their mirror images.
 
-    Given are the shares of slow flows, and where.
+    A composition is given by its `stages` slow shares and as many nodes, the places in the step at
+    which its slow flows are taken; all compositions stand one behind the other.
     """
 
     nodes: Sequence[float] = ()
-    weights: Sequence[float] = ()
+    weights: Sequence[float] = ()  # sum 1/2: each counts for the mirror image too
 
     @property
     def chains(self) -> int:
         return 2 * len(self.weights)
 
     def listed(self, number: type) -> np.ndarray:
-        nodes, slow = (
-            np.array(rows, number).reshape(-1, self.stages) for rows in (self.nodes, self.slow)
-        )
+        # A row for each composition.
+        nodes = np.array(self.nodes, number).reshape(-1, self.stages)
+        slow = np.array(self.slow, number).reshape(-1, self.stages)
         slow /= slow.sum(axis=1, keepdims=True)
+        # Behind them their mirror images.
         nodes = np.concatenate([nodes, 1 - nodes[:, ::-1]])
         slow = np.concatenate([slow, slow[:, ::-1]])
+        # The fast flows lead from 0 to the first node, from node to node, and from the last to 1.
         fast = np.diff(nodes, axis=1, prepend=0, append=1)
         return np.concatenate(
             [[self.stages], fast.T.ravel(), slow.T.ravel(), np.tile(self.weights, 2)]
@@ -93,7 +108,7 @@ class Parallel(Scheme):
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 SCHEMES = tuple(Scheme(**palindrome) for palindrome in _TABLES["palindromes"])
-# By itself it gained over the others at any error; it leads to rows.
+# ABA(10,6,4): by itself it gained over the others at any error; it leads to rows.
 ABA = SCHEMES[-1]
 PARALLEL = Parallel(**_TABLES["parallel"])
 # Numbers whose addresses are given away are computed here, before there are threads: of two copies

@@ -27,22 +27,26 @@ from polhode.solvers.parts.schemes import ABA, PARALLEL
 
 # A call checks deadline and Ctrl-C once per this many steps, some 20 ms.
 _MAX_STEPS_PER_CALL = 120_000
-# The least rate that counts: L grows from rest as fast as the shear makes it, in half a unit of it.
-# The kernels read half the relaxation's rate from its square as well, which holds for this number
-# alone.
+# Rate at which simple shear turns a body that follows it, in shear rates. A body at rest relaxes
+# towards it: times the rate of relaxation it is the growth of the fast angle's rate. The square of
+# the least rate that counts is that product: from rest, a body reaches this rate after half a
+# radian. The kernels take that square for half the rate of relaxation too (`kernels._advance`),
+# which holds for this number alone.
 _SHEAR = 0.5
-# From this rate of relaxation on no means are taken: what relaxes in far less than a step has none.
+# From this rate of relaxation on no means over compositions are taken: for what relaxes in far less
+# than a step they diverge. An estimate.
 _STRONG = 10.0
 # Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
 # a tenth more.
 _WIDEST = 0.99
-# Plans are made anew after these shares of a run.
+# Plans are made anew after these shares of a run, as motion settles; estimates.
 _AGAIN = (0.1, 0.4)
-# Least turns before a plan is made anew.
+# Least turns before a plan is made anew; an estimate.
 _LEAST_BETWEEN = 120.0
-# A plan is also made anew where the rate has changed by this factor.
+# A plan is also made anew where the rate has changed by this factor; an estimate.
 _WIDTH = 2.4
-# That factor grows by this one with each plan.
+# That factor grows by this one with each plan, so that an oscillating rate needs few plans; an
+# estimate.
 _WIDER = 1.15
 
 _FAILED: dict[int, Status] = {
@@ -63,12 +67,15 @@ class Split:
         self.p = p.astype(number)
         self.address = self.p.ctypes.data
         self.dimension = problem.dimension
+        # Rates of relaxation, the largest one and the least one of the averaged motion.
         self.strength = self.parts.strength(p.tolist())
         self.forgetting = self.parts.forgetting(p.tolist())
+        # The square of the least rate that counts.
         self.floor = _SHEAR * self.strength
         self.speed = self.parts.rate(FLOAT)
         means = number is float and self.parts.restored and self.strength < _STRONG
         self.scheme = PARALLEL if means else ABA
+        # The angle of a step, in rad, whose widest fast flow is still within its reach.
         self.widest = _WIDEST * self.parts.reach / self.scheme.widest
         self.planner = Planner(self, tolerance)
 
@@ -112,6 +119,7 @@ class Split:
         rows = self.numbers(record.rows)
         plan = None
         law = ()
+        # As if a pause had just ended: the first plan is made.
         code = Code.PAUSED
         while code != Code.FINISHED:
             if code in (Code.PAUSED, Code.OUTSIDE):
@@ -122,7 +130,6 @@ class Split:
                 if plan is not before:
                     run_clock[: ClockAt.FILLED] = clock(now, self.number)[: ClockAt.FILLED]
                 run_clock[ClockAt.UNTIL] = next((mark for mark in marks if mark > now), inf)
-                # Ever wider, so that an oscillating rate needs few plans.
                 law = plan.law((rate / width, rate * width))
                 width = width * _WIDER
             limit = min(
@@ -139,7 +146,10 @@ class Split:
         return Status.REACHED_END, ""
 
     def advance(self, law: Sequence[float], *arrays: np.ndarray, limit: int) -> int:
-        """Advance state and clock until rows at times are filled, or a limit is met; says which."""
+        """Advance state and clock until rows at times are filled, or a limit is met; the `Code`.
+
+        The arrays are those of `Kernels.advance`: state, clock, times and rows.
+        """
         state, run_clock, times, rows = arrays
         run_clock[ClockAt.LIMIT] = limit
         run_clock[ClockAt.ROWS] = len(times)
@@ -152,13 +162,15 @@ class Split:
         return int(run_clock[ClockAt.CODE])
 
     def free(self, record: Record) -> Outcome:
-        """Fill the record's rows by the fast flow alone, modulo whole turns."""
+        """Fill the record's rows by the fast flow alone, modulo whole turns, all rows at once."""
         state = record.start.astype(self.number)
         times = record.times.astype(self.number)
         rate = self.parts.rate(ARRAYS)(state, self.p)
+        # 2π of the type of number.
         turn = 8 * np.arctan(self.number(1))
         left = times[1:] - times[0]
         left -= np.floor(left * rate / turn) * (turn / rate) if rate > 0 else 0.0
+        # Equal flows, each within the reach of one, lead over what is left of a turn.
         substeps = int(turn / self.parts.reach) + 1
         fast = self.parts.fast
         flow = fast.flow(ARRAYS)
