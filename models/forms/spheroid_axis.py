@@ -14,12 +14,22 @@ from polhode.models.operations import FLOAT, Field, Operations, polynomial
 from polhode.models.problem import Factory, Part, Parts, Problem
 from polhode.models.scene import Scene
 
+# The parameters p of `field` and of its parts: names in the functions, and what they mean.
+#
+#     p[0]     (alpha)     mass of L, on the left of the equations alone
+#     p[1]     beta        factor of the torque
+#     p[2]     damping     8πY_c/I_e, of L across p̂
+#     p[3]     excess      8π(X_c - Y_c)/I_e: what the damping along p̂ has more
+#     p[4]     flattening  I_e/I_a - 1
+#     p[5]     anisotropy  Λ
+#     p[6:9]               half the vorticity h, in any other flow than shear
+#     p[9:14]              its rate of strain S₁₁, S₂₂, S₂₃, S₃₁, S₁₂, less S₃₃ on the diagonal
+#
+# The state y is (L_x, L_y, L_z) over I_e, then (p_x, p_y, p_z).
+
 
 def _field(ops: Operations, slip: Factory) -> Field:
-    """dL/dt and dp̂/dt of `ultima` in space axes.
-
-    p = (alpha, beta, 8πY_c/I_e, 8π(X_c - Y_c)/I_e, I_e/I_a - 1, Λ), and a flow's numbers.
-    """
+    """dL/dt and dp̂/dt of `ultima` in space axes; `slip` makes ω - Ω_J in a kind of flow."""
     # Mass alpha stands on L and appears nowhere else: torque-free, L is constant. With ω = L/I_e +
     # (1/I_a - 1/I_e)(L·p̂)p̂ and w = ω - Ω_J the torque is -8π(Y_c w + (X_c - Y_c)(w·p̂)p̂). The
     # state holds L/I_e, of order one like p̂ whatever the shape, so that one tolerance suits both.
@@ -35,15 +45,19 @@ def _field(ops: Operations, slip: Factory) -> Field:
         px = y[3]
         py = y[4]
         pz = y[5]
-        scale = 1 / (px * px + py * py + pz * pz)
-        spin = scale * p[4] * (lx * px + ly * py + lz * pz)
-        wx, wy, wz = slip_of((lx, ly, lz), (px, py, pz), spin, scale, p)
-        axial = scale * p[3] * (wx * px + wy * py + wz * pz)
         beta = p[1]
+        damping = p[2]
+        excess = p[3]
+        flattening = p[4]
+        scale = 1 / (px * px + py * py + pz * pz)
+        # ω is L/I_e and `spin` times p̂.
+        spin = scale * flattening * (lx * px + ly * py + lz * pz)
+        wx, wy, wz = slip_of((lx, ly, lz), (px, py, pz), spin, scale, p)
+        axial = scale * excess * (wx * px + wy * py + wz * pz)
         return (
-            -beta * (p[2] * wx + axial * px),
-            -beta * (p[2] * wy + axial * py),
-            -beta * (p[2] * wz + axial * pz),
+            -beta * (damping * wx + axial * px),
+            -beta * (damping * wy + axial * py),
+            -beta * (damping * wz + axial * pz),
             ly * pz - lz * py,
             lz * px - lx * pz,
             lx * py - ly * px,
@@ -56,8 +70,10 @@ def _slip_in_shear(ops: Operations) -> Callable:
     """ω - Ω_J in simple shear: Ω_J = -ẑ/2 + Λ p̂×(E p̂), where E p̂ = (p_y, p_x, 0)/2."""
 
     def slip(momentum, axis, spin, scale, p):
-        (lx, ly, lz), (px, py, pz) = momentum, axis
-        half = scale * 0.5 * p[5]
+        lx, ly, lz = momentum
+        px, py, pz = axis
+        anisotropy = p[5]
+        half = scale * 0.5 * anisotropy
         wx = lx + spin * px + half * px * pz
         wy = ly + spin * py - half * py * pz
         wz = lz + spin * pz + 0.5 - half * (px * px - py * py)
@@ -70,12 +86,17 @@ def _slip_in_any_flow(ops: Operations) -> Callable:
     """ω - Ω_J in a linear flow: Ω_J = h + Λ p̂×(S p̂)."""
 
     def slip(momentum, axis, spin, scale, p):
-        (lx, ly, lz), (px, py, pz) = momentum, axis
-        strained = scale * p[5]
+        lx, ly, lz = momentum
+        px, py, pz = axis
+        anisotropy = p[5]
+        hx = p[6]
+        hy = p[7]
+        hz = p[8]
+        strained = scale * anisotropy
         ex, ey, ez = _strain_on(axis, (p[9], p[10], p[11], p[12], p[13]))
-        wx = lx + spin * px - p[6] - strained * (py * ez - pz * ey)
-        wy = ly + spin * py - p[7] - strained * (pz * ex - px * ez)
-        wz = lz + spin * pz - p[8] - strained * (px * ey - py * ex)
+        wx = lx + spin * px - hx - strained * (py * ez - pz * ey)
+        wy = ly + spin * py - hy - strained * (pz * ex - px * ez)
+        wz = lz + spin * pz - hz - strained * (px * ey - py * ex)
         return wx, wy, wz
 
     return slip
@@ -102,27 +123,41 @@ def field_in_any_flow(ops: Operations) -> Field:
     return _field(ops, _slip_in_any_flow)
 
 
-# sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², nearest to them for 0 <= x <= 3.4²: within
-# 2.2e-16 there.
+# Largest angle of `rotation`, in rad: half a turn, and a little more.
+_REACH = 3.4
+# sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², lowest power first, nearest to them for
+# 0 <= x <= _REACH²: within 2.2e-16 there. They are close to Taylor's, 1/(2k + 1)! and 1/(2k + 2)!
+# with signs that alternate.
 _SINE = (
-    *(1.0, -0.16666666666666666, 0.008333333333333285, -0.0001984126984125573),
-    *(
-        2.7557319222422075e-06,
-        -2.5052108297380684e-08,
-        1.6059040986523186e-10,
-        -7.647107505284836e-13,
-    ),
-    *(2.8107694690976557e-15, -8.169600567855619e-18, 1.7456663177824304e-20),
+    1.0,
+    -0.16666666666666666,
+    0.008333333333333285,
+    -0.0001984126984125573,
+    2.7557319222422075e-06,
+    -2.5052108297380684e-08,
+    1.6059040986523186e-10,
+    -7.647107505284836e-13,
+    2.8107694690976557e-15,
+    -8.169600567855619e-18,
+    1.7456663177824304e-20,
 )
 _COSINE = (
-    *(0.5, -0.041666666666666664, 0.0013888888888888868, -2.480158730158138e-05),
-    *(2.755731922332951e-07, -2.08767569509105e-09, 1.1470744401720644e-11, -4.779453745482048e-14),
-    *(1.5616322922037551e-16, -4.088932806344013e-19, 8.0112940727271335e-22),
+    0.5,
+    -0.041666666666666664,
+    0.0013888888888888868,
+    -2.480158730158138e-05,
+    2.755731922332951e-07,
+    -2.08767569509105e-09,
+    1.1470744401720644e-11,
+    -4.779453745482048e-14,
+    1.5616322922037551e-16,
+    -4.088932806344013e-19,
+    8.0112940727271335e-22,
 )
 
 
 def rotation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
-    """Constants of `rotation`: the time."""
+    """Constants of `rotation`: the time h alone."""
     return (h,)
 
 
@@ -138,11 +173,14 @@ def rotation(ops: Operations) -> Field:
         px = y[3]
         py = y[4]
         pz = y[5]
-        # In the order and in pairs that a processor computes side by side.
-        kx = c[0] * lx
-        ky = c[0] * ly
-        kz = c[0] * lz
+        time = c[0]
+        # l of the comment above, and x = θ², in the order and in pairs that a processor computes side
+        # by side.
+        kx = time * lx
+        ky = time * ly
+        kz = time * lz
         x = kx * kx + ky * ky + kz * kz
+        # u = l × p̂ and v = l × u.
         sine = polynomial(_SINE, x)
         cosine = polynomial(_COSINE, x)
         ux = ky * pz - kz * py
@@ -152,7 +190,9 @@ def rotation(ops: Operations) -> Field:
         vy = kz * ux - kx * uz
         vz = kx * uy - ky * ux
         return (
-            *(lx, ly, lz),
+            lx,
+            ly,
+            lz,
             px + sine * ux + cosine * vx,
             py + sine * uy + cosine * vy,
             pz + sine * uz + cosine * vz,
@@ -162,20 +202,39 @@ def rotation(ops: Operations) -> Field:
 
 
 def relaxation_constants(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
-    """Constants of `relaxation`: the shares of its way that L goes along and across p̂ in a time h."""
-    to_axial_spin = 1 + p[4]
-    across = -ops.expm1(-p[1] * p[2] * h)
-    along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
+    """Constants of `relaxation`, from the shares of its way that L goes along and across p̂ in a time h.
+
+    In their order: the share across; half of it, with which L_z relaxes to -½; half Λ times it, of
+    the strain; the share across less the one along, of L·p̂; then three of p_z: half of what Ω_J·p̂
+    counts less along p̂ than across, and this less and plus the strain's.
+    """
+    across, along, to_axial_spin = _relaxed(p, h, ops)
     strain = 0.5 * p[5] * across
     flow = 0.5 * (across - along / to_axial_spin)
     return across, 0.5 * across, strain, across - along, flow, flow - strain, flow + strain
+
+
+def _relaxed(p: Any, h: Any, ops: Operations) -> tuple[Any, Any, Any]:
+    """Shares of its way that L goes across and along p̂ in a time h, and I_e/I_a."""
+    beta = p[1]
+    damping = p[2]
+    excess = p[3]
+    to_axial_spin = 1 + p[4]
+    across = -ops.expm1(-beta * damping * h)
+    along = -ops.expm1(-beta * (damping + excess) * to_axial_spin * h)
+    return across, along, to_axial_spin
 
 
 def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
     """Exact flow of dL/dt of `field` at fixed p̂, |p̂| = 1, with mass 1 on L."""
     # Across p̂, L/I_e relaxes at the rate βY = 8πY_c/(St I_e) towards the part of Ω_J across p̂;
     # along p̂ at the rate 8πX_c/(St I_a) towards (I_a/I_e) Ω_J·p̂, where Ω_J·p̂ = -p_z/2: there the
-    # spheroid rotates with the flow.
+    # spheroid rotates with the flow. With the shares a across and b along p̂, L gains
+    #
+    #     a (Ω_J - L) + [(a - b) L·p̂ + (b I_a/I_e - a) Ω_J·p̂] p̂.
+    #
+    # `before` is a state of the same L·p̂, known earlier. `gains` is what L has gained since some
+    # time, which advances in place of L.
 
     def advance(y, c, before=None, gains=None):
         lx = y[0]
@@ -188,32 +247,53 @@ def relaxation(ops: Operations) -> Callable[..., tuple[Any, ...]]:
         across = c[0]
         half = c[1]
         strain = c[2]
+        across_less_along = c[3]
+        flow = c[4]
+        flow_less_strain = c[5]
+        flow_and_strain = c[6]
         at = y if before is None else before
         # The last factor, p_z, is multiplied and added in one instruction.
-        axial = c[3] * (lx * at[3] + ly * at[4] + lz * at[5])
+        axial = across_less_along * (lx * at[3] + ly * at[4] + lz * at[5])
         return (
-            (gx - across * lx) + (c[5] * pz + axial) * px,
-            (gy - across * ly) + (c[6] * pz + axial) * py,
-            (gz - across * lz - half) + strain * (px * px - py * py) + (c[4] * pz + axial) * pz,
-            *(px, py, pz),
+            (gx - across * lx) + (flow_less_strain * pz + axial) * px,
+            (gy - across * ly) + (flow_and_strain * pz + axial) * py,
+            (gz - across * lz - half) + strain * (px * px - py * py) + (flow * pz + axial) * pz,
+            px,
+            py,
+            pz,
         )
 
     return advance
 
 
 def relaxation_constants_in_any_flow(p: Any, h: Any, ops: Operations = FLOAT) -> tuple[Any, ...]:
-    """Constants of `relaxation_in_any_flow`: shares of L's way, alone and times h and Λ S."""
-    to_axial_spin = 1 + p[4]
-    across = -ops.expm1(-p[1] * p[2] * h)
-    along = -ops.expm1(-p[1] * (p[2] + p[3]) * to_axial_spin * h)
+    """Constants of `relaxation_in_any_flow`, from the shares of L's way in a time h.
+
+    c[0], c[1]   the share across p̂; the same less the share along p̂, of L·p̂
+    c[2:5]       the share across times the flow's vector h
+    c[5:8]       how much less Ω_J·p̂ counts along p̂ than across, times h
+    c[8:13]      the share across times Λ S, in the order of S in p
+    """
+    across, along, to_axial_spin = _relaxed(p, h, ops)
+    hx = p[6]
+    hy = p[7]
+    hz = p[8]
     flow = across - along / to_axial_spin
     strain = p[5] * across
     return (
-        *(across, across - along),
-        *(across * p[6], across * p[7], across * p[8]),
-        *(flow * p[6], flow * p[7], flow * p[8]),
-        *(strain * p[9], strain * p[10]),
-        *(strain * p[11], strain * p[12], strain * p[13]),
+        across,
+        across - along,
+        across * hx,
+        across * hy,
+        across * hz,
+        flow * hx,
+        flow * hy,
+        flow * hz,
+        strain * p[9],
+        strain * p[10],
+        strain * p[11],
+        strain * p[12],
+        strain * p[13],
     )
 
 
@@ -229,15 +309,25 @@ def relaxation_in_any_flow(ops: Operations) -> Callable[..., tuple[Any, ...]]:
         pz = y[5]
         gx, gy, gz = (lx, ly, lz) if gains is None else gains
         across = c[0]
+        across_less_along = c[1]
+        # Shares of h, across p̂ and along it.
+        hx = c[2]
+        hy = c[3]
+        hz = c[4]
+        flow_x = c[5]
+        flow_y = c[6]
+        flow_z = c[7]
         at = y if before is None else before
         ex, ey, ez = _strain_on((px, py, pz), (c[8], c[9], c[10], c[11], c[12]))
-        axial = c[1] * (lx * at[3] + ly * at[4] + lz * at[5])
-        axial = axial - (c[5] * px + c[6] * py + c[7] * pz)
+        axial = across_less_along * (lx * at[3] + ly * at[4] + lz * at[5])
+        axial = axial - (flow_x * px + flow_y * py + flow_z * pz)
         return (
-            (gx - across * lx + c[2]) + (py * ez - pz * ey) + axial * px,
-            (gy - across * ly + c[3]) + (pz * ex - px * ez) + axial * py,
-            (gz - across * lz + c[4]) + (px * ey - py * ex) + axial * pz,
-            *(px, py, pz),
+            (gx - across * lx + hx) + (py * ez - pz * ey) + axial * px,
+            (gy - across * ly + hy) + (pz * ex - px * ez) + axial * py,
+            (gz - across * lz + hz) + (px * ey - py * ex) + axial * pz,
+            px,
+            py,
+            pz,
         )
 
     return advance
@@ -270,14 +360,24 @@ def rotation_rate(ops: Operations) -> Callable[[Any, Any], Any]:
 
 def relaxation_rate(p: Sequence[float]) -> float:
     """The larger one of L's rates of relaxation across and along p̂."""
-    return p[1] * max(p[2], (p[2] + p[3]) * (1 + p[4]))
+    beta = p[1]
+    damping = p[2]
+    excess = p[3]
+    to_axial_spin = 1 + p[4]
+    return beta * max(damping, (damping + excess) * to_axial_spin)
 
 
 def forgetting_rate(p: Sequence[float]) -> float:
     """The decay of L_y beside L_z (`lxsmain`–`nsmain`), of a rod that tumbles or a disc that spins: κ → ∞, κ → 0."""
-    across = p[1] * p[2]
-    along = p[1] * (p[2] + p[3]) * (1 + p[4])
-    ratio = 1 / (1 + p[4])
+    beta = p[1]
+    damping = p[2]
+    excess = p[3]
+    to_axial_spin = 1 + p[4]
+    across = beta * damping
+    along = beta * (damping + excess) * to_axial_spin
+    # I_a/I_e, below 1 for a prolate spheroid, which tumbles at L_z = -I_e/2; an oblate one spins at
+    # L_z = -I_a/2.
+    ratio = 1 / to_axial_spin
     return 0.5 * ratio * (across + along) if ratio < 1 else across * (2 / ratio - 1)
 
 
@@ -288,6 +388,7 @@ def slow_quantities(y: Any) -> tuple[Any, ...]:
 
 def restored(y: Any) -> tuple[Any, ...]:
     """The state with p̂ of length one, if it nearly is."""
+    # One step of Newton's method for 1/|p̂|: (3 - |p̂|²)/2.
     lx, ly, lz, px, py, pz = y
     scale = (1.5 - 0.5 * pz * pz) - 0.5 * (px * px + py * py)
     return lx, ly, lz, scale * px, scale * py, scale * pz
@@ -299,8 +400,8 @@ PARTS = Parts(
     rate=rotation_rate,
     strength=relaxation_rate,
     forgetting=forgetting_rate,
-    reach=3.4,
-    moving=(3, 6),
+    reach=_REACH,
+    moving=(3, 6),  # p̂
     slow_quantities=slow_quantities,
     both=both,
     restored=restored,
@@ -316,7 +417,8 @@ _PARTS: dict[Factory, Parts] = {field: PARTS, field_in_any_flow: _PARTS_IN_ANY_F
 
 
 def parameters(spheroid: Spheroid) -> tuple[float, float, float, float]:
-    """Shape parameters of `field`."""
+    """Shape parameters of `field`: `damping`, `excess`, `flattening`, `anisotropy`."""
+    # 8πX_c/I_e, and I_e/I_a - 1 = Λ I_e/I_a.
     axial = spheroid.axial_damping * spheroid.inertia_ratio
     return (
         spheroid.equatorial_damping,
