@@ -84,6 +84,7 @@ def coefficient_polynomials(torque: dict[str, float]) -> dict[str, Polynomial]:
 def parameters(spheroid: Spheroid, torque_factor: float) -> tuple[float, ...]:
     """Parameters p of `field`: the polynomials' coefficients, second-order ones over St."""
     polynomials = coefficient_polynomials(torque_coefficients(spheroid))
+    # Those of second order are a1 to b2 and p1 to p6.
     factors = {name: torque_factor if name[0] in "abp" else 1.0 for name in polynomials}
     numbers = list[float]()
     for name, row in polynomials.items():
@@ -170,42 +171,91 @@ def generator(
     holds their antiderivatives of zero mean at s = 0. The part for p holds the antiderivatives of
     the turn of n less the turn of q seen from n.
     """
-    D, d, c, k = torque_coefficients(spheroid).values()
-    c8 = c / 8
-    k8 = k / 8
     over = 1 / dot(momentum, momentum) ** 0.5
     n = over * momentum[0], over * momentum[1], over * momentum[2]
-    nx, ny, nz = n
+    nx, ny, _ = n
     h = dot(n, axis)
+    # e and f before the turn, then behind it: e is p across n, of length r, and f is n × e. As p
+    # turns with s, de/ds = f and df/ds = -e.
     fx, fy, fz = cross(n, axis)
     ex, ey, ez = plus(axis, -h, n)
     e = cos * ex + sin * fx, cos * ey + sin * fy, cos * ez + sin * fz
-    ex, ey, ez = e
-    fx, fy, fz = f = cross(n, e)
-    axis = plus(e, h, n)
-    # |e|² = 1 - h².
+    f = cross(n, e)
+    ex, ey, _ = e
+    fx, fy, _ = f
+    # r² = 1 - h².
     r2 = dot(e, e) + _TINY
-    h4 = 4 * h
-    over2 = over * over
-    # Twice the rate of strain along pairs of n, e and f; of e and f over r2.
+    # Twice the components of the rate of strain E: n·En, n·Ee, n·Ef, then e·Ee and e·Ef over r².
     nn = 2 * nx * ny
     ne = nx * ey + ny * ex
     nf = nx * fy + ny * fx
     ee = 2 * ex * ey / r2
     ef = (ex * fy + ey * fx) / r2
-    # Changes of L along n, e and f: `along`, `across` and `beside`.
-    along = over * (h4 * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn))
-    across = over * (c8 * fz - k8 * ne - k8 * h4 * (2 * nn + ee))
-    beside = d * h + over * (h4 * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf)
-    change = plus(plus((along * nx, along * ny, along * nz), across, e), beside, f)
-    steady = D / 2 * over2
-    strained = k / 6 * over2 * (h4 * h - 1)
-    tilt = over2 * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz)
-    turn = over * d * h + over2 * (c8 * (ez + h4 * nz) - k8 * (5 / 3 * nf + 2 * h * ef))
-    turned = plus(
-        plus(((strained + steady) * ny, (strained - steady) * nx, 0 * nz), tilt, e), turn, f
-    )
-    return change, cross(axis, cross(turned, n)), axis
+    torque = torque_coefficients(spheroid)
+    frame = over, n, e, f, h, r2
+    strain = nn, ne, nf, ee, ef
+    change = _change_of_momentum(torque, frame, strain)
+    tilt = _tilt(torque, frame, strain)
+    axis = plus(e, h, n)
+    # The turn of p is about n × tilt, and (n × tilt) × p = p × (tilt × n).
+    return change, cross(axis, cross(tilt, n)), axis
+
+
+# Of `generator`: 1/|L|, n, e, f, h and r²; and nn, ne, nf, ee and ef.
+_Frame = tuple[Any, Triple, Triple, Triple, Any, Any]
+_Strain = tuple[Any, Any, Any, Any, Any]
+
+
+def _change_of_momentum(torque: dict[str, float], frame: _Frame, strain: _Strain) -> Triple:
+    """The part of u for L."""
+    # Integrals over s of what oscillates in the torque over l, by its terms and by directions:
+    #
+    #     torque        along n                        along e                    along f
+    #     -d p(p·L)                                                               d h
+    #     c p(p·Ω)      c/8l 4h f_z                    c/8l f_z                   c/8l (4h n_z + e_z)
+    #     k p×(E p)     k/8l (4h ne + r² (2ee + nn))   -k/8l (ne + 4h (2nn + ee)) k/8l (nf - 4h ef)
+    over, n, e, f, h, r2 = frame
+    nn, ne, nf, ee, ef = strain
+    d = torque["d"]
+    c8 = torque["c"] / 8
+    k8 = torque["k"] / 8
+    h4 = 4 * h
+    nx, ny, nz = n
+    ez = e[2]
+    fz = f[2]
+    along_n = over * (h4 * (c8 * fz + k8 * ne) + k8 * r2 * (2 * ee + nn))
+    along_e = over * (c8 * fz - k8 * ne - k8 * h4 * (2 * nn + ee))
+    along_f = d * h + over * (h4 * (c8 * nz - k8 * ef) + c8 * ez + k8 * nf)
+    return plus(plus((along_n * nx, along_n * ny, along_n * nz), along_e, e), along_f, f)
+
+
+def _tilt(torque: dict[str, float], frame: _Frame, strain: _Strain) -> Triple:
+    """The vector t of the part of u for p, which is a turn of p about n × t."""
+    # With W and S as at the top of this module, by the terms of the torque:
+    #
+    #     torque        of its own                 along e                            along f
+    #     -d p(p·L)                                                                   d h/l
+    #     D Ω           D/l² W
+    #     c p(p·Ω)                                 -c/8l² 3 f_z                       c/8l² (e_z + 4h n_z)
+    #     k p×(E p)     k/3l² (4h² - 1) S          k/8l² (ne/3 - h (2ee + 7nn))       -k/8l² (5/3 nf + 2h ef)
+    over, n, e, f, h, _ = frame
+    nn, ne, nf, ee, ef = strain
+    d = torque["d"]
+    k = torque["k"]
+    c8 = torque["c"] / 8
+    k8 = k / 8
+    h4 = 4 * h
+    nx, ny, nz = n
+    ez = e[2]
+    fz = f[2]
+    over2 = over * over
+    # W is ½(n_y, -n_x, 0) and S is ½(n_y, n_x, 0).
+    of_w = torque["D"] / 2 * over2
+    of_s = k / 6 * over2 * (h4 * h - 1)
+    along_e = over2 * (k8 * (ne / 3 - h * (2 * ee + 7 * nn)) - 3 * c8 * fz)
+    along_f = over * d * h + over2 * (c8 * (ez + h4 * nz) - k8 * (5 / 3 * nf + 2 * h * ef))
+    steady = (of_s + of_w) * ny, (of_s - of_w) * nx, 0 * nz
+    return plus(plus(steady, along_e, e), along_f, f)
 
 
 def swung(
@@ -261,12 +311,14 @@ def orders(
 
     The size is the largest change of L over |L| plus the change of p.
     """
+    # Here l is |L| over I_e, and E is over I_e, too.
     *momentum, energy = (slow / spheroid.equatorial_inertia).T.copy()
     square = dot(momentum, momentum)
     flattening = 1 / spheroid.inertia_ratio - 1
     n = unit(momentum)
-    # 2E/(I_e l²) = 1 + (I_e/I_a - 1)(n·p)²
+    # 2E/l² = 1 + (I_e/I_a - 1) h², as h = n·p.
     h2 = np.minimum(np.maximum((2 * energy / square - 1) / flattening, 0), 1)
+    # Some p of this h: `beside` is normal to n, by the space axis that is farthest from n.
     beside = cross(n, [*np.eye(3)[:, np.argmin(np.abs(n), axis=0)]])
     axis = plus(
         [np.sqrt(h2) * component for component in n],
@@ -277,10 +329,11 @@ def orders(
         spheroid, momentum, axis, np.cos(_SAMPLED_TURNS), np.sin(_SAMPLED_TURNS)
     )
     relative = np.sqrt(dot(change, change) / square) + np.sqrt(dot(tilt, tilt))
+    # Rates of second order alone.
     second = (0.0,) * _FIRST + parameters(spheroid, torque_factor)[_FIRST:]
     growth, rise, *across = slow_rates(ARRAYS)(np.sqrt(square), n, h2, second)
     moved = np.sqrt(square * growth * growth + dot(across, across))
+    # E' of E = ½ l² (1 + (I_e/I_a - 1) h²).
     powered = square * np.abs(growth * (1 + flattening * h2) + flattening * h2 * (1 - h2) * rise)
-    return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / max(
-        1.0, spheroid.inertia_ratio
-    )
+    largest_inertia = max(1.0, spheroid.inertia_ratio)  # I_max/I_e
+    return torque_factor * relative.max(axis=0), np.maximum(moved, powered) / largest_inertia
