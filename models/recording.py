@@ -32,6 +32,7 @@ _INPUTS = ("y", "p", "t", "constant")
 
 
 def _power(base: Any, exponent: Any) -> Any:
+    """Power, also of a plain number to one of heyoka's expressions."""
     try:
         return base**exponent
     except TypeError:
@@ -166,16 +167,19 @@ class _Recorder:
         """The operations that the results need."""
         ends = [self.index(result) for result in results]
         nodes = list(self.nodes)
+        # Operands stand before the operation, so that one pass backwards meets all that is needed.
         needed = set(ends)
         for i in reversed(range(len(nodes))):
             if i in needed and nodes[i][0] not in _INPUTS:
                 needed.update(nodes[i][1:])
+        # The index of each needed node among the needed ones alone.
         places: dict[int, int] = {}
         used: list[Node] = []
         for i in sorted(needed):
             places[i] = len(used)
             name, *operands = nodes[i]
             if name == "constant":
+                # Without its digits, which told 0.0 from -0.0.
                 used.append((name, operands[0]))
             elif name in _INPUTS:
                 used.append(nodes[i])
@@ -189,6 +193,7 @@ _current = local()
 
 
 def _recorder() -> _Recorder:
+    """The recording under way; an error if there is none."""
     recorder = getattr(_current, "recorder", None)
     if recorder is None:
         raise _NeedsNumbersError("was called with a number of another recording")
@@ -196,6 +201,7 @@ def _recorder() -> _Recorder:
 
 
 def _as_float(x: Any) -> float:
+    """A plain number as a float; complex ones cannot be recorded."""
     if isinstance(x, complex | np.complexfloating):
         raise _recorder().fail("is complex")
     return float(x)
@@ -218,6 +224,7 @@ def _either_side(name: str) -> tuple[Callable[[Any, Any], Any], Callable[[Any, A
     """An operator, and the one that Python calls where the number is on the right."""
     of_arrays = getattr(np, _NUMPY_NAMES[name])
 
+    # `other` is the one of the two that is not the number with the operator.
     def applied(other: Any, left: Any, right: Any) -> Any:
         if isinstance(other, np.ndarray | list | tuple):
             return of_arrays(left, right)
@@ -361,6 +368,7 @@ def _number(x: Any) -> Any:
 
 
 def _compared(ufunc: Any, left: Any, right: Any) -> Any:
+    """A number compared with anything, by NumPy's function of that comparison."""
     if isinstance(right, np.ndarray | list | tuple):
         return ufunc(left, right)
     if not isinstance(right, Real | Recorded | Condition | np.bool_):
@@ -369,6 +377,7 @@ def _compared(ufunc: Any, left: Any, right: Any) -> Any:
 
 
 def _where_positive(x: Any, a: Any, b: Any) -> Any:
+    """Take a where x > 0, b where not."""
     return _apply("where_positive", x, a, b)
 
 
@@ -399,6 +408,7 @@ def _one_of(one: Any, other: Any) -> Any:
 
 
 def _where(condition: Any, a: Any, b: Any) -> Any:
+    """`np.where` of numbers; a number that is no condition holds unless it is 0."""
     if not isinstance(condition, Condition):
         condition = _FUNCTIONS["not_equal"](condition, 0.0)
     if not isinstance(condition, Condition):
@@ -434,6 +444,7 @@ def _zero_or_nan(x: Any) -> Any:
 
 
 def _cbrt(x: Any) -> Any:
+    # A power has no negative base.
     root = _apply("pow", _absolute(x), 1 / 3)
     return _where_positive(x, root, _apply("neg", root))
 
@@ -512,6 +523,7 @@ _FUNCTIONS = {name: _of_numbers(name, function) for name, function in _FUNCTIONS
 
 
 def _is_array(x: Any) -> bool:
+    """Whether it is an array or a sequence of one dimension or more."""
     return isinstance(x, np.ndarray | list | tuple) and np.ndim(_plain(x)) > 0
 
 
@@ -535,29 +547,46 @@ def _wrapped(result: Any) -> Any:
     return result.view(RecordedArray) if result.dtype == object else result
 
 
+# Options of NumPy's functions, and their values where they ask for nothing. NumPy itself hands some of
+# them over that the user did not give, such as `dtype` in `np.sum`.
+_DEFAULT_OPTIONS = {"where": True, "dtype": None, "initial": np._NoValue}
+# Stands for the default of an option that has none.
+_NO_DEFAULT = object()
+
+
 def _ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...], named: dict[str, Any]) -> Any:
-    """One of NumPy's elementwise functions, or a way to apply it."""
-    name = ufunc.__name__
-    out = named.pop("out", None)
-    # Options at their defaults are none.
-    for option, usual in (("where", True), ("dtype", None), ("initial", np._NoValue)):
-        if named.get(option, usual) is usual:
-            named.pop(option, None)
-    if name == "matmul" and method == "__call__" and not named:
+    """What NumPy's protocol `__array_ufunc__` asks for: an elementwise function applied by a method.
+
+    The method is "__call__", elementwise, or one such as "reduce", which `np.sum` takes of `np.add`,
+    "accumulate" or "outer". `inputs` and `named` are the arguments; `out`, if given, is a tuple of
+    one array, which takes the result.
+    """
+    options = {
+        option: value
+        for option, value in named.items()
+        if option != "out" and value is not _DEFAULT_OPTIONS.get(option, _NO_DEFAULT)
+    }
+    if ufunc is np.matmul and method == "__call__" and not options:
         result = _product(*inputs)
     else:
-        function = _FUNCTIONS.get(name)
-        if function is None or "where" in named or "dtype" in named:
-            raise _recorder().fail("cannot be compiled")
-        if method == "__call__" and not any(_is_array(x) for x in inputs):
-            result = function(*(_wrapped(_plain(x)) for x in inputs))
-        else:
-            of_objects = np.frompyfunc(function, ufunc.nin, 1)
-            result = getattr(of_objects, method)(*(_plain(x) for x in inputs), **named)
-    if out is not None:
-        out[0][...] = result
-        return out[0]
-    return _wrapped(result)
+        result = _applied(ufunc, method, inputs, options)
+    out = named.get("out")
+    if out is None:
+        return _wrapped(result)
+    out[0][...] = result
+    return out[0]
+
+
+def _applied(ufunc: Any, method: str, inputs: tuple[Any, ...], options: dict[str, Any]) -> Any:
+    """The recorded equivalent of an elementwise function, applied by a method of NumPy's."""
+    function = _FUNCTIONS.get(ufunc.__name__)
+    if function is None or "where" in options or "dtype" in options:
+        raise _recorder().fail("cannot be compiled")
+    if method == "__call__" and not any(_is_array(x) for x in inputs):
+        return function(*(_wrapped(_plain(x)) for x in inputs))
+    # NumPy takes the function over arrays of objects, and knows all of the methods itself.
+    of_objects = np.frompyfunc(function, ufunc.nin, 1)
+    return getattr(of_objects, method)(*(_plain(x) for x in inputs), **options)
 
 
 def _product(left: Any, right: Any) -> Any:
@@ -572,25 +601,28 @@ def _product(left: Any, right: Any) -> Any:
 
 
 def _combined(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A matrix of numbers times a vector."""
+    """A matrix of plain numbers times a vector, whose terms are added from the left."""
     if matrix.shape[1] != len(vector):
         raise ValueError(f"matmul: got shapes {matrix.shape} and {vector.shape}")
     rows = np.empty(len(matrix), dtype=object)
     for i, row in enumerate(matrix):
-        rows[i] = 0.0
-        for k, j in enumerate(np.flatnonzero(row).tolist()):
+        total = None
+        for j in np.flatnonzero(row).tolist():
             term = float(row[j]) * vector[j]
-            rows[i] = term if k == 0 else rows[i] + term
+            total = term if total is None else total + term
+        rows[i] = 0.0 if total is None else total
     return rows
 
 
 def _norm(x: Any, order: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    """`np.linalg.norm` of a vector; of nothing else."""
     if order not in (None, 2) or axis is not None or keepdims or np.ndim(_plain(x)) != 1:
         raise _recorder().fail("cannot be compiled")
     return _FUNCTIONS["sqrt"](np.sum(_wrapped(_plain(x)) ** 2))
 
 
 def _where_arrays(condition: Any, *choices: Any) -> Any:
+    """`np.where` of numbers and arrays; with a condition alone it asks which elements hold."""
     if len(choices) != 2:
         raise _recorder().fail("branches on the state or the time")
     arguments = (condition, *choices)
@@ -600,6 +632,7 @@ def _where_arrays(condition: Any, *choices: Any) -> Any:
 
 
 def _clip(x: Any, low: Any = None, high: Any = None, **named: Any) -> Any:
+    """`np.clip`; its bounds have two names each."""
     low = named.pop("min", low)
     high = named.pop("max", high)
     if any(value is not None for value in named.values()):
@@ -637,6 +670,8 @@ def _array_function(function: Any, args: Any, named: Any) -> Any:
         return recorded(*args, **named)
     args = tuple(_protocolled(x) for x in args)
     named = {name: _protocolled(x) for name, x in named.items()}
+    # NumPy's own implementation of the protocol for arrays of objects; it takes the function apart
+    # into elementwise ones, which come to `_ufunc`.
     array = np.empty(0, dtype=object).view(RecordedArray)
     result = np.ndarray.__array_function__(array, function, (RecordedArray,), args, named)
     if result is NotImplemented:
@@ -657,6 +692,7 @@ def _protocolled(x: Any) -> Any:
 
 def numbers_of(rates: Any) -> list[Any]:
     """Rates as a list of numbers of any kind, whatever holds them."""
+    # Of floats and integers, signed or not.
     if isinstance(rates, np.ndarray) and rates.dtype.kind in "fiu":
         return rates.ravel().tolist()
     if not isinstance(rates, np.ndarray):
@@ -673,6 +709,7 @@ def record(function: Callable[..., Any], dimension: int, parameters: int) -> Rec
 
     An UntraceableError says, in one line, what cannot be recorded, and where.
     """
+    # A function may record another one.
     before = getattr(_current, "recorder", None)
     recorder = _current.recorder = _Recorder()
     try:
@@ -706,6 +743,8 @@ def _in_words(error: Exception, words: str) -> str:
 
 def _segment(frame: FrameSummary) -> str:
     """The expression of a line that raised an error."""
+    # Columns count bytes. Code may come without them, and an expression over several lines has no end
+    # in its first one: then all to the end of the line is taken.
     line = linecache.getline(frame.filename, frame.lineno or 0).encode()
     begin = getattr(frame, "colno", None)
     end = getattr(frame, "end_colno", None)
