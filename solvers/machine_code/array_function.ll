@@ -1,9 +1,11 @@
 ; A built-in function of Python around a field's lines.
 
-; Where the data of an array are; null if it is not one-dimensional, contiguous, of float64 and of this length. Behind
-; the head of every object of Python, which ends with its type, NumPy's `PyArrayObject` keeps data, number of
-; dimensions, their lengths, element type and flags, and `PyArray_Descr` byte order and number (ndarraytypes.h, alike
-; in NumPy 1 and 2).
+; Where the data of an array are; null if it is not one-dimensional, contiguous, of float64 and of this length. Every
+; object of Python begins with a head of $head bytes, the last 8 of which are the address of its type. Behind it stand
+; (ndarraytypes.h, alike in NumPy 1 and 2), by their place in bytes:
+;
+;   of an array, `PyArrayObject`    0 data, 8 number of dimensions, 16 their lengths, 40 element type, 48 flags
+;   of an element type, `PyArray_Descr`    10 character of the byte order, 12 number of the type
 define internal ptr @data(ptr %array, i64 %length, i32 %flags) alwaysinline {
 %behind = getelementptr i8, ptr %array, i64 $head
 %type_at = getelementptr i8, ptr %behind, i64 -8

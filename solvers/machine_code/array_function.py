@@ -15,14 +15,27 @@ import numpy as np
 
 from polhode.solvers.machine_code.llvm import compile_file
 
-# Constants of Python's and NumPy's C interface.
-_KNOWN = {"head": object.__basicsize__, "native": ord("="), "double": np.dtype(float).num}
-_KNOWN |= {"ndarray": id(np.ndarray), "type_error": id(TypeError), "none": id(None)}
-# C-contiguous and aligned; writeable as well
-_READABLE = 0x0101
-_WRITEABLE = 0x0501
-# Python's flag of a function that receives its arguments as a C array.
+# What the file of LLVM's language needs to know of Python and NumPy: size of the head that every
+# object begins with, in bytes; the character that NumPy has for the processor's byte order; its
+# number of the type float64; and the addresses of objects, which `id` gives.
+_LAYOUT = {
+    "head": object.__basicsize__,
+    "native": ord("="),
+    "double": np.dtype(float).num,
+    "ndarray": id(np.ndarray),
+    "type_error": id(TypeError),
+    "none": id(None),
+}
+# NumPy's flags of arrays (ndarraytypes.h).
+_C_CONTIGUOUS = 0x0001
+_ALIGNED = 0x0100
+_IS_WRITEABLE = 0x0400
+_READABLE = _C_CONTIGUOUS | _ALIGNED
+_WRITEABLE = _READABLE | _IS_WRITEABLE
+# Python's flag of a function that receives its arguments as a C array and their number
+# (methodobject.h).
 _FASTCALL = 0x0080
+# The message of the TypeError; a C string.
 _EXPECTED = b"expected one-dimensional contiguous arrays of float64, of the field's sizes, the last one writeable"
 
 
@@ -33,20 +46,21 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     """
     python = ctypes.pythonapi
     message = ctypes.create_string_buffer(_EXPECTED)
-    calls = {
-        name: ctypes.cast(python[name], ctypes.c_void_p).value
-        for name in ("PyErr_SetString", "Py_IncRef")
-    }
-    own: dict[str, Any] = {
+    fields: dict[str, Any] = {
+        **_LAYOUT,
         "lines": lines,
         "count": len(arrays),
         "message": ctypes.addressof(message),
     }
+    for function in ("PyErr_SetString", "Py_IncRef"):
+        fields[function] = ctypes.cast(python[function], ctypes.c_void_p).value
     for i, (name, length) in enumerate(arrays.items()):
-        flags = _WRITEABLE if name == "out" else _READABLE
-        own |= {f"name{i}": name, f"length{i}": length, f"flags{i}": flags}
-    code = compile_file(Path(__file__).with_suffix(".ll"), **_KNOWN, **calls, **own)
-    # Python's `PyMethodDef`: name, function, flags and no documentation.
+        fields[f"name{i}"] = name
+        fields[f"length{i}"] = length
+        fields[f"flags{i}"] = _WRITEABLE if name == "out" else _READABLE
+    code = compile_file(Path(__file__).with_suffix(".ll"), **fields)
+    # Python's `PyMethodDef`: name, function, flags and documentation, which is NULL. "PPiP" are two
+    # addresses, an int, and an address, laid out as C does.
     name = ctypes.create_string_buffer(b"field")
     definition = ctypes.create_string_buffer(
         pack("PPiP", ctypes.addressof(name), code.address, _FASTCALL, 0)
@@ -54,5 +68,6 @@ def array_function(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]
     new = python.PyCFunction_NewEx
     new.argtypes = [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
     new.restype = ctypes.py_object
-    # The function keeps alive what it is bound to.
+    # The second argument is what the function is bound to, its `self`, and thereby kept alive: all
+    # that the machine code and Python point to.
     return new(ctypes.addressof(definition), (code, definition, name, message), None)

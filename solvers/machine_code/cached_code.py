@@ -1,5 +1,10 @@
 """heyoka's machine code on disk with a checksum of every entry: damaged code is never run.
 
+heyoka keeps its code in the SQLite database ``cache.db``: the table ``cache`` has a row for each
+piece of code, the key of which is the column ``hash``. Beside it ``sums.json`` holds the CRC-32 of
+each row by its key. heyoka itself reads rows as they are: so `check` looks at them all before it is
+told of the folder, and `note` writes down the checksums of new rows as the process ends.
+
 The checksums are for accidents. Who may write to the folder may write code, hence it is the user's
 alone.
 """
@@ -15,6 +20,12 @@ from polhode.models.files.cached import make_private, say
 
 # Bytes that heyoka may cache, some fifty integrators: to read and sum them takes 20 ms of a start.
 MAX_CODE_BYTES = 20_000_000
+_DATABASE = "cache.db"
+_CHECKSUMS = "sums.json"
+# Column of the table that heyoka changes whenever it reads a row.
+_CHANGING_COLUMN = "last_access"
+# Place of a column's name in a row of SQLite's `table_info`.
+_NAME = 1
 
 
 def check(folder: Path) -> bool:
@@ -31,64 +42,75 @@ def check(folder: Path) -> bool:
     if not os.access(folder, os.W_OK):
         return False
     try:
-        noted = _noted(folder)
-        sums = _sums(folder)
-        if all(noted.get(key, checksum) == checksum for key, checksum in sums.items()):
-            # Entries without a checksum count as sound: their process was killed before
-            # it noted them.
-            _write(folder, noted, sums)
-            return True
-        reason = "a checksum does not match"
+        noted = _noted_checksums(folder)
+        checksums = _checksums(folder)
     except DatabaseError as error:
         reason = str(error)
+    else:
+        if all(noted.get(key, checksum) == checksum for key, checksum in checksums.items()):
+            # Entries without a checksum count as sound: their process was killed before
+            # it noted them.
+            _write(folder, noted, checksums)
+            return True
+        reason = "a checksum does not match"
     say(f"{folder}: damaged ({reason}), compiled anew")
     for file in folder.glob("*"):
         with suppress(OSError):
             file.unlink()
-    return not (folder / "cache.db").exists()
+    return not (folder / _DATABASE).exists()
 
 
 def note(folder: Path) -> None:
     """Write down the checksums of new entries."""
-    noted = _noted(folder)
+    noted = _noted_checksums(folder)
     # An entry that cannot be read now gets its checksum at the next start.
     with suppress(Exception):
-        _write(folder, noted, _sums(folder, noted))
+        _write(folder, noted, _checksums(folder, noted))
 
 
-def _write(folder: Path, noted: Mapping[str, int], sums: Mapping[str, int]) -> None:
-    if sums.keys() - noted.keys():
-        private = folder / f"sums.{os.getpid()}"
-        with suppress(OSError):
-            private.write_text(json.dumps({**noted, **sums}), encoding="utf-8")
-            private.replace(folder / "sums.json")
+def _write(folder: Path, noted: Mapping[str, int], checksums: Mapping[str, int]) -> None:
+    """Write all checksums down if some are new: to a file of this process, which takes the old one's place."""
+    if not checksums.keys() - noted.keys():
+        return
+    private = folder / f"sums.{os.getpid()}"
+    with suppress(OSError):
+        private.write_text(json.dumps({**noted, **checksums}), encoding="utf-8")
+        private.replace(folder / _CHECKSUMS)
 
 
-def _noted(folder: Path) -> dict[str, int]:
+def _noted_checksums(folder: Path) -> dict[str, int]:
+    """Checksums by key as they were written down; none if the file is missing or damaged."""
     try:
-        sums = json.loads((folder / "sums.json").read_text(encoding="utf-8"))
+        noted = json.loads((folder / _CHECKSUMS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return sums if isinstance(sums, dict) else {}
+    return noted if isinstance(noted, dict) else {}
 
 
-def _sums(folder: Path, noted: Container[str] = ()) -> dict[str, int]:
-    """Checksum of each entry not known yet; raises sqlite3.DatabaseError if the file is damaged."""
+def _checksums(folder: Path, known: Container[str] = ()) -> dict[str, int]:
+    """Checksum of each entry whose key is not known yet; raises sqlite3.DatabaseError if the file is damaged."""
     import sqlite3
 
-    file = folder / "cache.db"
+    file = folder / _DATABASE
     if not file.exists():
         return {}
-    with closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)) as code:
-        names = [
-            row[1] for row in code.execute("PRAGMA table_info(cache)") if row[1] != "last_access"
-        ]
-        entry = f"SELECT {', '.join(names)} FROM cache WHERE hash = ?"
-        keys = [key for (key,) in code.execute("SELECT hash FROM cache") if str(key) not in noted]
-        return {str(key): _sum(code.execute(entry, (key,)).fetchone() or ()) for key in keys}
+    # Read-only: another process may be writing.
+    with closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)) as database:
+        columns = [column[_NAME] for column in database.execute("PRAGMA table_info(cache)")]
+        summed = ", ".join(name for name in columns if name != _CHANGING_COLUMN)
+        keys = [key for (key,) in database.execute("SELECT hash FROM cache")]
+        checksums = {}
+        for key in keys:
+            if str(key) in known:
+                continue
+            entry = database.execute(f"SELECT {summed} FROM cache WHERE hash = ?", (key,))
+            # Another process may have dropped it since.
+            checksums[str(key)] = _checksum(entry.fetchone() or ())
+        return checksums
 
 
-def _sum(entry: tuple[object, ...]) -> int:
+def _checksum(entry: tuple[object, ...]) -> int:
+    """CRC-32 of an entry's columns, one behind the other."""
     total = 0
     for value in entry:
         total = crc32(value if isinstance(value, bytes) else str(value).encode(), total)

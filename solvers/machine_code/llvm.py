@@ -12,7 +12,8 @@ from polhode.models.libraries import need
 from polhode.models.once import once
 from polhode.models.spent import spent_on
 
-# Functions of C's library of one argument; LLVM has instructions or functions for all others.
+# Functions of C's library of one argument; the only one of two is atan2. LLVM has instructions or
+# functions of its own for all others.
 _UNARY = (
     *("expm1", "log1p", "tan", "asin", "acos", "atan"),
     *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
@@ -32,19 +33,18 @@ class MachineCode:
     engine: Any
 
     def function(self, prototype: Any) -> Any:
-        """The function as ctypes calls it, which keeps the code alive."""
+        """The function as ctypes calls it; it keeps the code alive."""
         function = prototype(self.address)
         function.code = self
         return function
 
 
 def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCode:
-    """Compile a file of LLVM's language that defines the function.
+    """Compile a file of LLVM's language that defines ``@function``, which is returned.
 
-    Fields, or a library's `functions`, are ``$name``.
-
-    Lines from ``; for each name`` to ``; end`` stand in it as often as that field says, each time
-    with its own ``{i}``.
+    ``$name`` in the file is the field of that name or, of a library's `functions`, its address.
+    Lines from ``; for each name`` to ``; end`` stand as often as that field says, a whole number,
+    each time with its own ``{i}`` from 0 on.
     """
 
     def repeated(block: re.Match[str]) -> str:
@@ -60,14 +60,15 @@ def compile_file(path: Path, functions: Any = None, **fields: Any) -> MachineCod
 def compile_text(text: str, level: int = 3, *, extended: bool = False) -> Any:
     """Compile definitions for this processor into an engine that knows the functions' addresses.
 
-    `level` is LLVM's level of optimization, 0 to 3; at a lower one it takes less time. `extended`,
-    every double of the text is x86's long double of 80 bits.
+    `level` is LLVM's level of optimization, 0 to 3; at a lower one it takes less time. With
+    `extended` every double of the text is x86's long double of 80 bits.
     """
     llvm = _llvm()
     text = _DECLARATIONS + text
     module = llvm.parse_assembly(_extended(text) if extended else text)
     target = llvm.Target.from_default_triple()
     cpu, features = _host()
+    # How instructions are chosen, whatever the level of what is done to the text before.
     machine = target.create_target_machine(cpu=cpu, features=features, opt=3)
     module.data_layout = str(machine.target_data)
     passes = llvm.create_pass_builder(
@@ -88,10 +89,13 @@ def _extended(text: str) -> str:
     """The text with x86's long double for double: types, constants and names of functions."""
 
     def constant(match: re.Match[str]) -> str:
-        # LLVM writes a double as 0x and 16 digits, a long double as 0xK and 20.
+        # LLVM writes a double as 0x and 16 digits, a long double as 0xK and 20, each with the
+        # highest byte first. NumPy keeps the 10 bytes of a long double lowest first, in 16 bytes.
         value = np.frombuffer(bytes.fromhex(match[1] or "00" * 8), ">f8")[0]
-        return "0xK" + np.longdouble(value).tobytes()[9::-1].hex().upper()
+        number_bytes = np.longdouble(value).tobytes()[:10]
+        return "0xK" + number_bytes[::-1].hex().upper()
 
+    # Zero alone is written as 0.0 too.
     text = re.sub(r"0x([0-9A-F]{16})|\b0\.0\b", constant, text)
     text = text.replace("double", "x86_fp80").replace(".f64(", ".f80(")
     return _OF_LIBRARY.sub(r"@\1l(", text)

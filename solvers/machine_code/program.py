@@ -1,9 +1,24 @@
 """Functions with loops and branches around traced numbers.
 
-Every number is a double, counts included.
+A program is written as it runs. This one counts the entries of an array before the first 0::
 
-A program is written as it runs: ``with program.repeat() as leave: ...; leave(less(a, b))``. Numbers
-that outlive a block lie in an `Array`; LLVM keeps small arrays of the program in registers.
+    program = Program("count", "x out")
+    x, out = program.arguments
+    out[0] = 0.0
+    with program.repeat() as leave:
+        n = out[0]
+        leave(compare("ole", x[n], 0.0))
+        out[0] = n + 1.0
+    (count,) = compiled(program)
+
+Python runs these lines once, and they write LLVM's: the body of a loop too is written once, and
+`leave` writes a branch. So a Python variable such as `n` stands for the number that a line
+computes, each time anew. Every number is a double, counts and indices included.
+
+LLVM's text falls into *blocks*, each of which is entered at its beginning and left at its end; a
+loop or a branch begins a new one. A number computed in one block may not exist in another. Those
+that are to outlive their block lie in an `Array`; LLVM keeps small arrays of the program in
+registers.
 """
 
 import ctypes
@@ -21,7 +36,8 @@ from polhode.models.operations import polynomial
 from polhode.solvers.machine_code.llvm import compile_text, host_features
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number, operand
 
-# Registers per operation: two keep the processor's pipelines full; more spill.
+# Registers per operation: two keep the processor's pipelines full, as one waits for the result of
+# its operation before; more do not fit into the registers that there are.
 REGISTERS = 2
 
 
@@ -29,6 +45,7 @@ REGISTERS = 2
 def width() -> int:
     """Particles, or rows, that this processor moves at once."""
     features = host_features()
+    # Doubles in a register: of SSE2, which every x86-64 has, of AVX and of AVX-512.
     doubles = 2
     if features.get("avx"):
         doubles = 4
@@ -38,7 +55,13 @@ def width() -> int:
 
 
 def widened(line: str, lanes: int = 0) -> str:
-    """A line about numbers as one about vectors, by default as wide as this processor's."""
+    """A line about numbers as one about vectors, by default as wide as this processor's.
+
+    Types, constants, names of functions and conditions change, as in::
+
+        %v7 = fmul contract double %v1, 0x4000000000000000
+        %v7 = fmul contract <8 x double> %v1, splat (double 0x4000000000000000)
+    """
     lanes = lanes or width()
     line = re.sub(r"\bdouble\b", f"<{lanes} x double>", line)
     line = re.sub(r"\b0x[0-9A-F]{16}", lambda number: f"splat (double {number[0]})", line)
@@ -49,10 +72,19 @@ def widened(line: str, lanes: int = 0) -> str:
 class Program(dict[str, str]):
     """A function without result; its arguments are arrays and numbers.
 
-    It is the dictionary of the lines of the present block, and holds the text of all blocks.
+    Numbers that are traced (`tracing.Number`) look up their lines in a dictionary, so that equal
+    lines are written once. A program is that dictionary for the present block, name by line, and
+    holds the text of all blocks. It is emptied where a block ends.
 
-    Names of arguments stand between blanks. The linkage is "internal" if other programs alone are
-    to call it, the attribute "noinline", or what registers it may take.
+    Parameters
+    ----------
+    name : str
+    arrays, numbers : str
+        Names of the arguments, between blanks; arrays come first.
+    linkage : str
+        "internal" if other programs alone are to call it.
+    attribute : str
+        One of LLVM's for functions: "noinline", or `WIDEST_REGISTERS`.
     """
 
     def __init__(
@@ -64,8 +96,10 @@ class Program(dict[str, str]):
         self.head = f"define {linkage} void @{name}({', '.join(arguments)}) {attribute} {{\nstart:"
         self.name = name
         self.linkage = linkage
+        # Lines of all blocks, and those that make room, which stand before them.
         self.text = []
         self.rooms = []
+        # Names given so far.
         self.count = 0
         self.arguments: list[Any] = [Array(self, f"%{argument}") for argument in arrays.split()]
         self.arguments += [Number(self, f"%{argument}") for argument in numbers.split()]
@@ -114,11 +148,12 @@ class Program(dict[str, str]):
         self.text.append(f"call void @{callee.name}({', '.join(operands)})")
 
     def _begin(self, label: str) -> None:
-        """End the block at hand."""
+        """End the present block, and begin one that follows it."""
         self.text += [f"br label %{label}", f"{label}:"]
         self.clear()
 
     def _branch(self, condition: str, yes: str, no: str, follows: str) -> None:
+        """End the present block by a branch to one of two, and begin the one that `follows`."""
         self.text += [f"br i1 {condition}, label %{yes}, label %{no}", f"{follows}:"]
         self.clear()
 
@@ -168,10 +203,11 @@ class Wide(Number):
         return Wide(self.lines, super().emit(widened(line, self.lanes)).name, self.lanes)
 
     def total(self) -> Number:
-        """The sum over the lanes."""
-        kind = f"{operand(-0.0)}, {widened('double', self.lanes)} {self.name}"
+        """The sum over the lanes, in the order that is quickest."""
+        # -0.0 is where the sum begins: unlike 0.0 it leaves any number as it is.
+        arguments = f"double {operand(-0.0)}, {widened('double', self.lanes)} {self.name}"
         return super().emit(
-            f"call reassoc double @llvm.vector.reduce.fadd.v{self.lanes}f64(double {kind})"
+            f"call reassoc double @llvm.vector.reduce.fadd.v{self.lanes}f64({arguments})"
         )
 
 
@@ -180,23 +216,26 @@ def splat(number: Number, lanes: int) -> Number:
     if lanes == 1:
         return number
     vector = widened("double", lanes)
+    # A vector with the number in lane 0; then one whose every lane is that one's lane 0.
     first = number.emit(f"insertelement {vector} poison, double {number.name}, i64 0")
-    all_ = f"{vector} poison, <{lanes} x i32> zeroinitializer"
-    return Wide(
-        number.lines, number.emit(f"shufflevector {vector} {first.name}, {all_}").name, lanes
-    )
+    lane_0_for_all = f"{vector} poison, <{lanes} x i32> zeroinitializer"
+    same = number.emit(f"shufflevector {vector} {first.name}, {lane_0_for_all}")
+    return Wide(number.lines, same.name, lanes)
 
 
 class Array:
-    """Numbers in memory, by an index that is counted from 0.
+    """Numbers in memory, by an index that is counted from 0: a constant, or a computed number.
 
-    With lanes, one of each lane at an index.
+    With lanes, a vector of one number for each lane stands at an index. ``array[i]`` writes the line
+    that loads entry i, ``array[i] = x`` the one that stores x there, ``array + i`` is what begins
+    at entry i.
     """
 
     def __init__(self, program: Program, pointer: str, lanes: int = 1) -> None:
         self.program = program
-        self.pointer = pointer
+        self.pointer = pointer  # LLVM's name of the address of entry 0
         self.lanes = lanes
+        # LLVM's type of an entry.
         self.kind = widened("double", lanes) if lanes > 1 else "double"
 
     def __add__(self, index: Any) -> "Array":
@@ -211,6 +250,7 @@ class Array:
         return Array(self.program, place, self.lanes)
 
     def __getitem__(self, index: Any) -> Number:
+        # The same line again may load another number, as one may have been stored in between.
         name = self.program.fresh(f"load {self.kind}, ptr {(self + index).pointer}, align 8")
         return (
             Wide(self.program, name, self.lanes) if self.lanes > 1 else Number(self.program, name)
@@ -246,7 +286,12 @@ class Same:
 
 
 def _expm1(x: Any) -> Any:
-    """exp(x) - 1 by its series at x/128, doubled seven times; -1 below -40, NaN of NaN."""
+    """exp(x) - 1 by its series at x/128, doubled seven times; -1 below -40, NaN of NaN.
+
+    For ``|x| <= 40`` the series' 13 terms err by 3e-18 of its sum. ``v (v + 2)`` is exp(2x) - 1
+    where v is exp(x) - 1.
+    """
+    # NaN fails the condition, and stays.
     small = OPERATIONS.where_positive(-40.0 - x, -40.0, x) * (1 / 128)
     value = small * polynomial([1 / factorial(k) for k in range(1, 14)], small)
     for _ in range(7):
@@ -263,9 +308,9 @@ WIDEST_REGISTERS = '"prefer-vector-width"="512"'
 
 
 def compare(how: str, left: Any, right: Any) -> str:
-    """The condition that numbers compare as "olt", "ole", "ogt" or "oge".
+    """The condition that numbers compare as "olt", "ole", "ogt" or "oge": less, ..., greater or equal.
 
-    NaN fulfils "uge" and its like alone.
+    NaN fulfils none of these, but "ult", "ule", "ugt" and "uge" (LLVM's ordered and unordered).
     """
     number: Any = left if isinstance(left, Number) else right
     return number.lines.setdefault(f"fcmp {how} double {operand(left)}, {operand(right)}", "")
@@ -280,14 +325,14 @@ def _address(array: np.ndarray) -> int:
 
 
 def compiled(*programs: Program, number: type = float, level: int = 1) -> list[Callable[..., None]]:
-    """Compile programs together.
+    """Compile programs together, which may call each other.
 
-    Those that are not internal have arrays alone as arguments, and become functions.
+    Those that are not internal have arrays alone as arguments, and become functions, in order.
 
     The arrays, or their addresses, are contiguous and of the type named, float or x86's
-    `numpy.longdouble`: nothing checks that. A call releases Python's lock.
+    `numpy.longdouble`: nothing checks that. A call releases Python's lock. `level` is that of
+    `llvm.compile_text`; programs of long loops gain nothing by more than 1.
     """
-    # Loops as these gain nothing by more.
     engine = compile_text(
         "\n".join(str(program) for program in programs), level=level, extended=number is not float
     )
