@@ -25,7 +25,6 @@ Rates = Callable[[float, np.ndarray, np.ndarray], None]
 # Right-hand sides between two looks at the time reached; one and the same time twice is a stall.
 _LOOK = 1000
 
-
 # Threads that are within `quiet`, and the lock for entering and leaving it.
 _quiet_threads: list[int] = []
 _lock = Lock()
@@ -64,7 +63,7 @@ def quiet() -> Iterator[None]:
 
 
 class _StoppedError(Exception):
-    """A run that is to end: its status, and why."""
+    """A run that is to end; its arguments are the run's outcome, a status and a message."""
 
 
 def rates_of(problem: Problem, settings: Settings, values: Any) -> Rates:
@@ -81,81 +80,94 @@ def rates_of(problem: Problem, settings: Settings, values: Any) -> Rates:
 
 
 class Callbacks:
-    """A problem bound to one of scikit-sundae's classes, ``CVODE`` or ``IDA``."""
+    """A problem bound to one of scikit-sundae's classes, ``CVODE`` or ``IDA``.
+
+    IDA solves ``0 = residual(t, y, y')``, here the mass times y' less the field. The library calls
+    the field, the residual and the Jacobian, and each of them fills the array `out`.
+    """
 
     def __init__(self, library: type, problem: Problem, settings: Settings, **options: Any) -> None:
         self.implicit = library.__name__ == "IDA"
-        self.calls = 0
-        self.seen = -np.inf
+        self.calls = 0  # of the field in this run
+        self.last_seen = -np.inf  # the time at the latest look
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
-        # Plain Python reads a list.
+        # Plain Python reads a list. Both are changed in place where parameters change on the way.
         read = values.tolist() if settings.backend == "python" else values
-        rates = rates_of(problem, settings, read)
         self.parameters = [values, read]
-
-        def field(t: float, y: np.ndarray, out: np.ndarray) -> None:
-            self.calls += 1
-            record = self.record
-            if record:
-                # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
-                if record.expired:
-                    raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
-                if self.calls % _LOOK == 0:
-                    self._look(record, t)
-            rates(t, y, out)
-
-        def residual(t: float, y: np.ndarray, slope: np.ndarray, out: np.ndarray) -> None:
-            field(t, y, out)
-            np.subtract(times(self.mass, slope), out, out=out)
-
+        self.rates = rates_of(problem, settings, read)
         if problem.plain:
             options |= jacobian_options(problem, self.mass if self.implicit else None)
         elif settings.jacobian == "exact":
-            jacobian = exact_jacobian(problem.field, problem.dimension, len(values))
-            mass = full(self.mass)
-
-            def of_field(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
-                out[:] = jacobian(y, values)
-
-            def of_residual(
-                t: float, y: np.ndarray, rates: np.ndarray, r: Any, cj: float, out: np.ndarray
-            ) -> None:
-                out[:] = cj * mass - jacobian(y, values)
-
-            options["jacfn"] = of_residual if self.implicit else of_field
+            options["jacfn"] = self._exact_jacobian(problem, values)
         algebraic = np.flatnonzero(self.mass == 0)
         if self.mass.ndim == 1 and len(algebraic):
+            # The library corrects the algebraic components, and the derivatives of the others.
             options |= {"algebraic_idx": algebraic.tolist(), "calc_initcond": "yp0"}
         options |= {
             "rtol": settings.tolerance,
             "atol": settings.atol if isinstance(settings.atol, float) else settings.atols(),
+            # To the library 0 means that there is no limit, or that it chooses itself.
             "max_step": settings.max_step if settings.max_step < np.inf else 0.0,
             "first_step": settings.first_step or 0.0,
             "max_num_steps": UNLIMITED,
         }
-        self.rates = rates
         # It warns that a pattern's own differences give way to the function of a Jacobian.
         with UNWARNED:
-            self.library = library(residual if self.implicit else field, **options)
+            self.library = library(self._residual if self.implicit else self._field, **options)
+
+    def _field(self, t: float, y: np.ndarray, out: np.ndarray) -> None:
+        """The rates; ends the run from within where a limit is reached."""
+        self.calls += 1
+        record = self.record
+        if record:
+            # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
+            if record.expired:
+                raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
+            if self.calls % _LOOK == 0:
+                self._look(record, t)
+        self.rates(t, y, out)
+
+    def _residual(self, t: float, y: np.ndarray, slope: np.ndarray, out: np.ndarray) -> None:
+        """What the equations leave at a state and its slope, ``mass * slope - rates``."""
+        self._field(t, y, out)
+        np.subtract(times(self.mass, slope), out, out=out)
+
+    def _exact_jacobian(self, problem: Problem, values: np.ndarray) -> Callable[..., None]:
+        """The function of the Jacobian by automatic differentiation, with the library's arguments."""
+        jacobian = exact_jacobian(problem.field, problem.dimension, len(values))
+        mass = full(self.mass)
+
+        def of_field(t: float, y: np.ndarray, rates: np.ndarray, out: np.ndarray) -> None:
+            out[:] = jacobian(y, values)
+
+        # d residual / dy + cj d residual / dy'.
+        def of_residual(
+            t: float, y: np.ndarray, slope: np.ndarray, residual: Any, cj: float, out: np.ndarray
+        ) -> None:
+            out[:] = cj * mass - jacobian(y, values)
+
+        return of_residual if self.implicit else of_field
 
     def start(self, record: Record) -> tuple[np.ndarray, ...]:
-        """The start of a run: the state, and IDA's rates besides."""
+        """The start of a run: the state, and for IDA the slope besides."""
         if not self.implicit:
             return (record.start,)
+        time = float(record.times[0])
         if self.mass.ndim == 2:
-            return consistent(self.rates, self.mass, float(record.times[0]), record.start)
+            return consistent(self.rates, self.mass, time, record.start)
         rates = np.empty(len(record.start))
-        self.rates(float(record.times[0]), record.start, rates)
-        return record.start, np.divide(
-            rates, self.mass, out=np.zeros(len(rates)), where=self.mass > 0
-        )
+        self.rates(time, record.start, rates)
+        # The slope of an algebraic component is found by the library.
+        slope = np.zeros(len(rates))
+        np.divide(rates, self.mass, out=slope, where=self.mass > 0)
+        return record.start, slope
 
     def run(self, record: Record, every: bool) -> Outcome:
         """Fill the record's rows, row by row or by every step, which costs more and counts them."""
         self.record = record
         self.calls = 0
-        self.seen = -np.inf
+        self.last_seen = -np.inf
         record.now = float(record.times[0])
         for parameters in self.parameters:
             change(parameters, len(parameters), record)
@@ -180,20 +192,20 @@ class Callbacks:
     def _look(self, record: Record, time: float) -> None:
         """End a run from within its right-hand side where the time stands still or hardly moves."""
         record.now = time
-        if time == self.seen:
+        if time == self.last_seen:
             raise _StoppedError(Status.STEP_UNDERFLOW, f"stalled at t = {time!r}")
-        self.seen = time
+        self.last_seen = time
         if crawling := record.crawls(self.calls, time):
             raise _StoppedError(*crawling)
 
     def _to(self, time: float, record: Record, method: str = "normal") -> Any:
-        """The library's own result of going on to a time, or by one step towards it."""
+        """The library's own result of going on to a time, or with "onestep" by one step towards it."""
         result = self.library.step(time, method=method, tstop=float(record.times[-1]))
         record.work.jacobians = result.njev
         if not result.success:
-            raise _StoppedError(
-                FAILURES.get(result.status, (Status.NON_FINITE,))[0], result.message
-            )
+            # Any failure that has no name is what a field that is not finite leads to.
+            status, _ = FAILURES.get(result.status, (Status.NON_FINITE, ""))
+            raise _StoppedError(status, result.message)
         return result
 
     def _between(self, time: float) -> np.ndarray:
@@ -202,10 +214,12 @@ class Callbacks:
         return self._to(time, self.record).y
 
     def _rows(self, record: Record, last: int) -> None:
+        """Fill rows up to one, that one left out."""
         for time in record.times[record.filled : last].tolist():
             record.put(self._to(time, record).y[None])
 
     def _by_steps(self, record: Record) -> Outcome:
+        """Fill all rows step by step, look for events at each step, and mind the limit of steps."""
         times = record.times
         work = record.work
         end = float(record.times[-1])

@@ -8,6 +8,7 @@ same steps. While it runs, numbers below 2e-308 count as zero.
 import ctypes
 import re
 from collections.abc import Callable
+from enum import IntEnum
 from math import inf, ulp
 from pathlib import Path
 from typing import Any
@@ -27,9 +28,29 @@ from polhode.solvers.sundials.library import FAILURES, TOO_MUCH_WORK, Sundials, 
 
 # Steps between two looks at deadline and Ctrl-C: a tenth of a second at most.
 _CHUNK = 20_000
-# IDA's "IDA_YA_YDP_INIT" and how far beyond the start it looks, as scikit-sundae has it.
+# IDA's IDA_YA_YDP_INIT (ida.h): `CalcIC` finds the algebraic components and the derivatives of the
+# others.
 _ALGEBRAIC = 1
+# It takes the scale of time from a first output this far beyond the start, as scikit-sundae has it.
 _BEYOND = 0.01
+# The least step: at a step of 0, where it ends if the time stands still, CVODE's corrector repeats
+# itself for ever. Far below the spacing of times, so that it changes no other run.
+_LEAST_STEP = 1e-150
+
+
+class ReportAt(IntEnum):
+    """Places in the report that `rows.ll` writes: 64 bits each, whole numbers but for two doubles."""
+
+    CODE = 0  # the library's last one
+    STEPS = 1
+    TIME = 2  # a double: the time reached
+    RATES = 3  # evaluations of the field
+    DIFFERENCES = 4  # further ones, for differences
+    ERRORS = 5  # failed error tests
+    FAILURES = 6  # steps whose correction failed
+    JACOBIANS = 7
+    FACTORIZATIONS = 8
+    STEP = 9  # a double: the step to be tried next
 
 
 class Memory:
@@ -81,9 +102,7 @@ class Memory:
         if settings.first_step is not None:
             self._set("SetInitStep", settings.first_step)
         self._set("SetLinearSolver", linear, matrix)
-        # At a step of 0, where it ends if the time stands still, CVODE's corrector repeats itself
-        # for ever.
-        self._set("SetMinStep", 1e-150)
+        self._set("SetMinStep", _LEAST_STEP)
         if settings.jacobian == "exact":
             self.jacobian = _callback(library, "jacobian", problem.field, d, len(values))
             self._set("SetJacFn", self.jacobian.address)
@@ -92,13 +111,12 @@ class Memory:
             kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
             self._residual = self.field.function(kind)
         self._advance = _loop(library)
-        # What `rows.ll` writes: the last code, steps, time, evaluations of the field, further ones
-        # for differences, failed error tests, steps whose correction failed, Jacobians,
-        # factorizations, and the step to be tried next. Time and step, at 2 and 9, are doubles in
-        # the same 64 bits.
-        self.report = np.zeros(10, dtype=np.int64)
+        self.report = np.zeros(len(ReportAt), dtype=np.int64)
+        # The same bits, of which two places are doubles.
+        self.report_doubles = self.report.view(float)
 
     def _own(self, free: str, make: str, *arguments: int) -> int:
+        """The address of an object that the function `make` makes, and `free` will free."""
         made = self.library(make, *arguments)
         self._owned.append((free, made, None))
         return made
@@ -108,6 +126,7 @@ class Memory:
         return self._own("N_VDestroy", "N_VMake_Serial", array.size, address_of(array), context)
 
     def _set(self, name: str, *arguments: float) -> None:
+        """Call one of the library's functions whose first argument is its memory."""
         self.library(name, self.address, *arguments)
 
     def _set_tolerances(self, settings: Settings, context: int) -> None:
@@ -119,6 +138,7 @@ class Memory:
 
     @property
     def _states(self) -> tuple[int, ...]:
+        """The vectors of a state: CVODE's, or IDA's with the slope."""
         return (self.state, self.rate) if self.implicit else (self.state,)
 
     def begin(self, record: Record) -> None:
@@ -149,7 +169,7 @@ class Memory:
             address_of(self.report),
         )
         record.filled = self._advance(*pointers, record.filled, len(times), rows.shape[1], most)
-        return int(self.report[0])
+        return int(self.report[ReportAt.CODE])
 
 
 def integrator(memory: Memory, count: bool) -> Integrator:
@@ -161,27 +181,19 @@ def integrator(memory: Memory, count: bool) -> Integrator:
         except RuntimeError as error:
             return Status.STEP_UNDERFLOW, f"no consistent initial values: {error}"
         work = record.work
-        report = memory.report
         steps = 0
         while True:
             with memory.flushed_to_zero:
                 code = memory.advance(record, min(steps + record.chunk(_CHUNK), record.max_steps))
-            record.now, step = report.view(float)[[2, 9]].tolist()
-            (
-                _,
-                work.steps,
-                _,
-                calls,
-                linear,
-                errors,
-                failures,
-                work.jacobians,
-                work.factorizations,
-                _,
-            ) = report.tolist()
-            steps = work.steps
-            work.rejected = errors + failures
-            work.rhs_calls = calls + linear if count else None
+            record.now = float(memory.report_doubles[ReportAt.TIME])
+            step = float(memory.report_doubles[ReportAt.STEP])
+            report = memory.report.tolist()
+            work.steps = steps = report[ReportAt.STEPS]
+            work.rejected = report[ReportAt.ERRORS] + report[ReportAt.FAILURES]
+            work.jacobians = report[ReportAt.JACOBIANS]
+            work.factorizations = report[ReportAt.FACTORIZATIONS]
+            rate_calls = report[ReportAt.RATES] + report[ReportAt.DIFFERENCES]
+            work.rhs_calls = rate_calls if count else None
             if code >= 0:
                 return Status.REACHED_END, ""
             # Steps below the spacing of numbers move the time now and then.
@@ -197,6 +209,7 @@ def integrator(memory: Memory, count: bool) -> Integrator:
 
 
 def _free(library: Sundials, owned: list[tuple[str, int, Any]]) -> None:
+    """Free the library's objects, the latest first: later ones point to earlier ones."""
     for name, pointer, _ in reversed(owned):
         library(name, pointer)
 
@@ -208,30 +221,43 @@ def _callback(
     """The "field" or its "jacobian" as the library calls it."""
     traced = trace if what == "field" else trace_jacobian
     lines = traced(factory, dimension, parameters, mass=library.prefix == "IDA")
-    # The sum of the entries times zero is NaN if an entry is not finite: the function returns 1, and
-    # the library tries a shorter step.
-    total = "0.0"
-    for i, entry in enumerate(re.findall(r"store double (\S+),", lines)):
-        lines += f"\n%sum{i} = fadd reassoc double {total}, {entry}"
-        total = f"%sum{i}"
-    lines += f"\n%none = fmul double {total}, 0.0\n%wrong = fcmp uno double %none, 0.0"
-    lines += "\n%code = zext i1 %wrong to i32\nret i32 %code"
+    lines += _returned(lines)
     file = Path(__file__).with_name(f"{library.prefix.lower()}_{what}.ll")
     return compile_file(file, library, lines=lines, parameters=parameters)
+
+
+def _returned(lines: str) -> str:
+    """Lines by which a function returns 0, or 1 if an entry that it has written is not finite.
+
+    The library then tries a shorter step. The sum of all entries times zero is NaN if one of them
+    is infinite or NaN.
+    """
+    text = ""
+    total = "0.0"
+    for i, entry in enumerate(re.findall(r"store double (\S+),", lines)):
+        text += f"\n%sum{i} = fadd reassoc double {total}, {entry}"
+        total = f"%sum{i}"
+    text += f"\n%none = fmul double {total}, 0.0"
+    text += "\n%wrong = fcmp uno double %none, 0.0"
+    text += "\n%code = zext i1 %wrong to i32"
+    return f"{text}\nret i32 %code"
 
 
 @once()
 def _loop(library: Sundials) -> Callable[..., int]:
     """Fill rows ``first <= i < count`` in at most `most` steps since the start; the first row not filled."""
     implicit = library.prefix == "IDA"
-    solve, kind = ("Solve", "Res") if implicit else ("", "Rhs")
-    fields = {"solve": library[solve], "too_much_work": TOO_MUCH_WORK}
-    fields |= {
+    # IDASolve and IDAGetNumResEvals, where CVODE has CVode itself and CVodeGetNumRhsEvals.
+    solve = "Solve" if implicit else ""
+    kind = "Res" if implicit else "Rhs"
+    fields = {
+        "solve": library[solve],
+        "arguments": "ptr %now_at, ptr %y, ptr %slope" if implicit else "ptr %y, ptr %now_at",
+        "too_much_work": TOO_MUCH_WORK,
         "evaluations": library[f"GetNum{kind}Evals"],
         "differences": library[f"GetNumLin{kind}Evals"],
     }
-    arguments = "ptr %now_at, ptr %y, ptr %slope" if implicit else "ptr %y, ptr %now_at"
-    code = compile_file(Path(__file__).with_name("rows.ll"), library, arguments=arguments, **fields)
+    code = compile_file(Path(__file__).with_name("rows.ll"), library, **fields)
     return code.function(
         ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 4)
     )

@@ -1,6 +1,5 @@
-; Fills rows first <= i < count, in at most `most` steps since the start; returns the first row not filled. The report
-; is code, steps, time reached, right-hand sides, those of difference quotients, failures of tests and solvers,
-; Jacobians, factorizations, step.
+; Fills rows first <= i < count, in at most `most` steps since the start; returns the first row not filled. Places in
+; the report are those of `ReportAt` in compiled.py. Rows within the last step are still filled when no step is left.
 define i64 @function(ptr %memory, ptr %y, ptr %slope, ptr %times, ptr %rows, ptr %report,
                      i64 %first, i64 %count, i64 %width, i64 %most) {
 entry:
