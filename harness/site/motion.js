@@ -5,7 +5,7 @@
   const motions = read("motion-data");
   const place = document.getElementById("motion");
   if (!motions.length) return;
-  const BLACK = getComputedStyle(document.body).color, ORANGE = "#D55E00", BLUE = "#0072B2", PINK = "#C07096", GREY = "#8a8f98";
+  const ORANGE = "#D55E00", BLUE = "#0072B2", PINK = "#C07096", GREY = "#8a8f98";
   const TRAIL = 150, SECONDS = 20;
 
   const choice = html("label", { className: "field" }, place);
@@ -23,6 +23,11 @@
     return made;
   };
   const particle = drawing("The particle in the shear flow."), canvas = drawing("Axis on the unit sphere.");
+  // A colour of the style sheet in the theme that is shown, as a canvas takes it.
+  const look = (name) => {
+    canvas.style.color = `var(${name})`;
+    return getComputedStyle(canvas).color;
+  };
   const plane = html("figure", { className: "chart" }, pair);
   html("figcaption", {}, plane);
   const play = html("button", { type: "button", textContent: "Play" }, controls);
@@ -93,8 +98,7 @@
 
   function paintParticle(now) {
     const size = Math.min(particle.parentElement.clientWidth, 460), pen = paper(particle, size), R = size * 0.3;
-    const style = getComputedStyle(document.body);
-    arrows(pen, R, style.color);
+    arrows(pen, R, look("--ink"));
     const axes = bodyAxes(now);
     const point = (i, j) => {
       const a = (Math.PI * i) / LATITUDES, b = (2 * Math.PI * j) / LONGITUDES;
@@ -158,7 +162,7 @@
     paintParticle(Number(slider.value));
     const size = Math.min(canvas.parentElement.clientWidth, 460), pen = paper(canvas, size), R = size * 0.42;
     const shade = pen.createRadialGradient(-R / 3, -R / 3, R / 8, 0, 0, R);
-    const style = getComputedStyle(document.body), look = (name) => style.getPropertyValue(name).trim();
+    const ink = look("--ink");
     shade.addColorStop(0, look("--paper"));
     shade.addColorStop(1, look("--line"));
     pen.fillStyle = shade;
@@ -185,23 +189,29 @@
     line(ring((a) => [Math.cos(a), Math.sin(a), 0]), "#b9c1cc", 0.8);
     line(ring((a) => [Math.cos(a), 0, Math.sin(a)]), "#dde2e9", 0.8);
     line(ring((a) => [0, Math.cos(a), Math.sin(a)]), "#dde2e9", 0.8);
-    for (const [name, end] of [["x flow", [1.22, 0, 0]], ["y gradient", [0, 1.14, 0]], ["z vorticity", [0, 0, 1.16]]]) {
-      line([[0, 0, 0], end.map((v) => v * 0.94)], "#9aa3af", 0.9);
-      const [px, py] = project(end);
-      pen.fillStyle = look("--soft");
-      pen.font = "12px system-ui, sans-serif";
-      pen.textAlign = Math.abs(px) < 0.3 ? "center" : px > 0 ? "right" : "left";
-      pen.fillText(name, Math.max(-size / 2 + 2, Math.min(size / 2 - 2, px * R * 1.02)), Math.max(12 - size / 2, -py * R));
-    }
+    const axes = [["x flow", [1.22, 0, 0]], ["y gradient", [0, 1.14, 0]], ["z vorticity", [0, 0, 1.16]]];
+    for (const [, end] of axes) line([[0, 0, 0], end.map((v) => v * 0.94)], "#9aa3af", 0.9);
     const now = Number(slider.value), n = motion.samples;
     const range = (flat, from, to) => Array.from({ length: Math.max(0, to - from + 1) }, (_, i) => at(flat, from + i));
     line(range(motion.axis, 0, n - 1), ORANGE, 0.7, () => 0.16);
     const from = Math.max(0, now - TRAIL);
     line(range(motion.axis, from, now), ORANGE, 2, (i) => 0.15 + (0.85 * i) / (now - from || 1));
-    line(range(motion.L, 0, now), BLACK, 1.2, () => 0.5);
+    line(range(motion.L, 0, now), ink, 1.2, () => 0.5);
     line(cone(now), BLUE, 1.3);
-    arrow(pen, R, at(motion.L, now), BLACK, "L̂");
+    arrow(pen, R, at(motion.L, now), ink, "L̂");
     arrow(pen, R, at(motion.axis, now), ORANGE, "");
+    // Names come last, each on a ground of its own: lines behind them end where they begin.
+    pen.font = "12px system-ui, sans-serif";
+    pen.fillStyle = look("--soft");
+    pen.strokeStyle = look("--paper");
+    pen.lineWidth = 4;
+    for (const [name, end] of axes) {
+      const [px, py] = project(end);
+      const x = Math.max(-size / 2 + 2, Math.min(size / 2 - 2, px * R * 1.02)), y = Math.max(12 - size / 2, -py * R);
+      pen.textAlign = Math.abs(px) < 0.3 ? "center" : px > 0 ? "right" : "left";
+      pen.strokeText(name, x, y);
+      pen.fillText(name, x, y);
+    }
   }
 
   function arrow(pen, R, tip, color, name) {
@@ -284,6 +294,9 @@
   slider.addEventListener("input", () => { stop(); follow(); });
   plane.addEventListener("redrawn", follow);
   window.addEventListener("resize", paint);
+  // A canvas keeps the colours that it was painted with.
+  new MutationObserver(paint).observe(document.body, { attributeFilter: ["data-theme"] });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
   function turn(by, down) {
     view = { turn: view.turn + by, tilt: Math.max(-1.57, Math.min(1.57, view.tilt + down)) };
     paint();
