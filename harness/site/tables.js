@@ -43,14 +43,16 @@ function download(name, rows) {
 }
 
 // Tables of many rows have filters, kept in the address, and come as CSV; tables of the same columns share them.
+// Words alone, as of arguments and what they take, need neither until there are very many rows.
 const alike = new Map();
 for (const table of document.querySelectorAll("table.docutils"))
   alike.set(table.tHead.textContent, [...(alike.get(table.tHead.textContent) ?? []), table]);
 [...alike.values()].forEach((tables, place) => {
-  const MANY = 8, FEW = 9, SHORT = 20;
+  const MANY = 8, VERY_MANY = 20, FEW = 9, SHORT = 20;
   const rows = tables.flatMap((table) => [...table.tBodies[0].rows]);
   const heads = [...tables[0].tHead.rows[0].cells].map((head) => head.textContent);
-  if (rows.length < MANY) return;
+  const numbers = [...rows[0]?.cells ?? []].some((cell) => cell.classList.contains("text-right"));
+  if (rows.length < (numbers ? MANY : VERY_MANY)) return;
   const tools = document.createElement("div");
   tools.className = "tools";
   tables[0].closest(".table-wrapper").before(tools);

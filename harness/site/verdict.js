@@ -173,16 +173,16 @@ if (typeof document !== "undefined") (() => {
   function recommend(first, one, allowed) {
     first.append("Run ", made("b", { textContent: one.form }), " by ", made("b", { textContent: one.solver }), " at tolerance ",
       made("b", { textContent: short(one.tolerance) }), ": ", made("b", { textContent: time(one.seconds) }), ".");
-    const rival = one.next && `${one.next[0]}, ${one.next[1]}`, lead = one.next && one.next[2] / one.cost;
-    const next = !rival ? "No other method gets to this error." : one.tied ? `${rival} ties with it.`
-      : `At ${short(allowed)} the next, ${rival}, takes ${short(lead, 2)} times as long.`;
+    const rival = one.next && `${one.next[0]} by ${one.next[1]}`, lead = one.next && one.next[2] / one.cost;
+    const next = !rival ? "No other method gets to this error." : one.tied ? `A tie: ${rival} takes as long, within the spread of repeats.`
+      : `The next, ${rival}, takes ${short(lead, 2)} times as long to an error of ${short(allowed)}.`;
     made("p", { textContent: `Its measured error is ${short(one.error, 2)}. ${next}` }, answer);
   }
 
   // What each averaged form does at this St.
   function averaging(one, allowed) {
     const lines = one.averaged.map(([form, least, seconds]) => seconds === null
-      ? `${form} errs by ${short(least, 2)}, not good enough` : `${form} is good enough, in ${time(seconds)}`);
+      ? `form ${form} errs by ${short(least, 2)}, not good enough` : `form ${form} is good enough, in ${time(seconds)}`);
     if (lines.length) made("p", { textContent: `Averaged equations at St = ${short(one.St)}: ${lines.join("; ")}.` }, answer);
     else if (want.value === "orientation") made("p", { textContent: `No averaged form was measured for the orientation at St = ${short(one.St)}.` }, answer);
   }
