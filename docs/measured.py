@@ -10,7 +10,7 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
-from polhode.harness.common.machine import Maker, makers_of
+from polhode.harness.common.machine import Maker, made_by, makers_of, versions_and_commits
 from polhode.harness.common.text import duration, markdown
 
 ROOT = Path(__file__).parents[1]
@@ -19,7 +19,6 @@ PAGE = REPORTS / "README.md"
 # Left by `make everything`: a row for each command that it began.
 _LATEST_DURATIONS = ROOT / "build" / "everything" / "durations.csv"
 _DURATIONS = REPORTS / "durations.csv"
-_NOT_KEPT = "not kept"
 
 
 def pages() -> list[Path]:
@@ -35,16 +34,14 @@ def page() -> str:
     heads = ["page", "made by", "measured", "version", "commit"]
     lines = ["# What measured these pages", "", *_summary(counts, len(rows)), ""]
     lines += [markdown(heads, rows), *_durations()]
-    lines += ["Made by `python docs/measured.py`. Do not edit: the next run overwrites this page."]
+    lines += [made_by("python docs/measured.py")]
     return "\n".join(lines) + "\n"
 
 
 def _summary(counts: Counter[Maker], total: int) -> list[str]:
     if len(counts) == 1 and all(next(iter(counts))):
-        return [f"All {total} pages were measured by {_words(next(iter(counts)))}."]
-    found = [
-        f"- {_words(maker)}: {count} of {total} pages" for maker, count in sorted(counts.items())
-    ]
+        return [f"All {total} pages were measured by {next(iter(counts))}."]
+    found = [f"- {maker}: {count} of {total} pages" for maker, count in sorted(counts.items())]
     return [
         "**The pages were not all measured by one commit: numbers of two pages may differ.**",
         "",
@@ -52,24 +49,16 @@ def _summary(counts: Counter[Maker], total: int) -> list[str]:
     ]
 
 
-def _words(maker: Maker) -> str:
-    version = maker.version or "of an unknown version"
-    return f"polhode {version}, commit {maker.commit or _NOT_KEPT}"
-
-
 def _row(path: Path, makers: list[Maker]) -> list[str]:
     text = path.read_text(encoding="utf-8")
     name = path.relative_to(REPORTS).as_posix()
     command = re.search(r"^Made by `(.*?)`", text, re.MULTILINE)
     dates = re.search(r"^Measured (?:on )?(.*?) by polhode", text, re.MULTILINE)
-    versions = dict.fromkeys(maker.version or _NOT_KEPT for maker in makers)
-    commits = dict.fromkeys(maker.commit or _NOT_KEPT for maker in makers)
     return [
         f"[{name}]({name})",
         f"`{command[1]}`" if command else "–",
         dates[1] if dates else "–",
-        ", ".join(versions),
-        ", ".join(commits),
+        *versions_and_commits(makers),
     ]
 
 

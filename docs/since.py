@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from polhode.harness.analysis.in_full import ran_in_full
-from polhode.harness.common.machine import makers_of
+from polhode.harness.common.machine import made_by, makers_of, versions_and_commits
 from polhode.harness.common.text import markdown
 from polhode.harness.pages.figures.style import is_averaged
 from polhode.harness.site.answers import question
@@ -60,6 +60,11 @@ def now(path: str) -> str:
     return (ROOT / path).read_text(encoding="utf-8")
 
 
+def _section(title: str, words: str, *lines: str) -> list[str]:
+    """A heading with its mark, a paragraph, and the lines below it."""
+    return [title, "", words, "", *lines]
+
+
 def time_to_an_answer() -> list[str]:
     """Times of `solve` over plain practice, by what plain practice takes."""
     rows = []
@@ -71,14 +76,12 @@ def time_to_an_answer() -> list[str]:
         rows.append(
             [name, f"{trial['from']:g} to {trial['to']:g} ({trial['scenes']} scenes)", today]
         )
-    return [
+    return _section(
         "## Time to an answer",
-        "",
         "Time of `polhode.solve(scene, error=E)` over that of the plain practice of a careful user, in the "
         "median. 0.1: trials, the range over seeds. Now: [reports/pick](../reports/pick/time.md).",
-        "",
         markdown(["plain practice takes", "0.1", "now"], rows, right=(1, 2)),
-    ]
+    )
 
 
 def stated_errors() -> list[str]:
@@ -113,14 +116,12 @@ def stated_errors() -> list[str]:
         [name, _share(trial["held"], trial["runs"]), today[name]]
         for name, trial in _TRIALS["stated_errors"].items()
     ]
-    return [
+    return _section(
         "## Stated errors that hold",
-        "",
         "Stated errors that bound the one measured, of L and E or of the orientation, by what confirms the run. "
         "0.1: trials. Now: [reports/pick](../reports/pick/stated.md), which counts other scenes.",
-        "",
         markdown(["confirmed by", "0.1", "now"], rows, right=(1, 2)),
-    ]
+    )
 
 
 def _share(part: int, whole: int) -> str:
@@ -172,15 +173,13 @@ def look_ups() -> list[str]:
     questions = trial.pop("questions")
     asked, wrong = wrong_answers()
     kinds = "; ".join(f"{count} gave {name}" for name, count in trial.items())
-    return [
+    return _section(
         "## Wrong answers of the look-up",
-        "",
         f"0.1: {sum(trial.values())} of {questions} questions ({kinds}), by trials.",
-        "",
         f"Now: {wrong} of {asked} questions have an answer that is looser than requested, or dearer than an "
         "averaged run that is good enough, held against [the map's runs](../reports/regimes/runs.csv).",
         "",
-    ]
+    )
 
 
 def lines_of_code() -> list[str]:
@@ -205,14 +204,12 @@ def lines_of_code() -> list[str]:
         "lines, now",
         "thousand characters, now",
     ]
-    return [
+    return _section(
         LINES,
-        "",
         "Python files. A line of 0.1 has up to 120 columns and often several statements; one of today has up to "
         "100 and one statement.",
-        "",
         markdown(heads, rows, right=(1, 2, 3, 4)),
-    ]
+    )
 
 
 def _counts(texts: Sequence[str]) -> list[str]:
@@ -238,15 +235,13 @@ def cold_start() -> list[str]:
     for former, seconds in table:
         name = renamed.get(former, former)
         rows.append([name, seconds, today.get(name, _NOTHING)])
-    return [
+    return _section(
         "## Cold start",
-        "",
         "Seconds of a command in a process of its own, the median of five, by `make cold-start`. 0.1: its docs "
         "on the method.",
-        "",
         *([] if today else ["Not measured anew yet.", ""]),
         markdown(["command", "0.1, s", "now, s"], rows, right=(1, 2)),
-    ]
+    )
 
 
 def throughput() -> list[str]:
@@ -267,15 +262,13 @@ def throughput() -> list[str]:
         for (shape, target), rate in found[0].items()
         if (shape, target) in found[1]
     ]
-    return [
+    return _section(
         "## Throughput",
-        "",
         "Particles a second and core, full equations, every state within the error "
         "([reports/sweep](../reports/sweep/throughput.md)).",
-        "",
         *_unchanged(tables[0] == tables[1]),
         markdown(["shape", "error", "0.1", "now"], rows, right=(1, 2, 3)),
-    ]
+    )
 
 
 def _unchanged(same: bool) -> list[str]:
@@ -289,14 +282,12 @@ def sources() -> list[str]:
     rows = []
     for name in ("pick/time.md", "pick/stated.md", "regimes/README.md", "sweep/throughput.md"):
         makers = makers_of(now(f"reports/{name}"))
-        versions = ", ".join(maker.version or "not kept" for maker in makers)
-        commits = ", ".join(maker.commit or "not kept" for maker in makers)
-        rows.append([f"[{name}](../reports/{name})", versions, commits])
+        rows.append([f"[{name}](../reports/{name})", *versions_and_commits(makers)])
     return [
         "## What measured today's numbers",
         "",
         markdown(["page", "version", "commit"], rows),
-        f"0.1 is commit {BEFORE}. Made by `python docs/since.py`. Do not edit: the next run overwrites this page.",
+        f"0.1 is commit {BEFORE}. {made_by('python docs/since.py')}",
     ]
 
 

@@ -33,10 +33,12 @@ _CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constrain
 _CHANGED = " with changes"
 _DIGITS_OF_A_COMMIT = 9  # Hexadecimal digits that name a commit on a page.
 _UNKNOWN_VERSION = "of an unknown version"
-_UNKNOWN_COMMIT = "not kept"
+_NOT_KEPT = "not kept"
 _MAKER = re.compile(
-    rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_UNKNOWN_COMMIT}),"
+    rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_NOT_KEPT}),"
 )
+# Said on every page that a command writes.
+OVERWRITTEN = "Do not edit: the next run overwrites this page."
 # Seconds between two records beyond which a study stood still, as when it was interrupted and
 # resumed: it does not count as time that the study took. An estimate.
 _PAUSE = 600.0
@@ -65,7 +67,10 @@ def now() -> str:
 
 @cache
 def commit() -> str | None:
-    """The commit of the clone that polhode runs from, and whether code was changed since; None without a clone."""
+    """The commit of the clone that polhode runs from, " with changes" if code was changed since; None without a clone.
+
+    Git is asked once in a process, when something is measured.
+    """
     clone = Path(__file__).resolve().parents[2]
     if not (clone / ".git").exists():
         return None
@@ -103,7 +108,7 @@ def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
     Records without a date or a machine leave it out.
     """
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
-    makers = dict.fromkeys(map(_maker, records)) or [_maker({})]
+    makers = dict.fromkeys(map(_maker, records)) or [Maker("", "")]
     by = " and ".join(f"{maker}," for maker in makers)
     where = f"on {' and '.join(machines)}" if machines else "on an unknown machine"
     disturbed, judged = disturbance(records)
@@ -112,8 +117,12 @@ def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
     said = (
         f" Disturbed by other work: {disturbed} of {runs} (the fastest {rule})." if judged else ""
     )
-    notice = f"Made by `{command}`. Do not edit: the next run overwrites this page."
-    return [notice, "", f"Measured {dates(records)} by {by} {where}.{said}", ""]
+    return [made_by(command), "", f"Measured {dates(records)} by {by} {where}.{said}", ""]
+
+
+def made_by(command: str) -> str:
+    """The sentences of a page that say which command writes it."""
+    return f"Made by `{command}`. {OVERWRITTEN}"
 
 
 def made_lines(page: Path) -> list[str]:
@@ -134,16 +143,26 @@ class Maker(NamedTuple):
     version: str
     commit: str
 
+    def __str__(self) -> str:
+        """Version and commit as pages say them: `_MAKER` reads this."""
+        version = self.version or _UNKNOWN_VERSION
+        return f"polhode {version}, commit {self.commit or _NOT_KEPT}"
+
 
 def makers_of(text: str) -> list[Maker]:
     """What measured a page, by the line that `provenance` wrote; empty if it has no such line."""
     line = re.search(r"^Measured (?:on|from) .*", text, re.MULTILINE)
     makers = []
     for version, name in _MAKER.findall(line[0] if line else ""):
-        makers.append(
-            Maker(version.replace(_UNKNOWN_VERSION, ""), name.replace(_UNKNOWN_COMMIT, ""))
-        )
+        makers.append(Maker(version.replace(_UNKNOWN_VERSION, ""), name.replace(_NOT_KEPT, "")))
     return makers
+
+
+def versions_and_commits(makers: Sequence[Maker]) -> tuple[str, str]:
+    """The versions and the commits of makers as two cells of a table, each with commas, once, and in their order."""
+    versions = dict.fromkeys(maker.version or _NOT_KEPT for maker in makers)
+    commits = dict.fromkeys(maker.commit or _NOT_KEPT for maker in makers)
+    return ", ".join(versions), ", ".join(commits)
 
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:
@@ -175,10 +194,9 @@ def _place(record: Mapping[str, Any]) -> str:
     return f"{place} ({packages})" if packages else place
 
 
-def _maker(record: Mapping[str, Any]) -> str:
-    """Version and commit in the words of `_MAKER`."""
-    version = record.get("versions", {}).get("polhode") or _UNKNOWN_VERSION
-    return f"polhode {version}, commit {record.get('commit') or _UNKNOWN_COMMIT}"
+def _maker(record: Mapping[str, Any]) -> Maker:
+    version = record.get("versions", {}).get("polhode") or ""
+    return Maker(version, record.get("commit") or "")
 
 
 def _processor() -> str:

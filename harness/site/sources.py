@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import machine, makers_of, versions
+from polhode.harness.common.machine import OVERWRITTEN, machine, makers_of, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill, templates
 from polhode.harness.site.answers import QUESTION_TITLE, cost_page, question
@@ -131,7 +131,7 @@ def _interactive(page: Page, above: str = "") -> str:
 
 def _report(name: str, text: str, names: list[str]) -> str:
     """The text of a report's page as the site shows it."""
-    text = text.replace(" Do not edit: the next run overwrites this page.", "")
+    text = text.replace(f" {OVERWRITTEN}", "")
     title, _, rest = text.partition("\n")
     text = f"{title}\n\n{_outdated(text)}{rest}"
     folder = name.removesuffix("/README")
