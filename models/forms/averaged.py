@@ -1,6 +1,7 @@
 """Averaged form of a triaxial ellipsoid: the slow variables L and E alone, in slow time (`lxmain`–`emain`)."""
 
 from functools import partial
+from itertools import permutations
 from math import pi
 
 import numpy as np
@@ -24,11 +25,16 @@ def mean_squares(ops: Operations):
     """Means ⟨z_i²⟩ of the squared body components of L/|L| over the Euler top (`pz`), axes sorted by inertia."""
     # With m the parameter of the elliptic functions and c_n the differences of the
     # arithmetic-geometric mean, ⟨sn²⟩ = (1 - E/K)/m = 1/2 + Σ 2ⁿ⁻¹ c_n²/m (DLMF 19.8.6); the sum
-    # has positive terms only and stays exact as m → 0 and m → 1.
+    # has positive terms only and stays exact as m → 0 and m → 1. In the code `mean` and `geometric`
+    # are the numbers of that mean, `square` is c_n²/m and `weight` 2ⁿ⁻¹. As c_(n+1) is c_n² over four
+    # times the next `mean`, square becomes m square²/(16 mean²).
     where_positive = ops.where_positive
     sqrt = ops.sqrt
 
     def means(momentum2, energy2, i1, i2, i3):
+        # `near` is the inertia of the axis that the polhode encircles, the greatest one where L² >
+        # 2EI₂ and the least one elsewhere; `far` that of the opposite axis. `short` is 0 at rotation
+        # about the near axis, and `long` would be at rotation about the far one.
         beyond = momentum2 - energy2 * i2
         near = where_positive(beyond, i3, i1)
         far = where_positive(beyond, i1, i3)
@@ -49,6 +55,7 @@ def mean_squares(ops: Operations):
             weight = 2 * weight
             sn2 = sn2 + weight * square
 
+        # Along the polhode L over |L| has cn, sn and dn as factors of its components.
         z_far = far * short / ((near - far) * momentum2) * (1 - sn2)
         z_middle = i2 * short / ((near - i2) * momentum2) * sn2
         z_near = near * long / ((near - far) * momentum2) * (1 - m * sn2)
@@ -62,7 +69,15 @@ def mean_squares(ops: Operations):
 
 
 def field(ops: Operations) -> Field:
-    """Averaged rates d(L_x, L_y, L_z, E)/dt₂ (`lxmain`–`emain`); p = (I₁₋₃, a₁₋₃, b₁₋₃, c₁₋₃, d₁₋₃, f₁₋₃)."""
+    """Averaged rates d(L_x, L_y, L_z, E)/dt₂ (`lxmain`–`emain`); p as from `coefficients`."""
+    # The paper's A, B, C, D and F are sums of p over the axes, weighted with the mean squares of L's
+    # body components:
+    #
+    #     p[0:3]    p[3:6]   p[6:9]   p[9:12]   p[12:15]   p[15:18]
+    #     inertia   of A     of B     of C      of D       of F
+    #
+    # A damps L, and F L² dissipates E, as in a fluid at rest. The rest is the flow's: B to D turn and
+    # drive L, and -½ A L_z, with L_z < 0 as the fluid turns, drives E.
     means = ops.use(mean_squares)
 
     def rhs(y, p):
@@ -89,21 +104,26 @@ def field(ops: Operations) -> Field:
 
 
 def coefficients(ellipsoid: Ellipsoid) -> tuple[float, ...]:
-    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`), over I_max."""
+    """Inertia sorted upwards, then 8π times the coefficients of ⟨z_i²⟩ in A, B, C, D, F (below `pz`), over I_max.
+
+    With i, j, k all different, these are 8π times X_i/I_i in A, X_i in B and X_i/I_i² in F. In C the
+    coefficient of ⟨z_j²⟩ is the sum of X_i l_k²/(l_j² + l_k²) over both i; in D that of ⟨z_k²⟩ is. The
+    fractions are the shares of Jeffery's angular velocity about axis i.
+    """
     unit = max(ellipsoid.inertia)
     axes = ellipsoid.order
     squares = [ellipsoid.scaled_axes[axis] ** 2 for axis in axes]
     inertia = [ellipsoid.inertia[axis] / unit for axis in axes]
     drag = [8 * pi * ellipsoid.resistance[axis] / unit for axis in axes]
-    c = [0.0] * 3
-    d = [0.0] * 3
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)):
+    of_c = [0.0] * 3
+    of_d = [0.0] * 3
+    for i, j, k in permutations(range(3)):
         share = drag[i] * squares[k] / (squares[j] + squares[k])
-        c[j] += share
-        d[k] += share
-    a = [x / i for x, i in zip(drag, inertia, strict=True)]
-    f = [x / i for x, i in zip(a, inertia, strict=True)]
-    return *inertia, *a, *drag, *c, *d, *f
+        of_c[j] += share
+        of_d[k] += share
+    of_a = [x / i for x, i in zip(drag, inertia, strict=True)]
+    of_f = [x / i for x, i in zip(of_a, inertia, strict=True)]
+    return *inertia, *of_a, *drag, *of_c, *of_d, *of_f
 
 
 def range_excess(states: np.ndarray, least: float) -> np.ndarray:
@@ -149,11 +169,12 @@ class Averaged(Form):
         self.check(scene)
         unit = max(scene.ellipsoid.inertia)
         *momentum, energy = (scene.initial.slow[0] / unit).tolist()
-        middle = sum(each * each for each in momentum) / (
+        # The energy on L² = 2EI₂.
+        separatrix = sum(component * component for component in momentum) / (
             2 * sorted(scene.ellipsoid.inertia)[1] / unit
         )
-        if abs(energy - middle) < _SEPARATRIX_WIDTH * middle:
-            energy = middle * (1 - _SEPARATRIX_WIDTH)
+        if abs(energy - separatrix) < _SEPARATRIX_WIDTH * separatrix:
+            energy = separatrix * (1 - _SEPARATRIX_WIDTH)
         start = (*momentum, energy)
         excess = partial(range_excess, least=min(scene.ellipsoid.inertia) / unit)
         return self.slow_problem(scene, field, start, coefficients(scene.ellipsoid), excess)

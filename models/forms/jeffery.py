@@ -116,7 +116,7 @@ class JefferyOrbit:
         kappa = self.aspect_ratio
         sine = np.sin(rest)
         cosine = np.cos(rest)
-        # Four half turns leave a quaternion as it is.
+        # Four half turns of φ, which is 4π, leave a quaternion as it is.
         phi = -(np.mod(turns, 4) * pi + np.arctan2(kappa * sine, cosine))
         theta = np.arctan2(s * np.hypot(kappa * sine, cosine), z)
         angles = theta, phi, self._spin(turns, sine, cosine)
@@ -154,9 +154,13 @@ def _spin_integral(
 
 def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Quaternions, shape (n, 4), all turned about the third body axis by the angle that makes the first one `given`."""
+    # The turn by an angle ψ multiplies q from the right by (cos ψ/2, 0, 0, sin ψ/2), whose components
+    # in q₀⁻¹ `given` these are but for rounding.
     c = float(q[0] @ given)
     s = float(q[0] @ np.array([given[3], -given[2], given[1], -given[0]]))
-    c, s = c / hypot(c, s), s / hypot(c, s)
+    size = hypot(c, s)
+    c = c / size
+    s = s / size
     q0, q1, q2, q3 = q.T
     return np.stack([c * q0 - s * q3, c * q1 + s * q2, c * q2 - s * q1, c * q3 + s * q0], axis=1)
 

@@ -1,9 +1,13 @@
 """Common to the full forms: the vector equation `ultima` along the body axes, and the rates of a quaternion.
 
-Parameters p of a full form: (alpha, beta, *shape), for a triaxial one in simple shear (alpha, beta,
-gyro₁₋₃, damping₁₋₃, share₁₋₆), in any other linear flow (alpha, beta, gyro₁₋₃, damping₁₋₃, flow₁₋₈)
-with the numbers of `polhode.models.flow`. Mass alpha stands on the angular velocity, factor beta on the torque: (1,
-1/St) is the explicit form, (St, 1) the implicit one.
+Parameters p of a full form are (alpha, beta, *shape), and for a triaxial one
+
+    p[0]    p[1]   p[2:5]            p[5:8]            p[8:14] or p[8:16]
+    alpha   beta   gyro, per axis    damping rates     in simple shear the six `shares`, in any other
+                   (I₂ - I₃)/I₁ …    8πX_i/I_i         flow its eight numbers (`polhode.models.flow`)
+
+Mass alpha stands on the angular velocity, factor beta on the torque: (1, 1/St) is the explicit
+form, (St, 1) the implicit one.
 """
 
 from collections.abc import Callable
@@ -53,6 +57,7 @@ class AlongTrack:
         rhs = ops.use(self.field)
         others = self.others
 
+        # p = | alpha, beta, shape: `others` | 8 constants | 8 slopes | 8 of squares | 8 of cubes | knot |
         def along(y, p):
             since = y[len(y) - 1] - p[others + 4 * _NUMBERS]
             square = since * since

@@ -37,16 +37,19 @@ def _field(ops: Operations, slip: Factory) -> Field:
         spin = y[4]
         alpha = p[0]
         beta = p[1]
+        inertia_ratio = p[2]
+        axial = p[3]
+        equatorial = p[4]
         st = sine(theta)
         ct = cos(theta)
-        gyration = alpha * (p[2] * spin - dphi * ct)
+        gyration = alpha * (inertia_ratio * spin - dphi * ct)
         slip_theta, slip_phi, slip_spin = slip_of(st, ct, phi, dtheta, dphi, spin, p)
         return (
             dtheta,
             dphi,
-            -gyration * dphi * st - beta * p[4] * slip_theta,
-            (gyration - alpha * dphi * ct) * dtheta / st - beta * p[4] * slip_phi,
-            -beta * p[3] * slip_spin,
+            -gyration * dphi * st - beta * equatorial * slip_theta,
+            (gyration - alpha * dphi * ct) * dtheta / st - beta * equatorial * slip_phi,
+            -beta * axial * slip_spin,
         )
 
     return rhs
@@ -58,9 +61,10 @@ def _slip_in_shear(ops: Operations) -> Callable:
     cos = ops.cos
 
     def slip(st, ct, phi, dtheta, dphi, spin, p):
+        anisotropy = p[5]
         return (
-            dtheta + 0.5 * p[5] * st * ct * sin(2 * phi),
-            dphi + 0.5 + 0.5 * p[5] * cos(2 * phi),
+            dtheta + 0.5 * anisotropy * st * ct * sin(2 * phi),
+            dphi + 0.5 + 0.5 * anisotropy * cos(2 * phi),
             spin + 0.5 * ct,
         )
 
@@ -73,6 +77,7 @@ def _slip_in_any_flow(ops: Operations) -> Callable:
     cos = ops.cos
 
     def slip(st, ct, phi, dtheta, dphi, spin, p):
+        anisotropy = p[5]
         h1 = p[6]
         h2 = p[7]
         h3 = p[8]
@@ -94,8 +99,8 @@ def _slip_in_any_flow(ops: Operations) -> Callable:
         u1 = s11 * a1 + s12 * a2 + s31 * a3
         u2 = s12 * a1 + s22 * a2 + s23 * a3
         u3 = s31 * a1 + s23 * a2
-        about_nodes = h1 * cf + h2 * sf - p[5] * (m1 * u1 + m2 * u2 + m3 * u3)
-        across = h1 * m1 + h2 * m2 + h3 * m3 + p[5] * (cf * u1 + sf * u2)
+        about_nodes = h1 * cf + h2 * sf - anisotropy * (m1 * u1 + m2 * u2 + m3 * u3)
+        across = h1 * m1 + h2 * m2 + h3 * m3 + anisotropy * (cf * u1 + sf * u2)
         return (
             dtheta - about_nodes,
             dphi - across / st,

@@ -26,7 +26,16 @@ def field(ops: Operations) -> Field:
     -(1 - δ cos 2φ)/2 does not depend on the length along z.
     """
     cos = ops.cos
-    return lambda y, p: (y[1], -p[1] * p[2] * (y[1] + 0.5 - 0.5 * p[3] * cos(2 * y[0])))
+
+    def rhs(y, p):
+        phi = y[0]
+        dphi = y[1]
+        beta = p[1]
+        damping = p[2]
+        anisotropy = p[3]
+        return dphi, -beta * damping * (dphi + 0.5 - 0.5 * anisotropy * cos(2 * phi))
+
+    return rhs
 
 
 @dataclass(frozen=True)
