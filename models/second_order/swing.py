@@ -204,20 +204,38 @@ def _summands() -> _Summands:
             if kind != (squared, part.rate):
                 kind = squared, part.rate
                 kinds.append(len(sources))
-            mirrored = part.k2 < 0
             column = _OVER_ONCE * squared + abs(part.k2)
             product = _COLUMNS * number + column
-            # Factors of the real and of the imaginary part of p.
-            over_divisor = 1j if mirrored else -1j
-            of_real = part.factor * (1 if squared else over_divisor)
-            of_imaginary = of_real * (-1j if mirrored else 1j)
-            places += [2 * product + (of_real.real == 0), 2 * product + (of_real.imag == 0)]
-            factors += [of_real.real + of_imaginary.real, of_real.imag + of_imaginary.imag]
+            of_real, of_imaginary = _factors(part, squared)
+            # One of the two factors is real, the other imaginary. If that of Re p is real, the
+            # summand's real part comes from Re p and its imaginary part from Im p, else crosswise.
+            place_of_real = 2 * product
+            place_of_imaginary = 2 * product + 1
+            if of_real.imag == 0:
+                places += [place_of_real, place_of_imaginary]
+                factors += [of_real.real, of_imaginary.imag]
+            else:
+                places += [place_of_imaginary, place_of_real]
+                factors += [of_imaginary.real, of_real.imag]
             sources.append(_COEFFICIENT_OF_PART[number])
     return _Summands(np.array(places), np.array(factors), np.array(sources), kinds)
 
 
+def _factors(part: _Part, squared: bool) -> tuple[complex, complex]:
+    """What a part's summand over D or D² has of the real and of the imaginary part of its product."""
+    mirrored = part.k2 < 0
+    over_divisor = 1j if mirrored else -1j
+    of_real = part.factor * (1 if squared else over_divisor)
+    return of_real, of_real * (-1j if mirrored else 1j)
+
+
 _SUMMANDS = _summands()
+# Kinds of sums in the order of `_Summands.kinds`: the change of y, of α, of L₃, of L₁ + iL₂ over D,
+# and what those of y and of L₃ over D² are for.
+_SUM_ACROSS = 3
+# Of the functions of α in `Series.shape`, χ, y₁, y₂ and y₃, the first and the third are sums of
+# sines, the others of cosines. These are their places among cos and sin of each, one after another.
+_SINE_OR_COSINE = [1, 2, 5, 6]
 
 
 def coefficients(q: Array, size: Array) -> Array:
@@ -276,9 +294,28 @@ def series_for(ellipsoid: Ellipsoid, longest: bool) -> Series:
 def series_of(side: SidedBody) -> Series:
     """The series of a side."""
     p = Polhodes(side, level(DEPTHS**2), np.zeros(_NODES), _PHASES)
+    frequencies = np.stack([p.rate, p.precession, p.per_y.rate, p.per_y.precession], axis=-1)
+    # Chebyshev coefficients from the values at the nodes, shape (NODES, NODES).
+    weights = 2 / _NODES * np.cos(np.outer(np.arange(_NODES), _ANGLES))
+    weights[0] /= 2
+    values = _amplitudes(side, p), _shape(p), frequencies
+    return Series(side, *(weights @ array.reshape(_NODES, -1) for array in values))
+
+
+def _amplitudes(side: SidedBody, p: Polhodes) -> Array:
+    """Fourier coefficients of the parts at the nodes, those that are imaginary over i, shape (NODES, TERMS, 27)."""
+    spectrum = np.fft.fft(np.stack(_values_of_parts(side, p)), axis=-1, norm="forward")
+    orders = _ORDERS.T[_K2 - _HARMONICS[0]][:, None] % _PHASES
+    picked = np.take_along_axis(spectrum, orders, axis=-1).T
+    return (picked / _UNIT).real.swapaxes(0, 1)
+
+
+def _values_of_parts(side: SidedBody, p: Polhodes) -> list[Array]:
+    """The parts at the nodes and phases, shape (NODES, PHASES) each, at |L| = 1."""
     z = p.z
     z_per_phase = p.per_phase
     z_per_y = p.per_y.z
+    # Each tensor in body axes, turned there with S at β = 0; then the torque of each, and of the drag.
     body = carried(z, p.lead)
     tensors = np.einsum("naik,jil,nalm->jnakm", body, _BASIS, body, optimize=True)
     flows = np.stack(turned(side, lambda k, j: tensors[..., k, j]), axis=-1)
@@ -294,21 +331,19 @@ def series_of(side: SidedBody) -> Series:
     scale = DEPTHS[:, None]
     rates = scale * rate_y, scale * rate_a, lz, lx + 1j * ly
     of_conjugates = lx.conj() + 1j * ly.conj()
-    values = [
+    return [
         of_conjugates[part.tensor] if part.conjugate else rates[part.rate][part.tensor]
         for part in _PARTS
     ]
-    spectrum = np.fft.fft(np.stack(values), axis=-1, norm="forward")
-    orders = _ORDERS.T[_K2 - _HARMONICS[0]][:, None] % _PHASES
-    picked = np.take_along_axis(spectrum, orders, axis=-1).T
-    waves = np.fft.fft(np.stack([p.lead, *np.moveaxis(z_per_y, -1, 0)]), axis=-1, norm="forward")
+
+
+def _shape(p: Polhodes) -> Array:
+    """Factors of sin kα in χ and y₂, of cos kα in y₁ and y₃, y being ∂z/∂y; shape (NODES, k, 4)."""
+    functions = np.stack([p.lead, *np.moveaxis(p.per_y.z, -1, 0)])
+    waves = np.fft.fft(functions, axis=-1, norm="forward")
+    # Modes k > 0 stand for -k, too.
     waves = waves[..., : _PHASES // 2] * np.where(np.arange(_PHASES // 2) > 0, 2, 1)
-    shape = np.stack([-waves[0].imag, waves[1].real, -waves[2].imag, waves[3].real], axis=-1)
-    frequencies = np.stack([p.rate, p.precession, p.per_y.rate, p.per_y.precession], axis=-1)
-    weights = 2 / _NODES * np.cos(np.outer(np.arange(_NODES), _ANGLES))
-    weights[0] /= 2
-    values = (picked / _UNIT).real.swapaxes(0, 1), shape, frequencies
-    return Series(side, *(weights @ array.reshape(_NODES, -1) for array in values))
+    return np.stack([-waves[0].imag, waves[1].real, -waves[2].imag, waves[3].real], axis=-1)
 
 
 def _triple(vectors: Array) -> Triple:
@@ -324,8 +359,10 @@ def tails(x: Array, q: Array) -> tuple[Array, Array]:
     with IMPORTS:
         from scipy.special import wofz
 
-    # At imaginary u the asymptotic series have real parts and imaginary ones; where |u| > 1 any
-    # number does.
+    # The series are sums of (2j - 1)!! (-iu)^j, that is 1, 1, 3, 15, …, times 1/x, and of (2j + 1)!!
+    # (-iu)^j times 1/x², with u = q/x². The first four terms make real parts and imaginary ones. They
+    # are close enough up to |u| = `_CLOSE`; beyond it they are replaced, so that any u does where
+    # |q| > x².
     square = 1 / np.maximum(x * x, np.abs(q) + _TINY)
     u = q * square
     once = np.empty(x.shape, complex)
@@ -371,7 +408,7 @@ class Place:
             (self._levels @ self.series.shape[:, : 4 * count]).reshape(-1, count, 4).swapaxes(1, 2)
         )
         waves = _powers(self.alpha, count).view(float).reshape(-1, count, 2)
-        return (amplitudes @ waves).reshape(-1, 8)[:, [1, 2, 5, 6]]
+        return (amplitudes @ waves).reshape(-1, 8)[:, _SINE_OR_COSINE]
 
     def swing(self, q: Array, size: Array, torque_factor: float) -> tuple[Array, Array]:
         """Changes of L and turns of R in space, in frames Q, shape (m, 3, 3), at |L|."""
@@ -387,10 +424,11 @@ class Place:
         size = _columns(size)
         kinds = self._sums(nu, c, a * size**2, torque_factor)
         # ν₁, ν₂ and their derivatives with respect to y; the six kinds of sums, of which `drawn` is that of
-        # y' over D² and `growth` that of L₃' over D².
+        # y' over D² and `growth` that of L₃' over D². The sums hold c, but are those of |L| = 1 else: U of L
+        # is 1/l times as large, U of y and of the angles 1/l².
         nu1, nu2, rise1, rise2 = _columns(nu)
         u_y, u_a, u_l, _, drawn, growth = _columns(np.real(kinds))
-        across = _columns(kinds)[3] / size
+        across = _columns(kinds)[_SUM_ACROSS] / size
         z1, z2, z3 = _columns(self.z)
         _, y1, y2, y3 = _columns(self.shape)
         i1, i2, i3 = series.side.inverse_inertia.tolist()
@@ -399,13 +437,15 @@ class Place:
         # Over ν₁, as Euler's equations give ν₁ ∂z/∂α.
         u_a = (u_a / a - nu1 * growth - rise1 * drawn) / nu1
         h = i1 * z1 * z1 + i2 * z2 * z2 + i3 * z3 * z3
+        # The turn about n: U of β + tα with t = (h - ν₂)/ν₁, which is driven through the rates alone.
         u_b = -h * growth - (rise2 + (h - nu2) / nu1 * rise1) * drawn
-        # The change of n in the body, which S carries across L.
-        x = u_a * (i3 - i2) * z2 * z3 + u_y * y1
-        y = u_a * (i1 - i3) * z3 * z1 + u_y * y2
-        least = (z1 * x + z2 * y) / (1 + z3) + u_a * (i2 - i1) * z1 * z2 + u_y * y3
-        x = x - z1 * least
-        y = y - z2 * least
+        # The change of n in the body, then the same as S, the least rotation, carries it across L.
+        dz1 = u_a * (i3 - i2) * z2 * z3 + u_y * y1
+        dz2 = u_a * (i1 - i3) * z3 * z1 + u_y * y2
+        least = (z1 * dz1 + z2 * dz2) / (1 + z3) + u_a * (i2 - i1) * z1 * z2 + u_y * y3
+        x = dz1 - z1 * least
+        y = dz2 - z2 * least
+        # R turns so that n moves in the body by (x, y), and in space with L: as in `Torus.ambient`.
         changes = across.real, across.imag, u_l / size
         turns = (y / size - across.imag) / size, (across.real - x / size) / size, u_b / size**2
         return (torque_factor * np.array([changes, turns])).reshape(2, 3, m).T
@@ -415,30 +455,7 @@ class Place:
 
         `nu` are the frequencies as `Series` has them, `scale` is al².
         """
-        m = len(c)
-        terms = self._needed(
-            "rates", _TERMS, min(MOST_FAINT, max(LEAST_FAINT, _FAINT / torque_factor))
-        )
-        amplitudes = self._levels @ self.series.rates[:, : len(_PARTS) * terms]
-        amplitudes = amplitudes.reshape(m, terms, -1)
-        # How fast y grows in the mean, by the turn and the drag, which moves the divisors.
-        spun, dragged = _columns(np.real(c[:, 4:6]) * amplitudes[:, 0, 4:6])
-        rise = torque_factor * (spun + dragged) / scale
-
-        orders = _SUMMED_MODES[:, : _OVER_ONCE * terms]
-        divisor = nu[:, :2] @ orders
-        divisor[:, 0] = _DIVISOR_OF_MEAN
-        twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
-        waves = _powers(self.alpha, terms + 1)
-        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, _SUMMED[:terms]]
-        over = np.empty((m, terms, _COLUMNS), complex)
-        np.multiply(once.reshape(waves.shape), waves, out=over[..., :_OVER_ONCE])
-        np.multiply(
-            twice.reshape(waves.shape)[..., :_OVER_TWICE],
-            waves[..., :_OVER_TWICE],
-            out=over[..., _OVER_ONCE:],
-        )
-        products = (amplitudes.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
+        products = self._products(nu, c, scale, torque_factor)
         places, factors, sources, first = _SUMMANDS
         summands = (np.take(products, places, axis=1) * factors).view(complex)
         # β = -χ: exp(-ikχ) goes with each c, and what is across L turns once more.
@@ -448,8 +465,40 @@ class Place:
         c[:, :1] *= ahead
         summands *= np.concatenate([c, c.conj()], axis=1)[:, sources]
         kinds = np.add.reduceat(summands, first, axis=1)
-        kinds[:, 3:4] *= ahead.conj()
+        kinds[:, _SUM_ACROSS : _SUM_ACROSS + 1] *= ahead.conj()
         return kinds
+
+    def _products(self, nu: Array, c: Array, scale: Any, torque_factor: float) -> Array:
+        """Products of parts and columns, shape (m, 2 · 27 · 7): real and imaginary part by turns."""
+        m = len(c)
+        terms = self._needed(
+            "rates", _TERMS, min(MOST_FAINT, max(LEAST_FAINT, _FAINT / torque_factor))
+        )
+        amplitudes = self._levels @ self.series.rates[:, : len(_PARTS) * terms]
+        amplitudes = amplitudes.reshape(m, terms, -1)
+        # How fast y grows in the mean, by the turn and the drag, which moves the divisors. Term 0 is
+        # the mean, and the parts of y' have the numbers of the tensors.
+        means = slice(_TENSOR_TURN, _TENSOR_DRAG + 1)
+        spun, dragged = _columns(np.real(c[:, means]) * amplitudes[:, 0, means])
+        rise = torque_factor * (spun + dragged) / scale
+
+        # Over D and D², shape (m, 4 · terms), the first of which is the mean.
+        orders = _SUMMED_MODES[:, : _OVER_ONCE * terms]
+        divisor = nu[:, :2] @ orders
+        divisor[:, 0] = _DIVISOR_OF_MEAN
+        twice, once = tails(divisor, np.reshape(rise, (-1, 1)) * (nu[:, 2:] @ orders))
+        # exp(ik₁α), shape (m, terms, 4). Behind the powers from 0 to `terms` stand those from -terms to
+        # -1, where negative indices find them.
+        waves = _powers(self.alpha, terms + 1)
+        waves = np.concatenate([waves, waves[:, :0:-1].conj()], axis=1)[:, _SUMMED[:terms]]
+        over = np.empty((m, terms, _COLUMNS), complex)
+        np.multiply(once.reshape(waves.shape), waves, out=over[..., :_OVER_ONCE])
+        np.multiply(
+            twice.reshape(waves.shape)[..., :_OVER_TWICE],
+            waves[..., :_OVER_TWICE],
+            out=over[..., _OVER_ONCE:],
+        )
+        return (amplitudes.swapaxes(1, 2) @ over.view(float)).reshape(m, -1)
 
     @cached_property
     def _levels(self) -> Array:
@@ -497,12 +546,17 @@ def modes_at(
     factors = np.concatenate([c, c.conj()], axis=1)[:, _COEFFICIENT_OF_PART] * _UNIT
     factors = factors[:, None] * (_levels(a2) @ series.rates).reshape(len(a2), _TERMS, -1)
 
+    # The coefficient of a rate at the mode, or, with the sign -1, at (-k₁, -k₂), whose conjugate the mode
+    # has in a real rate. `row` and `column` are the mode's place in `_ORDERS`; parts with another k₂, and
+    # modes that stand nowhere there, count 0.
     def mode(parts: slice, sign: int) -> Array:
         column = np.clip(sign * k2 - _HARMONICS[0], 0, len(_HARMONICS) - 1)
         row = np.argmax(_ORDERS[:, column] == sign * k1, axis=0)
         counts = (_ORDERS[row, column] == sign * k1)[:, None] & (_K2[parts] == sign * k2[:, None])
         return np.sum(np.where(counts, factors[many, row, parts], 0), axis=1)
 
+    # With L₁' + iL₂' of f e^(iψ) + b e^(-iψ), P of L₁' is (f + b*)/2 and P of L₂' is (f - b*)/2i: the
+    # squares of both are half of those of f and b.
     forward = mode(_ACROSS, 1)
     backward = mode(_ACROSS, -1)
     along = mode(_ALONG, -1)
