@@ -121,11 +121,13 @@ class Ahead:
         last = path.turned[-1]
         turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
         for kick, turned in zip(kicks, turned_at_kicks, strict=True):
-            # Map of an error from this kick to the next one that is not left out.
+            # Map M of an error (|L|, E, α, β) from this kick to the next one that is not left out, or
+            # to the end: |L| and E stay, the angles turn by what they make.
             onwards = np.eye(4)
             onwards[2:, :2] = last - turned
             response = onwards[:, :2] @ kick.along
-            # Mean square of the kick's error at the end of the run, and of the error per radian.
+            # Mean square, over phases of the kick, of its error at the end of the run. The derivative
+            # of the kick by its phase has the same.
             square = 0.5 * (response.conj() @ g @ response).real
             size = max(kick.size, sqrt(square))
             if (
@@ -137,12 +139,13 @@ class Ahead:
                 continue
             g = onwards.T @ g @ onwards
             last = turned
+            # An error of the angles turns the kick's phase by k·φ.
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
             ahead.behind.append((kick.time, g, last))
             if kick.width:
-                ahead.strong[kick] = kick.half_width(
-                    _SHARE_OF_ONE_KICK * budget / max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
-                )
+                # As `weight` has it just before the kick.
+                amplification = max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
+                ahead.strong[kick] = kick.half_width(_SHARE_OF_ONE_KICK * budget / amplification)
         return ahead
 
     def weight(self, times: Array) -> Array:
@@ -150,15 +153,18 @@ class Ahead:
         weight = np.ones(len(times))
         if self.behind:
             until, g, last = (np.array(column) for column in zip(*self.behind, strict=True))
+            # Kicks stand from the last to the first: `at` is the index of the next kick behind each
+            # time, -1 behind the last kick, where nothing amplifies an error.
             at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
             before = at >= 0
             at = at[before]
+            # The columns of M for errors of |L| and of E, from these times to the next kick.
             onwards = np.zeros((int(before.sum()), 4, 2))
             onwards[:, [0, 1], [0, 1]] = 1
             onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
-            weight[before] = np.sqrt(
-                np.maximum(0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2)), 1)
-            )
+            # ½ tr G of |L| and E.
+            mean_square = 0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2))
+            weight[before] = np.sqrt(np.maximum(mean_square, 1))
         return weight
 
 
@@ -184,14 +190,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     amplification = ahead.weight(path.times)
     reasons = [*_REASONS]
     # `cause` is the number of the reason for which averaging does not hold, per time: 0 if it holds.
-    # Step 1: L² = 2EI₂.
-    at_separatrix = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
-    # Step 2: St is too small for |L|.
-    cause = np.where(at_separatrix, _SEPARATRIX, np.where(path.swing < _MAX_RHO, 0, _TOO_SLOW))
-    cause[~(path.size > TINY)] = _TOO_SLOW
-    cause[(cause == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
+    # Steps 1 and 2: L² = 2EI₂, and St is too small for |L|.
+    cause = _cause_by_path(path, budget)
     averaged = cause == 0
-    kick_errors = np.zeros(len(times))
     swing, smaller, third = (
         np.where(averaged, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
     )
@@ -202,14 +203,8 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         cause[np.abs(times - kick.time) <= half] = len(reasons)
         reasons.append(f"resonance {kick.mode}")
         local_errors = local_errors + kick.missed(times)
-    for kick in kicks:
-        if kick in ahead.left:
-            at = np.searchsorted(times, kick.time)
-            kick_errors[at] = hypot(kick_errors[at], ahead.left[kick])
     averaged = cause == 0
-    # Sum of the kicks left out so far, at random phases.
-    if kicks:
-        kick_errors = _RANDOM_PHASES * np.sqrt(np.cumsum(np.where(averaged, kick_errors, 0) ** 2))
+    kick_errors = _errors_of_kicks_left(ahead, kicks, times, averaged)
     # Step 4: the requested error. `gains` are the lasting errors that third order adds at each time,
     # as later kicks amplify them.
     gains = third * np.gradient(times) * amplification
@@ -224,14 +219,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     )
     # An error of the phase puts the swing back wrongly.
     swing_per_radian = np.where(averaged & (local_errors <= allowed), swing * path.scale, 0)
-    # Times of the largest gains become full segments, until the others stay within the allowed error.
-    level = highest_level = gains.max()
-    while True:
-        lasting_errors = (growth * np.where(gains <= level, gains, 0)).cumsum() / growth
-        phase_errors = path.phase(lasting_errors) * swing_per_radian
-        if not (lasting_errors + phase_errors).max() > allowed:
-            break
-        level = _LEVEL_RATIO * level if level > _LEAST_LEVEL * highest_level else 0.0
+    level, lasting_errors, phase_errors = _level_within(
+        allowed, path, gains, growth, swing_per_radian
+    )
     cause[averaged & ((gains > level) | (local_errors > allowed))] = _INACCURATE
     lag = path.lag(np.where(cause == 0, swing, 0))
     local_errors = local_errors + _HARMONIC * np.minimum(lag, 1) * swing * path.scale
@@ -244,6 +234,43 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
     segments = tuple(_segments(path, cause, reasons, drifting, passing, lag, amplification))
     return Outline(segments, kicks, float(orientation))
+
+
+def _cause_by_path(path: Path, budget: float) -> Array:
+    """The number of the reason, per time, for which averaging does not hold at the state there; 0 if it does."""
+    at_separatrix = ~np.isfinite(path.a2) | (path.may_cross(budget) if budget < inf else False)
+    cause = np.where(at_separatrix, _SEPARATRIX, np.where(path.swing < _MAX_RHO, 0, _TOO_SLOW))
+    cause[~(path.size > TINY)] = _TOO_SLOW
+    cause[(cause == 0) & ~(np.isfinite(path.third) & np.isfinite(path.smaller))] = _TOO_SLOW
+    return cause
+
+
+def _errors_of_kicks_left(
+    ahead: Ahead, kicks: tuple[Kick, ...], times: Array, averaged: Array
+) -> Array:
+    """Error, per time, of all kicks left out so far where the run is averaged, at random phases."""
+    errors = np.zeros(len(times))
+    for kick in kicks:
+        if kick in ahead.left:
+            at = np.searchsorted(times, kick.time)
+            errors[at] = hypot(errors[at], ahead.left[kick])
+    return _RANDOM_PHASES * np.sqrt(np.cumsum(np.where(averaged, errors, 0) ** 2))
+
+
+def _level_within(
+    allowed: float, path: Path, gains: Array, growth: Array, swing_per_radian: Array
+) -> tuple[float, Array, Array]:
+    """The level above which gains become full segments, so that the others stay within the allowed error.
+
+    With it come the lasting errors of the others and, per time, what the angles' errors by them make.
+    """
+    level = highest_level = gains.max()
+    while True:
+        lasting_errors = (growth * np.where(gains <= level, gains, 0)).cumsum() / growth
+        phase_errors = path.phase(lasting_errors) * swing_per_radian
+        if not (lasting_errors + phase_errors).max() > allowed:
+            return level, lasting_errors, phase_errors
+        level = _LEVEL_RATIO * level if level > _LEAST_LEVEL * highest_level else 0.0
 
 
 def _segments(

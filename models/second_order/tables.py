@@ -44,6 +44,22 @@ _SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu
 _SECOND = slice(COEFFICIENTS.index("a1"), COEFFICIENTS.index("nu1"))
 # Modes of a smaller share of the torque are no resonances.
 _FAINT = 1e-8
+# Keeps the logarithm of a strength of 0 away.
+_NO_STRENGTH = 1e-30
+# Resonances are searched between these values of t, which is -1 at a² = 0 and 1 at `MAX_A2`: somewhat
+# beyond the table, where they still have a part in its functions. An estimate.
+_SEARCHED = (-1.1, 1.2)
+# Points of that search: resonances of one mode closer than 0.02 in a² would be missed. An estimate.
+_SEARCH_POINTS = 400
+# Step in t of the differences of Newton's method.
+_NEWTON_STEP = 1e-5
+# Steps of Newton's method; an estimate.
+_NEWTON_STEPS = 2
+# Numbers of a resonance, a row of `Table.resonances`.
+_RESONANCE = 6
+# Columns of `Table.poles` behind a² and dD/da²: residues of second and of first order.
+_OF_SECOND_ORDER = slice(2, 2 + len(SECOND_ORDER))
+_OF_FIRST_ORDER = slice(2 + len(SECOND_ORDER), POLE)
 # Averages at a divisor below this share of ν₂ weigh less in the table; an estimate.
 _NEAR = 0.02
 # The fit has this many terms fewer than nodes, as some nodes weigh little.
@@ -54,6 +70,9 @@ FLOOR = 1e-24
 _BESIDE = 5e-4
 # The a² of rows without a pole: far beyond the table.
 _FAR = 1e3
+# Square of the width in a² within which poles end where the size of second order is estimated: a
+# width of 0.1; an estimate.
+_POLE_WIDTH_SQUARED = 0.01
 # Least and largest half length of a resonance's full segment, in √(|dD/dt|/St) of the divisor D.
 _WIDTHS = (4.0, 40.0)
 
@@ -118,7 +137,7 @@ def table(ellipsoid: Ellipsoid, longest: bool) -> Table:
         cached.save(key, np.concatenate([array.ravel() for array in arrays]))
         return computed
     parts = np.split(numbers, np.cumsum([len(COEFFICIENTS) * NODES, POLES * POLE]))
-    lengths = (NODES, POLE, 6)
+    lengths = (NODES, POLE, _RESONANCE)
     return Table(*(part.reshape(-1, n) for part, n in zip(parts, lengths, strict=True)))
 
 
@@ -131,16 +150,16 @@ def made(side: SidedBody) -> Table:
     resonances = _resonances(series[-2:], _POINTS, strengths)
     poles = _poles(side, resonances)
     values = np.stack([functions[name] for name in SECOND_ORDER])
+    # What the poles leave is smooth, but for rounding next to them.
     for pole in poles:
         twice, once = regular(_POINTS - pole[0], 0 * _POINTS)
-        values -= np.outer(pole[2 : 2 + len(SECOND_ORDER)], twice) + np.outer(
-            pole[2 + len(SECOND_ORDER) :], once
-        )
+        values -= np.outer(pole[_OF_SECOND_ORDER], twice) + np.outer(pole[_OF_FIRST_ORDER], once)
     weight = np.ones(NODES)
     for k1, k2 in resonances[:, :2]:
         square = ((k1 * functions["nu1"] + k2 * functions["nu2"]) / (_NEAR * functions["nu2"])) ** 2
         weight *= square / (1 + square)
     series[_SECOND] = _fitted(values, weight)
+    # The poles of the largest residues, then rows without a pole.
     chosen = np.zeros((POLES, POLE))
     chosen[:, :2] = _FAR, 1
     largest = poles[np.argsort(-np.abs(poles[:, 2:]).max(axis=1, initial=0))][:POLES]
@@ -153,25 +172,29 @@ def _resonances(rates: Array, points: Array, strengths: Array) -> Array:
     """Resonances, rows as in `Table`, in and somewhat beyond the table."""
     # t is the variable of the Chebyshev series, from -1 at a² = 0 to 1 at `MAX_A2`. Divisors change
     # sign between two of these points, and two steps of Newton's method refine each root.
-    t = np.linspace(-1.1, 1.2, 400)
+    t = np.linspace(*_SEARCHED, _SEARCH_POINTS)
     nu = evaluated(rates, t)
     rows = []
     for k1, k2 in _modes():
         divisor = k1 * nu[0] + k2 * nu[1]
         combined = (k1 * rates[0] + k2 * rates[1])[None]
         for i in np.flatnonzero(divisor[1:] * divisor[:-1] < 0):
+            # The first guess is that of a straight line.
             root = t[i] - divisor[i] * (t[i + 1] - t[i]) / (divisor[i + 1] - divisor[i])
             slope = (divisor[i + 1] - divisor[i]) / (t[i + 1] - t[i])
-            for _ in range(2):
-                below, middle, above = evaluated(combined, root + np.array([-1e-5, 0, 1e-5]))[0]
-                slope = (above - below) / 2e-5
+            for _ in range(_NEWTON_STEPS):
+                around = root + np.array([-_NEWTON_STEP, 0, _NEWTON_STEP])
+                below, middle, above = evaluated(combined, around)[0]
+                slope = (above - below) / (2 * _NEWTON_STEP)
                 root -= middle / slope
             a2 = 0.5 * MAX_A2 * (1 + root)
-            logs = np.log(strengths[::-1, -k1 - 1, k2 - 1].T + 1e-30)
+            # Of `averages`, at the points of falling a²: strength at l = 0, its gain per l, and the
+            # strength of all modes. They change by powers of ten, so that their logarithms do evenly.
+            logs = np.log(strengths[::-1, -k1 - 1, k2 - 1].T + _NO_STRENGTH)
             still, gain, most = (np.exp(np.interp(a2, points[::-1], column)) for column in logs)
             if still + gain > _FAINT * most:
                 rows.append((k1, k2, a2, slope * 2 / MAX_A2, still, gain))
-    return np.array(rows).reshape(-1, 6)
+    return np.array(rows).reshape(-1, _RESONANCE)
 
 
 def _modes() -> list[tuple[int, int]]:
@@ -184,6 +207,7 @@ def _modes() -> list[tuple[int, int]]:
 
 def _poles(side: SidedBody, resonances: Array) -> Array:
     """Poles of the averages of second order at resonances, rows as in `Table`."""
+    # Modes that are multiples of each other meet their resonance at one a², and make one pole there.
     isolated: list[list[float]] = []
     for a2, slope in resonances[resonances[:, 2] > 2 * _BESIDE, 2:4].tolist():
         if all(abs(a2 - pole) >= _BESIDE for pole, _ in isolated):
@@ -195,7 +219,7 @@ def _poles(side: SidedBody, resonances: Array) -> Array:
     for name in SECOND_ORDER if isolated else ():
         scale = per_square(beside) if name[0] == "b" else 1.0
         values.append(functions[name] * scale)
-    # At ±δ from its pole a function is r₂/δ² ± r₁/δ: half the sum and half the difference tell both.
+    # At ±δ, δ = `_BESIDE`, from its pole a function is r₂/δ² ± r₁/δ: half the sum and half the difference tell both.
     below, above = np.array(values).reshape(len(SECOND_ORDER), 2, -1).swapaxes(0, 1)
     return np.column_stack(
         [places, 0.5 * _BESIDE**2 * (above + below).T, 0.5 * _BESIDE * (above - below).T]
@@ -232,6 +256,7 @@ def parameters(ellipsoid: Ellipsoid, torque_factor: float, longest: bool) -> tup
     """Parameters p of `field` on one side."""
     averaged = table(ellipsoid, longest)
     unit = max(ellipsoid.inertia)
+    # Functions over St: those of second order, and e_α, e_β, as the angles are St σ.
     over = {*SECOND_ORDER, "ea", "eb"}
     factors = np.array(
         [(torque_factor if name in over else 1.0) / unit ** _SCALES[name] for name in COEFFICIENTS]
@@ -261,10 +286,10 @@ def second(averaged: Table, unit: float, slow: Array, a2: Array, steep: Array) -
     `steep` is dh/d ln a².
     """
     values = evaluated(averaged.series[_SECOND], 2 * a2 / MAX_A2 - 1)
-    twice, once = regular(a2 - averaged.poles[:, :1], 1e-2)
+    # Poles end at one width here, whatever St is; kicks count resonances apart.
+    twice, once = regular(a2 - averaged.poles[:, :1], _POLE_WIDTH_SQUARED)
     values += (
-        averaged.poles[:, 2 : 2 + len(SECOND_ORDER)].T @ twice
-        + averaged.poles[:, 2 + len(SECOND_ORDER) :].T @ once
+        averaged.poles[:, _OF_SECOND_ORDER].T @ twice + averaged.poles[:, _OF_FIRST_ORDER].T @ once
     )
     values = values / np.array([unit ** _SCALES[name] for name in SECOND_ORDER])[:, None]
     momentum = slow[:, :3]
@@ -273,8 +298,10 @@ def second(averaged: Table, unit: float, slow: Array, a2: Array, steep: Array) -
     n = (momentum / size[:, None]).T
     first = [np.zeros(len(size))] * 2
     rates = averaged_rates(ARRAYS)
+    # Rates of second order alone: the functions are a1, a2; b1, b2; p1 to p6.
     growth, rise, *across = rates(
         size, n, (*first, *values[:2]), (*first, *values[2:4]), first, values[4:]
     )
+    # E' of E = ½ l² h: 2E l'/l + ½ l² h', with h' of `rise`, (a²)'/a², times dh/d ln a².
     moved = np.linalg.norm(growth[:, None] * momentum + np.stack(across, axis=1), axis=1)
     return np.maximum(moved, np.abs(2 * growth * energy + 0.5 * unit * size**2 * steep * rise))
