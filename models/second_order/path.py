@@ -36,6 +36,8 @@ _SMOOTH = 100
 TINY = 1e-12
 # Least distance of times over the whole run: rates are taken between them.
 _CLOSE = 1e-12
+# |L| over I_max that is divided by where |L| is 0.
+_NO_SIZE = 1e-300
 # Depth a² at which tables end, less the error of a first-order path.
 _DEEPEST = tables.MAX_A2 - 0.2
 # Third-order terms over rho times the second-order ones, such that estimates bound most runs;
@@ -161,6 +163,7 @@ class Path:
         for longest, points, table in self._sides:
             size = extent(self.ellipsoid, longest, self.slow[points, :3], self.a2[points])
             swing[points] = size * self.torque_factor
+            # dh/d ln a², as h = i₃ + (i₂ - i₃)(1 - exp(-a²)).
             steep = np.exp(-self.a2[points]) * self.a2[points] * _range(self.ellipsoid, longest)[1]
             second[points] = (
                 tables.second(table, unit, self.slow[points] / unit, self.a2[points], steep)
@@ -177,6 +180,8 @@ class Path:
     @cached_property
     def change(self) -> Array:
         """|L'| of first order over I_max."""
+        # Between two steps the rate is that of the parabola through three points; at the ends it is
+        # that of the first and of the last step.
         steps = np.diff(self.times)
         # At extreme St rates in slow time overflow: they are as good as infinite.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -192,7 +197,8 @@ class Path:
     def speed(self) -> Array:
         """Approximate rate at which the body turns: 2E/|L|, or as the shear turns any body."""
         unit = max(self.ellipsoid.inertia)
-        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / np.maximum(self.size, 1e-300))
+        size = np.maximum(self.size, _NO_SIZE)
+        return np.maximum(LEAST_SPEED, 2 * self.slow[:, 3] / unit / size)
 
     @cached_property
     def smaller(self) -> Array:
@@ -225,6 +231,9 @@ class Path:
 
     def phase(self, error: Array) -> Array:
         """Errors of the angles, in rad: lasting errors of L and E make their rates wrong."""
+        # An error of L, over I_max, makes an error of ω of about I_max/I₂ times as much. The error of a
+        # fast body is that of E, which is |ω| times that of L: hence the spin. Beyond half a turn
+        # nothing is known of an angle.
         speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
         return np.minimum(speed * self.summed(error / self.spin), pi)
 
@@ -242,9 +251,11 @@ class Path:
         return tuple(sorted(kicks, key=lambda kick: kick.time))
 
     def _kicks(self, side: bool, points: Array, table: tables.Table) -> list[Kick]:
+        """Kicks at one side's points, of which `points` are the indices."""
         unit = max(self.ellipsoid.inertia)
         times = self.times
         a2 = self.a2
+        # A path meets a resonance between neighbours, one above and one below its a².
         above = a2[points, None] > table.resonances[:, 2]
         at, which = np.nonzero((np.diff(points) == 1)[:, None] & (above[1:] != above[:-1]))
         if not len(at):
@@ -258,11 +269,13 @@ class Path:
         drift = np.abs(a2[at + 1] - a2[at]) / step
         slow = self.slow[at] + share[:, None] * (self.slow[at + 1] - self.slow[at])
         size = np.linalg.norm(slow[:, :3], axis=1)
+        # √(1/(St |D'|)), where D' is l `slope` times the rate of a².
         width = np.sqrt(self.torque_factor / (size * np.abs(slope) * drift))
         # 2 √(2π) widths: a mode P changes L by this times P, and never for longer than the run.
         lasting = 2 / unit * np.minimum(sqrt(2 * pi) * width, times[-1])
         series = series_for(self.ellipsoid, side)
         modes = modes_at(series, slow[:, :3], there, k1.astype(int), k2.astype(int))
+        # Changes of L (its size), of |L| and of y (complex), over I_max.
         strength, grown, risen = (lasting * amplitude for amplitude in modes)
         h = 2 * slow[:, 3] / size**2
         fall = np.exp(-there)
@@ -271,17 +284,23 @@ class Path:
             size * h * grown
             + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
         )
-        orders = zip(k1.astype(int).tolist(), k2.astype(int).tolist(), strict=True)
         along = np.stack([grown, energy], axis=1)
         rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
         # Change of the mode's frequency, over St, that the kick's own change of L and E makes.
         turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
         bend = np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
-        times, sizes, widths, bends, drifts = (
-            column.tolist() for column in (when, strength, width, bend, drift * width)
-        )
-        rows = zip(times, sizes, orders, widths, along, bends, drifts, strict=True)
-        return [Kick(*row) for row in rows]
+        return [
+            Kick(
+                time=float(when[i]),
+                size=float(strength[i]),
+                mode=(int(k1[i]), int(k2[i])),
+                width=float(width[i]),
+                along=along[i],
+                bend=float(bend[i]),
+                drift=float(drift[i] * width[i]),
+            )
+            for i in range(len(at))
+        ]
 
     def crossings(self) -> list[Kick]:
         """Jumps at L² = 2EI₂, as kicks by the phase α."""
@@ -293,8 +312,20 @@ class Path:
             nu1 = tables.evaluated(series, 2 * self.a2[at : at + 1] / tables.MAX_A2 - 1)[0, 0]
             rate = abs(np.gradient(self.slow[:, 3], self.times)[at]) / unit
             taken = rate * self.torque_factor * 2 * pi / (unit * self.size[at] * nu1)
+            # `taken` is what E changes by in a period of the polhode. √2 makes an amplitude of a root
+            # mean square.
             jump = np.array([0, sqrt(2 * _SADDLE) * taken / (4 * pi)])
-            jumps.append(Kick(float(self.times[at]), inf, (1, 0), 0.0, jump, 0.0, 0.0))
+            jumps.append(
+                Kick(
+                    time=float(self.times[at]),
+                    size=inf,
+                    mode=(1, 0),
+                    width=0.0,
+                    along=jump,
+                    bend=0.0,
+                    drift=0.0,
+                )
+            )
         return jumps
 
     @cached_property
@@ -308,7 +339,8 @@ class Path:
             t = 2 * self.a2[points] / tables.MAX_A2 - 1
             _, width = _range(self.ellipsoid, side)
             nu, rise = np.split(tables.evaluated(table.turning, t).T, 2, axis=1)
-            # ∂a²/∂E, and ∂a²/∂|L| over it.
+            # The rates are |L| ν. `steep` is ∂a²/∂E, so that `rise` becomes |L| ∂ν/∂E; `fall` is ∂a²/∂|L|
+            # over ∂a²/∂E, as a² depends on E/L² alone. E is `energy` and |L| is `size`, over I_max.
             steep = 2 * np.exp(self.a2[points]) / (unit * size[points] ** 2 * width)
             rise = unit * (size[points] * steep)[:, None] * rise
             fall = -2 * energy[points] / size[points]
@@ -336,6 +368,8 @@ class Path:
             return np.zeros(len(self.times), bool)
         unit = max(self.ellipsoid.inertia)
         _, width = _range(self.ellipsoid, self.longest)
+        # `moved` is the change of x = (h - i₃)/(i₂ - i₃), h = 2E/L², by errors of E and of |L|. It may
+        # take 1 - x, which is exp(-a²), to the end of the tables.
         with np.errstate(all="ignore"):
             moved = (
                 error
@@ -358,6 +392,7 @@ def path_of(scene: Scene) -> Path:
 
 
 def _interpolated(points: Array, times: Array, rows: Array) -> Array:
+    """Rows, shape (m, k) at `times`, interpolated linearly at `points`, shape (n, k)."""
     return np.stack([np.interp(points, times, column) for column in rows.T], axis=1)
 
 
