@@ -6,12 +6,18 @@ A Taylor series would be the wrong method here: every run of an ellipsoid that s
 long-axis side crosses L² = 2EI₂. There the averaged field is continuous but not Lipschitz, no
 series converges, and the step shrinks to nothing; a Runge–Kutta step goes across.
 
-A tried step is a map of the row (y, rates of y, its bend, time, next step). The bend is the change
-of y by `BENDS`: if it is 0, dense output is the cubic through the two states and rates of a step.
+A tried step is a map of a particle's *row*: its state, rates, bend, time and next step, at the
+places that `_RowAt` names. The bend is the change of the state by `BENDS`: if it is 0, dense output
+is the cubic through the two states and rates of a step. A step whose error is too large leaves
+state, rates and time as they are, and makes the next step smaller.
+
+Particles are under way in lanes, `AT_ONCE` at most. After `_STEPS` tried steps the rows that they
+passed are filled, and particles that arrived or failed make room for others.
 """
 
 import tomllib
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -41,14 +47,14 @@ def _numbers(fractions: Sequence[str]) -> list[float]:
 STAGES = [_numbers(row) for row in _TABLE["stages"]]
 DIFFERENCE = _numbers(_TABLE["difference"])
 BENDS = _numbers(_TABLE["bends"])
-# Share of the step that the error asks for.
+# Share of the step that the error asks for; an estimate.
 _SAFETY = 0.9
-# Bounds of the factor by which a step changes.
+# Bounds of the factor by which a step changes; estimates.
 _LEAST_FACTOR = 0.2
 _GREATEST_FACTOR = 5.0
-# The first step over the run's duration.
+# The first step over the run's duration; an estimate.
 _FIRST_STEP = 1e-2
-# The step over the run's duration below which a particle has failed.
+# The step over the run's duration below which a particle has failed: a few roundings of the time.
 _LEAST_STEP = 1e-15
 # A particle is given up after this many steps over tolerance^(1/5) and further ones per relaxation
 # time: three times the steps of the slowest of 20 000. If L shrinks to nothing, averaging breaks
@@ -56,12 +62,48 @@ _LEAST_STEP = 1e-15
 _MOST_STEPS = 16.0
 # Further steps per relaxation time, which stability asks for.
 _STEPS_PER_RELAXATION = 4.0
-# Particles under way at once.
+# Particles under way at once, whose path of `_STEPS` steps is a megabyte or two; an estimate.
 AT_ONCE = 1024
-# Steps after which particles that have arrived are replaced.
+# Steps after which particles that have arrived are replaced; an estimate.
 _STEPS = 8
-# Square of a relative error that is as good as none.
+# Square of a relative error that is as good as none: keeps the factor of a step finite.
 _NOTHING = 1e-12
+# Places of a step's constants; the field's parameters stand behind them.
+_TOLERANCE = 0
+_END = 1
+_PARAMETERS = 2
+
+
+@dataclass(frozen=True)
+class _RowAt:
+    """Places in a particle's row, of d components: ``state (d) | rates (d) | bend (d) | time | step``."""
+
+    dimension: int
+
+    @property
+    def rates(self) -> int:
+        """Of the state, after the state, which stands at 0."""
+        return self.dimension
+
+    @property
+    def bend(self) -> int:
+        """Of the step that led to the state."""
+        return 2 * self.dimension
+
+    @property
+    def time(self) -> int:
+        """Of the state."""
+        return 3 * self.dimension
+
+    @property
+    def step(self) -> int:
+        """The next one to be tried."""
+        return 3 * self.dimension + 1
+
+    @property
+    def size(self) -> int:
+        """Numbers in a row."""
+        return 3 * self.dimension + 2
 
 
 def run_adaptive(
@@ -77,22 +119,27 @@ def run_adaptive(
     if not installed("llvmlite"):
         return run_one_by_one(problem, starts, times, tolerance)
     n, d = starts.shape
+    at = _RowAt(d)
     end = float(times[-1])
     parameters = parameter_array(problem)
     code = _stepper(problem.field, d, len(parameters))
     fill = _filler(d, width())
     constants = np.array([tolerance, end, *parameters])
-    with np.errstate(all="ignore"):
-        rates = np.stack(np.broadcast_arrays(*problem.field(ARRAYS)(starts.T, parameters)), axis=1)
-        pace = np.nanmedian(np.abs(rates).max(axis=1) / np.abs(starts).max(axis=1))
-    most = _MOST_STEPS * tolerance**-0.2 + _STEPS_PER_RELAXATION * end * float(pace)
-    fresh = np.column_stack([starts, rates, np.zeros((n, d + 1)), np.full(n, _FIRST_STEP * end)])
+    rates, pace = _rates_and_pace(problem, starts, parameters)
+    max_steps = _MOST_STEPS * tolerance**-0.2 + _STEPS_PER_RELAXATION * end * pace
+    # Rows of particles that have not begun: no bend, time 0.
+    fresh = np.zeros((n, at.size))
+    fresh[:, :d] = starts
+    fresh[:, at.rates : at.bend] = rates
+    fresh[:, at.step] = _FIRST_STEP * end
     # Particle by particle in memory: a step fills rows that lie side by side.
     states = np.full((n, len(times), d), np.nan)
     states[:, 0] = starts
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(n)
+    # Of each particle: the next time to be filled, and the steps tried.
     due = np.ones(n)
     tried = np.zeros(n)
+    # Particles under way, and their rows; and how many have begun.
     index = np.arange(0)
     rows = fresh[:0]
     begun = 0
@@ -101,15 +148,19 @@ def run_adaptive(
         index = np.append(index, more)
         rows = np.concatenate([rows, fresh[more]])
         begun = begun + len(more)
+        # Shape (groups, _STEPS + 1, row size, width): row by row of each group of lanes.
         path = code.march(rows, _STEPS + 1, constants, 1)
-        first = np.arange(len(index)) // width() * path[0].size + np.arange(len(index)) % width()
+        group, lane = np.divmod(np.arange(len(index)), width())
+        # Where each particle's path begins, in numbers.
+        first = group * path[0].size + lane
         counts = np.array([len(index), len(times)], dtype=float)
         fill(path, first.astype(float), index.astype(float), times, due, states, counts)
-        rows = path[:, -1].swapaxes(1, 2).reshape(-1, rows.shape[1])[: len(index)]
+        rows = path[:, -1].swapaxes(1, 2).reshape(-1, at.size)[: len(index)]
         tried[index] += _STEPS
         unfinished = due[index] < len(times)
-        vanished = ~(rows[:, -1] > _LEAST_STEP * end)
-        endless = tried[index] >= most
+        # NaN counts as vanished.
+        vanished = ~(rows[:, at.step] > _LEAST_STEP * end)
+        endless = tried[index] >= max_steps
         statuses[index[unfinished & endless]] = str(Status.STEP_LIMIT)
         statuses[index[unfinished & vanished]] = str(Status.STEP_UNDERFLOW)
         under_way = unfinished & ~vanished & ~endless
@@ -118,35 +169,50 @@ def run_adaptive(
     return states.swapaxes(0, 1), statuses
 
 
+def _rates_and_pace(problem: Problem, starts: Array, parameters: Array) -> tuple[Array, float]:
+    """Rates at the starts, shape (n, d), and the inverse of a time of relaxation.
+
+    That is the median over the particles of the largest rate over the largest component.
+    """
+    with np.errstate(all="ignore"):
+        rates = np.stack(np.broadcast_arrays(*problem.field(ARRAYS)(starts.T, parameters)), axis=1)
+        paces = np.abs(rates).max(axis=1) / np.abs(starts).max(axis=1)
+        return rates, float(np.nanmedian(paces))
+
+
 @once()
 def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
-    """A tried step; its constants are the tolerance, the end, and the field's parameters."""
+    """A tried step of a row; its constants stand at `_TOLERANCE`, `_END` and from `_PARAMETERS` on."""
     rhs = field(OPERATIONS)
     sqrt = OPERATIONS.sqrt
     where = OPERATIONS.where_positive
+    at = _RowAt(dimension)
 
     def step(row: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
         y = row[:dimension]
-        rates = row[dimension : 2 * dimension]
-        time, wish = row[3 * dimension :]
-        tolerance = c[0]
-        end = c[1]
-        p = c[2:]
+        rates = row[at.rates : at.bend]
+        time = row[at.time]
+        wish = row[at.step]
+        tolerance = c[_TOLERANCE]
+        end = c[_END]
+        p = c[_PARAMETERS:]
         left = end - time
-        last = wish - left
-        h = where(last, left, wish)
+        # Positive in a step that would go beyond the end.
+        beyond = wish - left
+        h = where(beyond, left, wish)
         slopes: list[Sequence[Any]] = [rates]
         new = y
         for shares in STAGES:
             new = moved(y, h, shares, slopes)
             slopes.append(rhs(new, p))
+        # Square of the error over the allowed one.
         square = _NOTHING
         for before, error in zip(y, change(h, DIFFERENCE, slopes), strict=True):
             size = where(before, before, -before)
             share = error / (tolerance * where(size - 1, size, 1.0))
             square = square + share * share
-        # The error's power -3/16: nearly the -1/5 of theory, by roots alone. NaN gives the least
-        # factor.
+        # The error's power -3/16: nearly the -1/5 of theory, by roots alone; `eighth` is its power
+        # 1/4, the square's 1/8. NaN gives the least factor.
         eighth = sqrt(sqrt(sqrt(square)))
         factor = _SAFETY * sqrt(sqrt(eighth)) / eighth
         factor = where(
@@ -155,9 +221,10 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
             _GREATEST_FACTOR,
         )
         factor = where(square, factor, _LEAST_FACTOR)
-        arrived = where(last, end, time + h)
+        arrived = where(beyond, end, time + h)
 
         def taken(news: Sequence[Any], olds: Sequence[Any]) -> list[Any]:
+            """The new numbers if the error is small enough, else the old ones."""
             return [where(1 - square, new, old) for new, old in zip(news, olds, strict=True)]
 
         return [
@@ -165,41 +232,51 @@ def _stepper(field: Factory, dimension: int, parameters: int) -> Lanes:
             *taken(slopes[-1], rates),
             *change(h, BENDS, slopes),
             *taken([arrived], [time]),
+            # A particle that has arrived keeps a step that has not vanished.
             where(left, h * factor, end),
         ]
 
-    return lanes(step, 3 * dimension + 2, 2 + parameters)
+    return lanes(step, at.size, _PARAMETERS + parameters)
 
 
 @once()
 def _filler(dimension: int, wide: int) -> Callable[..., None]:
-    """A function that fills the rows that steps in lanes have passed, and counts the next row."""
-    # Particle k of `counts[0]` begins in `path` at `first[k]`, and is number `index[k]` in `due`
-    # and `states`.
-    size = 3 * dimension + 2
+    """A function that fills the rows that steps in lanes have passed, and counts the next row.
+
+    Its arguments are `path`, the rows of all steps in lanes of width `wide`; `first`, where a
+    particle's path begins in it; `index`, the particle's number in `due` and `states`; `times`;
+    `due`, the next time to be filled; `states`; and the number of particles and of times.
+    """
+    at = _RowAt(dimension)
     program = Program("fill", "path first index times due states counts")
     path, first, index, times, due, states, counts = program.arguments
-    particles, rows = counts.load(2)
+    particles, time_count = counts.load(2)
     with program.times(particles) as particle:
-        at = path + first[particle]
+        start = path + first[particle]
         whose = index[particle]
         place = program.cell(due[whose])
-        out = states + whose * rows * dimension
+        out = states + whose * time_count * dimension
         with program.times(_STEPS) as step:
-            before = at + step * (size * wide)
-            after = before + size * wide
-            time, arrived = (numbers[3 * dimension * wide] for numbers in (before, after))
+            # The particle's row before and after the step; a number of it is a whole width apart
+            # from the next one.
+            before = start + step * (at.size * wide)
+            after = before + at.size * wide
+            time = before[at.time * wide]
+            arrived = after[at.time * wide]
             with program.repeat() as leave:
                 row = place[0]
-                leave(compare("oge", row, rows))
+                leave(compare("oge", row, time_count))
                 leave(compare("ogt", times[row], arrived))
                 h = arrived - time
                 share = (times[row] - time) / h
                 complement = 1 - share
                 filled = out + row * dimension
                 for i in range(dimension):
-                    y, rate = (before[(i + k * dimension) * wide] for k in (0, 1))
-                    new, slope, bend = (after[(i + k * dimension) * wide] for k in (0, 1, 2))
+                    y = before[i * wide]
+                    rate = before[(at.rates + i) * wide]
+                    new = after[i * wide]
+                    slope = after[(at.rates + i) * wide]
+                    bend = after[(at.bend + i) * wide]
                     rise = new - y
                     cubic = complement * (h * rate - rise) - share * (h * slope - rise)
                     filled[i] = y + share * (

@@ -20,25 +20,35 @@ from polhode.solvers.machine_code.lanes import by_particle
 # Least number of segments of a run. The two runs of a particle are compared after every other segment,
 # or at about this many times if there are more segments.
 MIN_SEGMENTS = 16
-# Share of the sample whose error stays below the one that the chosen steps are to meet.
+# Numbers that are called estimates here are no results of a recorded measurement.
+
+# Share of the sample whose error stays below the one that the chosen steps are to meet; an estimate.
 _BOUNDED_SHARE = 0.98
-# Error for which steps are chosen, over the tolerance: particles outside the sample may err more.
+# Error for which steps are chosen, over the tolerance: particles outside the sample may err more. An
+# estimate.
 _AIM = 0.5
-# Largest error of a reference over the tolerance, by comparison with half as many steps.
+# Largest error of a reference over the tolerance, by comparison with half as many steps: a twentieth
+# leaves the errors of methods as they are.
 _SURE = 0.05
-# Most times that a reference's number of steps is doubled.
+# Most times that a reference's number of steps is doubled; an estimate: 256 times the first guess.
 _DOUBLINGS = 8
 # Order of the methods by which the number of steps follows from an error.
 _ORDER = 8
-# Trials of a number of steps, per method.
+# Trials of a number of steps, per method; an estimate.
 _ROUNDS = 6
-# Factor by which more steps than the fewest are tried too: they leave fewer particles in doubt.
+# Bounds of the factor by which one trial changes the number of steps; estimates.
+_MIN_CHANGE = 0.4
+_MAX_CHANGE = 2.5
+# Factor by which more steps than the fewest are tried too: they leave fewer particles in doubt. An
+# estimate.
 _MORE_STEPS = 1.15
-# Most times that a doubtful particle's number of steps is doubled; then Taylor's method runs it.
+# Most times that a doubtful particle's number of steps is doubled; then Taylor's method runs it. An
+# estimate.
 _HALVINGS = 4
-# Tolerance of Taylor's method over the requested one.
+# Tolerance of Taylor's method over the requested one: its tolerance is of a step, the requested one
+# of the whole run. An estimate.
 TAYLOR = 1e-3
-# First guess of a step: it turns the body by about this angle, in rad,
+# First guess of a step, which a sample then corrects: it turns the body by about this angle, in rad,
 _ANGLE = 1.0
 # at rates of at least this, in shear rates: the shear turns all bodies about as fast,
 _LEAST_RATE = 0.5
@@ -109,6 +119,7 @@ def run(
     steps = chosen.steps
     times, segments = _in_segments(times)
     in_lanes = _march(by, starts, times, steps)
+    # NaN is a reason for doubt too.
     doubtful = np.flatnonzero(~(_doubt(by, starts, times, steps, in_lanes) <= chosen.apart))
     states = by_particle(in_lanes[:, ::segments], len(starts)).swapaxes(0, 1)
     group, lane = np.divmod(doubtful, in_lanes.shape[3])
@@ -119,7 +130,9 @@ def run(
         steps *= 2
         finer = by_particle(_march(by, starts[doubtful], times, steps), len(doubtful))
         states[:, doubtful] = finer[:, ::segments].swapaxes(0, 1)
-        still = ~(_apart(finer[..., None], before[..., None]) <= tolerance * by.sure)
+        # As if each particle were a group of a single lane.
+        apart = _apart(finer[..., None], before[..., None])
+        still = ~(apart <= tolerance * by.sure)
         doubtful = doubtful[still]
         before = finer[still]
     statuses = np.array([str(Status.REACHED_END)], dtype=object).repeat(len(starts))
@@ -138,11 +151,16 @@ def _march(by: Method, starts: Array, times: Array, steps: int) -> Array:
 
 
 def _step(times: Array, steps: int) -> float:
+    """Length of a step, with so many from one time to the next."""
     return float(times[-1]) / (len(times) - 1) / steps
 
 
 def _apart(states: Array, reference: Array, stride: int = 1) -> Array:
-    """Largest difference of each particle's states over the largest component at the start or 1."""
+    """Largest difference of each particle's states over the largest component at the start or 1.
+
+    Both arrays are in lanes, shape (groups, rows, d, width); row i of the reference belongs to row
+    ``i stride`` of the states. The result has an entry for each lane, left over ones included.
+    """
     with np.errstate(invalid="ignore", over="ignore"):
         apart = states[:, ::stride][:, : reference.shape[1]] - reference
         apart = np.abs(apart, out=apart).reshape(len(states), -1, states.shape[3]).max(axis=1)
@@ -151,13 +169,13 @@ def _apart(states: Array, reference: Array, stride: int = 1) -> Array:
 
 def _doubt(by: Method, starts: Array, times: Array, steps: int, states: Array) -> Array:
     """Difference of each particle's states from those by steps twice as wide, shape (n,)."""
-    # An even number of times lies from one check to the next.
-    stride = 2 * -(-(len(times) - 1) // (2 * MIN_SEGMENTS))
-    rows = 1 + (len(times) - 1) // stride
-    wide = by.constants(2 * _step(times, steps))
-    return _apart(states, by.lanes.march(starts, rows, wide, steps * stride // 2), stride)[
-        : len(starts)
-    ]
+    # Rows from one comparison to the next: an even number, so that half as many steps are whole.
+    intervals = len(times) - 1
+    stride = 2 * -(-intervals // (2 * MIN_SEGMENTS))
+    rows = 1 + intervals // stride
+    constants = by.constants(2 * _step(times, steps))
+    by_wide_steps = by.lanes.march(starts, rows, constants, steps * stride // 2)
+    return _apart(states, by_wide_steps, stride)[: len(starts)]
 
 
 def _in_segments(times: Array) -> tuple[Array, int]:
@@ -171,10 +189,8 @@ def _first_steps(problem: Problem, sample: Array, times: Array) -> int:
     """Steps between two times that are a fair guess."""
     rates = problem.field(ARRAYS)(sample.T, parameter_array(problem))
     length = _ANGLE / max(_LEAST_RATE, *(float(np.max(np.abs(rate))) for rate in rates))
-    if (
-        problem.parts is not None
-        and (strength := problem.parts.strength(problem.parameters or ())) > 0
-    ):
+    strength = problem.parts.strength(problem.parameters or ()) if problem.parts else 0.0
+    if strength > 0:
         length = min(length, _RELAXATION / strength)
     return max(1, int(np.ceil(_step(times, 1) / length)))
 
@@ -225,9 +241,11 @@ def _fitting(
     for _ in range(_ROUNDS):
         states = tried[steps] = _march(by, sample, times, steps)
         error = reference.error_of(states) / (_AIM * tolerance)
-        good += [steps] if error <= 1 else []
-        # The error falls with the order of the method; one trial may change the steps by 2.5 times.
-        steps = int(np.ceil(steps * float(np.clip(error ** (1 / _ORDER), 0.4, 2.5))))
+        if error <= 1:
+            good.append(steps)
+        # The error falls with the order of the method.
+        factor = float(np.clip(error ** (1 / _ORDER), _MIN_CHANGE, _MAX_CHANGE))
+        steps = int(np.ceil(steps * factor))
         if steps in tried:
             break
     if not good:

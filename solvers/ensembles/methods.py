@@ -11,12 +11,17 @@ from polhode.models.once import once
 from polhode.models.problem import Factory, Parts, Problem
 from polhode.solvers.machine_code.lanes import Lanes, lanes
 from polhode.solvers.machine_code.tracing import OPERATIONS
+from polhode.solvers.parts.flows import constant_counts
 from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
 # Name of the eighth-order pair's method.
 RUNGE_KUTTA = "DOP853"
-# Time of an evaluation of a field over the time of a splitting's slow and fast flow.
+# Time of an evaluation of a field over the time of a splitting's slow and fast flow; an estimate.
 _EVALUATION = 1.6
+# The difference of two runs, one by steps twice as wide, over the error of the finer one: 2**order
+# - 1 where steps are small. It is hardly ever less than these numbers; estimates.
+_SURE_RUNGE_KUTTA = 2.0**6.5
+_SURE_SPLITTING = 2.0**5
 Array = np.ndarray
 
 
@@ -28,7 +33,7 @@ class Method:
     lanes: Lanes
     constants: Callable[[float], Array]  # what a step of a given length needs to know
     cost: float  # of a step, in slow and fast flows of a splitting
-    sure: float  # difference from steps twice as wide over the error, hardly ever less
+    sure: float  # difference from steps twice as wide over the error, which is hardly ever less
 
 
 def names(problem: Problem) -> tuple[str, ...]:
@@ -43,61 +48,83 @@ def method(name: str, problem: Problem) -> Method:
     parts = problem.parts
     if name == RUNGE_KUTTA:
         code, stages = _runge_kutta(problem.field, problem.dimension, len(p))
-        return Method(name, code, lambda h: np.array([h, *p]), _EVALUATION * stages, 2.0**6.5)
+        cost = _EVALUATION * stages
+        return Method(name, code, lambda h: np.array([h, *p]), cost, _SURE_RUNGE_KUTTA)
     (scheme,) = (candidate for candidate in SCHEMES if candidate.name == name)
     assert parts is not None
-    # Two flows stand behind the flows of a step: the last of one step and the first of the next in
-    # one, and the first one undone.
-    fast = *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
-    shares = (
-        *((parts.fast, share) for share in fast),
-        *((parts.slow, share) for share in scheme.slow),
-    )
+    code = _splitting(parts, scheme, problem.dimension)
+    fast_shares = _fast_shares(scheme)
 
     def constants(h: float) -> Array:
-        return np.concatenate([part.constants(p, share * h) for part, share in shares])
+        fast = [parts.fast.constants(p, share * h) for share in fast_shares]
+        slow = [parts.slow.constants(p, share * h) for share in scheme.slow]
+        return np.concatenate([*fast, *slow])
 
-    return Method(
-        name, _splitting(parts, scheme, problem.dimension), constants, scheme.stages, 2.0**5
-    )
+    return Method(name, code, constants, scheme.stages, _SURE_SPLITTING)
+
+
+def _fast_shares(scheme: Scheme) -> tuple[float, ...]:
+    """Shares of the fast flows whose constants a step needs.
+
+    They are the first half of a step's; that of the last flow of a step and the first of the next in
+    one; and that which undoes the first one.
+    """
+    return *scheme.fast, 2 * scheme.fast[0], -scheme.fast[0]
 
 
 @once()
 def _splitting(parts: Parts, scheme: Scheme, dimension: int) -> Lanes:
-    zeros = [0.0] * 64
+    """Steps of a scheme, with the constants ``fast flows of _fast_shares | first half of the slow ones``.
+
+    The last fast flow of a step and the first of the next are taken at once. So a row begins with
+    the first fast flow, and at its end half of the last one is undone.
+    """
     fast = parts.fast.flow(OPERATIONS)
     slow = parts.slow.flow(OPERATIONS)
-    fast_size, slow_size = (len(part.constants(zeros, 0.0)) for part in (parts.fast, parts.slow))
-    count = len(scheme.fast)
-    begin = fast_size * (count + 2)
+    fast_size, slow_size = constant_counts(parts)
+    stages = scheme.stages
+    # Places in `_fast_shares`.
+    double_at = len(scheme.fast)
+    undoing_at = double_at + 1
+    slow_at = fast_size * (undoing_at + 1)
 
     def turned(y: Sequence[Any], c: Sequence[Any], share: int) -> Sequence[Any]:
+        """The fast flow of a place in `_fast_shares`."""
         return fast(y, c[share * fast_size :])
 
     def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
-        for i in range(scheme.stages):
-            y = slow(y, c[begin + min(i, scheme.stages - 1 - i) * slow_size :])
-            y = turned(y, c, min(i + 1, scheme.stages - 1 - i) or count)
+        for i in range(stages):
+            # Flow i and flow `stages - 1 - i` have the same share.
+            y = slow(y, c[slow_at + min(i, stages - 1 - i) * slow_size :])
+            # The fast flow behind it is number i + 1 of 0 to `stages`; after the last one, 0 by
+            # the mirror image, come both that one and the first of the next step.
+            mirrored = min(i + 1, stages - 1 - i)
+            y = turned(y, c, mirrored if mirrored > 0 else double_at)
         return y
 
-    ends = partial(turned, share=0), partial(turned, share=count + 1)
-    return lanes(step, dimension, begin + slow_size * len(scheme.slow), *ends)
+    begin = partial(turned, share=0)
+    end = partial(turned, share=undoing_at)
+    return lanes(step, dimension, slow_at + slow_size * len(scheme.slow), begin, end)
 
 
 @once()
 def _runge_kutta(field: Factory, dimension: int, parameters: int) -> tuple[Lanes, int]:
+    """Steps of DOP853 with the constants (h, parameters), and its evaluations per step."""
     table = dop853()
     rhs = field(OPERATIONS)
-    nodes = table.A[: table.N_STAGES].tolist()
+    # Row i: the shares of the slopes before in the state at which slope i is taken.
+    stage_shares = table.A[: table.N_STAGES].tolist()
     weights = table.B.tolist()
 
     def step(y: Sequence[Any], c: Sequence[Any]) -> Sequence[Any]:
-        slopes = [rhs(y, c[1:])]
-        for row in nodes[1:]:
-            slopes.append(rhs(moved(y, c[0], row, slopes), c[1:]))
-        return moved(y, c[0], weights, slopes)
+        h = c[0]
+        p = c[1:]
+        slopes = [rhs(y, p)]
+        for shares in stage_shares[1:]:
+            slopes.append(rhs(moved(y, h, shares, slopes), p))
+        return moved(y, h, weights, slopes)
 
-    return lanes(step, dimension, 1 + parameters), len(nodes)
+    return lanes(step, dimension, 1 + parameters), len(stage_shares)
 
 
 def change(h: Any, shares: Sequence[float], slopes: Sequence[Sequence[Any]]) -> list[Any]:

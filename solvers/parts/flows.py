@@ -54,6 +54,13 @@ def row_scheme_of(scheme: Array, stages: Number, chains: int) -> Array:
     return scheme + (1.0 + (2.0 * stages + 2.0) * chains)
 
 
+def constant_counts(parts: Parts) -> tuple[int, int]:
+    """Numbers of constants of a fast flow and of a slow one."""
+    # Any parameters and any time will do.
+    any_numbers = (0.5,) * _MAX_PARAMETERS, 0.5
+    return len(parts.fast.constants(*any_numbers)), len(parts.slow.constants(*any_numbers))
+
+
 class Flows:
     """The flows of kernels.
 
@@ -73,11 +80,7 @@ class Flows:
         self.fast = parts.fast.flow(OPERATIONS)
         self.slow = parts.slow.flow(OPERATIONS)
         self.rate = parts.rate(OPERATIONS)
-        # Any parameters and any time will do to count the constants of a fast and of a slow flow.
-        any_numbers = (0.5,) * _MAX_PARAMETERS, 0.5
-        fast_size = len(parts.fast.constants(*any_numbers))
-        slow_size = len(parts.slow.constants(*any_numbers))
-        self.sizes = fast_size, slow_size
+        self.sizes = constant_counts(parts)
         self.both = parts.both(OPERATIONS) if parts.both else self._one_after_the_other
         self.prepare = self._prepare()
         self.spread = self._spread()
