@@ -9,6 +9,7 @@ from polhode.models.registry import Catalogue
 if TYPE_CHECKING:
     from polhode.solvers.contract import Solver
 
+# By module of `polhode.solvers` and name of the class: the class attributes ("traits").
 _TEXT = Path(__file__).with_name("methods.toml").read_text(encoding="utf-8")
 _METHODS: dict[str, dict[str, dict[str, Any]]] = tomllib.loads(_TEXT)
 SOLVERS: "Catalogue[Solver]" = Catalogue(
@@ -46,14 +47,16 @@ def available_like(name: str) -> str:
 
 
 def methods(base: "type[Base]") -> "list[type[Base]]":
-    """Classes of the methods of a library, which differ by the traits that `methods.toml` gives them."""
+    """Classes of the methods of a library, which differ by the traits that `methods.toml` gives them.
+
+    The library's module calls it with its base class, and gives the classes their names.
+    """
 
     def made(kind: str, doc: str, **traits: Any) -> Any:
-        own = {
-            name: tuple(value) if isinstance(value, list) else value
-            for name, value in traits.items()
-        }
-        return type(kind, (base,), {"__doc__": doc, "__module__": base.__module__, **own})
+        attributes: dict[str, Any] = {"__doc__": doc, "__module__": base.__module__}
+        for name, value in traits.items():
+            attributes[name] = tuple(value) if isinstance(value, list) else value
+        return type(kind, (base,), attributes)
 
     tables = _METHODS[base.__module__.removeprefix("polhode.solvers.")]
     return [made(kind, **table) for kind, table in tables.items()]

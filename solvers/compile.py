@@ -33,15 +33,16 @@ from polhode.solvers.machine_code.tracing import FieldError, trace
 _FOLDER = Path(__file__).parent
 # Bytes of compiled code that heyoka may keep in memory, some fifty integrators.
 _MAX_HEYOKA_MEMORY = 20_000_000
-# A quotient in a traced field, by a number that is no constant.
+# A quotient in a traced field (`machine_code.tracing`), by a number that is no constant.
 _DIVISION = re.compile(r"= fdiv contract double \S+, (%v\d+)")
 # An entry of a traced Jacobian, where it is written.
 _ENTRY = re.compile(r"store double (\S+), ptr %out(\d+)")
-# The same, or 0 where it is not finite.
+# The same, or 0 where it is not finite: where the entry times 0 is NaN.
 _FINITE_ENTRY = r"""%none\2 = fmul double \1, 0.0
 %finite\2 = fcmp ord double %none\2, 0.0
 %entry\2 = select i1 %finite\2, double \1, double 0.0
 store double %entry\2, ptr %out\2"""
+# ``callback(y, p, out)`` reads state and parameters, and fills `out`.
 Callback = Callable[[np.ndarray, Any, np.ndarray], None]
 
 
@@ -102,15 +103,17 @@ def compiled_callback(factory: Factory, dimension: int, parameters: int) -> Call
 def denominators(factory: Factory, dimension: int, parameters: int) -> tuple[Callback, int] | None:
     """The field's divisors as ``callback(y, p, out)``, and their number; None if it has none."""
     lines = trace(factory, dimension, parameters)
-    kept = [line for line in lines.splitlines() if "%out" not in line]
-    divisors = sorted({name for line in kept for name in _DIVISION.findall(line)})
+    # All that the field computes, without the lines that write its rates.
+    computed = [line for line in lines.splitlines() if "%out" not in line]
+    divisors = sorted(set(_DIVISION.findall("\n".join(computed))))
     if not divisors:
         return None
+    written = []
     for i, name in enumerate(divisors):
-        kept.append(f"%out{i} = getelementptr double, ptr %out, i64 {i}")
-        kept.append(f"store double {name}, ptr %out{i}")
+        written.append(f"%out{i} = getelementptr double, ptr %out, i64 {i}")
+        written.append(f"store double {name}, ptr %out{i}")
     arrays = {"y": dimension, "p": parameters, "out": len(divisors)}
-    return array_function("\n".join(kept), arrays), len(divisors)
+    return array_function("\n".join([*computed, *written]), arrays), len(divisors)
 
 
 @once()
@@ -176,14 +179,19 @@ def load_heyoka() -> Any:
     return heyoka
 
 
+def _variables(letter: str, count: int) -> list[Any]:
+    """heyoka's variables y00, y01, …, which it sorts by name; of one alone it gives no list."""
+    variables = load_heyoka().make_vars(*(f"{letter}{i:02d}" for i in range(count)))
+    return list(variables) if count > 1 else [variables]
+
+
 @once()
 def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tuple[Any, Any]]:
     """The field as heyoka expressions ``[(variable, rate), …]`` with p in ``heyoka.par``."""
     heyoka = load_heyoka()
     # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)
-    names = heyoka.make_vars(*(f"y{i:02d}" for i in range(dimension)))
-    variables = list(names) if dimension > 1 else [names]
+    variables = _variables("y", dimension)
     rates = factory(_heyoka_operations())(variables, [heyoka.par[i] for i in range(parameters)])
     rates = [
         rate if isinstance(rate, heyoka.expression) else heyoka.expression(float(rate))
@@ -198,20 +206,23 @@ def system_in_units(
 ) -> list[tuple[Any, Any]]:
     """As `traced_system`, of ``y[i] / unit[i]``; a field of time gets heyoka's own, which is no variable then.
 
-    Behind p, ``heyoka.par`` holds the units and, with `timed`, the time of the field at heyoka's 0,
-    and with `paced` the unit of heyoka's time.
+    ``heyoka.par`` holds p, the units of all variables, with `timed` the time of the field at
+    heyoka's 0, and with `paced` the unit of heyoka's time.
     """
     heyoka = load_heyoka()
+    # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)
-    variables = dimension - timed
-    names = heyoka.make_vars(*(f"y{i:02d}" for i in range(variables)))
-    values = list(names) if variables > 1 else [names]
-    units = [heyoka.par[parameters + i] for i in range(variables)]
+    variable_count = dimension - timed
+    units_at = parameters
+    start_time_at = units_at + variable_count
+    pace_at = start_time_at + timed
+    values = _variables("y", variable_count)
+    units = [heyoka.par[units_at + i] for i in range(variable_count)]
     state = [unit * value for unit, value in zip(units, values, strict=True)]
-    pace = heyoka.par[parameters + variables + timed] if paced else None
+    pace = heyoka.par[pace_at] if paced else None
     if timed:
         time = heyoka.time if pace is None else pace * heyoka.time
-        state.append(time + heyoka.par[parameters + variables])
+        state.append(time + heyoka.par[start_time_at])
     rates = factory(_heyoka_operations())(state, [heyoka.par[i] for i in range(parameters)])
     scaled = [rate / unit for rate, unit in zip(rates, units, strict=False)]
     if pace is not None:
@@ -227,7 +238,7 @@ def tangent_system(factory: Factory, dimension: int, parameters: int) -> list[tu
     tensors = heyoka.diff_tensors(
         [rate for _, rate in system], diff_args=[y for y, _ in system], diff_order=1
     )
-    tangent = list(heyoka.make_vars(*(f"v{i:02d}" for i in range(dimension))))
+    tangent = _variables("v", dimension)
     rates = (
         heyoka.sum([entry * v for entry, v in zip(row, tangent, strict=True)])
         for row in tensors.jacobian
@@ -244,6 +255,7 @@ def exact_jacobian(factory: Factory, dimension: int, parameters: int) -> Callabl
     def jacobian(y: np.ndarray, p: np.ndarray) -> np.ndarray:
         out = np.empty(dimension**2)
         compiled(np.ascontiguousarray(y), p, out)
+        # It is written column by column.
         return out.reshape(dimension, dimension).T
 
     return jacobian
@@ -256,31 +268,43 @@ def parameter_array(problem: Problem) -> np.ndarray:
 
 @once()
 def _heyoka_operations() -> Operations:
+    """Operations on heyoka's expressions, and on plain numbers, which heyoka's functions do not take."""
     heyoka = load_heyoka()
 
-    def known(name: str) -> Callable[[Any], Any]:
-        # heyoka's functions take no plain numbers.
-        return lambda x: getattr(heyoka if isinstance(x, heyoka.expression) else math, name)(x)
+    def is_expression(x: Any) -> bool:
+        return isinstance(x, heyoka.expression)
 
-    sin, cos, sqrt, exp, log = map(known, ("sin", "cos", "sqrt", "exp", "log"))
+    def as_expression(x: Any) -> Any:
+        return x if is_expression(x) else heyoka.expression(float(x))
+
+    def function(name: str) -> Callable[[Any], Any]:
+        return lambda x: getattr(heyoka if is_expression(x) else math, name)(x)
+
+    exp = function("exp")
+    log = function("log")
     zero = heyoka.expression(0.0)
 
-    def choose(x: Any, a: Any, b: Any) -> Any:
-        if not isinstance(x, heyoka.expression):
+    def where_positive(x: Any, a: Any, b: Any) -> Any:
+        if not is_expression(x):
             return a if x > 0 else b
-        chosen = (
-            each if isinstance(each, heyoka.expression) else heyoka.expression(float(each))
-            for each in (a, b)
-        )
-        return heyoka.select(heyoka.gt(x, zero), *chosen)
+        return heyoka.select(heyoka.gt(x, zero), as_expression(a), as_expression(b))
 
     def other(name: str, *arguments: Any) -> Any:
-        if not any(isinstance(x, heyoka.expression) for x in arguments):
+        if not any(map(is_expression, arguments)):
             return getattr(math, name)(*arguments)
+        # heyoka has no function for these two.
         if name == "expm1":
             return exp(arguments[0]) - 1.0
         if name == "log1p":
             return log(1.0 + arguments[0])
         return getattr(heyoka, name)(*arguments)
 
-    return Operations(sin, cos, sqrt, choose, exp=exp, log=log, other=other)
+    return Operations(
+        function("sin"),
+        function("cos"),
+        function("sqrt"),
+        where_positive,
+        exp=exp,
+        log=log,
+        other=other,
+    )

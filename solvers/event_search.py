@@ -18,15 +18,17 @@ from polhode.models.own_function import place_of
 # The state, shape (d,), at a time within the last step.
 Between = Callable[[float], np.ndarray]
 
-# SciPy's tolerance of the place of an event, in units of the time and of one.
+# SciPy's tolerance of the place of an event, absolute and relative to the time.
 _PLACE = np.float64(4 * np.finfo(float).eps)
-# Iterations of Brent's method: it halves the interval at least every third time.
+# Iterations of Brent's method: it halves the interval at least every third time, and a double has
+# 53 bits.
 _MAX_ITERATIONS = 300
 # Looks within a step, where its interpolation costs next to nothing: a step of high order is
-# longer than a half period of what it follows.
+# longer than a half period of what it follows. An estimate.
 _LOOKS_WITHIN_STEP = 8
 # Solvers that run many steps in one call look after few of them at first; the number grows by this
-# factor each time: a terminal event soon after the start costs no more than a few steps.
+# factor each time: a terminal event soon after the start costs no more than a few steps. An
+# estimate.
 LOOK_GROWTH = 4
 
 
@@ -76,10 +78,11 @@ class SoughtEvent:
         before = self.last
         if before == 0 or isnan(before) or isnan(value) or before * value > 0:
             return False
+        # It rose if it was negative before. A direction of 0 takes either.
         return self.direction * -before >= 0
 
     def place(self, low: float, high: float, value: float, between: Between) -> float:
-        """The time of a passage between two looks."""
+        """The time of a passage between two looks, at the second of which it has the value given."""
 
         def at(time: float) -> float:
             return self.value(time, between(time))
@@ -144,6 +147,7 @@ class EventSearch:
         passages.sort(key=lambda passage: passage[0])
         for time, event in passages:
             if self.ended is not None and time > self.ended:
+                # Passages at the very time of the end still count.
                 break
             state = np.array(between(time))
             event.times.append(time)
@@ -155,7 +159,12 @@ class EventSearch:
 
 
 def looks(steps: np.ndarray) -> np.ndarray:
-    """Equispaced times within steps, and their ends; the first step starts at the last look."""
+    """Equispaced times within steps, and their ends.
+
+    `steps` holds the ends of n steps, shape (n + 1,); the first step starts at the last look, whose
+    time is left out.
+    """
     parts = _LOOKS_WITHIN_STEP + 1
-    at = np.arange(1, (len(steps) - 1) * parts + 1) / parts
-    return np.interp(at, np.arange(len(steps)), steps)
+    # Places as numbers of steps from the beginning, such as 2 and 3/9.
+    places = np.arange(1, (len(steps) - 1) * parts + 1) / parts
+    return np.interp(places, np.arange(len(steps)), steps)

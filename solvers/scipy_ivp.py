@@ -34,14 +34,13 @@ from polhode.solvers.unwarned import UNWARNED
 
 Callback = Callable[[float, np.ndarray], np.ndarray]
 
-
-# Right-hand sides with which an explicit method chooses its first step.
+# Right-hand sides with which an explicit method chooses its first step: SciPy's
+# `select_initial_step` takes one at the start, and one a trial step later.
 _START_CALLS = 2
-# Steps that do not advance the time, after which a run has stalled.
+# Steps in a row that do not advance the time, after which a run has stalled; an estimate.
 _STALLED = 1000
 # Steps between two looks at how far a run has come: a second at most.
 _LOOK = 5000
-
 
 _lsoda_lock = RLock()
 
@@ -53,6 +52,7 @@ def _lock_of(method: str) -> AbstractContextManager[Any]:
     with IMPORTS:
         from scipy.integrate import _ode
 
+    # The attribute by which SciPy itself notices that a second run has begun.
     return _lsoda_lock if hasattr(_ode.lsoda, "active_global_handle") else nullcontext()
 
 
@@ -78,18 +78,24 @@ class ScipySolver(Solver):
     seeks_events = True
     takes_parameter_table = True
     shows_steps = True
-    method: ClassVar[str]
-    # Right-hand sides per attempted step of an explicit method, and per step that is interpolated.
+    method: ClassVar[str]  # SciPy's name of its class
+    # Right-hand sides per attempted step of an explicit method, None of others; and those per step
+    # that is interpolated.
     attempt: ClassVar[int | None] = None
     interpolation: ClassVar[int] = 0
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         method = getattr(load_methods(), self.method)
-        fun, options, held = self.bind(problem, settings)
+        fun, options, parameter_lists = self.bind(problem, settings)
+        counting = settings.count or problem.plain
+        # Explicit methods and LSODA count all right-hand sides, others not those for Jacobians.
+        counts_all = self.attempt is not None or self.method == "LSODA"
+        # A function in plain Python is counted by the method where that counts all of them.
+        counts_here = counting and not (problem.plain and counts_all)
 
         def integrate(record: Record) -> Outcome:
             calls = 0
-            for parameters in held:
+            for parameters in parameter_lists:
                 change(parameters, len(parameters), record)
 
             def counted(t: float, y: np.ndarray) -> np.ndarray:
@@ -97,25 +103,20 @@ class ScipySolver(Solver):
                 calls += 1
                 return fun(t, y)
 
+            function = counted if counts_here else fun
+            start = record.start.copy()
             with UNWARNED, _lock_of(self.method):
-                counting = settings.count or problem.plain
-                complete = self.attempt is not None or self.method == "LSODA"
-                counts = counting and not (problem.plain and complete)
-                own = counted if counts else fun
-                stepper = method(
-                    own, record.times[0], record.start.copy(), record.times[-1], **options
-                )
+                stepper = method(function, record.times[0], start, record.times[-1], **options)
                 outcome, interpolated = _step_through(stepper, record)
             work = record.work
-            # Explicit methods and LSODA count theirs all themselves.
-            work.rhs_calls = (calls if counts else stepper.nfev) if counting else None
+            if counting:
+                work.rhs_calls = calls if counts_here else stepper.nfev
             if self.implicit:
                 work.jacobians = int(stepper.njev)
                 work.factorizations = int(stepper.nlu)
             if self.attempt and work.steps:
-                attempts = (
-                    stepper.nfev - _START_CALLS - self.interpolation * interpolated
-                ) // self.attempt
+                beside_attempts = _START_CALLS + self.interpolation * interpolated
+                attempts = (stepper.nfev - beside_attempts) // self.attempt
                 work.rejected = attempts - work.steps
             return outcome
 
@@ -124,7 +125,10 @@ class ScipySolver(Solver):
     def bind(
         self, problem: Problem, settings: Settings
     ) -> tuple[Callback, dict[str, Any], list[Any]]:
-        """The field as ``fun(t, y)``, the options of SciPy's solver class, and the parameters that both read."""
+        """The field as ``fun(t, y)``, options of SciPy's class, and the arrays or lists of parameters that both read.
+
+        Parameters that change on the way are changed in each of these.
+        """
         options: dict[str, Any] = {
             "rtol": settings.rtol,
             "atol": settings.atols(),
@@ -218,7 +222,11 @@ def _failed(stepper: Any, message: str | None) -> Outcome:
 
 
 def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
-    """Step to the end; the outcome, and how many steps were interpolated."""
+    """Step to the end and fill rows; the outcome, and how many steps were interpolated.
+
+    Each step costs some microseconds here besides the method's own time: what a step asks for is
+    looked up before.
+    """
     times = record.times
     work = record.work
     events = record.events
@@ -228,7 +236,8 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
     stalled = 0
     filled = record.filled
     count = len(times)
-    next_row = float(times[filled]) if filled < len(times) else inf
+    # The time of the next row to be filled.
+    next_row = float(times[filled]) if filled < count else inf
     rates = getattr(stepper, "f", None)
     if rates is not None and not np.isfinite(rates).all():
         # An explicit method would look for a first step without end.
@@ -253,9 +262,10 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
         before = reached
         if taken is not None:
+            # Rows are the steps themselves, which the caller takes from this list. The record's
+            # only row besides the start is the end, which is a step's.
             taken.append((reached, stepper.y))
             if next_row <= reached:
-                # The last row is a step's.
                 record.put(stepper.y[None])
                 next_row = inf
         ended = False

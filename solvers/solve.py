@@ -18,6 +18,7 @@ from polhode.solvers.contract import (
     UNLIMITED,
     Backend,
     Jacobian,
+    Outcome,
     Record,
     Settings,
     Solver,
@@ -106,22 +107,23 @@ def described(solution: Any, problem: str, setting: str) -> str:
     work = ", ".join(
         f"{count} {name}" for name, count in vars(solution.work).items() if count is not None
     )
+    status = str(solution.status)
+    if solution.message:
+        status = f"{status}: {solution.message}"
     times = solution.times
+    rows = str(len(times))
+    if len(times):
+        rows = f"{rows}, t = {float(times[0]):g} to {float(times[-1]):g}"
     facts = {
         "problem": problem,
         "solver": f"{solution.solver} at {setting}",
-        "status": f"{solution.status}: {solution.message}"
-        if solution.message
-        else str(solution.status),
-        "rows": f"{len(times)}, t = {float(times[0]):g} to {float(times[-1]):g}"
-        if len(times)
-        else "0",
+        "status": status,
+        "rows": rows,
         "work": work or "not reported",
         "seconds": f"{solution.seconds:.3g}",
     }
-    return "\n".join(
-        [type(solution).__name__, *(f"  {name}: {fact}" for name, fact in facts.items())]
-    )
+    lines = [f"  {name}: {fact}" for name, fact in facts.items()]
+    return "\n".join([type(solution).__name__, *lines])
 
 
 class Interrupted(KeyboardInterrupt):
@@ -218,43 +220,57 @@ def solve(
     search = EventSearch(events) if events else None
     run.events = search
     run.every_step = every_step
-    if method.available:
-        method.check(problem)
-    else:
-        run.status = Status.ADAPTER_MISSING
-        run.message = str(method.why_not)
-    if run.status is Status.REACHED_END and (unweighted := _unweighted(problem, method, settings)):
-        run.status = Status.TOLERANCE_UNATTAINABLE
-        run.message = unweighted
-
-    def finished() -> Solution:
-        seconds = perf_counter() - run.began
-        segments = tuple(run.segments) if problem.next_segment else ()
-        reached = run.times[: run.done]
-        rows = run.rows[: run.done]
-        if search and search.ended is not None:
-            reached, rows = _until(search.ended, search.end_state, reached, rows)
-        head = problem, method, settings, reached, rows
-        return Solution(*head, run.status, run.message, run.work, seconds, segments)
-
+    # A run whose status is a failure already takes no step.
+    run.status, run.message = _before_start(problem, method, settings)
     try:
         if search:
             search.begin(0.0, np.array(problem.start))
         run.through(problem.next_segment or wrapped(problem, times), max_seconds, max_steps, watch)
         if search and not method.seeks_events:
-            _look_through(search, finished())
+            _look_through(search, _solution_so_far(run, search))
     except KeyboardInterrupt:
         run.status = Status.INTERRUPTED
         run.message = ""
-        raise Interrupted(_examined(finished(), times)) from None
+        raise Interrupted(_examined(_solution_so_far(run, search), times)) from None
     except EventFailedError as error:
         raise ValueError(str(error)) from error
-    solution = finished()
-    ended = search is not None and search.ended is not None
-    solution = _examined(solution, solution.times if ended else run.times)
-    if doubt and solution.success and (ended := jumped(solution, solve, shrunk=run.shrunk)):
-        return replace(solution, status=Status.FALSE_SUCCESS, message=ended)
+    solution = _solution_so_far(run, search)
+    ended_by_event = search is not None and search.ended is not None
+    solution = _examined(solution, solution.times if ended_by_event else run.times)
+    if doubt and solution.success and (reason := jumped(solution, solve, shrunk=run.shrunk)):
+        return replace(solution, status=Status.FALSE_SUCCESS, message=reason)
     return solution
+
+
+def _before_start(problem: Problem, method: Solver, settings: Settings) -> Outcome:
+    """Status and message of a run that is to begin: a failure if it cannot; raises if the solver refuses it."""
+    if not method.available:
+        return Status.ADAPTER_MISSING, str(method.why_not)
+    method.check(problem)
+    if unweighted := _unweighted(problem, method, settings):
+        return Status.TOLERANCE_UNATTAINABLE, unweighted
+    return Status.REACHED_END, ""
+
+
+def _solution_so_far(run: Run, search: EventSearch | None) -> Solution:
+    """What a run has finished, up to the event that ended it if one did."""
+    seconds = perf_counter() - run.began
+    times = run.times[: run.done]
+    states = run.rows[: run.done]
+    if search and search.ended is not None:
+        times, states = _until(search.ended, search.end_state, times, states)
+    return Solution(
+        problem=run.problem,
+        method=run.method,
+        settings=run.settings,
+        times=times,
+        states=states,
+        status=run.status,
+        message=run.message,
+        work=run.work,
+        seconds=seconds,
+        segments=tuple(run.segments) if run.problem.next_segment else (),
+    )
 
 
 def prepared(problem: Problem, method: Solver) -> Problem:
@@ -307,7 +323,12 @@ def _look_through(search: EventSearch, solution: Solution) -> None:
 def _per_component(
     problem: Problem, rtol: Any, atol: Any, apart: bool
 ) -> tuple[float | Sequence[float], float | Sequence[float] | None]:
-    """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps."""
+    """Tolerances of the whole state: a time in it is known exactly, and has no say in the size of steps.
+
+    The time is the last component, if the problem is `timed`. `apart` says whether the solver takes
+    an absolute tolerance of each component: then that of the time is the largest time, and
+    its relative one 1.
+    """
     # NumPy would take a microsecond to say so.
     if not problem.timed and isinstance(rtol, float) and (atol is None or isinstance(atol, float)):
         return rtol, atol
@@ -320,9 +341,9 @@ def _per_component(
     if not (problem.timed and apart):
         return rtol, atol
     absolute = np.broadcast_to(rtol if atol is None else atol, components).tolist()
-    duration = max(problem.end, problem.start[-1])
+    largest_time = max(problem.end, problem.start[-1])
     relative = [*np.ravel(rtol).tolist(), 1.0] if np.ndim(rtol) else rtol
-    return relative, [*absolute, max(1.0, duration)]
+    return relative, [*absolute, max(1.0, largest_time)]
 
 
 def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:
@@ -333,10 +354,10 @@ def _unweighted(problem: Problem, method: Solver, settings: Settings) -> str:
     if positive or problem.next_segment or method.family == OWN:
         return ""
     atols = np.broadcast_to(settings.atols(), problem.dimension)
-    without = np.flatnonzero((atols == 0) & (np.array(problem.start) == 0))
-    if not len(without):
+    without_weight = np.flatnonzero((atols == 0) & (np.array(problem.start) == 0))
+    if not len(without_weight):
         return ""
-    return f"atol: got 0, expected a positive number, as y[{without[0]}] is 0 at the start"
+    return f"atol: got 0, expected a positive number, as y[{without_weight[0]}] is 0 at the start"
 
 
 def _requested_times(problem: Problem, times: np.ndarray | None) -> np.ndarray:
@@ -368,14 +389,15 @@ def _examined(solution: Solution, times: np.ndarray) -> Solution:
     """The solution, its claimed success doubted; of one that is not finite, the rows before."""
     finite = np.isfinite(solution.states)
     if not _all_true(finite):
-        kept = int(np.argmin(finite.all(axis=1)))
-        cut = replace(solution, times=solution.times[:kept], states=solution.states[:kept])
+        # The first row that is not finite, by the first False.
+        first = int(np.argmin(finite.all(axis=1)))
+        cut = replace(solution, times=solution.times[:first], states=solution.states[:first])
         if not solution.success:
             return cut
         return replace(
             cut,
             status=Status.NON_FINITE,
-            message=f"a state is not finite at t = {float(times[kept])!r}",
+            message=f"a state is not finite at t = {float(times[first])!r}",
         )
     doubt = _doubt(solution, times) if solution.success else None
     return replace(solution, status=Status.FALSE_SUCCESS, message=doubt) if doubt else solution
@@ -391,11 +413,16 @@ def _doubt(solution: Solution, times: np.ndarray) -> str | None:
         return f"the library claims success after {steps} steps, expected at least {least}"
     invariant = solution.problem.invariant
     if invariant is not None:
-        worst = float(np.abs(invariant(solution.states)).max())
-        tolerance = solution.settings.tolerance
-        of_steps = _INVARIANT_PER_STEP * tolerance * (steps or 0)
-        most = min(_INVARIANT_LIMIT, max(_INVARIANT_CEILING, of_steps))
-        allowed = min(most, max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance))
-        if not worst <= allowed:
-            return f"the invariant is broken by {worst:.1e}, expected at most {allowed:.1e}"
+        drift = float(np.abs(invariant(solution.states)).max())
+        allowed = _allowed_drift(solution.settings.tolerance, steps or 0)
+        # NaN is more than is allowed.
+        if not drift <= allowed:
+            return f"the invariant is broken by {drift:.1e}, expected at most {allowed:.1e}"
     return None
+
+
+def _allowed_drift(tolerance: float, steps: int) -> float:
+    """Largest drift of an invariant of a successful run."""
+    by_steps = _INVARIANT_PER_STEP * tolerance * steps
+    ceiling = min(_INVARIANT_LIMIT, max(_INVARIANT_CEILING, by_steps))
+    return min(ceiling, max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance))
