@@ -17,9 +17,13 @@ from polhode.solvers.contract import Status
 # Versions of asv's file formats.
 _VERSION = 2  # Results and benchmarks.json.
 _MACHINE_VERSION = 1  # machine.json.
+# Version of each benchmark; asv compares results of one version alone.
+_BENCHMARK_VERSION = "1"
+# Seconds after which asv would stop a benchmark that it runs itself.
+_TIMEOUT = 60.0
 # Series that asv shows of the suite: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
-# What each result lists, in this order, by asv's names.
+# Names, by asv, of the values that each result lists in this order.
 _COLUMNS = ("result", "params", "version", "started_at")
 
 
@@ -60,7 +64,7 @@ def write_asv(path: Path, folder: Path) -> Path:
         "env_vars": {},
         "result_columns": list(_COLUMNS),
         "results": {
-            name: [table["result"], table["params"], "1", milliseconds]
+            name: [table["result"], table["params"], _BENCHMARK_VERSION, milliseconds]
             for name, table in tables.items()
         },
         "durations": {},
@@ -85,7 +89,7 @@ def _records(path: Path, contents: Any) -> list[Record]:
 
 
 def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
-    """Series by asv's name: parameters, and results in the order of their product."""
+    """Series by asv's name: kind and unit, parameters, and results in the order of the parameters' product."""
     groups: dict[tuple[str, float, str], list[Record]] = {}
     for record in records:
         key = record["scene_name"], record["scene"]["stokes"], record["form"]
@@ -124,10 +128,10 @@ def _benchmarks(path: Path, tables: Mapping[str, Mapping[str, Any]]) -> dict[str
             "name": name,
             "param_names": ["solver", "tolerance"],
             "params": table["params"],
-            "timeout": 60.0,
+            "timeout": _TIMEOUT,
             "type": table["type"],
             "unit": table["unit"],
-            "version": "1",
+            "version": _BENCHMARK_VERSION,
         }
         for name, table in tables.items()
     }

@@ -1,6 +1,6 @@
 """Times of a work-precision study's solvers to an error, the best solver of a library, both over a parameter.
 
-Frames are those of `polhode.WorkPrecision`: a row for each solver and tolerance, with "error",
+`polhode.WorkPrecision` makes the frames. They have a row for each solver and tolerance, with "error", the
 "uncertainty" of its reference, "seconds" and "family", the library.
 """
 
@@ -19,7 +19,7 @@ STUDY_TARGETS = (1e-3, 1e-5, 1e-7, 1e-9)
 
 
 def seconds_to(frame: pd.DataFrame, target: float) -> dict[str, float]:
-    """Seconds that each solver takes to an error, of those that reach it; none where the reference does not know it."""
+    """Seconds that each solver takes to an error, if it reaches it; none where the reference does not resolve it."""
     uncertainty = frame["uncertainty"].dropna()
     if uncertainty.empty or target <= least_known(float(uncertainty.iloc[0])):
         return {}
@@ -35,7 +35,7 @@ def seconds_to(frame: pd.DataFrame, target: float) -> dict[str, float]:
 def best_of_families(frame: pd.DataFrame) -> pd.DataFrame:
     """The rows of one solver of each family: the one that is the fastest at most of `STUDY_TARGETS`.
 
-    Functions of the user's are a family each.
+    A function that the user gives is a family of its own.
     """
     reached = {target: seconds_to(frame, target) for target in STUDY_TARGETS}
     kept = []
@@ -55,6 +55,7 @@ def best_of_families(frame: pd.DataFrame) -> pd.DataFrame:
 def over_table(frame: pd.DataFrame, name: str, target: float) -> pd.DataFrame:
     """Seconds to an error: a row for each value of a parameter, a column for each solver that gets there."""
     rows = {value: seconds_to(runs, target) for value, runs in frame.groupby(name)}
+    # Names of the solvers that reach the error at some value.
     reaching = {*chain.from_iterable(rows.values())}
     solvers = [solver for solver in dict.fromkeys(frame["solver"]) if solver in reaching]
     return pd.DataFrame.from_dict(rows, orient="index", columns=None).reindex(columns=solvers)

@@ -1,7 +1,7 @@
 """Exponents and thresholds that `solve`, `pick` and sweeps take from the study over random bodies.
 
 `laws_of` makes them from the study's tables. `polhode.harness.answers.averaging_laws` reads them, and
-says what a law is. The columns of frames are those of `polhode.harness.averaging.shares`.
+says what a law is. `polhode.harness.averaging.shares` describes the columns of the frames.
 """
 
 import json
@@ -31,14 +31,14 @@ from polhode.harness.averaging.shares import (
 from polhode.harness.common.files import write_file
 from polhode.harness.common.fits import median_interval
 
-# Laws by name: of an order, and whether its bodies cross L² = 2EI₂.
+# Laws by name: the order of averaging, and whether the bodies cross L² = 2EI₂.
 _NAMES = {
     ORDER_ONE: (ORDER_ONE, False),
     FIRST_CROSSING: (ORDER_ONE, True),
     ORDER_TWO: (ORDER_TWO, False),
 }
-# An exponent is measured over a ratio of St this large, the last one that has enough bodies: there
-# the law has set in, and both ends are far enough apart.
+# An exponent is measured between two St of this ratio, the largest ones that have enough bodies: there the
+# law has set in, and the two are far enough apart.
 _RATIO = 10.0
 # St from which on an error's multiple of 1/St or 1/St² is taken; an estimate of where laws hold.
 _SETTLED_FROM = 1e4
@@ -47,45 +47,71 @@ _SETTLED_FROM = 1e4
 def laws_of(data: Data) -> dict[str, Any]:
     """Exponents of St, errors times their power of St, and the St from which errors are met, by kind.
 
-    Keys: "exponents" of each law, the ones to use; "measured", what they were measured as; "few" and
-    "most", factors of a law that 2.5 % and 97.5 % of the errors stay below; "from", by order, kind and
-    error, the St from which on half and 97.5 % of the bodies meet it, None where that is unknown.
+    Keys: "exponents" has the exponent of each law that is to be used, "measured" what was measured of it.
+    "few" and "most" have the factors of a law that 2.5 % and 97.5 % of the errors stay below. "from" has, by
+    order, kind and error, the St from which on half and 97.5 % of the bodies meet the error, None where
+    that is unknown.
     """
     runs = at(data, STUDIED_SLOW_TIMES[-1])
+    measured, exponents = _exponents(runs)
+    few, most = _factors(all_times(data), exponents)
+    return {
+        "exponents": exponents,
+        "measured": measured,
+        "few": few,
+        "most": most,
+        "from": {
+            order: {kind: _thresholds(runs, kind, order) for kind in kinds_in(runs)}
+            for order in THEORY
+        },
+    }
+
+
+def _exponents(runs: Frame) -> tuple[dict[str, dict[str, float] | None], dict[str, float]]:
+    """What was measured of each law's exponent, and the exponent to use, by name."""
     # Kicks of resonances fall more slowly than second order's own error.
     lawful = runs[(runs["order"] == ORDER_ONE) | (runs["kind"] != "resonance")]
-    laws: dict[str, Any] = {"exponents": {}, "measured": {}, "few": {}, "most": {}}
+    measured = {}
+    exponents = {}
     for name, (order, crosses) in _NAMES.items():
         theory = CROSSING_EXPONENT if crosses else THEORY[order]
-        own = lawful[(lawful["order"] == order) & (lawful["crosses"] == crosses)]
-        measured = _measured(own)
-        laws["measured"][name] = measured
+        exponent = _measured(lawful[(lawful["order"] == order) & (lawful["crosses"] == crosses)])
+        measured[name] = exponent
         # The measured exponent replaces the exponent of theory if errors fall more slowly. Its upper
         # end counts, so that the law promises no faster fall than was measured.
-        slower = measured is not None and measured["low"] > theory
-        laws["exponents"][name] = measured["high"] if measured and slower else theory
-    # "few" counts runs to every slow time, "most" those to the last one, where errors are largest.
-    every = all_times(data)
+        slower = exponent is not None and exponent["low"] > theory
+        exponents[name] = exponent["high"] if exponent and slower else theory
+    return measured, exponents
+
+
+def _factors(runs: Frame, exponents: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Factors of each order's law that 2.5 % and 97.5 % of the errors stay below.
+
+    The first counts runs to every slow time, the second runs to the last one, where errors are largest.
+    """
+    few = {}
+    most = {}
     for order in THEORY:
-        own = every[(every["order"] == order) & (every["stokes"] >= _SETTLED_FROM)]
-        own = own[own["slow"] < MAX_ERROR_OF_LAWS]
-        if len(own):
-            multiples = own["slow"] * own["stokes"] ** -laws["exponents"][order]
-            whole = own["slow_time"] == STUDIED_SLOW_TIMES[-1]
-            laws["few"][order] = _rounded(float(np.quantile(multiples, 1 - SHARES[-1])))
-            laws["most"][order] = _rounded(float(np.quantile(multiples[whole], SHARES[-1])))
-    laws["from"] = {}
-    for order in THEORY:
-        laws["from"][order] = {}
-        for kind in kinds_in(runs):
-            ends = {}
-            for target in ERRORS_MET:
-                both = [needed(runs, kind, order, share, target) for share in SHARES]
-                ends[f"{target:g}"] = [
-                    None if isnan(stokes) else _rounded(stokes) for stokes, _ in both
-                ]
-            laws["from"][order][kind] = ends
-    return laws
+        lawful = runs[(runs["order"] == order) & (runs["stokes"] >= _SETTLED_FROM)]
+        lawful = lawful[lawful["slow"] < MAX_ERROR_OF_LAWS]
+        if len(lawful):
+            multiples = lawful["slow"] * lawful["stokes"] ** -exponents[order]
+            whole = lawful["slow_time"] == STUDIED_SLOW_TIMES[-1]
+            few[order] = _rounded(float(np.quantile(multiples, 1 - SHARES[-1])))
+            most[order] = _rounded(float(np.quantile(multiples[whole], SHARES[-1])))
+    return few, most
+
+
+def _thresholds(runs: Frame, kind: str, order: str) -> dict[str, list[float | None]]:
+    """St from which on each share of SHARES meets an error, by the error in text; None where unknown."""
+    thresholds = {}
+    for target in ERRORS_MET:
+        numbers: list[float | None] = []
+        for share in SHARES:
+            stokes, _ = needed(runs, kind, order, share, target)
+            numbers.append(None if isnan(stokes) else _rounded(stokes))
+        thresholds[f"{target:g}"] = numbers
+    return thresholds
 
 
 def write_laws(laws: dict[str, Any], path: Path = LAWS_FILE) -> None:
@@ -94,7 +120,10 @@ def write_laws(laws: dict[str, Any], path: Path = LAWS_FILE) -> None:
 
 
 def _measured(runs: Frame) -> dict[str, float] | None:
-    """Exponent of the largest St that enough bodies have, over a ratio of ten: median over bodies, and its interval."""
+    """Exponent between the two largest St of the ratio `_RATIO` that enough bodies have; None without such.
+
+    It is the median over bodies, with its interval at 95 %, three digits behind the point.
+    """
     known = runs[runs["slow"].between(KNOWN * runs["uncertainty"], MAX_ERROR_OF_LAWS)]
     table = known.pivot(index=["kind", "body"], columns="stokes", values="slow")
     for end in sorted(table.columns, reverse=True):
@@ -102,11 +131,17 @@ def _measured(runs: Frame) -> dict[str, float] | None:
         slopes = slopes_between(table, begin, end)
         if slopes is not None:
             middle, low, high = median_interval(slopes)
-            numbers = {"median": middle, "low": low, "high": high}
-            rounded = {name: round(value, 3) for name, value in numbers.items()}
-            return {"begin": float(begin), "end": float(end), "bodies": len(slopes), **rounded}
+            return {
+                "begin": float(begin),
+                "end": float(end),
+                "bodies": len(slopes),
+                "median": round(middle, 3),
+                "low": round(low, 3),
+                "high": round(high, 3),
+            }
     return None
 
 
 def _rounded(value: float) -> float:
+    """A value in two digits."""
     return float(f"{value:.2g}")

@@ -1,6 +1,6 @@
 """Exponents of St that follow from the errors of second order away from resonances.
 
-By theory (`docs/second-order.md`) the error of L and E falls like 1/St², that of the orientation like 1/St.
+By theory (`docs/second-order.md`) the error of L and E falls like 1/St², the error of the orientation like 1/St.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,11 @@ from polhode.harness.common.fits import power_law
 
 # Slopes of log error over log St are fitted to errors between these two: larger ones follow no
 # power law yet, smaller ones are blurred by the reference. Both are estimates.
-LARGEST_FITTED_ERROR = 1e-2  # Of L and E, over I_max.
-LEAST_RESOLVED = 100.0  # Times the reference's uncertainty.
+LARGEST_FITTED_ERROR = 1e-2  # Error of L and E, over I_max.
+LEAST_RESOLVED = 100.0  # Error over the reference's uncertainty.
+# The orientation's slope is fitted to St from this share of the largest one on: two decades, and a percent
+# more, as the St of the cases are rounded to three digits.
+_TOP_SHARE = 0.99e-2
 
 
 @dataclass(frozen=True)
@@ -33,19 +36,29 @@ class Slope:
 def slopes(rows: Sequence[SecondOrderErrors]) -> list[Slope]:
     """Fitted exponents of St, one pair for each case; the orientation's over the top two decades."""
     fitted = []
-    for case in dict.fromkeys((row.shape, row.start) for row in rows):
-        case_rows = [row for row in rows if (row.shape, row.start) == case]
+    for shape, start in dict.fromkeys((row.shape, row.start) for row in rows):
+        case_rows = [row for row in rows if (row.shape, row.start) == (shape, start)]
         top = max(row.stokes for row in case_rows)
-        slow = [
-            (r.stokes, r.slow)
-            for r in case_rows
-            if LEAST_RESOLVED * r.slow_uncertainty < r.slow < LARGEST_FITTED_ERROR
-        ]
-        # Two decades, and a hundredth less: the St of the cases are rounded to three digits.
-        turned = [(r.stokes, r.orientation) for r in case_rows if r.stokes >= 0.99e-2 * top]
-        fitted.append(Slope(*case, _exponent(slow), len(slow), _exponent(turned), len(turned)))
+        slow_points = []
+        orientation_points = []
+        for row in case_rows:
+            if LEAST_RESOLVED * row.slow_uncertainty < row.slow < LARGEST_FITTED_ERROR:
+                slow_points.append((row.stokes, row.slow))
+            if row.stokes >= _TOP_SHARE * top:
+                orientation_points.append((row.stokes, row.orientation))
+        fitted.append(
+            Slope(
+                shape=shape,
+                start=start,
+                slow=_exponent(slow_points),
+                slow_points=len(slow_points),
+                orientation=_exponent(orientation_points),
+                orientation_points=len(orientation_points),
+            )
+        )
     return fitted
 
 
 def _exponent(points: Sequence[tuple[float, float]]) -> float:
+    """Fitted exponent of pairs of St and an error; NaN with fewer than two."""
     return power_law(*np.transpose(points))[0] if len(points) > 1 else nan

@@ -1,18 +1,20 @@
 """Errors of the averaged forms over random bodies, by St: references, forms, their own estimates, costs.
 
 `polhode accuracy` runs it, `reports/accuracy` shows it. A task is one body at one St: `measure` makes
-its record, `run` does the tasks that are left, `tables_of` makes tables of all records. Words of the
-tables: "slow" is the error of L and E over I_max, "turned" that of the orientation in rad, "bound"
-and "turned_bound" what `solve` states as upper ends of both. Each has a column for each slow time
-t₂ = t/St of STUDIED_SLOW_TIMES, `slow_0.05` to `slow_1`, and is the largest value up to that time.
-"refused" says why a form does not follow a run further. `docs/second-order.md` has the theory.
+its record, `run` does the tasks that are left, `tables_of` makes tables of all records.
+
+Columns of the tables: "slow" is the error of L and E over I_max, and "turned" the error of the orientation
+in rad. "bound" and "turned_bound" are the upper ends that `solve` states for the two errors. Each of these
+has a column for each slow time t₂ = t/St of STUDIED_SLOW_TIMES, `slow_0.05` to `slow_1`, with the largest
+value up to that time. "refused" says why a form does not follow a run further. `docs/second-order.md` has
+the theory.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import asdict
 from io import StringIO
-from itertools import islice
+from itertools import islice, pairwise
 from math import inf, nan
 from multiprocessing import get_context
 from pathlib import Path
@@ -65,30 +67,32 @@ BODIES = {
     1e7: 60,
     1e8: 20,
 }
-# The same for a look with `--quick`.
+# Bodies of each kind by St for a look with `--quick`.
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
-# Slow times up to which errors are taken, of one run to the last of them; an estimate.
+# Slow times up to which errors are taken. One run, to the last of them, gives all. Estimates.
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50
-# St at which what forms state of themselves is measured, and the bodies of each kind.
+# St at which the errors are measured that forms state of themselves, and the number of bodies of each kind.
 _STATED_STOKES = (100.0, 1000.0, 1e4, 31600.0, 1e5, 1e6, 1e7, 1e8)
 STATED_BODIES = 200
-# Bodies of each kind of which forms are timed: their median is shown.
+# Bodies of each kind whose runs are timed: pages show the median.
 TIMED_BODIES = 8
-# Bodies of each kind that `hybrid` follows by St, and the requested errors. At smaller St
-# full equations are all of it.
+# Bodies of each kind that `hybrid` follows by St: fewer where references take longer. At smaller St the
+# form follows the full equations all the time.
 HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
+# Errors of L and E over I_max that `hybrid` is asked for.
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
-# Bodies of each kind by St of which is measured what the full equations cost at a given error.
+# Bodies of each kind by St for which the cost of the full equations is measured.
 COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
 # Tolerances that are tried from the loosest on, until a run errs by no more than the least error.
 _COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 _COST_LEAST_ERROR = 1e-8
-_COST_LONG = 0.02  # Seconds; shorter runs are timed several times, and the fastest counts.
+# Seconds. Shorter runs are timed `_BODY_COST_REPEATS` times, and the fastest counts.
+_COST_LONG = 0.02
 _BODY_COST_REPEATS = 3
 # The reference is a run in long double up to this St, and a looser one shows its error. The limit
-# is an estimate.
+# is an estimate. The runs are pairs of a method and a tolerance.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
 # Up to a larger St the reference is Taylor's method in double precision. A Runge-Kutta method, for
@@ -100,7 +104,7 @@ _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1
 # method does; stroboscopic averaging, whose steps take many turns each, shows its error.
 _TAYLOR_UP_TO = 1e6
 _FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
-# Error of L and E, over I_max, from which on the two do not confirm each other; an estimate.
+# Difference of L and E, over I_max, from which on two runs do not confirm each other; an estimate.
 _APART = 1e-4
 # Solver of the averaged forms, the tolerance that a user takes, and one whose error counts for nothing.
 FORM_SOLVER = "cyrk-vern8"
@@ -109,7 +113,7 @@ _EXACT_TOLERANCE = 1e-12
 # Steps of an averaged run, at most, so that none goes on without end; an estimate.
 _MAX_STEPS = 300_000
 # A task takes about `_ANY_TASK` seconds, and seconds per unit of St: of a triaxial body, of a spheroid,
-# and of a spheroid beyond `_TAYLOR_UP_TO`. They are used for the order of tasks alone.
+# and of a spheroid beyond `_TAYLOR_UP_TO`. These numbers serve the order of tasks alone.
 _ANY_TASK = 0.1
 _SECONDS_PER_STOKES = 2.2e-6
 _SPHEROIDS_PER_STOKES = 1.2e-6
@@ -128,13 +132,11 @@ Array = np.ndarray
 Frame = Any  # Of pandas, whose types say too little of it.
 # Slow times of a run's samples, shape (201,): 0, then equal steps up to each of STUDIED_SLOW_TIMES.
 # `_LAST_SAMPLES` has the places of these four.
-TIMES = np.concatenate(
-    [[0.0]]
-    + [
-        np.linspace(begin, end, _SEGMENT_SAMPLES + 1)[1:]
-        for begin, end in zip((0.0, *STUDIED_SLOW_TIMES), STUDIED_SLOW_TIMES, strict=False)
-    ]
-)
+_SEGMENTS_OF_TIMES = [
+    np.linspace(begin, end, _SEGMENT_SAMPLES + 1)[1:]
+    for begin, end in pairwise((0.0, *STUDIED_SLOW_TIMES))
+]
+TIMES = np.concatenate([[0.0], *_SEGMENTS_OF_TIMES])
 _LAST_SAMPLES = [_SEGMENT_SAMPLES * (i + 1) for i in range(len(STUDIED_SLOW_TIMES))]
 
 
@@ -166,12 +168,11 @@ def tasks(bodies: dict[float, int], kinds: Iterable[str] = KINDS) -> list[Task]:
     for kind in kinds:
         for stokes, count in bodies.items():
             every += [Task(kind, body, stokes) for body in range(count)]
-
     return sorted(every, key=_turn)
 
 
 def _turn(task: Task) -> float:
-    """The number by which tasks are ordered, a smaller one first."""
+    """The number by which tasks are ordered, a smaller one first: of the estimated seconds and the body."""
     rate = _SECONDS_PER_STOKES
     if task.kind in ("prolate", "oblate"):
         rate = _SPHEROIDS_PER_STOKES
@@ -195,7 +196,7 @@ def reference_of(scene: Scene) -> Reference:
         method = "long double"
         runs = reference_runs(problem, times, _LONG_DOUBLE)
     elif all(find_solver(name).available for name in names):
-        runs = [_states(problem, *how, times) for how in pair]
+        runs = [_states(problem, solver, tolerance, times) for solver, tolerance in pair]
     else:
         by_solver = unlike_runs(problem, times)
         method = ", ".join(by_solver)
@@ -221,15 +222,19 @@ def _states(problem: Problem, solver: str, tolerance: float, times: Array) -> Ar
 
 
 def _largest(apart: Difference) -> tuple[list[float], list[float]]:
-    """The largest differences up to each of STUDIED_SLOW_TIMES; NaN beyond the last sample, or without orientation."""
-    both = []
-    for values in apart:
-        largest = [nan] * len(STUDIED_SLOW_TIMES)
-        for i, last in enumerate(_LAST_SAMPLES):
-            if values is not None and last < len(values):
-                largest[i] = float(np.max(values[: last + 1]))
-        both.append(largest)
-    return both[0], both[1]
+    """Largest differences of L and E, and of the orientation, up to each of STUDIED_SLOW_TIMES."""
+    return _largest_up_to(apart.slow), _largest_up_to(apart.orientation)
+
+
+def _largest_up_to(values: Array | None) -> list[float]:
+    """Largest values up to each of STUDIED_SLOW_TIMES; NaN beyond the last sample, or without values."""
+    largest = [nan] * len(STUDIED_SLOW_TIMES)
+    if values is None:
+        return largest
+    for i, last in enumerate(_LAST_SAMPLES):
+        if last < len(values):
+            largest[i] = float(np.max(values[: last + 1]))
+    return largest
 
 
 def measure(task: Task, body: Body | None = None) -> Record:
@@ -273,6 +278,7 @@ def _names(name: str) -> list[str]:
 
 
 def _columns(name: str, values: Sequence[float]) -> dict[str, float]:
+    """Values at STUDIED_SLOW_TIMES under the names of their columns."""
     return dict(zip(_names(name), values, strict=True))
 
 
@@ -323,13 +329,13 @@ def _averaged(
 ) -> Record:
     """The row of a form: its model error up to the last slow time, the solver's error, what `solve` states.
 
-    The model error is that of a run to `_EXACT_TOLERANCE`, at which the solver's error counts for
-    nothing. The solver's error is the difference of a run to `FORM_TOLERANCE` from that run. The
-    statement of `solve` for a slow time is made by a run of its own that ends there, as a user's would.
+    A run to `_EXACT_TOLERANCE` gives the model error: there the solver's error counts for nothing. The
+    solver's error is the difference between that run and a run to `FORM_TOLERANCE`. A run of its own that
+    ends at a slow time, as a user's would, makes the statement of `solve` for that slow time.
     """
     scene = body.scene(task.stokes, slow_times[-1])
-    last = _LAST_SAMPLES[len(slow_times) - 1] + 1
-    times = TIMES[:last]
+    count = _LAST_SAMPLES[len(slow_times) - 1] + 1
+    times = TIMES[:count]
     exact = _observed(scene, form, _EXACT_TOLERANCE, times)
     usual = _observed(scene, form, FORM_TOLERANCE, times)
     if exact is None or usual is None:
@@ -341,20 +347,25 @@ def _averaged(
         began = thread_time()
         _observed(scene, form, FORM_TOLERANCE, times)
         row["seconds"] = thread_time() - began
-    slow, turned = _largest(difference(scene.ellipsoid, exact, reference.observables[:last]))
+    slow, turned = _largest(difference(scene.ellipsoid, exact, reference.observables[:count]))
     row |= _columns("slow", slow) | _columns("turned", turned)
     row["solver_error"] = float(difference(scene.ellipsoid, usual, exact).slow.max())
     if with_stated:
         for slow_time in slow_times:
-            part = body.scene(task.stokes, slow_time)
-            runner = Runner(part, np.array([0.0, part.time]))
-            run = runner.run(Method(form, find_solver(available_like(FORM_SOLVER))), FORM_TOLERANCE)
-            stated = confirmation(runner, run)
-            row[f"bound_{slow_time:g}"] = stated.slow.high if stated.slow else nan
-            row[f"turned_bound_{slow_time:g}"] = (
-                stated.orientation.high if stated.orientation else nan
-            )
+            row |= _stated(body, task, form, slow_time)
     return row
+
+
+def _stated(body: Body, task: Task, form: Form, slow_time: float) -> dict[str, float]:
+    """Upper ends that `solve` states for a run to a slow time, by column; NaN where it states none."""
+    scene = body.scene(task.stokes, slow_time)
+    runner = Runner(scene, np.array([0.0, scene.time]))
+    run = runner.run(Method(form, find_solver(available_like(FORM_SOLVER))), FORM_TOLERANCE)
+    stated = confirmation(runner, run)
+    return {
+        f"bound_{slow_time:g}": stated.slow.high if stated.slow else nan,
+        f"turned_bound_{slow_time:g}": stated.orientation.high if stated.orientation else nan,
+    }
 
 
 def _observed(scene: Scene, form: Form, tolerance: float, slow_times: Array) -> Observables | None:
@@ -378,7 +389,7 @@ def _hybrid(scene: Scene, reference: Reference, requested: float, timed: bool) -
     tolerance = requested / ERROR_PER_TOLERANCE
     run = runner.run(method, tolerance)
     if timed:
-        # Tables and what was compiled count no more, the look ahead does.
+        # The run above has made the tables and compiled the form. The look ahead counts: it is done anew.
         for cached in (outline, path_of):
             cached.cache_clear()
         began = thread_time()
@@ -424,13 +435,14 @@ def _fastest(
     # The first run compiles, and is not timed.
     solve(problem, solver, tolerance, times[:2])
     runs = []
+    seconds = []
     for _ in range(_BODY_COST_REPEATS):
         began = thread_time()
-        run = solve(problem, solver, tolerance, times)
-        runs.append((thread_time() - began, run))
-        if runs[-1][0] > _COST_LONG:
+        runs.append(solve(problem, solver, tolerance, times))
+        seconds.append(thread_time() - began)
+        if seconds[-1] > _COST_LONG:
             break
-    return runs[-1][1], min(seconds for seconds, _ in runs)
+    return runs[-1], min(seconds)
 
 
 class Data(NamedTuple):
@@ -450,13 +462,12 @@ class Data(NamedTuple):
 
 # Columns that name a task.
 _TASK = ["kind", "body", "stokes"]
+# Columns of a body: what names it, semi-axes, quaternion, angular velocity, and what is known of its path.
 _BODY_COLUMNS = (
     *("kind", "body", "a", "b", "c"),
     *("q_w", "q_x", "q_y", "q_z", "omega_1", "omega_2", "omega_3"),
     *("crossing", "kick"),
 )
-
-
 # Columns of each table; `requested` is empty but for `hybrid`, times are in s.
 _COLUMNS = {
     "bodies": _BODY_COLUMNS,
@@ -489,15 +500,20 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
         table = pd.DataFrame(frames[name], columns=[*_COLUMNS[name]])
         if old is not None:
             table = pd.concat([getattr(old, name), table])
+        # Columns that tell the rows of a table apart. Of rows that are alike in them the earliest counts.
         keys = [key for key in (*_TASK, "form", "requested", "solver", "tolerance") if key in table]
         if len(table):
-            order = {kind: i for i, kind in enumerate(KINDS)}
-            table = table.drop_duplicates(keys).sort_values(
-                keys, key=lambda column: column.map(order) if column.name == "kind" else column
-            )
+            table = table.drop_duplicates(keys).sort_values(keys, key=_in_order)
         tables.append(table.reset_index(drop=True))
     bodies, references, errors, costs = tables
     return Data(bodies, references, errors, costs, timed)
+
+
+def _in_order(column: Any) -> Any:
+    """What a column is sorted by: kinds by their places in KINDS, others by their values."""
+    if column.name != "kind":
+        return column
+    return column.map({kind: place for place, kind in enumerate(KINDS)})
 
 
 def write_data(data: Data, folder: Path) -> None:
@@ -577,16 +593,22 @@ def run(
 
 
 def _timed(records: Sequence[Record], old: Data | None) -> Record:
-    """Days, places and commits of all measurements, each once."""
+    """Days, places and commits of all measurements, each once, under "errors", "errors 2" and so on."""
     entries = [*old.timed.values()] if old else []
     for record in records:
         places = {name: record.get(name) for name in ("machine", "versions", "commit")}
-        entries.append({"date": record["date"][:10], **places})
-    by_content = {dumps({**entry, "date": entry["date"][:10]}): entry for entry in entries}
-    return {
-        "errors" if i == 0 else f"errors {i + 1}": entry
-        for i, entry in enumerate(by_content.values())
-    }
+        entries.append({"date": _day(record), **places})
+    # Entries of one day, place and commit are one: the last of them counts.
+    by_content = {dumps({**entry, "date": _day(entry)}): entry for entry in entries}
+    timed = {}
+    for number, entry in enumerate(by_content.values(), 1):
+        timed["errors" if number == 1 else f"errors {number}"] = entry
+    return timed
+
+
+def _day(entry: Record) -> str:
+    """The day of a measurement, as 2026-01-31."""
+    return entry["date"][:10]
 
 
 def first_references(data: Data) -> int | None:

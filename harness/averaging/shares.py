@@ -1,10 +1,10 @@
 """From errors of random bodies to answers: from which St an error is met, exponents, what estimates are worth.
 
-Frames have the columns that `at` gives them: a row is a run of one body at one St by one form, up to
-one slow time. "slow" is its error of L and E over I_max, "turned" that of the orientation in rad;
-"uncertainty" and "turned_uncertainty" are how far the reference may be off; "bound" and
-"turned_bound" are what `solve` states as upper ends. An "exponent" is the power of St with which an
-error grows, below 0 as it falls. `docs/second-order.md` has the theory.
+`at` gives frames their columns. A row is a run of one body at one St by one form, up to one slow time.
+"slow" is its error of L and E over I_max, "turned" its error of the orientation in rad. "uncertainty" and
+"turned_uncertainty" say how far the reference may be off. "bound" and "turned_bound" are the upper ends
+that `solve` states. An "exponent" is the power of St with which an error grows, below 0 as it falls.
+`docs/second-order.md` has the theory.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,28 +22,29 @@ from polhode.harness.averaging.random_study import STUDIED_SLOW_TIMES, Data, Fra
 from polhode.harness.common.fits import median_interval, wilson
 
 HYBRID = "hybrid"
-# The order of averaging of each form, by which rows are grouped; `hybrid` stands for itself.
+# The order of averaging by form: rows are grouped by it. Form `hybrid` is a group of its own.
 _ORDERS = {**ORDERS, HYBRID: HYBRID}
 # Exponents of St by theory, by order of averaging. At a crossing of L² = 2EI₂ the jump decides.
 THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
-_RESONANCE = -0.5  # Of both orders, which leave out the kicks.
-_ORIENTATION = -1.0  # Of second order, which alone gives the orientation.
+_RESONANCE = -0.5  # Of both orders, which leave out the kicks of resonances.
+_ORIENTATION = -1.0  # The orientation's, by second order, which alone gives it.
 # Errors of which the tables say from which St on they are met.
 ERRORS_MET = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 # Shares of the bodies: the median, and the share that `solve` claims for the errors that it states.
 SHARES = (0.5, 0.975)
-# Fewer bodies at a St say nothing of a share of 97.5 %; an estimate.
+# Fewer bodies at one St say nothing of a share of 97.5 %; an estimate.
 LEAST_BODIES = 20
 # An error counts as known from this multiple of its reference's uncertainty on: the uncertainty
 # changes it by a tenth at most.
 KNOWN = 10.0
-# An error smaller than this share of what those at the St on either side make expect is one by
-# cancellation: terms of the error happen to add up to little at that St. The share is an estimate.
+# The errors at the St on either side make an error expected. One that is smaller than this share of it is
+# small by cancellation: terms of the error happen to add up to little at that St. An estimate.
 CANCELLED = 1 / 3
 # St from which on errors are looked at for cancellation: below, no power law holds yet.
 _FROM = 1000.0
-# An interval that ends this near to the exponent of theory counts as one that holds it; an estimate.
+# An interval of an exponent that ends this near to the exponent of theory counts as one that holds it; an
+# estimate.
 _NEAR = 0.03
 # St from which on statements of first and second order are counted: below, a full run confirms them.
 STATED_FROM = 1e4
@@ -90,35 +91,40 @@ class Quantile:
         LARGEST_STOKES; "never": too many bodies are refused.
         """
         # Places of the St at which the error is missed; the last one decides.
-        above = [i for i, error in enumerate(self.error) if error > target]
-        if not above:
+        missed_at = [place for place, error in enumerate(self.error) if error > target]
+        if not missed_at:
             return self.stokes[0], "at most"
-        last = above[-1]
-        if self.error[last] == inf and last + 1 == len(self.error):
-            return nan, "never"
+        last = missed_at[-1]
         if last + 1 == len(self.error):
+            if self.error[last] == inf:
+                return nan, "never"
             stokes = self.stokes[-1] * (self.error[-1] / target) ** (-1 / exponent)
             return (stokes, "extrapolated") if stokes <= LARGEST_STOKES else (nan, "beyond")
         if self.error[last] == inf:
             return self.stokes[last + 1], "measured"
-        low, high = log10(self.error[last + 1]), log10(self.error[last])
-        way = (high - log10(target)) / (high - low)
-        begin, end = log10(self.stokes[last]), log10(self.stokes[last + 1])
+        # Logarithms of St and error are interpolated from the last miss to the next St, which meets it.
+        missed = log10(self.error[last])
+        met = log10(self.error[last + 1])
+        way = (missed - log10(target)) / (missed - met)
+        begin = log10(self.stokes[last])
+        end = log10(self.stokes[last + 1])
         return 10 ** (begin + way * (end - begin)), "measured"
 
 
 def quantile(runs: Frame, share: float, column: str = "slow") -> Quantile | None:
     """The quantile of one kind and form, over the St with enough bodies; None without any."""
-    stokes, errors, counts = [], [], []
-    for number, there in runs.groupby("stokes"):
-        if len(there) < LEAST_BODIES:
+    numbers = []
+    errors = []
+    counts = []
+    for stokes, stokes_runs in runs.groupby("stokes"):
+        if len(stokes_runs) < LEAST_BODIES:
             continue
         # A body that the form refuses has no error, and counts as one that meets none.
-        ordered = np.sort(there[column].fillna(inf))
-        stokes.append(float(str(number)))
+        ordered = np.sort(stokes_runs[column].fillna(inf))
+        numbers.append(float(str(stokes)))
         errors.append(float(ordered[ceil(share * len(ordered)) - 1]))
         counts.append(len(ordered))
-    return Quantile(share, tuple(stokes), tuple(errors), tuple(counts)) if stokes else None
+    return Quantile(share, tuple(numbers), tuple(errors), tuple(counts)) if numbers else None
 
 
 @dataclass(frozen=True)
@@ -167,9 +173,21 @@ def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
                 slopes = slopes_between(table, begin, end)
                 if slopes is None:
                     continue
-                of = str(kind), str(order), bool(crosses), error
-                place = begin, end, len(slopes)
-                rows.append(Exponent(*of, *place, *median_interval(slopes)))
+                middle, low, high = median_interval(slopes)
+                rows.append(
+                    Exponent(
+                        kind=str(kind),
+                        order=str(order),
+                        crosses=bool(crosses),
+                        error=error,
+                        begin=begin,
+                        end=end,
+                        bodies=len(slopes),
+                        median=middle,
+                        low=low,
+                        high=high,
+                    )
+                )
     return rows
 
 
@@ -182,7 +200,7 @@ def slopes_between(table: Frame, begin: float, end: float) -> np.ndarray | None:
 
 
 def predicted(row: Exponent) -> tuple[float, float]:
-    """The exponents between which theory puts this one.
+    """The two exponents between which theory puts a measured one.
 
     Crossings (first order) and resonances (both orders) add an error that falls like 1/√St: as St
     grows, the exponent goes from the order's own to -½.
@@ -203,9 +221,9 @@ class Bounded:
 
     kind: str
     order: str
-    error: str
+    error: str  # "slow" or "turned"
     runs: int
-    missed: int
+    missed: int  # runs whose error exceeds the bound
     bodies: int
     held: int  # bodies all of whose runs are bounded
     worst: float  # largest error over bound
@@ -218,17 +236,20 @@ class Bounded:
 
     @property
     def enough(self) -> bool:
-        """Whether that is as large as `solve` claims."""
+        """Whether the share of bounded runs is as large as `solve` claims."""
         return self.share >= SHARES[-1]
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Interval of the share of bodies."""
+        """Interval at 95 % of the share of bodies all of whose runs are bounded."""
         return wilson(self.held, self.bodies)
 
 
 def bounded(runs: Frame) -> list[Bounded]:
-    """Statements of every kind and order against the errors measured; an error below the uncertainty counts as that."""
+    """Stated bounds of every kind and order against the errors measured.
+
+    An error or bound below the reference's uncertainty counts as the uncertainty.
+    """
     rows = []
     # At smaller St first and second order are compared with a full run, so that nothing can fail.
     runs = runs[(runs["stokes"] >= STATED_FROM) | (runs["order"] == HYBRID)]
@@ -238,15 +259,21 @@ def bounded(runs: Frame) -> list[Bounded]:
     ):
         stated = runs[runs[bound].notna() & runs[error].notna()]
         for (kind, order), group in stated.groupby(["kind", "order"]):
-            least = np.maximum(group[error], group[uncertainty])
-            misses = group[error] > np.maximum(group[bound], group[uncertainty])
-            by_body = misses.groupby(group["body"]).any()
+            known_error = np.maximum(group[error], group[uncertainty])
+            known_bound = np.maximum(group[bound], group[uncertainty])
+            misses = group[error] > known_bound
+            missed_by_body = misses.groupby(group["body"]).any()
             rows.append(
                 Bounded(
-                    *(str(kind), str(order), error, len(group), int(misses.sum())),
-                    *(len(by_body), int((~by_body).sum())),
-                    float((group[error] / np.maximum(group[bound], group[uncertainty])).max()),
-                    float((group[bound] / least).median()),
+                    kind=str(kind),
+                    order=str(order),
+                    error=error,
+                    runs=len(group),
+                    missed=int(misses.sum()),
+                    bodies=len(missed_by_body),
+                    held=int((~missed_by_body).sum()),
+                    worst=float((group[error] / known_bound).max()),
+                    over=float((group[bound] / known_error).median()),
                 )
             )
     return rows
@@ -259,13 +286,13 @@ class Cancelled:
     kind: str
     body: int
     order: str
-    stokes: tuple[float, float, float]
-    error: tuple[float, float, float]
+    stokes: tuple[float, float, float]  # the St, between its neighbours
+    error: tuple[float, float, float]  # of L and E over I_max, at these St
     ratio: float  # of the middle error to the one expected
 
 
 def cancelled(runs: Frame) -> tuple[list[Cancelled], int]:
-    """The errors that are small by cancellation, the most striking first, and of how many."""
+    """The errors that are small by cancellation, the most striking first, and how many errors were looked at."""
     rows = []
     count = 0
     averaged = runs[runs["order"].isin(THEORY) & (runs["slow"] > KNOWN * runs["uncertainty"])]
@@ -273,17 +300,31 @@ def cancelled(runs: Frame) -> tuple[list[Cancelled], int]:
         group = group[group["stokes"] >= _FROM].sort_values("stokes")
         stokes = group["stokes"].to_numpy()
         error = group["slow"].to_numpy()
-        for i in range(1, len(stokes) - 1):
+        # Each St that has neighbours on both sides.
+        for middle in range(1, len(stokes) - 1):
             count += 1
-            three = slice(i - 1, i + 2)
-            # The middle error by the power law through both neighbours.
-            x, y = np.log(stokes[three]), np.log(error[three])
-            expected = np.interp(x[1], x[::2], y[::2])
-            ratio = float(np.exp(y[1] - expected))
+            three = slice(middle - 1, middle + 2)
+            ratio = _over_expected(stokes[three], error[three])
             if ratio < CANCELLED:
-                place = tuple(stokes[three].tolist()), tuple(error[three].tolist())
-                rows.append(Cancelled(str(kind), int(str(body)), str(order), *place, ratio))
+                rows.append(
+                    Cancelled(
+                        kind=str(kind),
+                        body=int(str(body)),
+                        order=str(order),
+                        stokes=tuple(stokes[three].tolist()),
+                        error=tuple(error[three].tolist()),
+                        ratio=ratio,
+                    )
+                )
     return sorted(rows, key=lambda row: row.ratio), count
+
+
+def _over_expected(stokes: np.ndarray, error: np.ndarray) -> float:
+    """The middle one of three errors over the one that the power law through the other two makes expected."""
+    begin, middle, end = np.log(stokes)
+    first, second, third = np.log(error)
+    expected = np.interp(middle, [begin, end], [first, third])
+    return float(np.exp(second - expected))
 
 
 def kinds_in(runs: Frame) -> list[str]:
@@ -319,18 +360,18 @@ def _medians(runs: Frame) -> dict[float, float]:
 
 
 def nearest(values: Iterable[float], stokes: float) -> float:
-    """The St of some that lies nearest to one, by ratio."""
+    """The value that lies nearest to an St by ratio."""
     return min(values, key=lambda value: abs(log10(value / stokes)))
 
 
 def needed(runs: Frame, kind: str, order: str, share: float, target: float) -> tuple[float, str]:
     """St from which a share of a kind meets an error by an order, and where that comes from (`Quantile.needed`)."""
     there = runs[(runs["kind"] == kind) & (runs["order"] == order)]
-    found = quantile(there, share)
-    if found is None:
+    errors = quantile(there, share)
+    if errors is None:
         return nan, "never"
     if kind == "resonance":
-        return found.needed(target, _RESONANCE)
-    # The law that most of the bodies follow.
+        return errors.needed(target, _RESONANCE)
+    # The exponent of the law that most of the bodies follow.
     crossing = order == ORDER_ONE and 2 * there["crosses"].mean() > 1
-    return found.needed(target, CROSSING_EXPONENT if crossing else THEORY[order])
+    return errors.needed(target, CROSSING_EXPONENT if crossing else THEORY[order])
