@@ -71,7 +71,7 @@ def processes(
         idle.put(worker)
 
     def attempt(task: Any) -> Finished:
-        # As many threads as workers: one is idle when a thread begins a task.
+        # There is a thread for each worker: when a thread begins a task, a worker is idle.
         worker = idle.get()
         try:
             reply = worker.run(function, task, limit=max_seconds)
@@ -79,10 +79,10 @@ def processes(
             reply = Reply(None, Failure.LOST, f"no worker: {error}", 0.0)
         finally:
             idle.put(worker)
+        if not reply.failure:
+            return Finished(task, reply.value)
         # The last line of a traceback says what was raised.
-        return Finished(
-            task, reply.value, reply.message.strip().rpartition("\n")[2] if reply.failure else ""
-        )
+        return Finished(task, reply.value, reply.message.strip().rpartition("\n")[2])
 
     threads = ThreadPoolExecutor(count)
     remaining = iter(tasks)

@@ -1,8 +1,8 @@
 """Ensembles: many particles of one shape and Stokes number, run in tasks that are pure functions of plain data.
 
 `Ensemble` is the description, `Task` a block of its particles, `run_task` what an engine
-(`polhode.harness.ensembles.engines`) calls. Of the particles only sums are kept, in
-`polhode.harness.ensembles.statistics`. `docs/scaling.md` says which equations run by which method.
+(`polhode.harness.ensembles.engines`) calls. `polhode.harness.ensembles.statistics` keeps sums over the
+particles, and nothing of a single one. `docs/scaling.md` says which equations run by which method.
 In shapes, n counts particles, m times, and d components of a state.
 """
 
@@ -43,15 +43,15 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 _SCHEMA = 5
 # Particles on which method and step are chosen; an estimate.
 PLANNED_PARTICLES = 128
-# Numbers of a block of particles that are held at once, 8 bytes each, so 16 MB; their observables
-# take a few times as much. An estimate.
+# Most numbers of states that are held at once, 8 bytes each, so 16 MB; their observables take a few times
+# as much. An estimate.
 _HELD = 2_000_000
-# Particles that are held at once, at most, if each has few samples; an estimate.
+# Most particles that are held at once, if each has few samples; an estimate.
 _MOST_AT_ONCE = 8192
-# States whose observables are held at once: they stay in the processor's cache.
+# Most states whose observables are held at once: they stay in the processor's cache. An estimate.
 _OBSERVED = 20_000
-# Angular velocities stay below the fastest start, or about the fluid's, ½ in simple shear: 1 is
-# the least limit of |L| over I_max. Histograms reach further by the factor `MARGIN`, an estimate.
+# Angular velocities stay below the fastest start, or about the angular velocity of the fluid, ½ in simple
+# shear: 1 is the least limit of |L| over I_max. Histograms reach further by the factor `MARGIN`, an estimate.
 _LEAST_LIMIT = 1.0
 MARGIN = 1.05
 # The whole numbers of an ensemble, least and most: estimates, but for the seed's 63 bits.
@@ -90,9 +90,8 @@ class Ensemble:
     tolerance: float = 1e-6
     block: int = 10_000  # particles of one task
     samples: int = 101  # equispaced times at which arrival is looked for, start and end included
-    snapshots: int = (
-        11  # those of them at which moments and distributions are kept; divides them evenly
-    )
+    # Samples at which moments and distributions are kept: evenly spaced, start and end included.
+    snapshots: int = 11
     bins: int = 64  # of each histogram
     radius: float = 0.05  # in (L, E) over I_max; an estimate
     flow: Flow | None = None  # of all particles; simple shear by default
@@ -181,22 +180,27 @@ class Ensemble:
         # of a sphere the last one; none where averaged equations leave the orientation open.
         shape = self.ellipsoid
         start_momentum = self.starts.angular_momentum
-        axes = (
-            shape.order
-            if shape.kind == "triaxial"
-            else (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+        if self.equations == "averaged":
+            axes = ()
+        elif shape.kind == "triaxial":
+            axes = shape.order
+        else:
+            axes = (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
+        momentum = _LEAST_LIMIT
+        energy = _LEAST_LIMIT / 2
+        if start_momentum is not None:
+            momentum = max(momentum, float(np.linalg.norm(start_momentum)))
+            # At a given |L| a rotation about the axis of the least inertia has the largest E.
+            energy = max(energy, momentum**2 / 2 * max(shape.inertia) / min(shape.inertia))
+        return Layout(
+            axes=axes,
+            snapshots=self.snapshots,
+            samples=self.samples,
+            attractors=len(self.attractors),
+            bins=self.bins,
+            largest_momentum=MARGIN * momentum,
+            largest_energy=MARGIN * energy,
         )
-        axes = axes if self.equations != "averaged" else ()
-        momentum = max(
-            _LEAST_LIMIT, 0.0 if start_momentum is None else float(np.linalg.norm(start_momentum))
-        )
-        # The largest E of a given |L| is that of a rotation about the axis of the least inertia.
-        energy = max(
-            _LEAST_LIMIT / 2,
-            momentum**2 / 2 * max(shape.inertia) / min(shape.inertia) if start_momentum else 0.0,
-        )
-        limits = MARGIN * momentum, MARGIN * energy
-        return Layout(axes, self.snapshots, self.samples, len(self.attractors), self.bins, *limits)
 
     @property
     def content(self) -> Record:
@@ -279,12 +283,13 @@ class Ensemble:
             random = np.random.default_rng(
                 np.random.SeedSequence(self.seed, spawn_key=(index, first))
             )
-            some = starts[first : first + at_once]
-            numbers = index * self.block + first + np.arange(len(some))
+            part = starts[first : first + at_once]
+            # Numbers of these particles among all of the ensemble.
+            numbers = index * self.block + first + np.arange(len(part))
             if self.along_tracks:
-                states, statuses = self._run_along_tracks(some, times, numbers)
+                states, statuses = self._run_along_tracks(part, times, numbers)
             else:
-                states, statuses = self.states(some, times, random)
+                states, statuses = self.states(part, times, random)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
             finished = states.swapaxes(0, 1)
             self._observe(
@@ -324,49 +329,50 @@ class Ensemble:
         scene = self.any_scene
         axes = list(self.layout.axes)
         unit = max(self.ellipsoid.inertia)
-        # Every so many samples there is a snapshot; names with `_then` hold values at snapshots alone.
+        # Samples from one snapshot to the next. Arrays whose name ends in `_then` hold values at snapshots.
         every = (samples - 1) // (self.snapshots - 1)
         slow_then = np.empty((self.snapshots, n, 4))
         directions_then = np.empty((self.snapshots, n, len(axes), 3))
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
+        # Whether each particle is close to an attractor at each sample.
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
         at_once = 1 if self.along_tracks else max(1, _OBSERVED // samples)
         for first in range(0, n, at_once):
-            some = slice(first, first + at_once)
+            part = slice(first, first + at_once)
             # Component by component in memory, which NumPy's sums over components need.
-            columns = np.moveaxis(states[some], 2, 0).reshape(d, -1)
+            columns = np.moveaxis(states[part], 2, 0).reshape(d, -1)
             if self.along_tracks:
                 scene = replace(scene, flow=self.flow_of(int(numbers[first])))
             observables = form.observe(scene, columns.T)
             components = (*observables.angular_momentum.T, observables.energy)
             slow = [component.reshape(-1, samples) / unit for component in components]
-            for k, attractor in enumerate(self.attractors):
-                away = sum(
-                    np.square(component - there)
-                    for component, there in zip(slow, attractor.state, strict=True)
+            for place, attractor in enumerate(self.attractors):
+                square_distance = sum(
+                    np.square(component - target)
+                    for component, target in zip(slow, attractor.state, strict=True)
                 )
-                close[k, some] = away < attractor.reach**2
-            slow_then[:, some] = np.stack([component[:, ::every].T for component in slow], axis=-1)
-            # Places of the snapshots among all states of these particles, shape (snapshots, particles).
-            then = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
-            at = observables[then.ravel()]
-            directions = at.rotation[:, axes]
-            directions_then[:, some] = directions.reshape(*then.shape, len(axes), 3)
-            rates = squared_rates(angular_velocity(self.ellipsoid, at), directions)
-            rates_then[:, some] = rates.reshape(*then.shape, len(axes), len(RATES))
+                close[place, part] = square_distance < attractor.reach**2
+            slow_then[:, part] = np.stack([component[:, ::every].T for component in slow], axis=-1)
+            # Rows of the snapshots among all states of these particles, shape (snapshots, particles).
+            rows = np.arange(columns.shape[1]).reshape(-1, samples)[:, ::every].T
+            at_snapshots = observables[rows.ravel()]
+            directions = at_snapshots.rotation[:, axes]
+            directions_then[:, part] = directions.reshape(*rows.shape, len(axes), 3)
+            rates = squared_rates(angular_velocity(self.ellipsoid, at_snapshots), directions)
+            rates_then[:, part] = rates.reshape(*rows.shape, len(axes), len(RATES))
         statistics.add_orientations(directions_then)
         statistics.rates += rates_then.sum(axis=1)
         statistics.rates_squares += np.square(rates_then).sum(axis=1)
         statistics.add_slow(self.layout, slow_then)
-        for k in range(len(self.attractors)):
-            statistics.add_arrivals(k, close[k].T)
+        for place in range(len(self.attractors)):
+            statistics.add_arrivals(place, close[place].T)
 
 
 @once()
 def plan_of(ensemble: Ensemble) -> Plan | None:
-    """How the particles of full equations are run; None by Taylor's method, where equal steps do not keep the error.
+    """How equal steps run the particles of full equations; None where they do not keep the error.
 
-    Nor are there any without llvmlite, which compiles them.
+    Taylor's method runs the particles then, and where llvmlite, which compiles equal steps, is missing.
     """
     if not installed("llvmlite"):
         return None

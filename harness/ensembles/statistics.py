@@ -1,8 +1,8 @@
 """Statistics of an ensemble: sums and counts of fixed size, whatever the number of particles, that can be merged.
 
 An axis p is a unit vector along a body axis, in space axes; its moments are the means of products of its
-components. Samples are the times at which particles are looked at, snapshots those of them at which
-moments and histograms are taken. `polhode.harness.ensembles.summary` makes means of the sums.
+components. Particles are looked at at the times of samples. Some samples are snapshots: they give moments
+and histograms. `polhode.harness.ensembles.summary` makes means of the sums.
 """
 
 from collections import Counter
@@ -16,8 +16,7 @@ import numpy as np
 # them. All others are equal to one of these.
 SECOND = tuple(combinations_with_replacement(range(3), 2))
 FOURTH = tuple(combinations_with_replacement(range(3), 4))
-# Pairs of components in Voigt's order, and which of `FOURTH` the moment of two pairs is, shape (6,
-# 6).
+# Pairs of components in Voigt's order, and the place in `FOURTH` of the moment of two pairs, shape (6, 6).
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _VOIGT_PAIRS = product(VOIGT, VOIGT)
 _FOURTH_PLACES = [FOURTH.index(tuple(sorted((*row, *column)))) for row, column in _VOIGT_PAIRS]
@@ -61,31 +60,33 @@ class Statistics:
     failures: Counter[str]  # particles by the status of their failure
     second: np.ndarray  # Σ p_i p_j in the order of `SECOND`, shape (S, A, 6)
     fourth: np.ndarray  # Σ p_i p_j p_k p_l in the order of `FOURTH`, shape (S, A, 15)
-    # Sums of squares of the same terms, from which standard errors follow; likewise below.
+    # Arrays `…_squares` hold sums of the squares of the same terms, from which standard errors follow.
     fourth_squares: np.ndarray
     rates: np.ndarray  # Σ (ω·p)² and Σ |dp/dt|², shape (S, A, 2)
     rates_squares: np.ndarray
     slow: np.ndarray  # Σ of the slow variables, shape (S, 5)
     slow_squares: np.ndarray
     histograms: np.ndarray  # of int, shape (S, 5, bins + 2)
-    arrivals: (
-        np.ndarray
-    )  # particles by the sample from which on they stayed close, shape (attractors, M)
+    # Particles by the sample from which on they stayed close, of int, shape (attractors, M).
+    arrivals: np.ndarray
 
     @classmethod
     def empty(cls, layout: Layout) -> Self:
         """No particles yet."""
-        times = layout.snapshots
-        axes = len(layout.axes)
-        names = len(SLOW_NAMES)
-        of_axes = (
-            np.zeros((times, axes, len(components)))
-            for components in (SECOND, FOURTH, FOURTH, RATES, RATES)
-        )
-        of_slow = (np.zeros((times, names)) for _ in range(2))
-        counts = (times, names, layout.bins + 2), (layout.attractors, layout.samples)
+        of_axes = (layout.snapshots, len(layout.axes))
+        of_slow = (layout.snapshots, len(SLOW_NAMES))
         return cls(
-            0, Counter(), *of_axes, *of_slow, *(np.zeros(shape, dtype=np.int64) for shape in counts)
+            particles=0,
+            failures=Counter(),
+            second=np.zeros((*of_axes, len(SECOND))),
+            fourth=np.zeros((*of_axes, len(FOURTH))),
+            fourth_squares=np.zeros((*of_axes, len(FOURTH))),
+            rates=np.zeros((*of_axes, len(RATES))),
+            rates_squares=np.zeros((*of_axes, len(RATES))),
+            slow=np.zeros(of_slow),
+            slow_squares=np.zeros(of_slow),
+            histograms=np.zeros((*of_slow, layout.bins + 2), dtype=np.int64),
+            arrivals=np.zeros((layout.attractors, layout.samples), dtype=np.int64),
         )
 
     @property
@@ -120,22 +121,16 @@ class Statistics:
             self.slow_squares[:, k] += np.square(values).sum(axis=1)
             edges = layout.edges(name)
             # Bin 0 lies below the limits, bin `bins` + 1 above.
-            place = (
-                np.floor((values - edges[0]) * (layout.bins / (edges[-1] - edges[0]))).astype(
-                    np.int64
-                )
-                + 1
-            )
-            place = np.clip(place, 0, layout.bins + 1)
-            for snapshot, row in enumerate(place):
+            widths = np.floor((values - edges[0]) * (layout.bins / (edges[-1] - edges[0])))
+            places = np.clip(widths.astype(np.int64) + 1, 0, layout.bins + 1)
+            for snapshot, row in enumerate(places):
                 self.histograms[snapshot, k] += np.bincount(row, minlength=layout.bins + 2)
 
     def add_arrivals(self, attractor: int, close: np.ndarray) -> None:
         """Add particles by the first sample from which on they are close to an attractor; shape (M, n) of bool."""
-        # Samples at the end of the run at which a particle is close without a break; it arrived at
-        # the first of them.
+        # `staying` counts the samples at the end of the run at which a particle is close without a break:
+        # it arrived at the first of them. Reversed in time, the first sample that is not close ends the stay.
         samples = len(close)
-        # Reversed in time, the first sample that is not close ends the stay.
         staying = np.where(np.all(close, axis=0), samples, np.argmin(close[::-1], axis=0))
         first = samples - staying[staying > 0]
         self.arrivals[attractor] += np.bincount(first, minlength=samples)

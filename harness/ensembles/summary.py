@@ -36,7 +36,7 @@ class Estimate:
 
 
 def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Means of what the sums `name` ("second", "fourth", "rates", "slow") add up, and their standard errors."""
+    """Means that belong to the sums `name` ("second", "fourth", "rates", "slow"), and their standard errors."""
     sums = getattr(statistics, name)
     count = statistics.finished
     if count == 0:
@@ -70,7 +70,7 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     # Without assumption on the distribution: the interval lies between the order statistics whose
     # ranks bound a binomial variable (Conover, Practical Nonparametric Statistics, section 3.2).
     # Particles that have not arrived by the end count as later; times are known to one sample, and
-    # rounded up.
+    # rounded up. `reached` counts the particles that have arrived by each sample.
     n = statistics.finished
     reached = np.cumsum(np.sum(statistics.arrivals, axis=0))
     times = np.linspace(0.0, ensemble.time, ensemble.samples)
@@ -119,15 +119,15 @@ def _in_letters(indices: Sequence[int]) -> str:
 def mean_rows(
     ensemble: Ensemble, statistics: Statistics, of: str, chosen: Any = ..., **more: Sequence[str]
 ) -> Iterator[dict[str, Any]]:
-    """One row for each of the `means` chosen: of times, of body axes but for slow variables, and of what is named.
+    """One row for each of the chosen `means`: a row has a time, a body axis (no slow variable has one), and labels.
 
     `of` names the sums. `chosen` indexes the array of means, whose axes are times, body axes and
-    components. `more` has the labels of what is behind them, by the names of their columns.
+    components. `more` has the labels along the further axes, by the names of their columns.
     """
-    bodies = (
-        {} if "variable" in more else {"body_axis": [axis + 1 for axis in ensemble.layout.axes]}
-    )
-    axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble), **bodies, **more}
+    axes: dict[str, Sequence[Any]] = {"time": snapshot_times(ensemble)}
+    if "variable" not in more:
+        axes["body_axis"] = [axis + 1 for axis in ensemble.layout.axes]
+    axes |= more
     values = (array[chosen].ravel().tolist() for array in means(statistics, of))
     for place, mean, error in zip(product(*axes.values()), *values, strict=True):
         columns = {**ensemble_columns(ensemble), **dict(zip(axes, place, strict=True))}

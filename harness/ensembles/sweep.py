@@ -150,7 +150,7 @@ def run_sweep(
     message = ""
     progress = Steps(sweep.name, sweep.size, "tasks", quiet)
     tasks = map(sweep.task, in_random_order(sweep.size)) if spread else sweep.tasks()
-    # Each is looked up when its turn comes: another run may have added it.
+    # A task is looked up when its turn comes: another run may have added its record.
     missing = (task for task in tasks if task.key not in store)
     with progress, closing(engine(perform, missing)) as outcomes:
         for outcome in outcomes:
@@ -210,6 +210,7 @@ def parse_sweep(contents: dict[str, Any], folder: Path = Path()) -> Sweep:
 def _ensemble(
     table: SweepTable, shape: list[float], stokes: float, flows: dict[str, Any]
 ) -> Ensemble:
+    """The ensemble of one shape and St of a sweep."""
     # St = 0 or inf, and an underflow or overflow, leave no time that a run could last.
     time = table.time or (table.slow_time or 0.0) * stokes
     if time in (0, inf):
@@ -219,8 +220,7 @@ def _ensemble(
     a, b, c = shape
     limits = table.model_dump(include={*BOUNDS, "radius"})
     ensemble = partial(Ensemble, Ellipsoid((a, b, c)), stokes, time, table.start, **flows, **limits)
-    tolerance = table.tolerance
-    tolerance = tolerance or Ensemble.tolerance
+    tolerance = table.tolerance or Ensemble.tolerance
     # If averaging is good enough, and takes the starts, it is the cheaper by far: its cost does not
     # grow with St.
     if (

@@ -57,7 +57,7 @@ def measure(quiet: bool = False) -> dict[str, Any]:
     progress = Steps("throughput", len(targets) + len(shape_equations) + 4, "measurements", quiet)
 
     def finished(title: str, measurement: Callable[[], T]) -> T:
-        """What a measurement returns; its title is shown while it runs."""
+        """Run a measurement under a title that is shown, and return its result."""
         progress.detail(title)
         result = measurement()
         progress.advance()
@@ -95,10 +95,10 @@ def measure(quiet: bool = False) -> dict[str, Any]:
 def full_throughput(
     name: str, shape: Ellipsoid, target: float, particles: int = 2048
 ) -> dict[str, Any]:
-    """Particles per second by Taylor's lanes and by equal steps, whose largest errors at the end are both below one.
+    """Particles per second by Taylor's lanes and by equal steps, at most `target` off at the end in every particle.
 
-    That error is `target`. Keys that begin with "taylor" are of Taylor's method, as it adapts its steps; the
-    others are of equal steps. "slower" rates are those that three turns in four reach.
+    Taylor's method, which adapts its steps, has the keys that begin with "taylor"; equal steps have the
+    others. Three turns in four reach the "slower" rates.
     """
     ensemble = _ensemble(shape, "full", particles)
     problem = ensemble.problem
@@ -122,45 +122,41 @@ def full_throughput(
         began = process_time()
         chosen = plan(problem, starts[:PLANNED_PARTICLES], times, tolerance)
         spent = process_time() - began
-        return (
-            (chosen, spent)
-            if chosen and errors(equal_steps(tolerance, chosen)).max() <= target
-            else None
-        )
+        if chosen and errors(equal_steps(tolerance, chosen)).max() <= target:
+            return chosen, spent
+        return None
 
     # The loosest tolerance of each method by which no particle errs by more than `target`.
-    loose = next(
+    taylor_tolerance = next(
         candidate for candidate in _below(10 * target) if errors(taylor(candidate)).max() <= target
     )
-    tolerance, (chosen, planned) = next(
-        (candidate, planned_run)
-        for candidate in _below(target)
-        if (planned_run := choose(candidate))
+    tolerance, (chosen, plan_seconds) = next(
+        (candidate, planned) for candidate in _below(target) if (planned := choose(candidate))
     )
-    # Times of the turns and ends of the particles, by Taylor's method and by equal steps.
-    (before, old), (now, new) = _alternate(
-        lambda: taylor(loose), lambda: equal_steps(tolerance, chosen)
+    # Processor times of the turns, and ends of the particles.
+    (taylor_times, taylor_ends), (equal_times, equal_ends) = _alternate(
+        lambda: taylor(taylor_tolerance), lambda: equal_steps(tolerance, chosen)
     )
     return {
         "shape": name,
         "target": target,
-        "taylor_tolerance": loose,
-        "taylor_per_second": particles / min(before),
-        "taylor_slower_per_second": _of_most_turns(before, particles),
-        "taylor_error": float(errors(old).max()),
+        "taylor_tolerance": taylor_tolerance,
+        "taylor_per_second": particles / min(taylor_times),
+        "taylor_slower_per_second": _of_most_turns(taylor_times, particles),
+        "taylor_error": float(errors(taylor_ends).max()),
         "method": chosen.method,
         "steps": chosen.steps * MIN_SEGMENTS,
-        "per_second": particles / min(now),
-        "slower_per_second": _of_most_turns(now, particles),
-        "speedup": min(before) / min(now),
-        "error": float(errors(new).max()),
-        "median_error": float(np.median(errors(new))),
-        "plan_seconds": planned,
+        "per_second": particles / min(equal_times),
+        "slower_per_second": _of_most_turns(equal_times, particles),
+        "speedup": min(taylor_times) / min(equal_times),
+        "error": float(errors(equal_ends).max()),
+        "median_error": float(np.median(errors(equal_ends))),
+        "plan_seconds": plan_seconds,
     }
 
 
 def _below(largest: float) -> list[float]:
-    """Tolerances from one on downwards, eight for each of six powers of ten."""
+    """Tolerances from the largest one down, eight for each of six powers of ten."""
     return [largest * 10 ** (-k / 8) for k in range(48)]
 
 
@@ -263,9 +259,8 @@ def _run_all(ensemble: Ensemble) -> int:
     for task in ensemble.tasks():
         run_task(task)
     # macOS counts bytes, other systems KiB.
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
-        1 if sys.platform == "darwin" else 1024
-    )
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def overhead() -> Iterator[dict[str, Any]]:
@@ -290,7 +285,8 @@ def _busy(_: int) -> None:
 def two_processes(particles: int = 400_000) -> dict[str, Any]:
     """Wall time of the same tasks by one process and by two, both warm: from the first task's end on."""
     ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=20_000)
-    one, two = (_warm_seconds(workers, ensemble) for workers in (1, 2))
+    one = _warm_seconds(1, ensemble)
+    two = _warm_seconds(2, ensemble)
     return {"particles": particles, "one_seconds": one, "two_seconds": two, "ratio": one / two}
 
 

@@ -2,7 +2,7 @@
 
 The page is `reports/flows`; `docs/flows.md` has flows and tracks. A linear flow has the velocity A x
 with a gradient A of trace 0. A track is a gradient over time, given at knots and joined by cubic
-splines. "Apart" is how far two results differ. Times of rows are in the unit of their name.
+splines. "Apart" says how far two results differ. Keys of times end in their unit, as in `track_ms`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -126,6 +126,7 @@ def _rates(problem: Any, state: np.ndarray) -> np.ndarray:
 
 
 def _one_round(problems: Sequence[Problem], solver: str) -> list[Solution]:
+    """A run of each problem."""
     return [solve(problem, solver, COST_TOLERANCE) for problem in problems]
 
 
@@ -141,6 +142,7 @@ def _in_turns(problems: Sequence[Problem], solver: str, *, quick: bool) -> list[
 
 
 def _least_seconds(runs: Sequence[Solution]) -> float:
+    """Seconds of the fastest run."""
     return min(run.seconds for run in runs)
 
 
@@ -198,14 +200,15 @@ def orbits(quick: bool = False) -> Iterator[Record]:
             yield row | {"period": _measured_period(scene), "apart": _not_closed(scene, theory)}
 
 
-def _run(scene: Scene, **how: Any) -> Any:
+def _run(scene: Scene, events: Sequence[Event] = ()) -> Any:
+    """Solution without inertia, to `_ORBIT_TOLERANCE`."""
     return solve_scene(
         scene,
         form="jeffery",
         solver="cyrk-vern8",
         tolerance=_ORBIT_TOLERANCE,
         estimate=False,
-        **how,
+        events=events,
     )
 
 
@@ -228,8 +231,9 @@ def _not_closed(scene: Scene, theory: float) -> float:
 def _from_eigenvector(scene: Scene, ratio: float) -> float:
     """Angle in rad between the axis at the end and the eigenvector of O + B S that grows fastest.
 
-    Without inertia p is the direction of a vector q with dq/dt = (O + B S) q, where O and S are the
-    antisymmetric and the symmetric part of A: what grows fastest is left. The angle is taken as its sine.
+    O and S are the antisymmetric and the symmetric part of the gradient A. Without inertia the axis has the
+    direction of a vector q with dq/dt = (O + B S) q, which turns to the eigenvector that grows fastest. The
+    angle is taken as its sine.
     """
     assert scene.flow is not None
     gradient = np.array(scene.flow.gradient)
@@ -349,8 +353,8 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
         angles = (random.uniform(0.3, 2.8), *random.uniform(0, 6.28, 2).tolist())
         start = EulerStart(angles, tuple(random.normal(size=3).tolist()))
         time = float(random.uniform(0.2, 1.0)) * _RUN_TIME
-        # Of each eight scenes, the first four, one for each form, are in a steady flow. The other four
-        # are in flows that fluctuate about a steady one.
+        # The first four scenes of each eight, one for each form, are in a steady flow. The other four are in
+        # flows that fluctuate about a steady one.
         gradients = [random_gradient(random)] * (_RUN_KNOTS + 1)
         flow = Flow(gradients[0])
         if number % 8 >= len(names):

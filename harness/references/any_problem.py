@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import inf
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,20 +27,53 @@ from polhode.solvers.taylor import Bound, extends_precision
 _LEAST_STEPS = 10_000
 # Steps between two samples, after which an explicit method gives way to an implicit one; an estimate.
 _MAX_STEPS = 50_000
-# Who looks over the reference, the first that takes the problem and gets through: tolerance, and
-# what it may differ by from one sample to the next, over a component's size.
+
+
+class _Witness(NamedTuple):
+    """A method that looks over the reference."""
+
+    solvers: tuple[str, ...]  # The first one that is installed runs.
+    tolerance: float
+    # What it may differ by from one sample to the next, over a component's size.
+    allowed: float
+
+
+class _Pair(NamedTuple):
+    """Two unlike methods whose runs stand in where Taylor's method is no reference."""
+
+    # The first of these solvers that is installed gives the reference, at a tight tolerance, and a looser run.
+    solvers: tuple[str, ...]
+    tight: float
+    loose: float
+    # The first of these ones gives a run to compare with.
+    unlike_solvers: tuple[str, ...]
+    unlike_tolerance: float
+
+
+# The first witness counts that takes the problem and gets through. Tolerances are estimates.
 _WITNESSES = (
-    (("cyrk-dop853", "dop853"), 1e-12, 1e-9),
-    (("cyrk-radau", "radau"), 1e-9, 1e-6),
-    (("cvode-bdf", "bdf"), 1e-10, 1e-6),
+    _Witness(("cyrk-dop853", "dop853"), 1e-12, allowed=1e-9),
+    _Witness(("cyrk-radau", "radau"), 1e-9, allowed=1e-6),
+    _Witness(("cvode-bdf", "bdf"), 1e-10, allowed=1e-6),
 )
-# Pairs of unlike methods whose runs stand in where Taylor's method is no reference: a tight and a
-# looser tolerance of the first, and one of the second.
+# The explicit pair first. Tolerances are estimates.
 _PAIRS = (
-    (("cyrk-vern8", "dop853"), (1e-13, 1e-11), ("cyrk-dop853", "cvode-adams", "lsoda"), 1e-12),
-    (("cyrk-radau", "radau"), (1e-11, 1e-9), ("cvode-bdf", "bdf"), 1e-11),
+    _Pair(
+        ("cyrk-vern8", "dop853"),
+        tight=1e-13,
+        loose=1e-11,
+        unlike_solvers=("cyrk-dop853", "cvode-adams", "lsoda"),
+        unlike_tolerance=1e-12,
+    ),
+    _Pair(
+        ("cyrk-radau", "radau"),
+        tight=1e-11,
+        loose=1e-9,
+        unlike_solvers=("cvode-bdf", "bdf"),
+        unlike_tolerance=1e-11,
+    ),
 )
-# Absolute over relative tolerance of these runs, over the size of the start.
+# Absolute over relative tolerance of the pairs' runs, over the size of the start; an estimate.
 _SMALL = 1e-6
 # Error that double precision leaves in a run of some thousand steps.
 _ROUNDING = 1e-14
@@ -51,6 +84,9 @@ _CONFIRMED = 1e-5
 # Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation; an
 # estimate.
 _ALIKE = 3.0
+# Solvers, by the beginnings of their names, that a limit on the step costs little: it costs Python's methods
+# seconds. Each of the `_PAIRS` has one of them.
+_LIMITED = ("cyrk", "cvode")
 
 # How far states of shape (n, d) are from others: a number, such as the largest error over all rows.
 Measure = Callable[[np.ndarray, np.ndarray], float]
@@ -79,14 +115,13 @@ def reference_of(
         reasons.append(f"taylor: {error}")
         taylor = None
     if taylor:
-        witness, apart = _seen_by_others(problem, times, taylor.states, max_seconds)
-        if witness and apart <= 1:
+        witness, deviation = _seen_by_others(problem, times, taylor.states, max_seconds)
+        if not witness:
+            reasons.append("taylor: no other method gets through")
+        elif deviation <= 1:
             return replace(taylor, source=f"{taylor.source}, confirmed by {witness}")
-        reasons.append(
-            f"taylor: {witness} contradicts it"
-            if witness
-            else "taylor: no other method gets through"
-        )
+        else:
+            reasons.append(f"taylor: {witness} contradicts it")
     best = None
     for pair in _PAIRS:
         candidate = _by_pair(problem, times, measure, max_seconds, *pair)
@@ -108,12 +143,14 @@ def reference_of(
 
 
 def _size(problem: Problem) -> float:
+    """The largest component of the start, but for the time if the state has one; 1 if all are 0."""
     return float(np.abs(problem.start[: problem.dimension - problem.timed]).max(initial=0.0)) or 1.0
 
 
 def _by_taylor(
     problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float
 ) -> OwnReference:
+    """The reference by Taylor's method; raises ReferenceFailedError, or ValueError if it does not take the problem."""
     taylor = find_solver("taylor")
     if not taylor.available:
         raise ReferenceFailedError(str(taylor.why_not))
@@ -143,18 +180,18 @@ def _first(names: tuple[str, ...], problem: Problem) -> str | None:
 def _seen_by_others(
     problem: Problem, times: np.ndarray, exact: np.ndarray, max_seconds: float
 ) -> tuple[str, float]:
-    """Who looked over the reference, and its largest deviation over the one allowed."""
+    """The solver that looked over the reference, "" if none, and its largest deviation over the allowed one."""
     components = problem.dimension - problem.timed
     states = exact.astype(float)
     size = np.abs(states[:, :components]).max(axis=0)
     size = np.where(size > 0, size, size.max() or 1.0)
-    for names, tolerance, allowed in _WITNESSES:
-        name = _first(names, problem)
+    for witness in _WITNESSES:
+        name = _first(witness.solvers, problem)
         if name is None:
             continue
-        apart = _begun_anew(problem, name, tolerance, times, states, size, max_seconds)
-        if apart is not None:
-            return name, apart / allowed
+        deviation = _begun_anew(problem, name, witness.tolerance, times, states, size, max_seconds)
+        if deviation is not None:
+            return name, deviation / witness.allowed
     return "", inf
 
 
@@ -198,44 +235,44 @@ def _by_pair(
     times: np.ndarray,
     measure: Measure,
     max_seconds: float,
-    names: tuple[str, ...],
-    tolerances: tuple[float, float],
-    unlike_names: tuple[str, ...],
+    solvers: tuple[str, ...],
+    tight_tolerance: float,
+    loose_tolerance: float,
+    unlike_solvers: tuple[str, ...],
     unlike_tolerance: float,
 ) -> OwnReference | str:
-    """A tight run by one method, with a looser one and one by an unlike method beside it; else why not."""
-    name = _first(names, problem)
-    unlike_name = _first(unlike_names, problem)
+    """A tight run by one method of a `_Pair`, compared with a looser one and one by the other method; else why not."""
+    name = _first(solvers, problem)
+    unlike_name = _first(unlike_solvers, problem)
     if name is None or unlike_name is None:
-        return f"{names[0]}, {unlike_names[0]}: none takes the problem"
+        return f"{solvers[0]}, {unlike_solvers[0]}: none takes the problem"
     step = float(times[-1]) / _LEAST_STEPS
     runs = []
     steps = 0
     for solver, tolerance in (
-        (name, tolerances[0]),
-        (name, tolerances[1]),
+        (name, tight_tolerance),
+        (name, loose_tolerance),
         (unlike_name, unlike_tolerance),
     ):
         # Small components are followed by the relative tolerance.
         atol = _SMALL * tolerance * _size(problem)
-        # A step limit costs Python's methods seconds: one of the two has it.
-        limit: dict[str, Any] = {"max_step": step} if solver.startswith(("cyrk", "cvode")) else {}
+        limit: dict[str, Any] = {"max_step": step} if solver.startswith(_LIMITED) else {}
         run = solve(problem, solver, tolerance, times, atol=atol, max_seconds=max_seconds, **limit)
         if not run.success:
             return f"{solver}: {run.status}"
         runs.append(run.states)
         steps = max(steps, run.work.steps or _LEAST_STEPS)
     tight, loose, unlike = runs
-    apart = measure(unlike, tight)
+    deviation = measure(unlike, tight)
     uncertainty = max(
         SAFETY * measure(loose, tight),
-        _ALIKE * apart,
+        _ALIKE * deviation,
         measure(_clock_off(problem, times, tight, steps), tight),
         _ROUNDING,
     )
-    if not apart <= _CONFIRMED:
-        uncertainty = max(uncertainty, SAFETY * apart)
-    source = f"{name} at {tolerances[0]:g}, compared with {unlike_name} at {unlike_tolerance:g}"
+    if not deviation <= _CONFIRMED:
+        uncertainty = max(uncertainty, SAFETY * deviation)
+    source = f"{name} at {tight_tolerance:g}, compared with {unlike_name} at {unlike_tolerance:g}"
     return OwnReference(tight, uncertainty, source)
 
 

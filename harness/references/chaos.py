@@ -1,7 +1,7 @@
 """Chaos: how fast neighbouring solutions part, from the variational equations, and what that leaves to compare.
 
-The tangent v is the small difference of two neighbouring solutions y: v̇ = (∂f/∂y) v along ẏ = f. Where
-motion is regular |v| grows like a power of time, where it is chaotic like an exponential.
+The tangent v is the small difference of two neighbouring solutions y: v̇ = (∂f/∂y) v along ẏ = f. |v| grows
+like a power of time if the motion is regular, and exponentially if it is chaotic.
 """
 
 from dataclasses import dataclass, replace
@@ -17,17 +17,18 @@ from polhode.solvers.catalogue import first_available
 from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
-# Tolerance of the tangent's integrator, and a hundred times that of neighbours' runs; an estimate.
+# Tolerance of the tangent's integrator, and of the runs of two neighbours; both are estimates.
 _TIGHT_TOLERANCE = 1e-12
+_NEIGHBOUR_TOLERANCE = _TIGHT_TOLERANCE / 100
 # After each of these intervals the tangent is brought back to unit length, and its growth written
 # down.
 _INTERVALS = 400
-# Algebraic growth, as a phase error has it, makes at most a few factors of two of the second
-# half of a run; growth beyond this natural logarithm is exponential. It is a factor of 150, an estimate.
+# In the second half of a run algebraic growth, as a phase error has it, makes at most a few factors of two.
+# Growth beyond this natural logarithm, a factor of 150, is exponential. An estimate.
 _EXPONENTIAL = 5.0
-# Trajectories are meaningless once half an ulp, below which no run in double precision errs, has
-# grown to this, in rad; an estimate.
+# Trajectories are meaningless once an error has grown to this, in rad; an estimate.
 _MEANINGLESS = 1e-2
+# Half the distance of neighbouring numbers of size 1: no run in double precision errs by less.
 _HALF_ULP = 1e-16
 # Distance of two neighbouring solutions: their growth follows the linear equations to 1e-7, rounding errs by 1e-8.
 _NEIGHBOUR = 1e-7
@@ -100,20 +101,19 @@ def _growth_of_neighbours(problem: Problem, intervals: int) -> Growth:
     direction /= np.linalg.norm(direction)
     logarithm = np.zeros(intervals + 1)
     for i in range(intervals):
+        duration = float(times[i + 1] - times[i])
         ends = []
         for start in (state, state + _NEIGHBOUR * direction):
-            segment = replace(
-                problem, start=tuple(start.tolist()), end=float(times[i + 1] - times[i])
-            )
-            run = solve(segment, method, _TIGHT_TOLERANCE / 100)
+            segment = replace(problem, start=tuple(start.tolist()), end=duration)
+            run = solve(segment, method, _NEIGHBOUR_TOLERANCE)
             if not run.success:
                 raise ValueError(
                     f"form {problem.name!r}: a neighbour's run ended with {run.status} after t = {times[i]:g}"
                 )
             ends.append(run.states[-1])
-        difference = (ends[1] - ends[0]) / _NEIGHBOUR
+        state, neighbour = ends
+        difference = (neighbour - state) / _NEIGHBOUR
         length = float(np.linalg.norm(difference))
-        state = ends[0]
         direction = difference / length
         logarithm[i + 1] = logarithm[i] + log(length)
     return Growth(times, logarithm)

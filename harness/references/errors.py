@@ -103,9 +103,9 @@ def phase_and_shape(
     ellipsoid: Ellipsoid, found: Observables, reference: Observables
 ) -> tuple[np.ndarray, np.ndarray]:
     """Parts of a difference of orientation along the reference's motion, signed, and across it; shape (n,), in rad."""
-    # To first order it is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×), of which
-    # δ·ω/|ω| lies along the motion; of a spheroid the symmetry axes' difference, along the axis'
-    # own velocity. At rest all of it is shape.
+    # To first order the difference is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×),
+    # whose part δ·ω/|ω| lies along the motion. A spheroid has the difference of the symmetry axes instead,
+    # and the velocity of the axis. At rest the whole difference is shape.
     if ellipsoid.kind == "triaxial":
         product = np.einsum(
             "nij,nik->njk", reference.rotation, found.rotation - reference.rotation
@@ -142,19 +142,22 @@ def statistics_distance(ellipsoid: Ellipsoid, found: Observables, reference: Obs
     axes = range(3) if ellipsoid.kind == "triaxial" else [ellipsoid.symmetry_axis or 0]
 
     def columns(observables: Observables) -> np.ndarray:
+        """Squares of the entries of the known body axes, then L_z and E: a column each."""
         entries = observables.rotation[:, list(axes)].reshape(len(observables.energy), -1) ** 2
         return np.column_stack(
             [entries, observables.angular_momentum[:, 2], observables.energy]
         ).astype(float)
 
-    a = columns(found)
-    b = columns(reference)
-    # Columns of both are the squares of the entries of the known body axes, then L_z and E. Samples are
-    # sorted into quantiles at midpoints of n equal shares: W₁ is the mean distance of like quantiles.
-    scale = np.ones(b.shape[1])
-    scale[-2:] = np.max(np.abs(b[:, -2:]), axis=0)
-    levels = (np.arange(len(a)) + 0.5) / len(a)
-    moved = np.mean(np.abs(np.quantile(a, levels, axis=0) - np.quantile(b, levels, axis=0)), axis=0)
+    found_columns = columns(found)
+    reference_columns = columns(reference)
+    # The unit of each column: 1, but for L_z and E, the last two.
+    scale = np.ones(reference_columns.shape[1])
+    scale[-2:] = np.max(np.abs(reference_columns[:, -2:]), axis=0)
+    # Quantiles at the middles of n equal shares: W₁ is the mean distance of like quantiles.
+    levels = (np.arange(len(found_columns)) + 0.5) / len(found_columns)
+    found_quantiles = np.quantile(found_columns, levels, axis=0)
+    reference_quantiles = np.quantile(reference_columns, levels, axis=0)
+    moved = np.mean(np.abs(found_quantiles - reference_quantiles), axis=0)
     return float(np.nanmax(np.divide(moved, scale, out=np.zeros_like(moved), where=scale > 0)))
 
 
@@ -176,27 +179,25 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
     rotations = [rotation for rotation in completions if rotation is not None]
     if len(rotations) < 2 or not np.isfinite(rotations).all():
         return None
-    omega = [
-        body_angular_velocity(ellipsoid, *pair)
-        for pair in zip((found, reference), rotations, strict=True)
-    ]
-    if float(np.max(np.linalg.norm(omega[1], axis=1))) * scene.time / intervals > _LARGEST_TURN:
+    found_rotation, reference_rotation = rotations
+    found_omega = body_angular_velocity(ellipsoid, found, found_rotation)
+    reference_omega = body_angular_velocity(ellipsoid, reference, reference_rotation)
+    fastest = float(np.max(np.linalg.norm(reference_omega, axis=1)))
+    if fastest * scene.time / intervals > _LARGEST_TURN:
         return None
     times = np.linspace(0.0, scene.time, intervals + 1)
     flow = None if scene.flow is None else scene.flow.numbers_at(times)
-    power = dissipation(ellipsoid, rotations[0], omega[0], flow) - dissipation(
-        ellipsoid, rotations[1], omega[1], flow
-    )
+    found_power = dissipation(ellipsoid, found_rotation, found_omega, flow)
+    power = found_power - dissipation(ellipsoid, reference_rotation, reference_omega, flow)
     power = power * scene.torque_factor / unit
     energy = (found.energy - reference.energy).astype(float) / unit
-    # Every other sample, an even number of intervals of them.
+    # Every other sample, as many as make an even number of intervals.
     even = slice(0, intervals // 2 * 2 + 1, 2)
     fine = _residual(times, energy, power)
     coarse = _residual(times[even], energy[even], power[even])
     largest = float(np.max(np.abs(fine)))
-    return (
-        largest if np.max(np.abs(fine[even] - coarse)) <= _RESOLVED * largest + _ROUNDING else None
-    )
+    resolved = np.max(np.abs(fine[even] - coarse)) <= _RESOLVED * largest + _ROUNDING
+    return largest if resolved else None
 
 
 def body_angular_velocity(

@@ -20,17 +20,15 @@ ROUNDING_RUN: Run = ("long double", 1e-17)
 # Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
 _MOST_SLOW_STEPS = 200_000
 _MOST_STEPS = 50_000_000
-
-
-# Without heyoka two unlike methods stand for the runs in extended precision, the first two kinds that reach the end:
-# a Runge-Kutta pair, Adams' multistep formulas, collocation, backward differences. Tolerances are the least ones that
-# rounding does not spoil.
+# Without heyoka two unlike methods stand for the runs in extended precision: the first two kinds that reach the
+# end, of Runge-Kutta pairs, Adams' multistep formulas, collocation and backward differences.
 _UNLIKE = (
     ("cyrk-vern8", "dop853"),
     ("cvode-adams", "cyrk-lsoda", "lsoda"),
     ("radau", "cyrk-radau"),
     ("cvode-bdf", "cyrk-bdf", "bdf"),
 )
+# Their tolerances, the least ones that rounding does not spoil: by solver, and of all other solvers.
 _UNLIKE_TOLERANCES = {"cyrk-vern8": 1e-14, "radau": 1e-12, "cyrk-radau": 1e-12}
 _UNLIKE_TOLERANCE = 1e-13
 # Steps after which an unlike run is given up; an estimate.

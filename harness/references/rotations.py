@@ -3,8 +3,8 @@
 Run times of full forms follow these two numbers, not St alone. A rotation is 2π rad of turning, whatever
 the axis: their number is N = ∫|ω| dt/2π.
 
-Symbols: ω is the angular velocity in shear rates, T the scene's time, X and I the resistance and moment
-of inertia about one body axis, so that 8πX/I is its damping rate at St = 1 (`Ellipsoid.damping`).
+Symbols: ω is the angular velocity in shear rates, and T the scene's time. X and I are the resistance and the
+moment of inertia about one body axis: 8πX/I is its damping rate at St = 1 (`Ellipsoid.damping`).
 Section `DAC`, "Discussions and Conclusions", of the paper (docs/references.md) scales starts from rest.
 """
 
@@ -47,13 +47,13 @@ _SEPARATED = 1.5
 _RISEN = 20.0
 # Nodes of the quadrature of the averaged speed over a run; an estimate.
 _NODES = 64
-# Damping times from which on stability may hold an explicit method back, and how many of them a
-# rotation and a unit of time that follows the flow outweigh: beyond, stability asks for 0.4 of the
-# steps, and errors do not follow the tolerance. Errors of Taylor's method, whose order is higher,
-# still do. The two numbers are from counts of cyrk-vern8's steps at 1e-9 in the quaternion form: 8 in
-# a rotation, 1.6 in a unit of following time, 0.28 in a damping time. Since 0.28 S must be 0.4 of all
-# steps, they are 8 × 0.4/0.6/0.28 and 1.6 × 0.4/0.6/0.28. `STIFF` is an estimate.
+# Damping times from which on stability may hold an explicit method back; an estimate.
 STIFF = 2e4
+# Damping times that a rotation, and a unit of time that follows the flow, outweigh. With more of them
+# stability asks for more than 0.4 of the steps, and errors do not follow the tolerance; the errors of
+# Taylor's method, whose order is higher, still do. Counts of cyrk-vern8's steps at 1e-9 in the quaternion
+# form give both numbers: 8 steps in a rotation, 1.6 in a unit of following time, 0.28 in a damping time.
+# Since 0.28 S must be 0.4 of all steps, they are 8 × 0.4/0.6/0.28 and 1.6 × 0.4/0.6/0.28.
 _PER_ROTATION = 19.0
 _PER_TIME = 3.8
 
@@ -99,14 +99,18 @@ def rotations(scene: Scene) -> float:
 
 
 def _averages_well(scene: Scene) -> bool:
+    """Whether averages over a rotation are valid from the start on, and N is large."""
+    # The fluid turns at ½, so that a body at rest will turn about as fast.
     return scene.time * max(_speed(scene), 0.5) / (2 * pi) > MANY and _is_separated(scene)
 
 
 def _speed(scene: Scene) -> float:
+    """|ω| at the start, in shear rates."""
     return float(np.linalg.norm(scene.angular_velocity))
 
 
 def _is_separated(scene: Scene) -> bool:
+    """Whether ω changes little in a rotation at the start."""
     return _speed(scene) * _separation(scene) > _SEPARATED
 
 
@@ -117,9 +121,9 @@ def _separation(scene: Scene) -> float:
 
 def _averaged_angle(scene: Scene) -> float | None:
     """∫⟨|ω|⟩ dt along the averaged slow variables; None where they do not apply."""
-    # By Gauss-Legendre quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time, so that
-    # the transient and a long rest are both resolved. `node` and `weight` are those on [-1, 1], `span` is
-    # the end of s, and dt₂ = τ exp(s) ds stands in the sum. St makes t of t₂.
+    # Gauss's and Legendre's quadrature in s, t₂ = τ (exp(s) - 1), τ the fastest damping time: it resolves
+    # both the transient and a long rest. Its nodes and weights belong to [-1, 1]. `span` is the end of s,
+    # and dt₂ = τ exp(s) ds stands in the sum. St makes t of t₂.
     if isinf(scene.stokes):
         return scene.time * float(mean_speed(scene.ellipsoid, scene.initial.slow)[0])
     form = find_form(averaged_form(scene))
@@ -174,12 +178,12 @@ def _angle(scene: Scene) -> float:
     problem = _with_angle(full, module.with_angle)
     damping = max(scene.ellipsoid.damping) * scene.torque_factor
     stiff = scene.stokes > 0 and damping > _STIFF_FROM
-    longest = min(
-        scene.time, LONGEST_STIFF if stiff else LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene))
-    )
-    solver, tolerance = (
-        ("cyrk-radau", _STIFF_TOLERANCE) if stiff else ("cyrk-vern8", _LOOSE_TOLERANCE)
-    )
+    if stiff:
+        solver, tolerance = "cyrk-radau", _STIFF_TOLERANCE
+        longest = min(scene.time, LONGEST_STIFF)
+    else:
+        solver, tolerance = "cyrk-vern8", _LOOSE_TOLERANCE
+        longest = min(scene.time, LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene)))
     risen = longest if _is_separated(scene) else _RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
@@ -188,7 +192,7 @@ def _angle(scene: Scene) -> float:
             raise ValueError(
                 f"rotations: the loose run ended with {run.status.value}: {run.message}"
             )
-        half, whole = (float(angle) for angle in run.states[1:, -1 - problem.timed])
+        half, whole = run.states[1:, -1 - problem.timed].astype(float).tolist()
         angle = whole + (scene.time - end) * (whole - half) / (end / 2)
         if end == scene.time:
             break
