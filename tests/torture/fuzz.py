@@ -107,7 +107,10 @@ OPTIONS = (
     "-v",
     "--json",
 )
-SECONDS, ENOUGH, ROOM = 10.0, 2.5, 2**30
+SECONDS, ENOUGH = 10.0, 2.5
+# Bytes of memory that an answer may take beside those with which its process begins, and a quarter
+# of the addresses that its process may use: an estimate.
+ROOM = 2**30
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d._]*(?:e[-+]?\d+)?")
 ANSWERED = re.compile(
     r"^\S+ by \S+ (at|from) tolerance|^note: it (is expected to take|has)", re.MULTILINE
@@ -196,6 +199,8 @@ def answered(
     It may take that many seconds of the processor, unless standard error has announced a run.
     """
     sys.stdout.flush()
+    # A forked process begins with the memory of this one, which pytest may have filled before.
+    inherited = _resident()
     child = os.fork()
     if child == 0:
         _run(words, place)
@@ -225,11 +230,18 @@ def answered(
         return f"traceback {lines[-1]}"
     if late:
         return "" if running else "no answer"
-    if used.ru_maxrss * 1024 > ROOM:
-        return f"{used.ru_maxrss >> 10} MB"
+    taken = used.ru_maxrss * 1024 - inherited
+    if taken > ROOM:
+        return f"{taken >> 20} MB"
     if code == 2 and (len(lines) != 1 or not lines[0].isprintable()):
         return f"{len(lines)} lines"
     return "" if code in (0, 1, 2) else f"exit code {code}"
+
+
+def _resident() -> int:
+    """Bytes of this process that lie in memory."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize()
 
 
 def _said(place: Path) -> str:
