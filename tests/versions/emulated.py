@@ -1,6 +1,7 @@
 """polhode on ARM under emulation: Debian's Python for aarch64 and the wheels, run by QEMU, no root's hooks needed.
 
-Needs `debootstrap` and `qemu-user-static` (Debian). A minute of downloads, then some five minutes.
+Needs `debootstrap` and `qemu-user-static` (Debian). Ten minutes. CyRK has no wheel for Linux on ARM: it is
+compiled here, in half of that time, if Debian's `g++-aarch64-linux-gnu` is installed.
 """
 
 import os
@@ -8,12 +9,16 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from zipfile import ZipFile
 
 from versions.platforms import on_platform
 from versions.tools import BUILD, ROOT, SETUP_LIMIT, SMOKE, Found, answers_of, ran
 
 QEMU = "qemu-aarch64-static"
 COMMANDS = (QEMU, "debootstrap", "dpkg")
+# What Debian's compilers for ARM, and files of compiled modules, have in their names.
+TARGET = "aarch64-linux-gnu"
+COMPILER = f"{TARGET}-g++"
 # Debian's release, its Python, and the wheels that its C library takes.
 SUITE = "bookworm"
 PYTHON = "3.11"
@@ -34,12 +39,13 @@ def missing_commands() -> list[str]:
 def root() -> Path:
     """A folder with Debian's Python for aarch64 and what it links to; made once."""
     there = FOLDER / "root"
-    if (there / "usr" / "bin" / f"python{PYTHON}").exists():
+    if (there / "usr" / "include" / f"python{PYTHON}" / "Python.h").exists():
         return there
     packages = FOLDER / "packages"
     shutil.rmtree(FOLDER, ignore_errors=True)
-    words = ["--arch=arm64", "--foreign", "--variant=minbase", "--include=python3", SUITE]
-    ran("debootstrap", *words, packages, seconds=SETUP_LIMIT)
+    words = ["--arch=arm64", "--foreign", "--variant=minbase"]
+    words.append(f"--include=python{PYTHON},libpython{PYTHON}-dev")
+    ran("debootstrap", *words, SUITE, packages, seconds=SETUP_LIMIT)
     for archive in sorted((packages / "var/cache/apt/archives").glob("*.deb")):
         ran("dpkg", "-x", archive, there, seconds=SETUP_LIMIT)
     shutil.rmtree(packages)
@@ -56,6 +62,41 @@ def site(packages: list[str]) -> Path:
         words += ["--platform", tag]
     ran(sys.executable, "-m", "pip", *words, *packages, seconds=SETUP_LIMIT)
     return there
+
+
+def add_cyrk(version: str, system: Path, packages: Path) -> str:
+    """Compile CyRK for ARM from its source distribution, and unpack it among the wheels; what was done.
+
+    pip calls the result a wheel for this machine's processor, so that no cache may keep it.
+    """
+    if shutil.which(COMPILER) is None:
+        return f"{COMPILER}: not installed (apt install g++-{TARGET})"
+    include = system / "usr" / "include"
+    headers = [f"-I{packages / 'numpy' / '_core' / 'include'}", f"-I{include / f'python{PYTHON}'}"]
+    # Debian's pyconfig.h includes one of these by the processor. The compiler has all else itself.
+    headers += ["-idirafter", str(include)]
+    surroundings = {
+        **os.environ,
+        # Compilers for ARM refuse the options of AVX2.
+        "CYRK_NO_AVX2": "1",
+        "CC": f"{TARGET}-gcc",
+        "CXX": COMPILER,
+        "LDSHARED": f"{TARGET}-gcc -shared",
+        "LDCXXSHARED": f"{COMPILER} -shared",
+        # Found before the headers of this machine's Python and NumPy.
+        "CFLAGS": " ".join(headers),
+        "SETUPTOOLS_EXT_SUFFIX": f".cpython-{PYTHON.replace('.', '')}-{TARGET}.so",
+    }
+    there = FOLDER / "compiled-wheels"
+    shutil.rmtree(there, ignore_errors=True)
+    words = ["wheel", "--quiet", "--no-cache-dir", "--no-deps", "--no-binary", "CyRK"]
+    words += ["--wheel-dir", there, f"CyRK=={version}"]
+    ran(sys.executable, "-m", "pip", *words, seconds=SECONDS, environment=surroundings)
+    for wheel in there.glob("*.whl"):
+        with ZipFile(wheel) as archive:
+            archive.extractall(packages)
+    compiler = ran(COMPILER, "-dumpfullversion", seconds=60.0).strip()
+    return f"{version}, compiled by {COMPILER} {compiler}"
 
 
 def smoke(python: list[str | Path], surroundings: dict[str, str]) -> dict[str, dict]:
@@ -98,12 +139,21 @@ def compared(there: dict[str, dict], here: dict[str, dict]) -> tuple[list[str], 
     return wrong, apart
 
 
-def requirements() -> list[str]:
-    """What polhode requires on aarch64, in the versions that uv resolves."""
-    found = on_platform("Linux, ARM")
-    if "why" in found:
-        raise RuntimeError(found["why"])
-    return [f"{name}=={version}" for name, version in found.items()]
+def resolved(platform: str) -> Found:
+    """The versions that uv resolves for a platform."""
+    versions = on_platform(platform)
+    if "why" in versions:
+        raise RuntimeError(versions["why"])
+    return versions
+
+
+def installation() -> tuple[Path, Path, str]:
+    """A folder with Debian's Python, one with polhode's requirements, and what was done about CyRK."""
+    system = root()
+    requirements = [f"{name}=={version}" for name, version in resolved("Linux, ARM").items()]
+    # CyRK requires Numba, which has a wheel.
+    packages = site([*requirements, "numba"])
+    return system, packages, add_cyrk(resolved("Linux, x86-64")["cyrk"], system, packages)
 
 
 def run() -> Found:
@@ -113,16 +163,19 @@ def run() -> Found:
         names = "apt install debootstrap qemu-user-static"
         return {"why": f"{', '.join(lacking)}: not installed ({names})"}
     try:
-        system = root()
-        packages = site(requirements())
+        system, packages, cyrk = installation()
     except RuntimeError as error:
         return {"why": str(error)}
     home = {"PATH": os.environ["PATH"], "LANG": "C.UTF-8", "PYTHONPATH": str(ROOT / "typings")}
-    home["HOME"] = home["POLHODE_CACHE"] = str(FOLDER)
-    here = smoke([sys.executable], {**home, "POLHODE_CACHE": str(FOLDER / "cache-here")})
+    home["HOME"] = str(FOLDER)
+    caches = {name: FOLDER / f"cache-{name}" for name in ("here", "there")}
+    for cache in caches.values():
+        # What an earlier run has compiled would save this one time.
+        shutil.rmtree(cache, ignore_errors=True)
+    here = smoke([sys.executable], {**home, "POLHODE_CACHE": str(caches["here"])})
     emulated = {
         **home,
-        "POLHODE_CACHE": str(FOLDER / "cache"),
+        "POLHODE_CACHE": str(caches["there"]),
         "PYTHONHOME": str(system / "usr"),
         "PYTHONPATH": f"{packages}:{ROOT / 'typings'}",
         # Compiled modules of the checkout stay those of this machine's Python.
@@ -134,9 +187,10 @@ def run() -> Found:
     works = [step for step, answer in there.items() if "numbers" in answer]
     refused = [step for step, answer in there.items() if "refused" in answer]
     found = {
+        "cyrk": cyrk,
         "works": ", ".join(works),
         "refused": ", ".join(refused),
         "seconds": f"{sum(answer['seconds'] for answer in there.values()):.0f}",
-        "apart": ", ".join(f"{kind} {number:.0e}" for kind, number in apart.items() if number),
+        "apart": ", ".join(f"{kind} {number:.1g}" for kind, number in apart.items()),
     }
     return {**found, "why": "; ".join(wrong)} if wrong else found

@@ -34,9 +34,13 @@ ARM_HEAD = """
 
 `make test-versions VERSIONS=aarch64` unpacks Debian's Python for aarch64 and the wheels beside each other, and has
 `qemu-aarch64-static` run each form, each solver and each call there, as `tests/versions/smoke.py` lists them. Numbers
-are compared with those of x86-64. Long double is IEEE's quadruple there. CyRK takes no part: it has no wheel for Linux
-on ARM, and the `setup.py` of CyRK 0.20.0 gives every compiler on Linux `-mavx2`, which those for ARM refuse unless
-`CYRK_NO_AVX2=1` is set. With it GCC 12 compiles all of CyRK for ARM; that build has not been run.
+are compared with those of x86-64. Long double is IEEE's quadruple there.
+
+CyRK has no wheel for Linux on ARM. The `setup.py` of CyRK 0.20.0 gives every compiler on Linux `-mavx2`, which those
+for ARM refuse unless `CYRK_NO_AVX2=1` is set. With it the command compiles CyRK from its source distribution, if
+Debian's `g++-aarch64-linux-gnu` is installed. On ARM itself `CYRK_NO_AVX2=1 pip install cyrk` compiles the same
+sources, which has not been tried. CyRK's implicit methods difference the field on ARM: their exact Jacobian needs
+x86-64.
 
 """
 EXTRAS_HEAD = """
@@ -85,7 +89,8 @@ def of_arm(found: Found | None) -> str:
     """What ran under emulation."""
     if found is None or "works" not in found:
         return NOT_YET
-    rows = [["works", found["works"]], ["refused by name", found["refused"]]]
+    rows = [["CyRK", found.get("cyrk", "–")], ["works", found["works"]]]
+    rows.append(["refused by name", found["refused"]])
     rows.append(["largest difference from x86-64, over the largest number", found["apart"]])
     rows.append([f"seconds by `{QEMU}`", found["seconds"]])
     if "why" in found:

@@ -33,11 +33,12 @@ def interpreter(version: str) -> str | None:
     return None
 
 
-def ran(*words: str | Path, seconds: float) -> str:
+def ran(*words: str | Path, seconds: float, environment: dict[str, str] | None = None) -> str:
     """What a command in the checkout prints; RuntimeError with the end of all it said if it fails."""
     done = subprocess.run(
         [str(word) for word in words],
         cwd=ROOT,
+        env=environment,
         capture_output=True,
         text=True,
         timeout=seconds,
