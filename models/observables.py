@@ -62,6 +62,7 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
     direction = rotation[:, axis]
     across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
+    # By negative indices these are the axes that follow the symmetry axis in cyclic order.
     rotation[:, axis - 2] = across
     rotation[:, axis - 1] = np.cross(direction, across)
     return rotation

@@ -41,9 +41,8 @@ class Operations:
     sin: Callable[[Any], Any]
     cos: Callable[[Any], Any]
     sqrt: Callable[[Any], Any]
-    where_positive: Callable[
-        [Any, Any, Any], Any
-    ]  # (x, a, b): a where x > 0 and b elsewhere; both are evaluated
+    # (x, a, b): a where x > 0 and b elsewhere; both are evaluated.
+    where_positive: Callable[[Any, Any, Any], Any]
     expm1: Callable[[Any], Any] = math.expm1  # for `polhode.models.problem.Part` alone
     exp: Callable[[Any], Any] = math.exp
     log: Callable[[Any], Any] = math.log

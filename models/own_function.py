@@ -214,8 +214,24 @@ def own_field(
     reason = _known_reason(key)
     if not reason:
         _check_signature(f, span[0], start, values)
+    rates = _rates_at_start(f, start, values, span[0])
+    recording = None
+    if not reason:
+        try:
+            recording = _recorded(key, start, values, span[0], rates)
+        except UntraceableError as error:
+            reason = str(error)
+    timed = recording is not None and recording.timed
+    vector_field = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, jacobian)
+    return (*start, 0.0) if timed else start, vector_field
+
+
+def _rates_at_start(
+    f: Callable[..., Any], start: tuple[float, ...], parameters: tuple[float, ...], time: float
+) -> list[Any]:
+    """The function's rates at the start, checked: finite numbers, one per component."""
     try:
-        rates = numbers_of(f(span[0], np.array(start), *values))
+        rates = numbers_of(f(time, np.array(start), *parameters))
     except Exception as error:
         raise ValueError(
             f"f: got {type(error).__name__} at the start: {error}{place_of(error)}"
@@ -232,15 +248,7 @@ def own_field(
         raise ValueError(
             f"f: got the rates {rates!s:.100} at the start, expected finite numbers{more}"
         )
-    recording = None
-    if not reason:
-        try:
-            recording = _recorded(key, start, values, span[0], rates)
-        except UntraceableError as error:
-            reason = str(error)
-    timed = recording is not None and recording.timed
-    vector_field = OwnField(key, timed, float(span[0]), float(span[1]), recording, reason, jacobian)
-    return (*start, 0.0) if timed else start, vector_field
+    return rates
 
 
 def _known_reason(f: Callable[..., Any]) -> str:

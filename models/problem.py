@@ -50,24 +50,22 @@ class Part:
 class Parts:
     """A field as the sum of a fast rotation and a slow rest, for solvers that know that the rest is small."""
 
-    fast: Part  # the rotation: every solution of it is periodic in its angle, with period 2π
-    slow: Part  # all else
-    rate: Callable[
-        [Operations], Callable[[Any, Any], Any]
-    ]  # of the angle, (ops)(y, p), constant along the fast flow
-    strength: Callable[
-        [Sequence[float]], float
-    ]  # of p: the slow part's largest rate of relaxation; 0 without one
-    forgetting: Callable[
-        [Sequence[float]], float
-    ]  # of p: the least rate at which the averaged motion forgets
-    reach: float  # angle, in rad, up to which `fast` is exact to rounding
-    moving: tuple[
-        int, int
-    ]  # the first of the components that the fast flow changes, and the one behind the last
-    slow_quantities: Callable[
-        [Any], tuple[Any, ...]
-    ]  # of y, over generic numbers: what the fast flow leaves alone
+    # The rotation: every solution of it is periodic in its angle, with period 2π.
+    fast: Part
+    # All else.
+    slow: Part
+    # (ops)(y, p): the rate of the angle, constant along the fast flow.
+    rate: Callable[[Operations], Callable[[Any, Any], Any]]
+    # (p): the slow part's largest rate of relaxation; 0 without one.
+    strength: Callable[[Sequence[float]], float]
+    # (p): the least rate at which the averaged motion forgets.
+    forgetting: Callable[[Sequence[float]], float]
+    # Angle, in rad, up to which `fast` is exact to rounding.
+    reach: float
+    # The first of the components that the fast flow changes, and the one behind the last.
+    moving: tuple[int, int]
+    # (y), over generic numbers: what the fast flow leaves alone.
+    slow_quantities: Callable[[Any], tuple[Any, ...]]
     # (ops)(y, constants, constants, gains): the fast flow and the slow one behind it, where they
     # take less time together; what the first components have gained, those before the moving ones,
     # advances in their place if given.
@@ -98,13 +96,11 @@ class Segment:
 
     problem: "Problem"
     end: float  # in the run's time
-    states: Callable[[np.ndarray], np.ndarray] | None = (
-        None  # the run's, of the problem's own, where they differ
-    )
+    # The run's states, of the problem's own, where they differ.
+    states: Callable[[np.ndarray], np.ndarray] | None = None
     reason: str = ""  # why this problem here, in words
-    error: float = (
-        0.0  # what it is expected to add to the run's largest error of L and E, over I_max
-    )
+    # What it is expected to add to the run's largest error of L and E, over I_max.
+    error: float = 0.0
     angle: float = 0.0  # the same of the orientation, in rad
     tolerance: float | None = None  # of the solver here, where it is not that of the whole run
     then: "NextSegment | None" = None  # what gives the segments after it, where that is another one

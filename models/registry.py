@@ -28,9 +28,11 @@ def hint(word: str, names: Iterable[str]) -> str:
 def near(word: str, names: Iterable[str]) -> str | None:
     """The name that a mistyped word is nearest to, or the only one that it is a part of; None if none is near."""
     known = list(names)
-    whole = [name for name in known if len(word) >= _SHORTEST_PART and word.lower() in name]
-    found = whole if len(whole) == 1 else get_close_matches(word.lower(), known, n=1, cutoff=_ALIKE)
-    return found[0] if found else None
+    containing = [name for name in known if len(word) >= _SHORTEST_PART and word.lower() in name]
+    if len(containing) == 1:
+        return containing[0]
+    alike = get_close_matches(word.lower(), known, n=1, cutoff=_ALIKE)
+    return alike[0] if alike else None
 
 
 class Question(UserWarning):
@@ -89,14 +91,15 @@ class Catalogue(dict[str, str], Generic[T]):
         target = f"{type(thing).__module__}:{type(thing).__qualname__}"
         # Under this name the object is found again, even if its class is one within a function.
         self._made[target] = thing
-        return next((name for name, each in self.items() if each == target), target)
+        return next((name for name, place in self.items() if place == target), target)
 
     def _class(self, name: str) -> type[T]:
+        """The class of a catalogue name, or of a "module:class"."""
         target = self.get(name, name)
         if ":" not in target.strip(":") or target.startswith("."):
             raise NotFoundError(self.kind, name, f"one of {', '.join(self)}", hint(name, self))
         try:
-            found = imported(target)
+            named = imported(target)
         except (ImportError, AttributeError) as error:
             if name in self:
                 raise
@@ -106,11 +109,12 @@ class Catalogue(dict[str, str], Generic[T]):
             raise NotFoundError(
                 self.kind, name, f"an importable module:class ({error}){place}"
             ) from None
-        if not (isinstance(found, type) and issubclass(found, imported(self.base))):
+        if not (isinstance(named, type) and issubclass(named, imported(self.base))):
             raise NotFoundError(self.kind, name, f"a class derived from {self.base}")
-        return self._complete(found)
+        return self._complete(named)
 
     def _object(self, given: T) -> None:
+        """Raise NotFoundError unless this is an object of a complete class of the kind."""
         base = imported(self.base)
         if isinstance(given, type) and issubclass(given, base):
             raise NotFoundError(
@@ -122,13 +126,13 @@ class Catalogue(dict[str, str], Generic[T]):
             )
         self._complete(type(given))
 
-    def _complete(self, found: type) -> type[T]:
+    def _complete(self, cls: type) -> type[T]:
         """The class, unless it lacks attributes or methods that every class of the kind must have."""
-        missing = [each for each in found.required if not hasattr(found, each)]  # pyright: ignore
-        missing += sorted(found.__abstractmethods__)  # pyright: ignore
+        missing = [name for name in cls.required if not hasattr(cls, name)]  # pyright: ignore
+        missing += sorted(cls.__abstractmethods__)  # pyright: ignore
         if missing:
-            raise NotFoundError(self.kind, found.__name__, f"a class that has {', '.join(missing)}")
-        return found
+            raise NotFoundError(self.kind, cls.__name__, f"a class that has {', '.join(missing)}")
+        return cls
 
 
 @spent_on("import")
@@ -150,6 +154,7 @@ def plug_ins(kind: str) -> dict[str, str]:
 
 @cache
 def _declared() -> bool:
+    """Whether an installed package declares an entry point of polhode's."""
     for folder in sys.path:
         with suppress(OSError), os.scandir(folder or ".") as entries:
             for entry in entries:

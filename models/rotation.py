@@ -150,5 +150,5 @@ def quaternion_from_matrix(matrices: Array) -> Array:
     ]
     products = np.moveaxis(np.array(rows), (0, 1), (-2, -1))
     largest = np.argmax(np.einsum("...ii->...i", products), axis=-1)[..., None, None]
-    found = np.take_along_axis(products, largest, axis=-2)[..., 0, :]
-    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+    row = np.take_along_axis(products, largest, axis=-2)[..., 0, :]
+    return row / np.linalg.norm(row, axis=-1, keepdims=True)

@@ -20,10 +20,15 @@ from polhode.models.rotation import Quaternion, Triple
 from polhode.models.shape import Ellipsoid, require_numbers
 
 # Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of
-# floating-point numbers.
+# floating-point numbers: of each number of a start but its energy, of St above 0 and the duration,
+# and of the energy.
 _LARGEST = 1e30
 _LEAST = 1e-60
 MAX_NUMBER = 1e60
+# Distance from 1 within which a norm is 1: that of a quotient by its norm lies within it.
+_NORM_ROUNDING = 1e-15
+# L² / 2E of a start may lie outside what the shape can have by this share: roundoff.
+_SLACK = 1e-12
 
 
 @dataclass(frozen=True)
@@ -63,8 +68,8 @@ class BodyStart:
             raise ValueError(
                 f"start.quaternion: got {[*map(float, self.quaternion)]}, expected four numbers, not all zero"
             )
-        # A quotient's norm is within this, so that a scene stays what it is when its file is read.
-        if abs(norm - 1) > 1e-15:
+        # What is normalised is not divided again: a scene stays what it is when its file is read.
+        if abs(norm - 1) > _NORM_ROUNDING:
             # Denormal numbers have no quotients; powers of two leave all others as they are.
             scaled = [ldexp(component, -frexp(norm)[1]) for component in self.quaternion]
             q0, q1, q2, q3 = (component / hypot(*scaled) for component in scaled)
@@ -100,8 +105,6 @@ def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
         )
 
 
-# L² / 2E may lie outside by roundoff.
-_SLACK = 1e-12
 Start = EulerStart | BodyStart | SlowStart
 
 

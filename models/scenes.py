@@ -44,8 +44,10 @@ def _named(
     """A scene of one table of `scenes.toml`, where a start's orientation stands before its motion."""
     kind = BodyStart if "quaternion" in start else EulerStart
     a, b, c = semi_axes
-    own = kind(*map(tuple, start.values()))
-    return NamedScene(summary, Scene(Ellipsoid((a, b, c)), stokes, own, time or slow_time * stokes))
+    # A start without motion, which has one field, is at rest.
+    vectors = [tuple(vector) for vector in start.values()]
+    duration = time or slow_time * stokes
+    return NamedScene(summary, Scene(Ellipsoid((a, b, c)), stokes, kind(*vectors), duration))
 
 
 _TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
@@ -74,8 +76,10 @@ def find_scene(word: str) -> Scene:
     )
 
 
-PAPER_START, SPHEROID_START, SADDLE_START, NEAR_POLE_START = (
-    cast(EulerStart, named_scene(name).start)
-    for name in ("paper", "spheroid", "paper-saddle", "near-pole")
-)
-PAPER_ELLIPSOID, PROLATE = (named_scene(name).ellipsoid.semi_axes for name in ("paper", "spheroid"))
+PAPER_START = cast(EulerStart, named_scene("paper").start)
+SPHEROID_START = cast(EulerStart, named_scene("spheroid").start)
+SADDLE_START = cast(EulerStart, named_scene("paper-saddle").start)
+NEAR_POLE_START = cast(EulerStart, named_scene("near-pole").start)
+# Semi-axes.
+PAPER_ELLIPSOID = named_scene("paper").ellipsoid.semi_axes
+PROLATE = named_scene("spheroid").ellipsoid.semi_axes

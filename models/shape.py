@@ -173,22 +173,19 @@ def carlson_rd(x: float, y: float, z: float) -> float:
     e3 = (3 * uv - 8 * w * w) * w
     e4 = 3 * (uv - w * w) * w * w
     e5 = uv * w * w * w
+    # By rising degree, up to the seventh.
     series = (
-        *(
-            1,
-            -3 * e2 / 14,
-            e3 / 6,
-            9 * e2 * e2 / 88,
-            -3 * e4 / 22,
-            -9 * e2 * e3 / 52,
-            3 * e5 / 26,
-            -(e2**3) / 16,
-        ),
-        *(
-            3 * e3 * e3 / 40,
-            3 * e2 * e4 / 20,
-            45 * e2 * e2 * e3 / 272,
-            -9 * (e3 * e4 + e2 * e5) / 68,
-        ),
+        1,
+        -3 * e2 / 14,
+        e3 / 6,
+        9 * e2 * e2 / 88,
+        -3 * e4 / 22,
+        -9 * e2 * e3 / 52,
+        3 * e5 / 26,
+        -(e2**3) / 16,
+        3 * e3 * e3 / 40,
+        3 * e2 * e4 / 20,
+        45 * e2 * e2 * e3 / 272,
+        -9 * (e3 * e4 + e2 * e5) / 68,
     )
     return 3 * total + share * sum(series) / (mean * sqrt(mean))

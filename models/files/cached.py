@@ -14,9 +14,11 @@ import numpy as np
 # Environment variable that names the folder for caches.
 CACHE_VARIABLE = "POLHODE_CACHE"
 # Files that may lie in the folder; the oldest half goes when there are more.
-_MOST = 200
-
-
+_MAX_FILES = 200
+# Bytes of the checksum that a file begins with: SHA-256.
+_SUM_BYTES = 32
+# Digits of a file's name, of its key's SHA-256 in base 16: enough that no two keys share one.
+_NAME_DIGITS = 32
 # Links that a path may lead through, as in Linux.
 _MAX_LINKS = 40
 # The private folder that stands for refused ones, in this process; made when first needed.
@@ -39,8 +41,9 @@ def cache_folder(library: str = "", part: str = "") -> Path:
 
 
 def _base_folder(library: str) -> Path:
-    if own := os.environ.get(CACHE_VARIABLE):
-        return Path(own).absolute()
+    """The folder of all caches that the user names, else that of one library's."""
+    if named := os.environ.get(CACHE_VARIABLE):
+        return Path(named).absolute()
     # Without a home nothing is cached.
     home = path if (path := os.path.expanduser("~")) != "~" else os.devnull
     return Path(
@@ -61,6 +64,7 @@ def why_untrusted(folder: Path) -> str | None:
 
 
 def _why_untrusted(folder: Path, links: int) -> str | None:
+    """The same of a way that may lead through this many links."""
     user = os.geteuid()
     for path in (*reversed(folder.parents), folder):
         try:
@@ -121,8 +125,9 @@ def load(key: str) -> np.ndarray | None:
     """The numbers cached under a key; None if there are none, or if the file is not what was written."""
     with suppress(OSError):
         content = _file(key).read_bytes()
-        if content[:32] == _sum(key, content[32:]):
-            return np.frombuffer(content[32:])
+        numbers = content[_SUM_BYTES:]
+        if content[:_SUM_BYTES] == _sum(key, numbers):
+            return np.frombuffer(numbers)
     return None
 
 
@@ -136,14 +141,17 @@ def save(key: str, numbers: np.ndarray) -> None:
         private.write_bytes(_sum(key, content) + content)
         private.replace(file)
         files = list(file.parent.iterdir())
-        if len(files) > _MOST:
-            for old in sorted(files, key=lambda each: each.stat().st_mtime)[: _MOST // 2]:
+        if len(files) > _MAX_FILES:
+            oldest_first = sorted(files, key=lambda path: path.stat().st_mtime)
+            for old in oldest_first[: _MAX_FILES // 2]:
                 old.unlink()
 
 
 def _file(key: str) -> Path:
-    return cache_folder(part="numbers") / sha256(key.encode()).hexdigest()[:32]
+    """The file of a key."""
+    return cache_folder(part="numbers") / sha256(key.encode()).hexdigest()[:_NAME_DIGITS]
 
 
 def _sum(key: str, content: bytes) -> bytes:
+    """Checksum of a key and its numbers: a file cut short, or of another key, has another one."""
     return sha256(key.encode() + content).digest()

@@ -221,5 +221,8 @@ def plain(value: Any) -> Any:
     -0.0 becomes 0.0, so that equal scenes have equal contents.
     """
     if isinstance(value, dict):
-        return {name: plain(each) for name, each in value.items()}
-    return [plain(each) for each in value] if isinstance(value, tuple) else float(value) + 0.0
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, tuple):
+        return [plain(part) for part in value]
+    # The sum of -0.0 and 0.0 is 0.0.
+    return float(value) + 0.0

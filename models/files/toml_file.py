@@ -14,7 +14,7 @@ from polhode.models.registry import hint, near
 Made = TypeVar("Made")
 Model = TypeVar("Model", bound=BaseModel)
 # A file of more bytes is none that somebody wrote, and might never end.
-_MOST = 4_000_000
+_MAX_BYTES = 4_000_000
 
 
 def read_toml(
@@ -28,9 +28,9 @@ def read_toml(
     where = where or str(source)
     try:
         with source.open("rb") as file:
-            content = file.read(_MOST + 1)
-        if len(content) > _MOST:
-            raise ValueError(f"got more than {_MOST} bytes")
+            content = file.read(_MAX_BYTES + 1)
+        if len(content) > _MAX_BYTES:
+            raise ValueError(f"got more than {_MAX_BYTES} bytes")
         # With or without the mark that some editors begin a file with.
         contents = tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:
@@ -55,7 +55,8 @@ def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
     """The plainest complaint about the contents of a `model` in one line, and how many more there are."""
     # An unknown key comes first, for it may be the misspelt name of one that is missing.
     complaints = sorted(
-        error.errors(include_url=False), key=lambda each: each["type"] != "extra_forbidden"
+        error.errors(include_url=False),
+        key=lambda complaint: complaint["type"] != "extra_forbidden",
     )
     first = complaints[0]
     *above, last = first["loc"] or ("",)
@@ -68,10 +69,12 @@ def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
     elif first["type"] == "extra_forbidden":
         keys = _keys(model, above)
         meant = near(str(last), keys)
+        # The key that it means is not missing besides.
+        same = {"type": "missing", "loc": (*above, meant)}
         complaints = [
-            each
-            for each in complaints
-            if not (each["type"] == "missing" and each["loc"] == (*above, meant))
+            complaint
+            for complaint in complaints
+            if any(complaint[name] != value for name, value in same.items())
         ]
         text = f"{where}: unknown key, expected one of {', '.join(keys)}{_advice(model, above, str(last), keys)}"
     elif expected.startswith("got "):
@@ -108,14 +111,16 @@ def _keys(model: Any, path: list[int | str]) -> list[str]:
     return list(model.model_fields)
 
 
+# Our words by the beginnings of pydantic's messages.
 _OUR_WORDS = tomllib.loads(Path(__file__).with_name("our_words.toml").read_text(encoding="utf-8"))
 
 
 def _in_our_words(message: str) -> str:
+    """A message of pydantic's by the beginnings that `our_words.toml` translates; others as they are."""
     message = message.replace(" after validation", "").split(" or instance of")[0]
-    found = (
+    translated = (
         ours + message.removeprefix(theirs)
         for theirs, ours in _OUR_WORDS.items()
         if message.startswith(theirs)
     )
-    return next(found, message)
+    return next(translated, message)

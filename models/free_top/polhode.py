@@ -37,9 +37,8 @@ class Polhode:
     m1: Long  # 1−k²
     # −n is the characteristic of the integral of the third kind: n = I_c (I_b−I_a) / (I_a (I_c−I_b)).
     n: Long
-    amplitudes: tuple[
-        Long, Long, Long
-    ]  # factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`)
+    # Factors of cn, sn, dn in ω_a, ω_b, ω_c (`eq:omg1`–`eq:omg3`).
+    amplitudes: tuple[Long, Long, Long]
     quarter: Long  # K(m), infinite on the separatrix
 
     @classmethod

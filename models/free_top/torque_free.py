@@ -38,9 +38,8 @@ class TorqueFree:
 
     inertia: Triple  # about the body axes, positive, in any order
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
-    angular_velocity: (
-        Triple  # of the start, in body axes and any inverse unit of the requested times
-    )
+    # Of the start, in body axes and any inverse unit of the requested times.
+    angular_velocity: Triple
 
     @cached_property
     def _exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
@@ -112,13 +111,15 @@ class TorqueFree:
         size = np.hypot(cn, sn)
         u0 = sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
         # The start goes through the same functions as the times, so that what they have in common
-        # drops out.
+        # drops out. It is row 0 of each array below.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
         # Half periods 2K passed: sn and cn change their signs in each, and the arguments stay small.
         half_turns = np.rint(u / (2 * polhode.quarter))
         reduced = u - (2 * polhode.quarter * half_turns if np.isfinite(polhode.quarter) else 0)
         sn, cn, dn = jacobi(reduced, polhode.m1)
         parity = 1 - 2 * np.mod(half_turns, 2)
+        # `spin` is the angle about axis c of L in the body; `angle` is the periodic part of the
+        # precession less `spin`.
         spin = np.arctan2(np.sqrt(1 + polhode.n) * sn, cn) + PI * half_turns
         angle = theta4_phase(reduced, polhode.m, polhode.m1, polhode.n) - spin
         carried = angle[1:] - angle[0] + polhode.precession * t

@@ -23,6 +23,8 @@ from polhode.models.second_order.outline import Outline, outline
 
 # The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
 _START_PASSES = 60
+# Passes diverge if a component becomes this many times the largest one of z; an estimate.
+_START_DIVERGED = 1e3
 # Residual of that equation, over |L|, at which passes end: rounding.
 _START_CLOSE = 1e-15
 # Shares of the time to the first segment of the full equations at which a run is tried to be stopped,
@@ -140,6 +142,7 @@ class SecondOrder(Form):
 
 @once()
 def _started(scene: Scene) -> tuple[float, ...] | None:
+    """The slow start of a spheroid's scene; None if there is none."""
     exact = find_form(full_form(scene)).problem(scene).start
     return slow_start(Spheroid.of(scene.ellipsoid), scene.torque_factor, exact)
 
@@ -165,6 +168,6 @@ def slow_start(
         if left * min(1, left / before) <= _START_CLOSE:
             return tuple(slow)
         # The passes diverge, or met numbers that are not finite.
-        if not max(map(abs, slow)) < 1e3 * max(map(abs, exact)):
+        if not max(map(abs, slow)) < _START_DIVERGED * max(map(abs, exact)):
             return None
     return None

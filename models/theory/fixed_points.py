@@ -17,9 +17,8 @@ Stability = Literal["stable node", "saddle", "singular"]
 class FixedPoint:
     """One fixed point of the averaged equations, where the body turns with the fluid, ω = -½ ẑ."""
 
-    rotation: (
-        Rotation  # the body axis along the vorticity; a spheroid tumbles about an equatorial axis
-    )
+    # The body axis along the vorticity; a spheroid tumbles about an equatorial axis.
+    rotation: Rotation
     # L and E of a triaxial ellipsoid (`lxmain`–`emain`), L and η of a spheroid
     # (`lxsmain`–`nsmain`), L of a sphere.
     state: tuple[float, ...]
