@@ -1,8 +1,8 @@
 """The answer to a question of the opening page, from measured runs; `verdict.js` gives the same in a browser."""
 
 from collections.abc import Mapping, Sequence
-from math import isnan
-from typing import Any
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,26 @@ Column = Mapping[str, Any]
 form is averaged, and `points`: error, seconds, tolerance and the spread of the repeats over their time,
 from the fastest run to the most accurate one.
 """
+
+
+class _Run(NamedTuple):
+    """A point of a method: a measured run."""
+
+    error: float
+    seconds: float
+    tolerance: float
+    spread: float  # of the repeats, over their time
+
+
+class _Candidate(NamedTuple):
+    """A method that gets to the requested error; in order, the cheapest comes first."""
+
+    seconds: float  # interpolated between two runs
+    form: str
+    solver: str
+    label: str
+    averaged: bool
+    run: _Run  # the fastest measured one that meets the error
 
 
 def look_up(
@@ -43,65 +63,63 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
     `cost` is the interpolated time by which methods are ranked; `error`, `seconds` and `tolerance` are those of the
     fastest measured run that meets the error. `averaged` has form, least error and seconds of each averaged form.
     """
-    # Of each averaged method: form, solver, least error, seconds of a run that meets the error.
-    averaged = []
-    for method in column["methods"]:
-        if method["averaged"]:
-            least = min(point[0] for point in method["points"])
-            run = _run(method["points"], error)
-            averaged.append([method["form"], method["solver"], least, run[1] if run else None])
-    answer: dict[str, Any] = {"St": column["St"], "averaged": _best_of_each(averaged)}
+    answer: dict[str, Any] = {"St": column["St"]}
+    answer["averaged"] = _averaged_forms(column["methods"], error)
     # At or below the limit nobody knows which run is good enough.
     methods = column["methods"] if column["limit"] is None or error > column["limit"] else []
     answer["known"] = bool(methods)
-    ranked = []
-    for method in methods:
-        seconds = _cost(method["points"], error)
-        if seconds is not None:
-            ranked.append((seconds, method["form"], method["solver"], method))
-    ranked.sort(key=lambda entry: entry[:3])
+    ranked = sorted(_candidates(methods, error))
     if not ranked:
         return answer
-    seconds, *_, winner = ranked[0]
-    run = _run(winner["points"], error)
-    assert run is not None
+    winner = ranked[0]
     # The cheapest by interpolation may have no cheap run: an averaged form that is good enough is
     # never dearer than what is recommended.
-    for entry in ranked:
-        other = _run(entry[3]["points"], error)
-        if entry[3]["averaged"] and other is not None and other[1] < run[1]:
-            seconds, *_, winner = entry
-            run = other
-    rivals = [entry for entry in ranked if entry[3]["label"] != winner["label"]]
-    answer |= {"form": winner["form"], "solver": winner["solver"], "cost": seconds}
-    answer |= {"error": run[0], "seconds": run[1], "tolerance": run[2]}
+    for candidate in ranked:
+        if candidate.averaged and candidate.run.seconds < winner.run.seconds:
+            winner = candidate
+    rival = next((candidate for candidate in ranked if candidate.label != winner.label), None)
+    run = winner.run
+    answer |= {"form": winner.form, "solver": winner.solver, "cost": winner.seconds}
+    answer |= {"error": run.error, "seconds": run.seconds, "tolerance": run.tolerance}
     answer |= {"next": None, "tied": False}
-    if rivals:
-        later, form, solver, rival = rivals[0]
-        answer["next"] = [form, solver, later]
-        other = _run(rival["points"], error)
-        assert other is not None
-        answer["tied"] = later / seconds <= max(TIE, 1 + run[3], 1 + other[3])
+    if rival is not None:
+        answer["next"] = [rival.form, rival.solver, rival.seconds]
+        close = max(TIE, 1 + run.spread, 1 + rival.run.spread)
+        answer["tied"] = rival.seconds / winner.seconds <= close
     return answer
 
 
-def _best_of_each(averaged: Sequence[list[Any]]) -> list[list[Any]]:
-    """The least error of each averaged form, and the least time of a run that is good enough."""
-    best: dict[str, list[Any]] = {}
-    for form, _, least, seconds in averaged:
-        entry = best.setdefault(form, [form, least, None])
-        entry[1] = min(entry[1], least)
-        if seconds is not None and (entry[2] is None or seconds < entry[2]):
-            entry[2] = seconds
-    return [*best.values()]
+def _candidates(methods: Sequence[Mapping[str, Any]], error: float) -> list[_Candidate]:
+    """The methods that get to the error."""
+    candidates = []
+    for method in methods:
+        run = _run(method["points"], error)
+        if run is None:
+            continue
+        seconds = cost(np.array(method["points"])[:, :2], error)
+        names = (method["form"], method["solver"], method["label"])
+        candidates.append(_Candidate(seconds, *names, method["averaged"], run))
+    return candidates
 
 
-def _run(points: Sequence[Sequence[float]], error: float) -> Sequence[float] | None:
-    """The fastest run whose error is no larger."""
-    return next((point for point in points if point[0] <= error), None)
+def _averaged_forms(methods: Sequence[Mapping[str, Any]], error: float) -> list[list[Any]]:
+    """Of each averaged form its name, its least error, and the least time of a run that meets the error, or None."""
+    least_errors: dict[str, float] = {}
+    least_seconds: dict[str, float | None] = {}
+    for method in methods:
+        if not method["averaged"]:
+            continue
+        form = method["form"]
+        least_error = min(_Run(*point).error for point in method["points"])
+        least_errors[form] = min(least_error, least_errors.get(form, inf))
+        run = _run(method["points"], error)
+        least_seconds.setdefault(form, None)
+        if run is not None:
+            known = least_seconds[form]
+            least_seconds[form] = run.seconds if known is None else min(run.seconds, known)
+    return [[form, least_errors[form], least_seconds[form]] for form in least_errors]
 
 
-def _cost(points: Sequence[Sequence[float]], error: float) -> float | None:
-    """Time for an error, logarithms interpolated between two runs, as the map's; None where no run gets there."""
-    seconds = cost(np.array(points)[:, :2], error)
-    return None if isnan(seconds) else seconds
+def _run(points: Sequence[Sequence[float]], error: float) -> _Run | None:
+    """The fastest run whose error is no larger: points go from the fastest run to the most accurate one."""
+    return next((_Run(*point) for point in points if point[0] <= error), None)
