@@ -66,6 +66,10 @@ RUN_NUMBERS = (
     "work.steps",
     "model_slow_error",
 )
+# Columns of all runs, as `cost.js` reads them.
+_COST_COLUMNS = ("group", *_WORDS, "tolerance", "inferred", *RUN_NUMBERS)
+# Colour of the full equations in the key, in both themes: solvers have colours of their own.
+_FULL_FORM = "light-dark(#4A5361, #A3ADBA)"
 
 
 def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
@@ -192,6 +196,38 @@ def cost_page(reports: Path) -> Page:
     body = html("cost", studies=studies, unreadable=unreadable)
     if not studies:
         return Page(_COSTS, _LEAD, body)
+    groups, rows = _groups_and_rows(studies)
+    values = dict(zip(_COST_COLUMNS, zip(*rows, strict=True), strict=True))
+    # Words and tolerances stand once: columns hold their places.
+    named = (*_WORDS, "tolerance")
+    words: dict[Any, int] = {}
+    for value in chain.from_iterable(values[name] for name in named):
+        words.setdefault(value, len(words))
+    columns = {}
+    for name, column in values.items():
+        columns[name] = _runs(words[value] for value in column) if name in named else _runs(column)
+    forms = {}
+    for name, look in looks(map(str, values["form"])).items():
+        averaged = is_averaged(name)
+        color = look.both if averaged else _FULL_FORM
+        forms[name] = {"averaged": averaged, "color": color, "mark": look.outline}
+    data = {
+        "words": list(words),
+        "groups": groups,
+        "columns": columns,
+        "forms": forms,
+        "solvers": _solvers(set(map(str, values["solver"]))),
+        "largest": LARGEST_ERROR,
+        "meanings": {str(status): status.meaning for status in Status},
+    }
+    return Page(_COSTS, _LEAD, body, {"cost-data": data}, ("chart.js", "cost.js"))
+
+
+def _groups_and_rows(studies: Mapping[str, pd.DataFrame]) -> tuple[list[Any], list[list[Any]]]:
+    """Groups: study, scene, St, tags; and all runs as rows of `_COST_COLUMNS`, each with the place of its group.
+
+    Runs of one line of the diagram stand together, from the loosest tolerance to the tightest.
+    """
     groups = []
     rows = []
     for study, table in studies.items():
@@ -202,38 +238,14 @@ def cost_page(reports: Path) -> Page:
                 groups.append(
                     [study, scene, stokes, sorted(tags.explode().dropna().astype(str).unique())]
                 )
-    # Runs of one line of the diagram stand together, from the loosest tolerance to the tightest:
-    # columns are group, form, solver, status, message, tolerance.
-    rows.sort(key=lambda row: (*row[:3], -row[5]))
-    # Words and tolerances stand once: columns hold their places.
-    named = (*_WORDS, "tolerance")
-    names = ("group", *named, "inferred", *RUN_NUMBERS)
-    values = dict(zip(names, zip(*rows, strict=True), strict=True))
-    words: dict[Any, int] = {}
-    for value in chain.from_iterable(values[name] for name in named):
-        words.setdefault(value, len(words))
-    columns = {}
-    for name, column in values.items():
-        columns[name] = _runs(words[value] for value in column) if name in named else _runs(column)
-    forms = {}
-    for name, look in looks(str(row[1]) for row in rows).items():
-        averaged = is_averaged(name)
-        color = look.both if averaged else "light-dark(#4A5361, #A3ADBA)"
-        forms[name] = {"averaged": averaged, "color": color, "mark": look.outline}
-    data = {
-        "words": list(words),
-        "groups": groups,
-        "columns": columns,
-        "forms": forms,
-        "solvers": _solvers({str(row[2]) for row in rows}),
-        "largest": LARGEST_ERROR,
-        "meanings": {str(status): status.meaning for status in Status},
-    }
-    return Page(_COSTS, _LEAD, body, {"cost-data": data}, ("chart.js", "cost.js"))
+    tolerance = _COST_COLUMNS.index("tolerance")
+    # Group, form and solver are the first columns.
+    rows.sort(key=lambda row: (*row[:3], -row[tolerance]))
+    return groups, rows
 
 
 def _row(run: dict[Any, Any]) -> list[Any]:
-    """A run as the page's script reads it, its solver with the back end and the Jacobian where they were chosen."""
+    """A run as a row of `_COST_COLUMNS` but for its group; the solver with back end and Jacobian, where chosen."""
     chosen = [str(run[name]) for name in ("backend", "jacobian") if run.get(name)]
     method = f"{run['solver']} ({', '.join(chosen)})" if chosen else run["solver"]
     values = [run["form"], method, run["status"], run.get("message") or "", float(run["tolerance"])]
