@@ -206,6 +206,8 @@ def complaint(error: click.ClickException) -> str:
         # Click may end with "Did you mean …?".
         message += " expected: " if message.endswith("?") else ", expected: "
         message += " ".join(command.get_usage(error.ctx).split()).removeprefix("Usage: ")
+    if isinstance(command, click.Group):
+        message += f" ({error.ctx.command_path} --help lists the commands)"
     return f"{error.ctx.command_path}: {message}"
 
 

@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Mapping, Sequence
+from math import inf
 from pathlib import Path
 from shutil import get_terminal_size
 from textwrap import indent
@@ -119,7 +120,10 @@ def scene_text(table: dict[str, Any]) -> str:
     """A scene file with the contents of `polhode.models.files.scene_file.scene_table`, and what its keys mean."""
     from polhode.harness.pages.tables import templates
 
-    return templates(Path(__file__).parent).get_template("scene_file.md").render(table)
+    stokes = table["stokes"]
+    slow_time = table["time"] / stokes if 0 < stokes < inf else None
+    template = templates(Path(__file__).parent).get_template("scene_file.md")
+    return template.render(table, slow_time=slow_time)
 
 
 @command()

@@ -38,6 +38,7 @@ def on_terminal(
     # While it is too wide it goes without the columns `spare`, one by one; then wide columns are
     # wrapped.
     cells = _as_text(header, rows)
+    # Each column counts with the two blanks before it; the first one has none.
     room = get_terminal_size().columns + 2 if sys.stdout.isatty() else inf
     for i in sorted(spare, reverse=True):
         if sum(2 + width for width in _widths(cells)) > room:
