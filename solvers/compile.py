@@ -206,23 +206,23 @@ def system_in_units(
 ) -> list[tuple[Any, Any]]:
     """As `traced_system`, of ``y[i] / unit[i]``; a field of time gets heyoka's own, which is no variable then.
 
-    ``heyoka.par`` holds p, the units of all variables, with `timed` the time of the field at
-    heyoka's 0, and with `paced` the unit of heyoka's time.
+    ``heyoka.par`` holds p, the units of all variables, with `timed` the offset, the time of the
+    field at heyoka's 0, and with `paced` the pace, the unit of heyoka's time.
     """
     heyoka = load_heyoka()
     # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)
     variable_count = dimension - timed
     units_at = parameters
-    start_time_at = units_at + variable_count
-    pace_at = start_time_at + timed
+    offset_at = units_at + variable_count
+    pace_at = offset_at + timed
     values = _variables("y", variable_count)
     units = [heyoka.par[units_at + i] for i in range(variable_count)]
     state = [unit * value for unit, value in zip(units, values, strict=True)]
     pace = heyoka.par[pace_at] if paced else None
     if timed:
         time = heyoka.time if pace is None else pace * heyoka.time
-        state.append(time + heyoka.par[start_time_at])
+        state.append(time + heyoka.par[offset_at])
     rates = factory(_heyoka_operations())(state, [heyoka.par[i] for i in range(parameters)])
     scaled = [rate / unit for rate, unit in zip(rates, units, strict=False)]
     if pace is not None:

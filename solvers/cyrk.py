@@ -20,6 +20,7 @@ import tomllib
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from enum import IntEnum
 from importlib.metadata import version
 from itertools import cycle
 from math import hypot, inf, nan
@@ -52,20 +53,35 @@ from polhode.solvers.machine_code.underflow import FlushedToZero
 
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 _CHUNK = 20_000
-# Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`.
+# Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
+# estimate.
 _FIRST_LOOK = 256
-# Shares of the steps of a chunk that failed, up to which it is run again.
+# Shares of the steps of a chunk that failed, up to which it is run again; estimates.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
-# Steps after which a solution that is looked at beforehand is given up.
+# Steps after which a solution that is looked at beforehand is given up; an estimate.
 _MOST_STEPS = 2000
 # Memory that a run may take, in MB: the library's own default.
 _MAX_RAM_MB = 2000
 # Largest rate over the tolerated error: its square is below infinity.
 _LARGEST_NORM = 1.3e154
 
-# CyrkErrorCodes of the library's c_common.hpp.
-_STEPS_EXCEEDED = (-52, -53)
-_UNDERFLOW = (-54, -55, -80, -90, -91, -92)
+
+class _Code(IntEnum):
+    """Codes by which the library says that a run failed (CyrkErrorCodes, c_common.hpp); success is positive."""
+
+    MAX_STEPS_USER_EXCEEDED = -52
+    MAX_STEPS_SYSARCH_EXCEEDED = -53
+    STEP_SIZE_ERROR_SPACING = -54
+    STEP_SIZE_ERROR_ACCEPTANCE = -55
+    BAD_INITIAL_STEP_SIZE = -80
+    JACOBIAN_IS_SINGULAR = -90
+    NEWTON_CONVERGENCE_ERROR = -91
+    LSODA_INTERNAL_ERROR = -92
+
+
+_STEPS_EXCEEDED = (_Code.MAX_STEPS_USER_EXCEEDED, _Code.MAX_STEPS_SYSARCH_EXCEEDED)
+# Steps become too small, or none can be taken: all other codes of `_Code`.
+_UNDERFLOW = tuple(code for code in _Code if code not in _STEPS_EXCEEDED)
 # Versions whose C functions have the signatures stated here; of others the package itself is
 # imported.
 _KNOWN = ("0.20.",)
@@ -77,7 +93,10 @@ _WITH_JACOBIAN = (
     "RS5_IcSaIcEEmmbS8_S2_RS5_I5EventSaISD_EES8_S8_ddbS4_"
 )
 
-# A type that ctypes has no name for.
+# A vector of C++ on x86-64: three addresses of 8 bytes, as `_vector` has them.
+_ADDRESS_BYTES = 8
+_VECTOR_BYTES = 3 * _ADDRESS_BYTES
+# Types that ctypes has no name for, by their names in cyrk.toml.
 _TYPES = {"nothing": None, "doubles": ctypes.POINTER(ctypes.c_double)}
 # The function that the library calls: rates, time, state and parameters.
 _FIELD = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
@@ -228,6 +247,7 @@ class CyrkSolver(Solver):
         if self.implicit and settings.jacobian == "exact":
             jacobian = c_jacobian(problem.field, problem.dimension, len(parameters))
         if settings.count:
+            # The address of the counter stands behind the parameters, in the bits of a double.
             parameters = np.append(parameters, np.array([address_of(calls)]).view(float))
         return Call(code, method_number(self.method), parameters, settings, calls, jacobian)
 
@@ -284,13 +304,17 @@ class Call:
         self.parameters_address = address_of(parameters)
 
     def begins(self, state: np.ndarray, switching: bool = False) -> bool:
-        """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end."""
+        """Whether rates have a norm at a state; else the library, but for LSODA, would look for a step without end.
+
+        LSODA is the method that is `switching`: it needs rates that are finite beside the tolerance.
+        """
         rates = np.empty_like(state)
         with self.flushed_to_zero:
             _FIELD(self.code.address)(
                 address_of(rates), 0.0, address_of(state), self.parameters_address
             )
-        # One tolerance counts for all components. In NumPy it would take twice as long.
+        # Tolerances are repeated as one alone counts for all components. In NumPy it would take
+        # twice as long.
         rtols = cycle(self.rtol.tolist())
         atols = cycle(self.atol.tolist())
         scaled = []
@@ -326,25 +350,35 @@ class Call:
         # The same through the entry that takes a Jacobian.
         entry = entry_with_jacobian()
         assert entry is not None, "the settings have been checked"
-        # The pointer to the result, and vectors of 24 bytes, the one of events empty. One array of
-        # numbers costs less than objects of ctypes: 4 µs of the 50 that the shortest runs take.
+        # The pointer to the result, which the library writes, then six vectors, that of events
+        # empty. One array of numbers costs less than objects of ctypes: 4 µs of the 50 that the
+        # shortest runs take.
         passed = np.array(
             [
-                *(0, *_vector(state), *_vector(self.parameters), *_vector(times)),
-                *(*_vector(self.rtol), *_vector(self.atol), 0, 0, 0),
+                0,
+                *_vector(state),
+                *_vector(self.parameters),
+                *_vector(times),
+                *_vector(self.rtol),
+                *_vector(self.atol),
+                *(0, 0, 0),
             ]
         )
         result = address_of(passed)
-        states, parameters, requested, rtols, atols, events = range(result + 8, result + 152, 24)
+        first = result + _ADDRESS_BYTES
+        vectors = range(first, first + 6 * _VECTOR_BYTES, _VECTOR_BYTES)
+        states, parameters, requested, rtols, atols, no_events = vectors
+        # The zeros and None are those of the C entry above.
         entry(
             *(result, self.code.address, start, end, states, self.method, 0, 0, parameters),
-            *(max_steps, _MAX_RAM_MB, dense, requested, None, events, rtols, atols),
+            *(max_steps, _MAX_RAM_MB, dense, requested, None, no_events, rtols, atols),
             *(self.max_step, first_step, True, self.jacobian.address),
         )
         return int(passed[0])
 
 
 def _run(call: Call, record: Record) -> Outcome:
+    """Fill the record's rows, in segments of a bounded number of steps."""
     library = call.library
     dimension = len(record.start)
     work = record.work
@@ -406,6 +440,7 @@ def _look_through(
     ends = _array(library.c_get_y_ptr(result), size).reshape(len(steps), dimension)
     whole, count = _interpolated(call, result, steps, time, state, first_step)
 
+    # By the library's interpolation as far as that goes, and on straight lines from there on.
     def between(times: np.ndarray) -> np.ndarray:
         times = np.ascontiguousarray(times, dtype=float)
         states = np.full((len(times), dimension), nan)
@@ -437,6 +472,7 @@ def _interpolated(
     library = call.library
     if library.c_get_status(result) > 0:
         return result, len(steps)
+    # What is run again is not counted.
     counted = call.calls.copy()
     again = None
     count = 1
@@ -475,10 +511,11 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
     steps, _ = run(problem.end, np.empty(0))
     if len(steps) < 2:
         return np.zeros(1), start[None]
-    count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-    times, states = run(
-        steps[-1], np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
-    )
+    # Numbers of steps, with fractions where there are fewer steps than points: each step gets as
+    # many times as any other.
+    places = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
+    requested = np.append(np.interp(places, np.arange(len(steps)), steps), steps[-1])
+    times, states = run(steps[-1], requested)
     # A run of few steps may end otherwise when its rows are elsewhere.
     return (times, states) if len(times) else (np.zeros(1), start[None])
 

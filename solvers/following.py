@@ -63,6 +63,6 @@ def _followed_by_scipy(
         steps = np.array(times)
         # Numbers of steps, with fractions where there are fewer steps than points: each step gets
         # as many times as any other.
-        count = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-        sampled = np.append(np.interp(count, np.arange(len(steps)), steps), steps[-1])
+        places = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
+        sampled = np.append(np.interp(places, np.arange(len(steps)), steps), steps[-1])
         return sampled, OdeSolution(steps, interpolants)(sampled).T

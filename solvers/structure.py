@@ -33,7 +33,8 @@ def pattern_of(problem: Problem) -> Any:
     with IMPORTS:
         from scipy import sparse
 
-    d, (lower, upper) = problem.dimension, structure.bands
+    d = problem.dimension
+    lower, upper = structure.bands
     offsets: Any = range(-lower, upper + 1)
     return sparse.diags([np.ones(d - abs(k)) for k in offsets], offsets=offsets, format="csc")
 
@@ -50,10 +51,14 @@ def dense(matrix: Any) -> np.ndarray:
 
 
 def packed(matrix: Any, lower: int, upper: int) -> np.ndarray:
-    """The bands of a matrix as LSODA wants them, shape (lower + upper + 1, d)."""
+    """The bands of a matrix as LSODA wants them, shape (lower + upper + 1, d).
+
+    Entry (i, j) of the matrix stands in row ``upper + i - j`` and column j.
+    """
     d = matrix.shape[0]
     bands = np.zeros((lower + upper + 1, d))
     for k in range(-lower, upper + 1):
+        # k above the main diagonal; it begins in column `first`.
         diagonal = matrix.diagonal(k)
         first = max(0, k)
         bands[upper - k, first : first + len(diagonal)] = diagonal

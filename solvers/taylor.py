@@ -18,21 +18,28 @@ from polhode.solvers.event_search import LOOK_GROWTH, looks
 
 Precision = Literal["double", "long double", "quadruple"]
 
-# Deadline and Ctrl-C are looked at once per this many steps.
+# Places in what heyoka's propagation returns: how it ended, the number of steps, the series of all
+# steps if it is asked for, and the states on a grid.
+_ENDED = 0
+_STEPS = 3
+_SERIES = 4
+_STATES = -1
+# Deadline and Ctrl-C are looked at once per this many steps; an estimate.
 _CHUNK = 10_000
-# Components up to which every operation is compiled in place.
+# Components up to which every operation is compiled in place; an estimate.
 _MAX_UNROLLED = 50
 # Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
 # the range of double precision, which ends at 308: rates may be faster or slower than the time says.
 _MAX_EXPONENT = 200.0
 # Steps of a chunk in `propagate_paced`, which share one unit of time: rates may change by a factor
-# of 1e8 in this many steps.
+# of 1e8 in this many steps. An estimate.
 _PACED_STEPS = 16
 # A paced run is given up if its chunks have not doubled in length over this many chunks,
 _PACED_CHUNKS = 40
-# and more than this many of the same length are still ahead.
+# and more than this many of the same length are still ahead. Estimates.
 _MAX_CHUNKS_AHEAD = 1e8
-# Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`.
+# Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
+# estimate.
 _FIRST_LOOK = 64
 
 
@@ -98,7 +105,6 @@ def propagate(
 
     ``states(rows, times)`` are the states that its rows mean, if these are not the rows themselves.
     """
-    # heyoka's result: [0] how it ended, [3] the number of steps, [-1] the states on the grid.
     outcome = load_heyoka().taylor_outcome
     number = integrator.state.dtype
     work = record.work
@@ -110,10 +116,10 @@ def propagate(
             max_steps=min(record.chunk(_CHUNK), record.max_steps - steps),
             max_delta_t=number.type(max_step),
         )
-        reason = result[0]
-        steps = steps + result[3]
+        reason = result[_ENDED]
+        steps = steps + result[_STEPS]
         work.steps = steps
-        rows = result[-1][1:]
+        rows = result[_STATES][1:]
         if states is not None:
             rows = states(rows, grid[1:])
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
@@ -125,7 +131,7 @@ def propagate(
                 str(reason),
             )
         record.now = float(integrator.time)
-        if not result[3]:
+        if not result[_STEPS]:
             # Steps are left, yet it takes none: they would not advance the time.
             return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
         if stopped := record.stopped or record.crawls(steps, record.now):
@@ -140,7 +146,6 @@ def propagate_with_events(
     max_step: float = np.inf,
 ) -> Outcome:
     """As `propagate`, with the record's events looked for on the series of every step."""
-    # heyoka's result: [0] how it ended, [3] the number of steps, [4] the series of all steps.
     outcome = load_heyoka().taylor_outcome
     steps = 0
     look = _FIRST_LOOK
@@ -152,9 +157,9 @@ def propagate_with_events(
             max_delta_t=max_step,
             c_output=True,
         )
-        reason = result[0]
-        series = result[4]
-        steps = steps + result[3]
+        reason = result[_ENDED]
+        series = result[_SERIES]
+        steps = steps + result[_STEPS]
         record.now = float(integrator.time)
         record.work.steps = steps
         look = min(_CHUNK, look * LOOK_GROWTH)
@@ -170,7 +175,7 @@ def propagate_with_events(
         if reason != outcome.step_limit:
             non_finite = reason == outcome.err_nf_state
             return (Status.NON_FINITE if non_finite else Status.STEP_UNDERFLOW), str(reason)
-        if not result[3]:
+        if not result[_STEPS]:
             return Status.STEP_UNDERFLOW, f"stalled at t = {record.now!r}"
         if stopped := record.stopped or record.crawls(steps, record.now):
             return stopped
@@ -226,15 +231,17 @@ class Bound:
             return
         start = start.astype(number)
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
-        given = len(self.parameters)
-        behind = given + self.variables
-        integrator.pars[:given] = self.parameters
-        integrator.pars[given:behind] = self.units
+        # As `compile.system_in_units` lays them out.
+        units_at = len(self.parameters)
+        offset_at = units_at + self.variables
+        pace_at = offset_at + self.timed
+        integrator.pars[:units_at] = self.parameters
+        integrator.pars[units_at:offset_at] = self.units
         if self.timed:
             self.offset = start[-1] - number.type(time)
-            integrator.pars[behind] = self.offset
+            integrator.pars[offset_at] = self.offset
         if self.pace is not None:
-            integrator.pars[behind + self.timed] = self.pace
+            integrator.pars[pace_at] = self.pace
 
     def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
         """States of the problem that the integrator's rows stand for, shape (n, d)."""
@@ -307,12 +314,12 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
             max_steps=min(record.chunk(length), record.max_steps - steps),
             max_delta_t=bound.max_step / bound.pace,
         )
-        reason = result[0]
-        steps = steps + result[3]
+        reason = result[_ENDED]
+        steps = steps + result[_STEPS]
         work.steps = steps
         reached = bound.pace * float(integrator.time)
         after = bound.states(integrator.state.copy()[None], np.array([reached]))[0]
-        if reason in (outcome.time_limit, outcome.step_limit) and result[3] > 1:
+        if reason in (outcome.time_limit, outcome.step_limit) and result[_STEPS] > 1:
             slower = _own_units(problem, after, units, inf)[1] / bound.pace
             if integrator.order * log10(max(slower, 1.0)) > _MAX_EXPONENT:
                 # Rates fell so far in this chunk that coefficients may have vanished: the chunk is run
@@ -320,7 +327,7 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
                 length = 1
                 continue
         length = _PACED_STEPS
-        rows = bound.states(result[-1][1:], bound.pace * grid[1:])
+        rows = bound.states(result[_STATES][1:], bound.pace * grid[1:])
         finite = np.isfinite(rows).all(axis=1)
         record.put(rows if finite.all() else rows[: int(np.argmin(finite))])
         if reason == outcome.time_limit:
@@ -341,7 +348,7 @@ def propagate_paced(problem: Problem, bound: Bound, record: Record) -> Outcome:
         chunk_times = [*chunk_times[-_PACED_CHUNKS:], time - before]
         grown = len(chunk_times) <= _PACED_CHUNKS or chunk_times[-1] > 2 * chunk_times[0]
         if not grown and end - time > _MAX_CHUNKS_AHEAD * chunk_times[-1]:
-            step = chunk_times[-1] / max(1, result[3])
+            step = chunk_times[-1] / max(1, result[_STEPS])
             return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {time!r}"
         if crawling := record.crawls(steps, time):
             return crawling

@@ -14,14 +14,21 @@ from polhode.models.spent import spent_on
 from polhode.solvers.compile import parameter_array
 from polhode.solvers.contract import Status
 
+# Return values (cvode.h, ida.h; both libraries share these), without their prefix.
 TOO_MUCH_WORK = -1
-# Return values (cvode.h, ida.h; both libraries share these).
+_TOO_MUCH_ACCURACY = -2
+_ERROR_FAILURE = -3
+_CONVERGENCE_FAILURE = -4
+_ILLEGAL_INPUT = -22
 FAILURES = {
     TOO_MUCH_WORK: (Status.STEP_LIMIT, "too many steps"),
-    -2: (Status.TOLERANCE_UNATTAINABLE, "could not satisfy the demanded accuracy"),
-    -3: (Status.STEP_UNDERFLOW, "error tests failed too many times"),
-    -4: (Status.STEP_UNDERFLOW, "convergence tests failed too many times"),
-    -22: (Status.CRASHED, "illegal input"),
+    _TOO_MUCH_ACCURACY: (
+        Status.TOLERANCE_UNATTAINABLE,
+        "could not satisfy the demanded accuracy",
+    ),
+    _ERROR_FAILURE: (Status.STEP_UNDERFLOW, "error tests failed too many times"),
+    _CONVERGENCE_FAILURE: (Status.STEP_UNDERFLOW, "convergence tests failed too many times"),
+    _ILLEGAL_INPUT: (Status.CRASHED, "illegal input"),
 }
 # The version whose functions are called here.
 MAJOR = 7
@@ -86,11 +93,14 @@ def _major_version(library: Sundials) -> int:
     """The library's own word; sundials4py leaves that function out, and has the version of its SUNDIALS."""
     if not library.knows("SUNDIALSGetVersionNumber"):
         return int((version_of("sundials4py") or "0").partition(".")[0])
+    # It writes major and minor version, patch, and a label such as "-dev.1".
     numbers = (ctypes.c_int * 3)()
     label = ctypes.create_string_buffer(40)
-    places = [ctypes.addressof(numbers) + 4 * i for i in range(3)]
+    size = ctypes.sizeof(ctypes.c_int)
+    places = [ctypes.addressof(numbers) + size * i for i in range(3)]
     library("SUNDIALSGetVersionNumber", *places, ctypes.addressof(label), len(label))
-    return numbers[0]
+    major, _, _ = numbers
+    return major
 
 
 def posed(problem: Problem, implicit: bool) -> tuple[np.ndarray, np.ndarray]:

@@ -88,10 +88,11 @@ class SundialsSolver(Solver):
     takes_parameter_table = True
     backends = ("compiled", "numba", "python")
     jacobians = ("exact", "difference")
-    # The prefix of the C library's functions, and the arguments of its constructor and of
-    # scikit-sundae's.
+    # The prefix of the C library's functions: "CVode" or "IDA".
     prefix: ClassVar[str] = "CVode"
+    # Arguments of its constructor: CVODE's number of Adams' method (1) or of BDF (2), none of IDA.
     number: ClassVar[tuple[int, ...]] = ()
+    # Options of scikit-sundae's class, the name of the same method.
     options: ClassVar[dict[str, str]] = {}
 
     @property
