@@ -107,7 +107,8 @@ class Flow:
         """The gradient, or how many there are along a track and from when to when."""
         if not self.varies:
             return f"Flow(gradient={self.gradient})"
-        begin, end = self.knots[0], self.knots[-1]
+        begin = self.knots[0]
+        end = self.knots[-1]
         return f"<Flow: {len(self.knots)} gradients along a track from t = {begin:g} to {end:g}>"
 
     @property
@@ -157,6 +158,7 @@ class Flow:
         knots = np.array(self.knots)
         intervals = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
         since = np.asarray(times - knots[intervals])[:, None]
+        # Shape (n, 4, 8).
         c = self.cubics[intervals]
         values = c[:, 0] + since * (c[:, 1] + since * (c[:, 2] + since * c[:, 3]))
         return list(values.T)
@@ -310,9 +312,9 @@ def jeffery_in_any_flow(ops: Operations) -> Callable:
 
     The compiled function takes multiples x, y, z of the columns of t_ij and the scale that makes
     columns of them. It also takes `gyration`, (c² - b²)/(b² + c²) and cyclic, and the flow's numbers.
-    With half the
-    vorticity h' and the strain rate S' = t S tᵀ in body axes, ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²).
-    With the gradient G in body axes this is (b² G₃₂ - c² G₂₃)/(b² + c²).
+    With half the vorticity h' and the strain rate S' = t S tᵀ in body axes, the first component is
+    ω₁J = h'₁ + S'₂₃ (b² - c²)/(b² + c²). With the gradient G in body axes this is
+    (b² G₃₂ - c² G₂₃)/(b² + c²).
     """
 
     def spin(x, y, z, scale, g, f):

@@ -58,12 +58,12 @@ def need(purpose: str, *libraries: str) -> None:
 
 def missing_library(error: BaseException) -> str | None:
     """The library whose absence an exception tells, the cause of another one too; None if it tells none."""
-    seen: BaseException | None = error
-    while seen is not None:
-        library = (seen.name or "").partition(".")[0] if isinstance(seen, ImportError) else ""
+    cause: BaseException | None = error
+    while cause is not None:
+        library = (cause.name or "").partition(".")[0] if isinstance(cause, ImportError) else ""
         if library in KNOWN_LIBRARIES and not installed(library):
             return library
-        seen = seen.__cause__ or seen.__context__
+        cause = cause.__cause__ or cause.__context__
     return None
 
 

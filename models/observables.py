@@ -53,11 +53,11 @@ def completed(ellipsoid: Ellipsoid, rotation: np.ndarray) -> np.ndarray | None:
     """Matrices t_ij, shape (n, 3, 3), with rows that a form does not know filled in; None if it knows none."""
     # About its symmetry axis a spheroid may be turned at will.
     rotation = rotation.astype(float)
-    known = np.logical_not(np.isnan(rotation).any(axis=(0, 2))).tolist()
-    if all(known):
+    row_is_known = np.logical_not(np.isnan(rotation).any(axis=(0, 2))).tolist()
+    if all(row_is_known):
         return rotation
     axis = ellipsoid.symmetry_axis
-    if axis is None or not known[axis]:
+    if axis is None or not row_is_known[axis]:
         return None
     direction = rotation[:, axis]
     across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])

@@ -27,11 +27,11 @@ def hint(word: str, names: Iterable[str]) -> str:
 
 def near(word: str, names: Iterable[str]) -> str | None:
     """The name that a mistyped word is nearest to, or the only one that it is a part of; None if none is near."""
-    known = list(names)
-    containing = [name for name in known if len(word) >= _SHORTEST_PART and word.lower() in name]
+    names = list(names)
+    containing = [name for name in names if len(word) >= _SHORTEST_PART and word.lower() in name]
     if len(containing) == 1:
         return containing[0]
-    alike = get_close_matches(word.lower(), known, n=1, cutoff=_ALIKE)
+    alike = get_close_matches(word.lower(), names, n=1, cutoff=_ALIKE)
     return alike[0] if alike else None
 
 

@@ -232,15 +232,15 @@ class Scene:
 
 def start_from(ellipsoid: Ellipsoid, observables: Observables) -> Start:
     """The start that has these observables, of one time; L and E alone where there is no orientation."""
-    known = completed(ellipsoid, observables.rotation[:1])
-    if known is None:
+    matrices = completed(ellipsoid, observables.rotation[:1])
+    if matrices is None:
         l1, l2, l3 = observables.angular_momentum[0].tolist()
         # The run's own error may have led beyond what the shape can have.
         low, _, high = sorted(
             (l1 * l1 + l2 * l2 + l3 * l3) / (2 * inertia) for inertia in ellipsoid.inertia
         )
         return SlowStart((l1, l2, l3), min(max(float(observables.energy[0]), low), high))
-    rotation_matrix = known[0]
+    rotation_matrix = matrices[0]
     q0, q1, q2, q3 = rotation.quaternion_from_matrix(rotation_matrix).tolist()
     body = rotation_matrix @ angular_velocity(ellipsoid, observables)[0]
     return BodyStart((q0, q1, q2, q3), (float(body[0]), float(body[1]), float(body[2])))

@@ -25,8 +25,8 @@ def require_numbers(name: str, given: Any, count: int = 0) -> None:
     """Raise ValueError unless these are `count` real numbers of double precision or, without a count, one number."""
     with suppress(OverflowError, TypeError, LookupError):
         # By index, as they are read later on: sets have no index, and iterators are read once.
-        found = [given[i] for i in range(len(given))] if count else [given]
-        if len(found) == max(1, count) and all(map(_is_number, found)):
+        numbers = [given[i] for i in range(len(given))] if count else [given]
+        if len(numbers) == max(1, count) and all(map(_is_number, numbers)):
             return
     expected = f"{count} numbers" if count else "a number"
     raise ValueError(f"{name}: got {given!r:.60}, expected {expected} of double precision")

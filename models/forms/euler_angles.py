@@ -52,6 +52,8 @@ def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
     axes_of = ops.use(axes)
     velocity_of = ops.use(velocity)
 
+    # Sines and cosines are st and ct of θ, sf and cf of φ, ss and cs of ψ. `across` is φ̇ sin θ, the
+    # part of φ̇ across the body axis z', in the plane that ψ turns.
     def rhs(y, p):
         theta = y[0]
         phi = y[1]
@@ -65,11 +67,12 @@ def _field(ops: Operations, axes: Factory, velocity: Factory) -> Field:
         cf = cos(phi)
         ss = sin(psi)
         cs = cos(psi)
-        axes = axes_of(st, ct, sf, cf, ss, cs)
         across = dphi * st
         omega = (across * ss + dtheta * cs, across * cs - dtheta * ss, dphi * ct + dpsi)
-        a1, a2, a3 = acceleration(omega, velocity_of(*axes, p), p)
+        jeffery = velocity_of(*axes_of(st, ct, sf, cf, ss, cs), p)
+        a1, a2, a3 = acceleration(omega, jeffery, p)
         alpha = p[0]
+        # ω̇ times alpha is known; the derivatives of ω in the angles give the accelerations.
         ddphi = (a1 * ss + a2 * cs + alpha * dtheta * (dpsi - dphi * ct)) / st
         return (
             dtheta,

@@ -9,7 +9,7 @@ a drawing of p:
 - `_HEAD` numbers: middle and reciprocal half width of the table's a²;
 - 20 Chebyshev series of `NODES` terms: `polhode.models.second_order.averages`, then ν₁ and ν₂;
 - for each of `POLES` resonances, where the averages of second order are singular, its a²,
-  1/(St |dD/da²|), and the 10 functions' residues of second and of first order.
+  1/(St dD/da²), and the 10 functions' residues of second and of first order.
 
 Within √(|dD/dt₂|/St) of its resonance a mode has no time to be averaged, and the poles end there
 (`regular`).
@@ -35,6 +35,8 @@ NODES = 32
 POLES = 8
 # Numbers of each pole.
 POLE = 2 + 2 * len(SECOND_ORDER)
+# Index in p of the first pole's numbers.
+_FIRST_POLE = _HEAD + _SERIES * NODES
 # Keeps 0/0 away where a run rests on a resonance.
 _TINY = 1e-60
 
@@ -59,15 +61,16 @@ def field(ops: Operations) -> Field:
         nz = lz * over
         coefficients = series((a * a - p[0]) * p[1], p)
         f0, f2, g0, g2, r1, r2, ea, eb = coefficients[: len(_FIRST)]
-        # (a²)' of first order over l, as the divisors D of the table are over l, too. Times p[at + 1]
+        # (a²)' of first order over l, as the divisors D of the table are over l, too. Times 1/(St dD/da²)
         # it is ±w², w being the width of the resonance in a².
         drift = a * a * (g0 + 0.5 * g2 * nz * over) * over
-        for at in range(_HEAD + _SERIES * NODES, _HEAD + _SERIES * NODES + POLES * POLE, POLE):
-            twice, once = regular(a * a - p[at], drift * p[at + 1])
+        for pole in range(_FIRST_POLE, _FIRST_POLE + POLES * POLE, POLE):
+            # A pole's numbers: its a², 1/(St dD/da²), the residues of second order, those of first.
+            of_twice = pole + 2
+            of_once = of_twice + len(SECOND_ORDER)
+            twice, once = regular(a * a - p[pole], drift * p[pole + 1])
             for k in range(len(SECOND_ORDER)):
-                coefficients[len(_FIRST) + k] += (
-                    twice * p[at + 2 + k] + once * p[at + 2 + len(SECOND_ORDER) + k]
-                )
+                coefficients[len(_FIRST) + k] += twice * p[of_twice + k] + once * p[of_once + k]
         a1, a2, b1, b2, *across, nu1, nu2 = coefficients[len(_FIRST) :]
         n = (nx, ny, nz)
         f = (f0, f2, a1, a2)
@@ -127,6 +130,8 @@ def polynomials(t: Any, count: int) -> list[Any]:
 def averaged_rates(ops: Operations) -> Callable[..., Any]:
     """Averaged rates l'/l, g and L'⊥ from the coefficients that `averages` and `spheroid` list."""
 
+    # The rates as `averages` has them: f = (f₀, f₂, a₁, a₂), g = (g₀, g₂, b₁, b₂), r = (r₁, r₂), p = (p₁,
+    # … p₆). S_n is (sx, sy, 0) and W_n is (sx, -sy, 0); s is s₀/l and w is w₀/l.
     def averaged(size, n, f, g, r, p):
         over = 1 / size
         sx = 0.5 * n[1]

@@ -67,8 +67,10 @@ class SidedBody:
     def moduli(self, x: Array, x1: Array) -> tuple[Array, Array, Array]:
         """A², C² and 1 - m as `Polhodes` has them, from x and x1 = 1 - x."""
         i1, i2, i3 = self.inverse_inertia
-        a2 = (i2 - i3) / (i1 - i3) * x
-        return a2, 1 - a2, np.minimum(x1 / (1 - a2), 1)
+        square1 = (i2 - i3) / (i1 - i3) * x
+        square3 = 1 - square1
+        # Rounding may take 1 - m beyond 1.
+        return square1, square3, np.minimum(x1 / square3, 1)
 
     def normal(self, x: Array, x1: Array, phase: Array) -> Array:
         """Body components of n, shape (..., 3), from x, x1 = 1 - x and α.
@@ -78,11 +80,16 @@ class SidedBody:
         with IMPORTS:
             from scipy.special import ellipj, ellipkm1
 
-        a2, c2, complement = self.moduli(x, x1)
+        square1, square3, complement = self.moduli(x, x1)
+        # α between -π and π; 2π are four quarter periods K.
         turns = np.remainder(phase + pi, 2 * pi) - pi
         sn, cn, dn, _ = ellipj(2 / pi * ellipkm1(complement) * turns, 1 - complement)
-        sign = np.sign(self.inverse_inertia[1] - self.inverse_inertia[2])
-        return np.stack([np.sqrt(a2) * cn, sign * np.sqrt(x) * sn, np.sqrt(c2) * dn], axis=-1)
+        # The sense in which n goes round: 1 around the axis of greatest inertia, -1 around the least.
+        sense = np.sign(self.inverse_inertia[1] - self.inverse_inertia[2])
+        z1 = np.sqrt(square1) * cn
+        z2 = sense * np.sqrt(x) * sn
+        z3 = np.sqrt(square3) * dn
+        return np.stack([z1, z2, z3], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -136,8 +143,10 @@ class Polhodes:
             from scipy.special import ellipkm1
 
         _, i2, i3 = self.side.inverse_inertia
-        a2, c2, complement = self.moduli
-        return pi / 2 * abs(i2 - i3) * np.sqrt(self.x * c2 / a2) / ellipkm1(complement)
+        square1, square3, complement = self.moduli
+        # Euler's equation of z₂, whose rate is (i₁ - i₃) z₃z₁, gives the frequency of sn; sn takes 4K
+        # for a turn of α.
+        return pi / 2 * abs(i2 - i3) * np.sqrt(self.x * square3 / square1) / ellipkm1(complement)
 
     @cached_property
     def z(self) -> Array:
@@ -179,6 +188,7 @@ class Polhodes:
     @cached_property
     def per_y(self) -> "Derivatives":
         """Derivatives with respect to y at fixed phases."""
+        # Of each pair the step forwards counts with the weight, the step backwards with its negative.
         steps, weights = np.array(_DIFFERENCES).T
         steps = np.concatenate([steps, -steps])
         weights = np.concatenate([weights, -weights]) / _STEP
@@ -191,6 +201,7 @@ class Polhodes:
             total[name] = np.tensordot(
                 weights, values.reshape(len(steps), -1, *values.shape[1:]), 1
             )
+        # ν₂ = h - ν₁ times the turn of S per α.
         carried = total["rate"] * self.turn + self.rate * total["turn"]
         return Derivatives(total["z"], total["lead"], total["rate"], self.slope - carried)
 

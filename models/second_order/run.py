@@ -26,9 +26,15 @@ _START_PASSES = 60
 _START_CLOSE = 1e-14
 # States whose places are held in memory together.
 _MAX_STATES = 208
+# Columns of states, in the order of `field.STATE`.
+_MOMENTUM = slice(0, 3)  # L over I_max
+_DEPTH = 3  # a
+_FIRST_AXIS = slice(4, 7)  # e₁
+_SIGMAS = (7, 8)  # σ_α and σ_β
 # Keeps 0/0 away where nothing turns.
 _TINY = 1e-300
-# Matrices of the cross products with unit vectors, as rows.
+# Matrices of the cross products with the three unit vectors, each in a row of nine: a vector times
+# this is the matrix, of nine entries, of the cross product with the vector.
 _CROSS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
     float,
@@ -74,13 +80,14 @@ class Entry:
     def _exact(self, states: Array) -> tuple[Array, Array]:
         """L and R of the exact poses."""
         alpha, beta = (
-            phase + states[:, 7 + i] / self.torque_factor for i, phase in enumerate(self.phases)
+            phase + states[:, sigma] / self.torque_factor
+            for sigma, phase in zip(_SIGMAS, self.phases, strict=True)
         )
-        momentum = states[:, :3] * max(self.ellipsoid.inertia)
-        a2 = np.maximum(states[:, 3] ** 2, tables.FLOOR)
+        momentum = states[:, _MOMENTUM] * max(self.ellipsoid.inertia)
+        a2 = np.maximum(states[:, _DEPTH] ** 2, tables.FLOOR)
         place = Place(self.series, a2, alpha, self.side.normal(-np.expm1(-a2), np.exp(-a2), alpha))
         size = np.linalg.norm(momentum, axis=1)
-        q = frame(momentum / size[:, None], states[:, 4:7], beta + place.shape[:, 0])
+        q = frame(momentum / size[:, None], states[:, _FIRST_AXIS], beta + place.shape[:, 0])
         change, turn = place.swing(q, size, self.torque_factor)
         return momentum + change, rotation_by(turn) @ q @ place.body
 
@@ -172,6 +179,8 @@ def _place(series: Series, z: Array) -> Place | None:
 
 def rotation_by(vectors: Array) -> Array:
     """Rotations, shape (m, 3, 3), by vectors, shape (m, 3), in rad (Rodrigues)."""
+    # 1 + sin θ K + (1 - cos θ) K² with the matrix K of the unit vector: here `cross` is θK, and `share`
+    # is sin(θ/2)/(θ/2).
     half = np.linalg.norm(vectors, axis=1)[:, None, None] / 2 + _TINY
     cross = (vectors @ _CROSS).reshape(-1, 3, 3)
     share = np.sin(half) / half

@@ -68,6 +68,8 @@ _SPARE = 6
 FLOOR = 1e-24
 # Distance in a² from a pole at which the averages tell its residues; an estimate.
 _BESIDE = 5e-4
+# Least distance in time from a kick.
+_TINY = 1e-300
 # The a² of rows without a pole: far beyond the table.
 _FAR = 1e3
 # Square of the width in a² within which poles end where the size of second order is estimated: a
@@ -117,7 +119,7 @@ class Kick:
 
     def missed(self, times: Array) -> Array:
         """Largest part of the change that the transformation misses at times outside a full segment."""
-        closeness = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), 1e-300))
+        closeness = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), _TINY))
         return self.size * closeness**2 * (self.bend * closeness + 1.5 * self.bend**2 + self.drift)
 
 

@@ -99,6 +99,7 @@ class Torus:
         excess_z = [factor[:, None] * part for factor, part in zip(factors, z, strict=True)]
         slope = p.slope[:, None, None]
         rate_y, rate_a = polhode_rates(size, slope, excess_z, (z_per_phase, z_per_y), tau)
+        # β makes up for the turn of S about e₃ that the changes of α and y bring.
         rate_b = -rate_a * p.turn[:, None, None] - rate_y * self.turn_per_y[:, :, None]
         return np.stack([*times(self.rows, tau), rate_y, rate_a, rate_b])
 
@@ -174,6 +175,7 @@ def least_rotation(z: Array) -> Array:
 
     z₃ > -1.
     """
+    # With u = z + e₃, u·u is 2(1 + z₃) = 2u₃: the matrix 1 - uuᵀ/u₃ reflects z to -e₃.
     up = z + _UNITS[2]
     return _REFLECTED * (_UNITS - up[..., :, None] * (up / up[..., 2:])[..., None, :])
 
