@@ -70,7 +70,7 @@ FAST = {1e6: 40, 1e7: 12, 1e8: 12}
 FAST_SLOW_TIME = 0.5
 FAST_ERROR = 1e-6  # Of L and E, over I_max.
 FEW_SAMPLES = 11  # Output times of a run that shows few.
-# Every run is timed in so many turns, so many times in each: the fastest counts.
+# Turns in which runs are timed, and runs in each turn: the fastest of all counts.
 SPEED_REPEATS = 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
 # The speed is measured against this full solver of spheroids too, which knows St. Its tolerance is meant
@@ -154,7 +154,7 @@ def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
         # A triaxial start and the spheroid after it are a pair, with one St and one slow time.
         pair = i // 2
         if i % 2:
-            # Of a spheroid two axes are alike. The odd one is the first, second or third in turns.
+            # Two axes of a spheroid are alike. The odd one is the first, second or third in turns.
             odd = pair % 3
             axes[(odd + 1) % 3] = axes[(odd + 2) % 3]
         stokes = STOKES[pair % len(STOKES)]
@@ -264,7 +264,7 @@ def measure_speed(quiet: bool = False) -> list[Speed]:
 
 
 def _timed(start: int, scene: Scene) -> Speed:
-    """The row of a start at `FAST_ERROR`: the error of the hybrid run, its times, those of full runs beside it."""
+    """The row of a start at `FAST_ERROR`: error and times of the hybrid run, times of full runs beside it."""
     form = Hybrid()
     problem = form.problem(scene)
     full_problem = find_form(full_form(scene)).problem(scene)

@@ -68,7 +68,7 @@ def laws_of(data: Data) -> dict[str, Any]:
 
 
 def _exponents(runs: Frame) -> tuple[dict[str, dict[str, float] | None], dict[str, float]]:
-    """What was measured of each law's exponent, and the exponent to use, by name."""
+    """The measured exponent of each law, None where unknown, and the exponent to use, by name."""
     # Kicks of resonances fall more slowly than second order's own error.
     lawful = runs[(runs["order"] == ORDER_ONE) | (runs["kind"] != "resonance")]
     measured = {}

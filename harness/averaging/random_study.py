@@ -500,7 +500,7 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
         table = pd.DataFrame(frames[name], columns=[*_COLUMNS[name]])
         if old is not None:
             table = pd.concat([getattr(old, name), table])
-        # Columns that tell the rows of a table apart. Of rows that are alike in them the earliest counts.
+        # Columns that tell the rows of a table apart. If several rows are alike in them, the earliest counts.
         keys = [key for key in (*_TASK, "form", "requested", "solver", "tolerance") if key in table]
         if len(table):
             table = table.drop_duplicates(keys).sort_values(keys, key=_in_order)
@@ -510,7 +510,7 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
 
 
 def _in_order(column: Any) -> Any:
-    """What a column is sorted by: kinds by their places in KINDS, others by their values."""
+    """Keys by which a column is sorted: the places of kinds in KINDS, and the values of other columns."""
     if column.name != "kind":
         return column
     return column.map({kind: place for place, kind in enumerate(KINDS)})

@@ -31,11 +31,11 @@ _FIGURES = {
     "slow": ("slow_error", "error of L and E over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
-# Columns of the table of distances: errors that a method reaches, how often it is the fastest, and
-# its time over that of the fastest.
+# Columns of the table of distances: the number of errors that a method reaches, how often it is the fastest,
+# and the ratio of its time to the time of the fastest.
 _DISTANCES = ("method", "reached", "won", "least", "median", "largest")
-# Ties named in a cell.
-_SHOWN = 2  # More would make the table too wide.
+# Most ties that a cell names: more would make the table too wide.
+_SHOWN = 2
 # Columns of the table of scenes: heading, and column of the runs.
 _SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
 _SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
@@ -113,6 +113,7 @@ def distances(runs: pd.DataFrame) -> list[list[str]]:
 
 
 def _factor(value: float) -> str:
+    """A ratio in three digits."""
     return short(float(f"{value:.3g}"))
 
 

@@ -122,7 +122,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         ("spheroid-axis", _TAYLOR),
     )
     claims, worth = _worth(times)
-    # Of each overhead: what `solve` takes beyond the bare call in µs, and as a share of the bare call.
+    # Each overhead with the time that `solve` takes beyond the bare call in µs, and its ratio to the bare call.
     calls = [
         (one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare})
         for one in measured.overheads
@@ -166,7 +166,7 @@ def _worth(times: Any) -> tuple[list[str], str]:
     A place is an error and a St. There every library stands with its fastest method.
     """
     rows = []
-    # Time of a library's fastest method over that of the fastest library, a ratio for each place.
+    # For each place the ratio of the time of a library's fastest method to the time of the fastest library.
     behind = {name: [] for name in _ALONE}
     places = []
     for target in COMPARED_ERRORS:

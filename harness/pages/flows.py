@@ -1,9 +1,9 @@
 """The page of linear flows: cost beside shear, closed orbits and alignment, tracks, stated errors.
 
-A linear flow is u = A x. In the planar flow A₁₂ = 1, A₂₁ = α, others 0, the axis of a spheroid of
-aspect ratio κ without inertia turns with the period 4π/√((1 - α)² - B²(1 + α)²), where
-B = (κ² - 1)/(κ² + 1) is its anisotropy. The root is real up to the threshold
-α = (1 - |B|)/(1 + |B|); beyond, the axis aligns. A track is a gradient A(t) given at knots, with a
+A linear flow is u = A x. A planar one has A₁₂ = 1, A₂₁ = α and no other component. There the axis of a
+spheroid of aspect ratio κ without inertia turns with the period 4π/√((1 - α)² - B²(1 + α)²). The
+spheroid's anisotropy is B = (κ² - 1)/(κ² + 1). The root is real up to the threshold
+α = (1 - |B|)/(1 + |B|); at larger α the axis aligns. A track is a gradient A(t) given at knots, with a
 cubic spline between them. The tables' columns are the keys of the rows of
 `polhode.harness.flows.measure`: `theory` is the period of the formula, infinite beyond the
 threshold, and `apart` a difference or an angle in rad.

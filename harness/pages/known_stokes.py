@@ -41,8 +41,8 @@ _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _TA
 # Solvers of polhode, the ones that know St; all others are rivals.
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
 # Limits that stroboscopic averaging has to meet: the error of L and E over I_max, the error of the
-# orientation in rad, and how many times as fast as the best other solver it is. They are targets of
-# polhode's authors, as those of `known_stokes.toml`, and not measured.
+# orientation in rad, and how many times as fast as the best other solver it is. Like the rows of
+# `known_stokes.toml` they are targets that polhode's authors set, and not measured.
 _REACHED = (5e-9, 3e-4, 30.0)
 _STOKES = 1e6  # St of its runs.
 _LARGER = 1e8  # St of the longer run.
@@ -82,7 +82,7 @@ def _splitting(
 ) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
     """Rows of the table, which targets are met, and all ratios known with their St.
 
-    A ratio is the time of the fastest rival over that of `splitting` at equal error of L and E.
+    A ratio is the time of the fastest rival over the time of `splitting` at equal error of L and E.
     """
     rows = []
     met = []
@@ -98,12 +98,10 @@ def _splitting(
                 ratio = rivals.min() / times.get("splitting", nan)
                 if not isnan(ratio):
                     ratios.append((float(ratio), stokes))
+                cell = "–"
+                if not isnan(ratio):
+                    cell = f"{ratio:.2g} ({rivals.index[0]}, {duration(rivals.min())})"
                 target = _TARGETS.get((scene, stokes, error))
-                cell = (
-                    "–"
-                    if isnan(ratio)
-                    else f"{ratio:.2g} ({rivals.index[0]}, {duration(rivals.min())})"
-                )
                 if target is not None:
                     met.append(ratio >= target)
                     cell += f" {'✓' if met[-1] else '✕'} ≥ {target:g}"

@@ -159,7 +159,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 def limits(records: Sequence[Record]) -> dict[str, float]:
     """Error of L and E, over I_max, beyond which a run counts as inaccurate, by scene."""
-    # Of all records of a scene's name, the first one gives the scene.
+    # The first record of a scene's name gives the scene.
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}
     return {

@@ -1,8 +1,8 @@
 """The page of `pick`: how it did on scenes held out, by the time of the best run; its tables and its figure.
 
 `pick` ranks methods for a scene; `polhode.harness.answers.heldout` measures its first choice and all others. In
-the tables `factor` is the time of the first choice over that of the best run, and `met` says whether the first
-choice met the requested error. A stratum is the scenes whose best run takes about as long.
+the tables `factor` is the ratio of the time of the first choice to the time of the best run, and `met` says
+whether the first choice met the requested error. The scenes of a stratum have best runs of about one duration.
 """
 
 import re

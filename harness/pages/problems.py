@@ -21,7 +21,7 @@ from polhode.solvers.contract import Status
 
 # Requested errors of the state at the end: loose, middle and tight, of the table and the heat map.
 _TARGETS = (1e-3, 1e-6, 1e-9)
-# Of these, the tightest one that some solver reaches on every problem of reports/problems.
+# The tightest one of `_TARGETS` that some solver reaches on every problem of reports/problems.
 _PROFILED_TARGET = 1e-6
 
 
@@ -40,9 +40,10 @@ def rewrite_page(folder: Path) -> Path:
 
 
 def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
+    """Write page and figures of the runs in a table; `made` says how they were made."""
     # The functions below read columns by the names that they have in records of scenes. The error
-    # is that of the state at the end, and the published digits count as exact. Every run is of one
-    # form, the problem's own.
+    # of the state at the end is taken, and the published digits count as exact. Every run has one form,
+    # the problem's own.
     runs = table.assign(
         form="",
         slow_uncertainty=0.0,
@@ -52,8 +53,8 @@ def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     groups = [
         (str(name), problem_runs) for name, problem_runs in runs.groupby("problem", sort=False)
     ]
-    # Seconds to each error: a row for each error and problem, a column for each solver. Of columns
-    # by form and solver, the form is dropped.
+    # Seconds to each error: a row for each error and problem, a column for each solver. The columns are
+    # first named by form and solver: the form is dropped.
     times: Any = costs(groups, _TARGETS).droplevel(0, axis=1)
     note = conditions(runs, measured(made))
     # The heat map has a column for each solver that gets to some error of some problem, in the

@@ -245,7 +245,7 @@ class _Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Gain:
-    """What the first of two options gains over the second, in pairs of runs that differ in nothing else.
+    """The gain of the first of two options over the second, in pairs of runs that differ in nothing else.
 
     The options are two Jacobians or two back ends. A ratio is the time by the second option over the time by
     the first, of a pair of runs that both reach their end.

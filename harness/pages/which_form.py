@@ -1,9 +1,9 @@
 """Which form when: tables for README and docs, from the cells of the regime maps.
 
 `python -m polhode.harness.pages.which_form CELLS.csv PAGE.md ...` writes them into pages, between the
-lines `<!-- which form -->` and `<!-- end of which form -->`. The cells are those of
-`reports/regimes/cells.csv`: one body and start of each kind. The table over random bodies, further
-down in README, is that of `polhode.harness.pages.averaging.random_bodies.which_form`.
+lines `<!-- which form -->` and `<!-- end of which form -->`. `reports/regimes/cells.csv` has the cells, of
+one body and start of each kind. `polhode.harness.pages.averaging.random_bodies.which_form` makes the table
+over random bodies, further down in README.
 """
 
 import re

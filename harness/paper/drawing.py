@@ -49,7 +49,7 @@ RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
 BOUND = "0.55"  # Grey of the bounds of a plane.
 NODE = PURPLE
 FIGURE_FORMATS = ("png", "svg")
-# Settings beyond those of all figures. With a salt the same figure gives the same SVG.
+# Settings of the paper's figures alone. With a salt the same figure gives the same SVG.
 _STYLE: dict[Any, Any] = {
     "axes.grid": True,
     "axes.spines.top": False,
@@ -58,10 +58,9 @@ _STYLE: dict[Any, Any] = {
     "svg.hashsalt": "polhode",
     "mathtext.fontset": "dejavusans",
 }
-# A key is a legend. Its widths are counted in letters, and are estimates: of a line as wide as the
-# page, and of the sample of a line and the gap that each name needs besides.
-_KEY_LETTERS = 74
-_GAP = 6
+# A key is a legend. Its widths are counted in letters, and are estimates.
+_KEY_LETTERS = 74  # A line as wide as the page.
+_GAP = 6  # The sample of a line, and the gap, that each name needs besides.
 _NAME_LETTERS = 50  # A longer name in a key above a panel as wide as the page breaks.
 _LETTER = 0.082  # Inches: the width of most letters, in labels of axes.
 
@@ -84,7 +83,7 @@ def panels(
 ) -> tuple[Figure, list[Axes]]:
     """A figure as wide as a page, and its axes in reading order; some may have three dimensions.
 
-    `height` is that of a row of panels, in inches.
+    `height` is the height of a row of panels, in inches.
     """
     layout = ConstrainedLayoutEngine(wspace=options.pop("wspace", None))
     figure = Figure(figsize=(WIDTH, height * rows), layout=layout)
@@ -195,7 +194,7 @@ def _seen(text: str) -> str:
 
 
 def _wrapped(text: str, letters: float) -> str:
-    """A text in lines of so many letters, which no formula breaks across."""
+    """A text in lines of at most a number of letters; no line breaks within a formula."""
     words = re.findall(r"(?:\$[^$]*\$|[^\s$])+", text)
     lines = [""]
     for word in words:

@@ -59,8 +59,8 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 def chaos_border(turns: float) -> float:
     """Logarithm of the stretching above which an orbit is chaotic, after a number of half turns.
 
-    The tangent of a regular orbit grows about linearly, so that the logarithm is about log(turns);
-    that of a chaotic one grows exponentially. The factor 3 between both is an estimate.
+    The tangent of a regular orbit grows about linearly, so that the logarithm is about log(turns). The
+    tangent of a chaotic orbit grows exponentially. The factor 3 between both is an estimate.
     """
     return 3 * float(np.log(turns))
 

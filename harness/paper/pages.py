@@ -141,7 +141,7 @@ def reason(number: Number) -> str:
 
 
 def _digits(value: float, count: int = _DIGITS) -> str:
-    """A value in so many significant digits."""
+    """A value in `count` significant digits."""
     return short(float(f"{value:.{count}g}"))
 
 

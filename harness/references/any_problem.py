@@ -34,7 +34,7 @@ class _Witness(NamedTuple):
 
     solvers: tuple[str, ...]  # The first one that is installed runs.
     tolerance: float
-    # What it may differ by from one sample to the next, over a component's size.
+    # Largest deviation from one sample to the next, over a component's size, that confirms the reference.
     allowed: float
 
 

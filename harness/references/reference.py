@@ -38,48 +38,51 @@ from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
-# Tight and loose run; their difference, times the safety factor, is the reference's own
-# uncertainty. The factor is an estimate, on the safe side: the tighter run errs less than the looser.
+# Tight and loose run, each with its precision and tolerance. Their difference, times the safety factor, is the
+# reference's own uncertainty. The factor is an estimate, on the safe side: the tighter run errs less than the
+# looser.
 _QUADRUPLE: tuple[Run, Run] = (("quadruple", 1e-22), ("long double", 1e-19))
 LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
-# Cost of a run, in units of the scene's time T: fast rotation makes it more, and so does stability on the stiff
-# side. Quadruple precision, 45 times as slow, is used up to the first number, two moved starts
-# instead of one up to the second.
+# Largest costs of a run up to which quadruple precision, 45 times as slow, is used, and up to which two moved
+# starts are used instead of one. The unit of a cost is an inverse shear rate of an ordinary run: it is the
+# scene's time, and more where rotation is fast or where stability limits the step.
 QUADRUPLE_UP_TO = 5000.0
 _TWO_MOVED_UP_TO = 2e5
 # Length of Taylor's interval of stability on the negative real axis at these orders, about.
 _STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost; an estimate.
 _ORDINARY = 3.0
-# Above this St runs of more shear times than the second number are known in double precision alone,
-# since extended precision takes hours; beyond the third not at all.
+# Above this St extended precision would take hours. Durations, in inverse shear rates, beyond which runs are
+# known there in double precision alone, and beyond which they are not known at all.
 FREE_UP_TO = 1e6
 EXTENDED_TIME = 5e6
 _HORIZON = 5e7
-# Runs with each number of start and parameters moved by half an ulp, which double precision cannot
-# tell.
+# Seeds of the moved runs: each number of start and parameters moves by half an ulp, up or down.
 _ROUNDING_SEEDS = (1, 2)
 # Spread from half an ulp, in rad or over I_max, from which on a reference is examined for chaos; an
 # estimate.
 _SUSPICIOUS = 1e-9
-# Rotations: up to the first number extended precision is used in limited time, beyond the second
-# one not even two methods in double: the reference's own for spheroids or for other shapes, and the
-# one that it is held against.
+# Numbers of rotations up to which a run in limited time has extended precision, and up to which it is known at
+# all, by two methods in double precision.
 EXTENDED_UP_TO = 2e4
 MOST_ROTATIONS = 2e5
+# Solver and tolerance of the first method, whose solution is the reference: for spheroids and other shapes.
 _SPHEROIDS = ("splitting-extended", 1e-13)
 _OTHERS = ("taylor", 1e-15)
+# Solver and tolerance of the second method, which the reference is compared with.
 AGAINST = ("cyrk-vern8", 1e-14)
-# Without CyRK; SciPy takes no tolerance below 2.2e-14.
+# The second method without CyRK; SciPy takes no tolerance below 2.2e-14.
 _AGAINST_WITHOUT = ("dop853", 1e-13)
 # In the longest runs the method `AGAINST` loses the phase. It still confirms the reference. The
 # uncertainty follows from this further run, which errs as much as the reference: it is `_ALIKE` times
 # their distance.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
-# Error of L and E, over I_max, from which on the two do not confirm each other; an estimate.
+# Difference of L and E, over I_max, from which on two methods do not confirm each other; an estimate.
 APART = 1e-4
+# Most intervals in which the growth of small differences is followed; an estimate.
+_MOST_INTERVALS = 2000
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
 # chaotic, trajectories mean something until it has grown too large.
 _DOUBLE_ERROR = 1e-13
@@ -104,10 +107,10 @@ class Reference:
     orientation_uncertainty: float | None  # in rad
     certificate: Certificate
     precision: str  # of the tight run
-    meaningful: int  # samples over which errors of trajectories mean anything: all unless the motion is chaotic
-    statistics_uncertainty: (
-        float  # `statistics_distance` of runs that double precision cannot tell apart
-    )
+    # Samples over which errors of trajectories mean anything: all unless the motion is chaotic.
+    meaningful: int
+    # `statistics_distance` of runs that double precision cannot tell apart.
+    statistics_uncertainty: float
 
     @property
     def meaningful_until(self) -> float | None:
@@ -221,8 +224,10 @@ def _compute(
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(shift.slow / size, shift.orientation or 0.0) for shift in spread)
     kept = samples
-    if largest > _SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
-        kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
+    if largest > _SUSPICIOUS:
+        grown = growth(problem, min(_MOST_INTERVALS, samples - 1))
+        if grown.chaotic:
+            kept = max(2, int(np.searchsorted(times, grown.meaningful_until(), side="right")))
     numerical_error = errors(scene.ellipsoid, loose[:kept], tight[:kept])
     early = [errors(scene.ellipsoid, moved_run[:kept], tight[:kept]) for moved_run in moved]
     slow = max(SAFETY * numerical_error.slow, *(shift.slow for shift in early))
@@ -233,7 +238,15 @@ def _compute(
         )
     distance = max(statistics_distance(scene.ellipsoid, moved_run, tight) for moved_run in moved)
     return Reference(
-        form.name, times, tight, slow, orientation, certificate, precision, kept, distance
+        form=form.name,
+        times=times,
+        observables=tight,
+        slow_uncertainty=slow,
+        orientation_uncertainty=orientation,
+        certificate=certificate,
+        precision=precision,
+        meaningful=kept,
+        statistics_uncertainty=distance,
     )
 
 
@@ -271,20 +284,17 @@ def _compared(scene: Scene, samples: int, deadline: float) -> Reference:
         second = run("quaternion", *_FURTHER)
         doubt = _ALIKE
         apart = errors(scene.ellipsoid, second, exact)
-    certificate = Certificate("quaternion", against[0], 1, 0, 1.0)
-    distance = statistics_distance(scene.ellipsoid, second, exact)
-    slow = doubt * apart.slow
-    orientation = None if apart.orientation is None else doubt * apart.orientation
     return Reference(
-        reference_form(scene),
-        times,
-        exact,
-        slow,
-        orientation,
-        certificate,
-        "double",
-        samples,
-        distance,
+        form=reference_form(scene),
+        times=times,
+        observables=exact,
+        slow_uncertainty=doubt * apart.slow,
+        orientation_uncertainty=None if apart.orientation is None else doubt * apart.orientation,
+        # The whole run is the one segment that the second method solved too.
+        certificate=Certificate("quaternion", against[0], segments=1, back=0, ratio=1.0),
+        precision="double",
+        meaningful=samples,
+        statistics_uncertainty=statistics_distance(scene.ellipsoid, second, exact),
     )
 
 
@@ -298,24 +308,28 @@ def _unlike(scene: Scene, form: Form, problem: Problem, samples: int, deadline: 
     apart = errors(scene.ellipsoid, second, exact)
     meaningful = samples
     largest = max(apart.slow / size, apart.orientation or 0.0)
-    if largest > _SUSPICIOUS and (grown := growth(problem, min(2000, samples - 1))).chaotic:
-        until = grown.meaningful_until(_DOUBLE_ERROR)
-        meaningful = max(2, int(np.searchsorted(times, until, side="right")))
-        apart = errors(scene.ellipsoid, second[:meaningful], exact[:meaningful])
+    if largest > _SUSPICIOUS:
+        grown = growth(problem, min(_MOST_INTERVALS, samples - 1))
+        if grown.chaotic:
+            until = grown.meaningful_until(_DOUBLE_ERROR)
+            meaningful = max(2, int(np.searchsorted(times, until, side="right")))
+            apart = errors(scene.ellipsoid, second[:meaningful], exact[:meaningful])
     if not apart.slow < APART * size:
         raise ReferenceFailedError(f"two methods are {apart.slow:.1g} apart")
     rounding = float(np.finfo(float).eps) * size
     orientation = apart.orientation
     return Reference(
-        form.name,
-        times,
-        exact,
-        SAFETY * max(apart.slow, rounding),
-        None if orientation is None else SAFETY * max(orientation, rounding),
-        Certificate(form.name, second_solver, 1, 0, 1.0),
-        "double",
-        meaningful,
-        statistics_distance(scene.ellipsoid, second, exact),
+        form=form.name,
+        times=times,
+        observables=exact,
+        slow_uncertainty=SAFETY * max(apart.slow, rounding),
+        orientation_uncertainty=(
+            None if orientation is None else SAFETY * max(orientation, rounding)
+        ),
+        certificate=Certificate(form.name, second_solver, segments=1, back=0, ratio=1.0),
+        precision="double",
+        meaningful=meaningful,
+        statistics_uncertainty=statistics_distance(scene.ellipsoid, second, exact),
     )
 
 
@@ -387,6 +401,7 @@ def _rounded_otherwise(problem: Problem, seed: int) -> Problem:
 
 
 def _key(problem: Problem, samples: int, long: bool = False, axes: tuple[float, ...] = ()) -> str:
+    """Hash of all that a cached reference depends on; `axes` has the semi-axes of an averaged form's body."""
     extended = (
         _QUADRUPLE,
         LONG_DOUBLE,

@@ -63,7 +63,7 @@ _HYBRID_SHOWN = (1e4, 1e5, 1e6)
 _HYBRID_ERROR = 1e-6
 # Examples of cancellation that the page shows.
 _EXAMPLES = 3
-# Orders and errors of L and E of the columns of `which_form`.
+# Columns of `which_form`: an order of averaging, and an error of L and E over I_max.
 _WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
 # Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)
@@ -89,7 +89,7 @@ def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
 
 
 class Analysis(NamedTuple):
-    """What tables and findings share: runs up to the whole time, and what follows from all of them."""
+    """The common base of tables and findings: runs up to the whole time, and the results from all of them."""
 
     runs: Frame
     exponents: list[Exponent]
@@ -139,11 +139,12 @@ def findings(data: Data, analysis: Analysis) -> list[str]:
     runs = analysis.runs
     good = []
     for kind, stokes in _GOOD_FROM.items():
-        there = runs[
+        kind_runs = runs[
             (runs["kind"] == kind) & (runs["order"] == ORDER_ONE) & (runs["stokes"] == stokes)
         ]
-        if len(there):
-            good.append((kind, stokes, np.sort(there["slow"].fillna(inf)), len(there)))
+        if len(kind_runs):
+            errors = np.sort(kind_runs["slow"].fillna(inf))
+            good.append((kind, stokes, errors, len(kind_runs)))
     striking, tried = analysis.cancelled
     return lines_of(
         "accuracy-findings",
@@ -235,14 +236,15 @@ def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple
     form = form_seconds(runs, kind, order)
     if isnan(stokes) or not full or not form:
         return nan, source
-    # The full equations were timed by decades of St.
-    beyond = stokes / max(full)
-    place = min((decade for decade in full if decade >= stokes), default=max(full))
-    seconds = form[shares.nearest(form, max(stokes, place))]
+    # The full equations were timed by decades of St: the next one at or above the St counts.
+    largest = max(full)
+    timed_at = min((decade for decade in full if decade >= stokes), default=largest)
+    seconds = form[shares.nearest(form, max(stokes, timed_at))]
+    beyond = stokes / largest
     if beyond > 1:
         # Steps of a full run grow like St.
-        return full[place] * beyond / seconds, "extrapolated"
-    return full[place] / seconds, source
+        return full[timed_at] * beyond / seconds, "extrapolated"
+    return full[timed_at] / seconds, source
 
 
 def _pays(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
@@ -263,14 +265,14 @@ def hybrid_rows(data: Data, runs: Frame) -> list[dict[str, str]]:
     rows = []
     hybrid = runs[runs["order"] == HYBRID]
     for kind in kinds_in(hybrid):
-        own = hybrid[hybrid["kind"] == kind]
-        row = {"kind": kind, "bodies": str(own["body"].nunique())}
+        kind_runs = hybrid[hybrid["kind"] == kind]
+        row = {"kind": kind, "bodies": str(kind_runs["body"].nunique())}
         for i, requested in enumerate(random_study.REQUESTED_ERRORS):
-            runs_at = own[own["requested"] == requested]
-            met = runs_at["slow"] <= np.maximum(requested, runs_at["uncertainty"])
+            error_runs = kind_runs[kind_runs["requested"] == requested]
+            met = error_runs["slow"] <= np.maximum(requested, error_runs["uncertainty"])
             row[f"met{i}"] = f"{100 * met.mean():.3g} % of {len(met)}"
         full = full_seconds(data, kind, _HYBRID_ERROR)
-        form = form_seconds(own, kind, HYBRID, _HYBRID_ERROR)
+        form = form_seconds(kind_runs, kind, HYBRID, _HYBRID_ERROR)
         for i, stokes in enumerate(_HYBRID_SHOWN):
             both = stokes in full and stokes in form
             row[f"gain{i}"] = in_two_digits(full[stokes] / form[stokes]) if both else "–"
@@ -295,13 +297,19 @@ def exponent_rows(fitted: Sequence[Exponent]) -> list[dict[str, str]]:
     """A row for each kind, order and error; a column for each decade."""
     rows: dict[tuple[str, str, str, bool], dict[str, str]] = {}
     for exponent in sorted(fitted, key=_place):
-        key = exponent.kind, exponent.order, exponent.error, exponent.crosses
-        blank = {"kind": _crossing_kind(exponent), "order": key[1], "error": _ERRORS[key[2]]}
+        # A range of theory whose ends are equal is written once.
         theory = dict.fromkeys(_signed(value, ".2g") for value in predicted(exponent))
-        blank |= {"theory": " to ".join(theory)}
-        row = rows.setdefault(key, blank | {f"d{i}": "–" for i in range(len(_DECADES) - 1)})
-        width = f"{exponent.width:.2f}"
-        row[f"d{_DECADES.index(exponent.begin)}"] = f"{_signed(exponent.median, '.2f')} ± {width}"
+        blank = {
+            "kind": _crossing_kind(exponent),
+            "order": exponent.order,
+            "error": _ERRORS[exponent.error],
+            "theory": " to ".join(theory),
+            **{f"d{decade}": "–" for decade in range(len(_DECADES) - 1)},
+        }
+        key = exponent.kind, exponent.order, exponent.error, exponent.crosses
+        row = rows.setdefault(key, blank)
+        decade = _DECADES.index(exponent.begin)
+        row[f"d{decade}"] = f"{_signed(exponent.median, '.2f')} ± {exponent.width:.2f}"
     return [*rows.values()]
 
 
@@ -341,6 +349,7 @@ def _spans(runs: Frame, order: str) -> list[tuple[float, list[tuple[str, float, 
 
 
 def _bounded_row(row: Bounded) -> dict[str, str]:
+    """A row of the table of stated bounds."""
     low, high = row.interval
     return {
         "kind": row.kind,
@@ -357,9 +366,10 @@ def _bounded_row(row: Bounded) -> dict[str, str]:
 def reference_rows(data: Data) -> list[dict[str, str]]:
     """Method, uncertainty and seconds of the references, by St."""
     rows = []
-    for stokes, there in data.references.groupby("stokes"):
-        known = there[there["failure"] == ""]
-        slow, turned = known[f"slow_{WHOLE:g}"], known[f"turned_{WHOLE:g}"]
+    for stokes, references in data.references.groupby("stokes"):
+        known = references[references["failure"] == ""]
+        slow = known[f"slow_{WHOLE:g}"]
+        turned = known[f"turned_{WHOLE:g}"]
         rows.append(
             {
                 "stokes": short(float(str(stokes))),
@@ -402,18 +412,19 @@ def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
     """The band of an error over St; none if a quantile is unknown."""
     ends = []
     for share in _BAND:
-        found = quantile(group, share, column)
-        if found is None:
+        end = quantile(group, share, column)
+        if end is None:
             return []
-        ends.append(found)
+        ends.append(end)
     stokes = ends[0].stokes
     return [Band(order, crosses, stokes, *(tuple(end.error) for end in ends))]
 
 
 def _both(runs: Frame, kind: str, order: str, target: float) -> str:
     """St from which half of a kind and 97.5 % of it meet an error; once if neither does."""
-    ends = [_needed(*needed(runs, kind, order, share, target)) for share in SHARES]
-    return ends[0] if ends[0] == ends[1] and ends[0][0] in "–>" else " / ".join(ends)
+    half, most = (_needed(*needed(runs, kind, order, share, target)) for share in SHARES)
+    neither = half == most and half.startswith(("–", ">"))
+    return half if neither else f"{half} / {most}"
 
 
 def _needed(stokes: float, source: str) -> str:

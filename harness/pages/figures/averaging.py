@@ -1,7 +1,7 @@
 """Errors of averaging over random bodies against St, as bands by kind of body.
 
-The study is that of `polhode accuracy`; `polhode.harness.pages.averaging.random_bodies` makes the bands.
-Orders are those of averaging: the error falls like 1/St by the first, like 1/St² by the second.
+`polhode accuracy` runs the study; `polhode.harness.pages.averaging.random_bodies` makes the bands. By
+averaging of first order the error falls like 1/St, by averaging of second order like 1/St².
 """
 
 from collections.abc import Mapping, Sequence

@@ -3,7 +3,7 @@
 An ensemble is many particles of one shape at one St, with random starts. p is the direction of the
 body's last axis. An attractor is a stable state of the averaged motion in simple shear; a particle
 has arrived at it once it stays near it to the end. L is the angular momentum; tables have it over
-the largest moment of inertia. The axes x, y, z are those of flow, gradient and vorticity.
+the largest moment of inertia. x is the axis of the flow, y of its gradient, z of its vorticity.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,8 +40,9 @@ from polhode.harness.pages.figures.style import (
 _DASHES = ("-", "--", ":")
 # In standard deviations: 95 % of a normal variable lie within this distance of its mean.
 _STANDARD = 1.96
-# Least distance between two names, over the height of a panel.
+# Least distance between two names, over the height of a panel, and room at the panel's foot and top.
 _NAME_SPACING = 0.09
+_NAME_MARGIN = 0.03
 # Rows of the tables that are drawn: of `moments`, means of p_x², p_y², p_z²; of `slow`, of L.
 _COMPONENTS = ("xx", "yy", "zz")
 _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
@@ -57,7 +58,11 @@ _SPEED_COLOURS = (BLUE, VERMILLION)
 def last_axis(axes: Sequence[float]) -> str:
     """Which of the body's axes p is, in words."""
     a, b, c = axes
-    length = "longest" if c > max(a, b) else "shortest" if c < min(a, b) else "last"
+    length = "last"
+    if c > max(a, b):
+        length = "longest"
+    elif c < min(a, b):
+        length = "shortest"
     return f"symmetry axis, {length}" if a == b else f"{length} axis"
 
 
@@ -67,10 +72,11 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
     `tables` holds the rows of one shape by the stem of their file: `moments`, `slow`,
     `distributions`, `arrivals`. Bands hold 95 %.
     """
-    some = next(table for table in tables.values() if len(table))
-    axes = [float(some[name].iloc[0]) for name in "abc"]
+    # Any row of any table has the semi-axes.
+    filled = next(table for table in tables.values() if len(table))
+    axes = [float(filled[name].iloc[0]) for name in "abc"]
     numbers = sorted({float(stokes) for stokes in tables["distributions"]["stokes"]})
-    # Every second colour: those of neighbouring St differ more.
+    # Every second colour: the colours of neighbouring St then differ more.
     shades = dict(zip(numbers, ramp(2 * len(numbers))[1::2], strict=True))
     # Without a finite St above 0 there is no slow time.
     slow = all(0 < stokes < np.inf for stokes in numbers)
@@ -137,9 +143,9 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
     x, y = min(crossed, key=lambda place: crossed[place])
     sketch = axes.inset_axes((x, y, width, height))
     lengths = np.array(semi_axes, float) / max(semi_axes)
-    # Ends of the semi-axes: right, up and towards the eye, a column for each axis of the body. The
-    # body is `ends` times the unit ball, and its outline `ends[:2]` times it, an ellipse whose
-    # semi-axes are singular vectors times singular values.
+    # Ends of the semi-axes: right, up and towards the eye, a column for each axis of the body. The matrix
+    # `ends` maps the unit ball to the body, and `ends[:2]` maps it to the body's outline: an ellipse whose
+    # semi-axes are the singular vectors times the singular values.
     ends = _VIEW * lengths
     along, sizes, _ = np.linalg.svd(ends[:2], full_matrices=False)
     turn = np.linspace(0, 2 * np.pi, 181)
@@ -169,8 +175,8 @@ def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
     places = np.array([(y - low) / (high - low) for y, _ in ordered])
     steps = _NAME_SPACING * np.arange(len(ordered))
     free = isotonic_regression(places - steps).x if len(ordered) else places
-    # Within the panel's height.
-    heights = np.clip(free, 0.03, 0.97 - _NAME_SPACING * (len(ordered) - 1)) + steps
+    highest = 1 - _NAME_MARGIN - _NAME_SPACING * (len(ordered) - 1)
+    heights = np.clip(free, _NAME_MARGIN, highest) + steps
     for (_, name), height in zip(ordered, heights, strict=True):
         axes.text(
             1.02, height, name, transform=axes.transAxes, va="center", color=INK, fontsize=LETTERS
@@ -192,7 +198,8 @@ def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -
         dash = _DASHES[names.index(attractor) % len(_DASHES)]
         shade = shades[stokes]
         axes.plot(times, line["fraction"].to_numpy(float), color=shade, ls=dash, linewidth=1.6)
-        low, high = line["low"].to_numpy(float), line["high"].to_numpy(float)
+        low = line["low"].to_numpy(float)
+        high = line["high"].to_numpy(float)
         axes.fill_between(times, low, high, color=shade, alpha=0.2, linewidth=0)
     signs = ("—", "- -", "···")
     words = [
@@ -238,17 +245,19 @@ def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
     axes = grid[0, 0]
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)
     handles = []
-    for (shape, some), shade in zip(shapes, _SPEED_COLOURS, strict=False):
-        for whose, marker, dash, name in (
+    for (shape, shape_rows), shade in zip(shapes, _SPEED_COLOURS, strict=False):
+        # Columns of the two methods differ in their prefix.
+        for prefix, marker, dash, name in (
             ("", "o", "-", "equal steps"),
             ("taylor_", "s", ":", "Taylor's lanes"),
         ):
             style: dict[str, Any] = {"color": shade, "marker": marker, "ls": dash, "markersize": 6}
             label = f"{name}, {shape}"
-            errors, fastest = some[f"{whose}error"], some[f"{whose}per_second"]
+            errors = shape_rows[f"{prefix}error"]
+            fastest = shape_rows[f"{prefix}per_second"]
             axes.loglog(errors, fastest, **style)
-            if f"{whose}slower_per_second" in some:
-                slower = some[f"{whose}slower_per_second"]
+            if f"{prefix}slower_per_second" in shape_rows:
+                slower = shape_rows[f"{prefix}slower_per_second"]
                 axes.vlines(errors, slower, fastest, color=shade, linewidth=3.0, alpha=0.5)
             handles.append(Line2D([], [], label=label, **style))
     axes.set(xlabel="largest error of the whole state", ylabel="particles/(s · core)")

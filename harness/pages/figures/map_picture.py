@@ -213,12 +213,19 @@ def _grouped(texts: Sequence[str]) -> list[tuple[str, int, int]]:
 def ink_on(color: str) -> str:
     """Black or white, whichever stands out more on a colour.
 
-    The numbers are those of WCAG 2: sRGB made linear, its relative luminance, and the contrast of two luminances,
-    (lighter + 0.05)/(darker + 0.05).
+    WCAG 2 defines the numbers: the linear values of sRGB, their relative luminance, and the contrast of two
+    luminances, (lighter + 0.05)/(darker + 0.05).
     """
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(color)]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-    return "white" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "black"
+    red, green, blue = map(_linear, to_rgb(color))
+    luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    contrast_to_white = (1.0 + 0.05) / (luminance + 0.05)
+    contrast_to_black = (luminance + 0.05) / (0.0 + 0.05)
+    return "white" if contrast_to_white > contrast_to_black else "black"
+
+
+def _linear(value: float) -> float:
+    """The linear value of a component of sRGB, both from 0 to 1."""
+    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
 def _write_in(axes: Axes, cell: Cell, i: int, j: int) -> None:

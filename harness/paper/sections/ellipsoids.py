@@ -97,7 +97,7 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     # Rates of (L_x, L_y, L_z, E) over I_max.
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
     # By `complement_of` y is `scale` times the quotient of L² - 2EI₂ and L² - 2EI, I of the other end: the
-    # two values `squared`, whose rates `changes` are exact. The rate of y is that of a quotient. A
+    # two values `squared`, whose rates `changes` are exact. The rule for quotients gives the rate of y. A
     # difference of two values of y would lose its digits, as y is small.
     i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
     end_inertia, other_inertia = (i3, i1) if local.side == "short" else (i1, i3)
@@ -116,8 +116,8 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     decides, by the critical L_z' of the local solution at its y, and gives the time that is left.
     """
     local = Separatrix(_ELLIPSOID, "long")
-    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). Beyond y = 0.3, where the
-    # local time says little, it takes less than 0.3 of slow time (an estimate).
+    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). From y > 0.3, where the
+    # local time says little, the passage takes less than 0.3 of slow time (an estimate).
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:

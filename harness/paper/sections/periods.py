@@ -336,8 +336,8 @@ def peak_of(kappa: float) -> float:
 
 
 def printed_growth(kappa: float) -> float:
-    """Rate × St at large St by the printed eigenvalues: of L, or of the tilt, half the fourth."""
-    # The fourth one is that of the tilt's square.
+    """Rate × St at large St by the printed eigenvalues: the largest rate of L or of the tilt."""
+    # The first two rates belong to L, the fourth one to the tilt's square.
     rates = eigenvalues(spheroid(kappa), 2)
     return max(*rates[:2], rates[3] / 2)
 

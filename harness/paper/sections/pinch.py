@@ -1,7 +1,7 @@
 """Full and slow trajectories of spheroids at the pinch point L = 0.
 
-A run that starts with L along the vorticity and L_z > 0 is slowed down, and passes L = 0 on its way
-to the node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory
+A run that starts with L along the vorticity and L_z > 0 slows down, and passes L = 0 on its way to the
+node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory
 ends. The item measures how near full runs come to it, by their smallest |L| against St. The theory
 of its exponent stands in `growth_exponent` and `pinch_exponent`.
 """

@@ -1,7 +1,7 @@
 """Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids.
 
-They stand in the paper's sections `asympcase` and `numress`. Passages of φ = nπ and half turns are
-those of `polhode.harness.paper.jeffery_top`.
+They stand in the paper's sections `asympcase` and `numress`. `polhode.harness.paper.jeffery_top` says what
+passages of φ = nπ and half turns are, and computes them.
 """
 
 from dataclasses import dataclass

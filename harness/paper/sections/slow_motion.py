@@ -78,10 +78,10 @@ class SlowMotion(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Runs of the figure, and the largest error at each St.
 
-        Tables: "" has the paths that are drawn, named by their St, ∞ for the averaged one; "errors"
-        the largest error of L and E over I_max by St, also before and after L² = 2EI₂, and the
-        distance of the `end` from the node; "averaged" that of the averaged run, and the slow time
-        of its `crossing` of L² = 2EI₂.
+        Tables: "" has the paths that are drawn, named by their St, ∞ for the averaged one. "errors" has the
+        largest error of L and E over I_max by St, also before and after L² = 2EI₂, and the distance of the
+        `end` from the node. "averaged" has the distance of the averaged run's `end` from the node, and the
+        slow time of its `crossing` of L² = 2EI₂.
         """
         # Errors are taken at `dense` times as many points as are drawn.
         points = grid.of(601, 201)
@@ -176,7 +176,7 @@ class SlowMotion(Experiment):
         )
 
     def _ends(self, data: Data) -> str:
-        """Where the runs end, and the errors along them, in words."""
+        """The ends of the runs, and the errors along them, in words."""
         errors = data["errors"]
         largest = errors.stokes[-1]
         node = joined(fixed_point(self.ellipsoid, "stable node"), ".3g")

@@ -1,7 +1,7 @@
 """Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes.
 
-The claims are those of the paper's section `lsds`. I_a is the moment of inertia about the symmetry
-axis, I_e that about an equatorial one. The plane's lower and upper parabola are E = L²/2I_max and
+The claims stand in the paper's section `lsds`. I_a is the moment of inertia about the symmetry axis, I_e
+the one about an equatorial axis. The plane's lower and upper parabola are E = L²/2I_max and
 E = L²/2I_min; the node is on the lower one, the saddle on the upper one.
 """
 
@@ -287,7 +287,8 @@ class LPlanes(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign.
 
-        `zero` is the component that is zero, 0 for L_x; `share` is that of `energy_at`.
+        `zero` is the place of the component that is zero: 0 for L_x, 1 for L_y. `energy_at` says what a
+        `share` is.
         """
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
