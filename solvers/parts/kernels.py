@@ -48,7 +48,8 @@ class Code(IntEnum):
     NO_STEP = 5  # a step no longer moves the time
 
 
-class LawAt(IntEnum):
+# Places are plain integers, by which arrays are indexed four times as fast as by an `IntEnum`.
+class LawAt:
     """Places in a law of step size: ``h = min(FACTOR r**-EXPONENT, WIDEST / r)``.
 
     The rate r, no less than a least one, is the root of the fast angle's squared rate plus FLOOR.
@@ -60,9 +61,10 @@ class LawAt(IntEnum):
     FLOOR = 3  # the square of the least rate that counts
     LOWEST = 4  # the law holds from this rate r
     HIGHEST = 5  # to this one
+    SIZE = 6
 
 
-class ClockAt(IntEnum):
+class ClockAt:
     """Places in a clock: how far a run has come, and the limits of the next call of `advance`."""
 
     BEGIN = 0  # the time at which the step was last changed
@@ -76,14 +78,15 @@ class ClockAt(IntEnum):
     UNTIL = 8  # limit: a time
     LIMIT = 9  # limit: steps of this call
     ROWS = 10  # number of rows
+    SIZE = 11
 
 
-class CheckAt(IntEnum):
+class CheckAt:
     """Places in the numbers of `check`: two laws, settings, and from SLOW on the results."""
 
     FIRST_LAW = 0
-    SECOND_LAW = len(LawAt)
-    SPAN = 2 * len(LawAt)  # time of either part, at the beginning and at the end of the check
+    SECOND_LAW = LawAt.SIZE
+    SPAN = 2 * LawAt.SIZE  # time of either part, at the beginning and at the end of the check
     WHOLE = SPAN + 1  # time of the whole check
     RATE = SPAN + 2  # of the fast angle
     SLOW = SPAN + 3  # largest difference of the two runs in slow quantities
@@ -93,10 +96,9 @@ class CheckAt(IntEnum):
     AMPLITUDE_END = SPAN + 7  # and in the second
     STEPS = SPAN + 8  # of both runs
     CODES = SPAN + 9  # sum of both runs' codes: 0 if both reached the end
+    SIZE = SPAN + 10
+    RESULTS_SIZE = SIZE - SLOW
 
-
-CHECK_SIZE = CheckAt.CODES + 1
-_RESULTS_SIZE = CHECK_SIZE - CheckAt.SLOW
 
 sqrt = OPERATIONS.sqrt
 where_positive = OPERATIONS.where_positive
@@ -123,7 +125,7 @@ def clock(time: float, number: type = float) -> np.ndarray:
 
     No rate lies between its bounds, so that a first step is chosen.
     """
-    numbers = np.zeros(len(ClockAt), number)
+    numbers = np.zeros(ClockAt.SIZE, number)
     numbers[ClockAt.BEGIN] = time
     numbers[ClockAt.HIGH] = -1.0
     # The start is the first row.
@@ -312,18 +314,18 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
         after = (k + 1.0) * (span / points)
         times[k + 1.0] = after
         times[k + (points + 1.0)] = whole - span + after
-    (numbers + CheckAt.SLOW).store([0.0] * _RESULTS_SIZE)
+    (numbers + CheckAt.SLOW).store([0.0] * CheckAt.RESULTS_SIZE)
     with program.times(2.0) as run:
-        clock = program.room(len(ClockAt))
+        clock = program.room(ClockAt.SIZE)
         # That of `clock` at time 0, without a limit of steps.
-        clock.store([0.0] * len(ClockAt))
+        clock.store([0.0] * ClockAt.SIZE)
         clock[ClockAt.HIGH] = -1.0
         clock[ClockAt.FILLED] = 1.0
         clock[ClockAt.UNTIL] = inf
         clock[ClockAt.LIMIT] = inf
         clock[ClockAt.ROWS] = float(run_length)
         y.store(state.load(dimension))
-        law = numbers + run * float(len(LawAt))
+        law = numbers + run * float(LawAt.SIZE)
         run_rows = rows + run * run_length * dimension
         program.call(advance, scheme, law, p, y, clock, times, rests, run_rows)
         numbers[CheckAt.STEPS] = numbers[CheckAt.STEPS] + clock[ClockAt.STEPS]

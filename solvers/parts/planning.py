@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from polhode.solvers.contract import Record
-from polhode.solvers.parts.kernels import CHECK_SIZE, CheckAt, LawAt
+from polhode.solvers.parts.kernels import CheckAt, LawAt
 
 # Of the law above; estimates.
 _ORDER = 6
@@ -93,7 +93,7 @@ class Plan(NamedTuple):
 
     def law(self, between: tuple[float, float] = (0.0, inf)) -> tuple[float, ...]:
         """The law as machine code receives it; it holds between two rates."""
-        law = [0.0] * len(LawAt)
+        law = [0.0] * LawAt.SIZE
         law[LawAt.FACTOR] = self.factor
         law[LawAt.EXPONENT] = _EXPONENT
         law[LawAt.WIDEST] = self.widest
@@ -252,12 +252,14 @@ class Planner:
     ) -> list[Any]:
         """The numbers of a check by machine code, at the places of `CheckAt`."""
         problem = self.problem
-        numbers = np.zeros(CHECK_SIZE, problem.number)
+        # Of a list, as Python fills one in less time than NumPy an array.
+        numbers: list[Any] = [0.0] * CheckAt.SIZE
         numbers[CheckAt.FIRST_LAW : CheckAt.SECOND_LAW] = plan.law()
         numbers[CheckAt.SECOND_LAW : CheckAt.SPAN] = plan.narrowed(_FINER).law()
         numbers[CheckAt.SPAN] = span
         numbers[CheckAt.WHOLE] = whole
         numbers[CheckAt.RATE] = rate
         scheme = problem.scheme.addresses[problem.number]
-        problem.kernels.check(scheme, problem.address, state, numbers)
-        return numbers.tolist()
+        array = np.array(numbers, problem.number)
+        problem.kernels.check(scheme, problem.address, state, array)
+        return array.tolist()

@@ -7,7 +7,6 @@ its time behind it: ``dimension + 1`` numbers. Each kernel takes its few numbers
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import IntEnum
 from math import nan, pi
 
 from polhode.models.once import once
@@ -33,15 +32,16 @@ _MAX_DIFFERENCE_TURNS = 3
 _TABLE_COLUMNS = 16
 
 
-class MeanAt(IntEnum):
+class MeanAt:
     """Places in the setting of `StrobeKernels.mean`."""
 
     MICRO_STEPS = 0  # steps of splitting in a turn
     TURNS = 1  # turns of the widest difference, 1 to 3
     ROWS = 2  # of weights, and of fields to be computed
+    SIZE = 3
 
 
-class MacroAt(IntEnum):
+class MacroAt:
     """Places in the setting of `StrobeKernels.macro`; it begins with one of `MeanAt`."""
 
     MICRO_STEPS = MeanAt.MICRO_STEPS
@@ -50,14 +50,16 @@ class MacroAt(IntEnum):
     STAGE = 3  # the first stage to be computed; those before it are given
     STAGES_END = 4  # the stage behind the last one
     MACRO_TURNS = 5  # length of the macro-step in turns
+    SIZE = 6
 
 
-class RowsAt(IntEnum):
+class RowsAt:
     """Places in the setting of `StrobeKernels.rows`."""
 
     ROWS = 0
     MICRO_STEPS = 1  # steps of splitting from the end of a turn to a row
     MACRO_TURNS = 2  # length of the macro-step in turns
+    SIZE = 3
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ def _mean(flows: Flows, turn: Program) -> Program:
     size = dimension + 1
     # Two points, moved k turns forth and k turns back, whose time is counted from 0.
     moved = program.room(2 * size)
-    steps, turns, rows = setting.load(len(MeanAt))
+    steps, turns, rows = setting.load(MeanAt.SIZE)
     with program.times(rows * float(size)) as i:
         out[i] = 0.0
     h = 2 * pi / (flows.rate(point, p) * steps)

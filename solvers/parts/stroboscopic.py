@@ -199,7 +199,7 @@ class Strobe:
             if turns < min(_PAYING * order, left / period):
                 setting.turns = 0.0
                 return None
-            numbers = np.empty(len(MacroAt))
+            numbers = np.empty(MacroAt.SIZE)
             numbers[MacroAt.MICRO_STEPS] = setting.micro
             numbers[MacroAt.TURNS] = order // 2
             numbers[MacroAt.ROWS] = 1
@@ -251,7 +251,7 @@ class Strobe:
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
         terms = interpolant() @ np.vstack([end - point, turns * stages])
-        setting = np.empty(len(RowsAt))
+        setting = np.empty(RowsAt.SIZE)
         setting[RowsAt.ROWS] = len(times)
         setting[RowsAt.MICRO_STEPS] = 1.0 + int(MAX_TURNS_TO_ROW * micro)
         setting[RowsAt.MACRO_TURNS] = turns
@@ -299,7 +299,7 @@ class Strobe:
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Fill rows of `out` with the averaged fields of order 2, 4, 6, by `micro` steps a turn."""
         self.inner += 2 * micro * len(out)
-        setting = np.empty(len(MeanAt))
+        setting = np.empty(MeanAt.SIZE)
         setting[MeanAt.MICRO_STEPS] = micro
         # Row j is of order 2j, which asks for j turns.
         setting[MeanAt.TURNS] = len(out)

@@ -8,7 +8,6 @@ same steps. While it runs, numbers below 2e-308 count as zero.
 import ctypes
 import re
 from collections.abc import Callable
-from enum import IntEnum
 from math import inf, ulp
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,7 @@ _BEYOND = 0.01
 _LEAST_STEP = 1e-150
 
 
-class ReportAt(IntEnum):
+class ReportAt:
     """Places in the report that `rows.ll` writes: 64 bits each, whole numbers but for two doubles."""
 
     CODE = 0  # the library's last one
@@ -51,6 +50,7 @@ class ReportAt(IntEnum):
     JACOBIANS = 7
     FACTORIZATIONS = 8
     STEP = 9  # a double: the step to be tried next
+    SIZE = 10
 
 
 class Memory:
@@ -111,7 +111,7 @@ class Memory:
             kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double, *[ctypes.c_void_p] * 4)
             self._residual = self.field.function(kind)
         self._advance = _loop(library)
-        self.report = np.zeros(len(ReportAt), dtype=np.int64)
+        self.report = np.zeros(ReportAt.SIZE, dtype=np.int64)
         # The same bits, of which two places are doubles.
         self.report_doubles = self.report.view(float)
 
