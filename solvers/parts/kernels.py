@@ -204,6 +204,7 @@ def _advance(flows: Flows) -> Program:
             program.when(compare("ole", speed, high[0])),
         ):
             outside[0] = 0.0
+        # Outside the bounds, and in the first step, another step is chosen.
         with program.when(compare("ogt", outside[0], 0.0)):
             close(y)
             open_[0] = 0.0
@@ -214,6 +215,7 @@ def _advance(flows: Flows) -> Program:
             free_angle = law[LawAt.FACTOR] * speed ** (1.0 - law[LawAt.EXPONENT])
             widest = law[LawAt.WIDEST]
             step[0] = where_positive(widest - free_angle, free_angle, widest) / speed
+            # The code says why the loop is left, if it is.
             code[0] = float(Code.NOT_FINITE)
             leave(compare("uge", speed, inf))
             code[0] = float(Code.OUTSIDE)
@@ -246,36 +248,9 @@ def _advance(flows: Flows) -> Program:
             leave(condition)
         code[0] = float(Code.FINISHED)
         if flows.chains > 1:
-            # All chains begin where the step does, and their mean, by weight, is where it ends.
-            # Gains of components that the fast flow leaves alone are summed apart: rounding of
-            # equal sign in each step would pile up.
-            start = y.load(dimension)
-            chain_starts = (*remainder.load(unmoved), *start[unmoved:])
-            chain_states.store([splat(component, flows.chains) for component in chain_starts])
-            base = [splat(component, flows.chains) for component in start[:unmoved]]
-            with program.times(stages) as i:
-                row = flows.row(constants, i)
-                flows.both_flows(chain_states, row, flows.row(constants, i), base)
-            flows.fast_flow(chain_states, flows.row(constants, stages), base)
-            weights = weights_of(scheme, stages, flows.chains)
-            means = [(weights * lanes).total() for lanes in chain_states.load(dimension)]
-            gains = means[:unmoved]
-            before = start[:unmoved]
-            ends = [old + gain for old, gain in zip(before, gains, strict=True)]
-            # Of each gain, the part that the rounded sum has not taken up.
-            remainder.store(
-                [gain - (end - old) for old, gain, end in zip(before, gains, ends, strict=True)]
-            )
-            assert flows.parts.restored is not None
-            y.store(flows.parts.restored([*ends, *means[unmoved:]]))
+            _step_by_mean(flows, scheme, stages, constants, y, chain_states, remainder)
         else:
-            # The first fast flow of a step begins with the last one of the step before, in the
-            # row behind all others, unless there is none before.
-            first_fast = open_[0] * (stages + 1.0)
-            with program.times(stages) as i:
-                fast_row = flows.row(constants, where_positive(i, i, first_fast))
-                flows.both_flows(y, fast_row, flows.row(constants, i))
-            open_[0] = 1.0
+            _step_by_one_chain(flows, stages, constants, y, open_)
         since[0] = since[0] + 1.0
         steps[0] = steps[0] + 1.0
     close(y)
@@ -290,6 +265,58 @@ def _advance(flows: Flows) -> Program:
     cells = (begin, step, low, high, since, filled, steps, code)
     clock.store([cell[0] for cell in cells])
     return program
+
+
+def _step_by_mean(
+    flows: Flows,
+    scheme: Array,
+    stages: Number,
+    constants: Array,
+    y: Array,
+    chain_states: Array,
+    remainder: Array,
+) -> None:
+    """A step of the state `y`: all chains begin where it does, and their weighted mean is its end.
+
+    What the components gain that the fast flow leaves alone is summed apart from them, and what
+    rounding leaves out of their sums goes into the next step by `remainder`: rounding of equal sign
+    in each step would pile up.
+    """
+    program = y.program
+    unmoved = flows.parts.moving[0]
+    start = y.load(flows.dimension)
+    chain_starts = (*remainder.load(unmoved), *start[unmoved:])
+    chain_states.store([splat(component, flows.chains) for component in chain_starts])
+    base = [splat(component, flows.chains) for component in start[:unmoved]]
+    with program.times(stages) as i:
+        row = flows.row(constants, i)
+        flows.both_flows(chain_states, row, row, base)
+    flows.fast_flow(chain_states, flows.row(constants, stages), base)
+    weights = weights_of(scheme, stages, flows.chains)
+    means = [(weights * lanes).total() for lanes in chain_states.load(flows.dimension)]
+    gains = means[:unmoved]
+    before = start[:unmoved]
+    ends = [old + gain for old, gain in zip(before, gains, strict=True)]
+    remainder.store(
+        [gain - (end - old) for old, gain, end in zip(before, gains, ends, strict=True)]
+    )
+    assert flows.parts.restored is not None
+    y.store(flows.parts.restored([*ends, *means[unmoved:]]))
+
+
+def _step_by_one_chain(
+    flows: Flows, stages: Number, constants: Array, y: Array, open_: Array
+) -> None:
+    """A step of the state `y` without its last fast flow.
+
+    Its first fast flow begins with the last one of the step before, if the state lacks that: the
+    row of both stands behind all others.
+    """
+    first_row = open_[0] * (stages + 1.0)
+    with y.program.times(stages) as i:
+        fast_row = flows.row(constants, where_positive(i, i, first_row))
+        flows.both_flows(y, fast_row, flows.row(constants, i))
+    open_[0] = 1.0
 
 
 def _check(flows: Flows, advance: Program, rounding: float) -> Program:
