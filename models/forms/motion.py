@@ -114,9 +114,9 @@ def full_problem(
     # At St = 0 there is no explicit form, at St = inf no implicit one, which has the mass St on the
     # inertial rows.
     mass = tuple(scene.stokes if row else 1.0 for row in inertial)
-    shape = *shape, *flow
-    explicit = (1.0, scene.torque_factor, *shape) if scene.stokes > 0 else None
-    implicit = MassForm(mass, (scene.stokes, 1.0, *shape)) if scene.torque_factor > 0 else None
+    numbers = *shape, *flow
+    explicit = (1.0, scene.torque_factor, *numbers) if scene.stokes > 0 else None
+    implicit = MassForm(mass, (scene.stokes, 1.0, *numbers)) if scene.torque_factor > 0 else None
     return Problem(
         form.name, field, start, scene.time, explicit, implicit, parameter_table=table, **known
     )

@@ -95,21 +95,8 @@ class TorqueFree:
         """Rotation since the start, shape (n, 4), and ω, shape (n, 3), both in body axes."""
         polhode = self._polhode
         order = list(polhode.order)
-        # Signs of the axes a, b, c that make ω_a and ω_c non-negative and leave the axes
-        # right-handed.
-        sign_a, sign_c = (
-            1 if self.angular_velocity[axis] >= 0 else -1 for axis in (order[0], order[2])
-        )
-        handedness = 1 if (order[1] - order[0]) % 3 == 1 else -1
-        signs = np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
-        start = signs * np.asarray(self.angular_velocity, dtype=Long)[order]
-        # u0 lies in [−K, K], as ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF
-        # §22.15).
-        cn, sn, dn = (
-            rate / amplitude for rate, amplitude in zip(start, polhode.amplitudes, strict=True)
-        )
-        size = np.hypot(cn, sn)
-        u0 = sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
+        signs = self._signs()
+        u0 = self._argument(signs * np.asarray(self.angular_velocity, dtype=Long)[order])
         # The start goes through the same functions as the times, so that what they have in common
         # drops out. It is row 0 of each array below.
         u = np.concatenate([[u0], u0 + polhode.sense * polhode.rate * t])
@@ -136,6 +123,25 @@ class TorqueFree:
         vector = (signs * turn[:, 1:])[:, back]
         rates = (signs * omega[1:])[:, back]
         return np.concatenate([turn[:, :1], vector], axis=1), rates
+
+    def _signs(self) -> LongArray:
+        """Signs of the axes a, b, c that make ω_a and ω_c non-negative and leave the axes right-handed."""
+        a, b, c = self._polhode.order
+        sign_a = 1 if self.angular_velocity[a] >= 0 else -1
+        sign_c = 1 if self.angular_velocity[c] >= 0 else -1
+        handedness = 1 if (b - a) % 3 == 1 else -1
+        return np.array([sign_a, handedness * sign_a * sign_c, sign_c], dtype=Long)
+
+    def _argument(self, omega: LongArray) -> Long:
+        """Argument u of the Jacobi functions at an ω about the axes a, b, c, shape (3,)."""
+        # It lies in [−K, K], as ω_a ≥ 0 and ω_c > 0; well-conditioned for every amplitude (DLMF
+        # §22.15).
+        cn, sn, dn = (
+            rate / amplitude
+            for rate, amplitude in zip(omega, self._polhode.amplitudes, strict=True)
+        )
+        size = np.hypot(cn, sn)
+        return sn / size * carlson_rf((cn / size) ** 2, dn**2, Long(1))
 
 
 def _shortest_to_third(unit: LongArray) -> LongArray:

@@ -105,11 +105,24 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
     # Columns of p₁ and p₂, then those of p₃ to p₆.
     across = [part * over for part in flow]
     steep = [*(part * s * over for part in turned), *(part * w for part in across)]
-    parts = [((_SIZES, w0), mean[2]), ((over**0, w), mean[3]), (turned, mean[:2])]
-    first, left = fitted([*parts, ((s,), mean[4]), ((s,), mean[5])])
-    parts = [((s, s * w), second[2]), ((s * over, s * w * over), second[3])]
-    higher, right = fitted([*parts, ([*across, *steep], second[:2])])
-    return [*first, *higher], max(left, right)
+    # Each part has what the functions are factors of, and the rate. As n is e₃, l' is that of L₃.
+    first, misfit_of_first = fitted(
+        [
+            ((_SIZES, w0), mean[2]),  # f₀, f₂
+            ((over**0, w), mean[3]),  # g₀, g₂
+            (turned, mean[:2]),  # r₁, r₂
+            ((s,), mean[4]),  # e_α
+            ((s,), mean[5]),  # e_β
+        ]
+    )
+    higher, misfit_of_second = fitted(
+        [
+            ((s, s * w), second[2]),  # a₁, a₂
+            ((s * over, s * w * over), second[3]),  # b₁, b₂
+            ([*across, *steep], second[:2]),  # p₁ to p₆
+        ]
+    )
+    return [*first, *higher], max(misfit_of_first, misfit_of_second)
 
 
 def _strengths(spectrum: Array) -> Array:
@@ -140,13 +153,14 @@ def second_order(torus: Torus) -> Array:
     tilted = change[0] - size * turn[1], change[1] + size * turn[0], change[2]
     flows = (cross(over_phases(direction), turn) for direction in (torus.flow, torus.gradient))
     dm, dx, dy = (times(back, vector) for vector in (tilted, *flows))
+    # The change of the torque, seen from the body, then in the frame of L.
     changed = torus.torque(dm, plus(turning(p.side, dx, y), 1, turning(p.side, x, dy)))
     change_space = plus(times(torus.rows, changed), 1, cross(turn, times(torus.rows, tau)))
-    # dh/dt₂ = 2(ω·τ - h L·τ)/l²
-    beyond = [factor[..., None, None] for factor in p.excess.T]
-    # ω - hL, and its derivative.
-    relative = [factor * part for factor, part in zip(beyond, m, strict=True)]
-    relative_change = [factor * part for factor, part in zip(beyond, dm, strict=True)]
+    # dh/dt₂ = 2(ω·τ - h L·τ)/l², and its derivative: h' falls as l rises, and changes with h besides.
+    excess = [factor[..., None, None] for factor in p.excess.T]
+    # ω - hL, and its derivative at fixed h.
+    relative = [factor * part for factor, part in zip(excess, m, strict=True)]
+    relative_change = [factor * part for factor, part in zip(excess, dm, strict=True)]
     rate_h = 2 * dot(relative, tau) / size**2
     change_h = (
         dot(relative_change, tau)

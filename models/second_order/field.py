@@ -133,26 +133,32 @@ def averaged_rates(ops: Operations) -> Callable[..., Any]:
     # The rates as `averages` has them: f = (f₀, f₂, a₁, a₂), g = (g₀, g₂, b₁, b₂), r = (r₁, r₂), p = (p₁,
     # … p₆). S_n is (sx, sy, 0) and W_n is (sx, -sy, 0); s is s₀/l and w is w₀/l.
     def averaged(size, n, f, g, r, p):
+        nx, ny, nz = n
+        f0, f2, a1, a2 = f
+        g0, g2, b1, b2 = g
+        r1, r2 = r
+        p1, p2, p3, p4, p5, p6 = p
         over = 1 / size
-        sx = 0.5 * n[1]
-        sy = 0.5 * n[0]
-        s0 = n[0] * n[1]
-        w = 0.5 * n[2] * over
+        sx = 0.5 * ny
+        sy = 0.5 * nx
+        s0 = nx * ny
+        w = 0.5 * nz * over
         s = s0 * over
         # L'⊥ = n × (S u₁ + W u₂) + S⊥ v₁ + W v₂ with S = (sx, sy, 0) and W = (sx, -sy, 0).
-        u1 = r[0] + over * s * p[2]
-        u2 = r[1] + over * s * p[3]
-        v1 = over * (p[0] + p[4] * w)
-        v2 = over * (p[1] + p[5] * w)
+        # S⊥ is S - s₀n.
+        u1 = r1 + over * s * p3
+        u2 = r2 + over * s * p4
+        v1 = over * (p1 + p5 * w)
+        v2 = over * (p2 + p6 * w)
         ux = sx * (u1 + u2)
         uy = sy * (u1 - u2)
         flat = v1 * s0
         return (
-            f[0] + f[1] * w + over * s * (f[2] + f[3] * w),
-            g[0] + g[1] * w + over * s * (g[2] + g[3] * w),
-            sx * (v1 + v2) - n[2] * uy - flat * n[0],
-            sy * (v1 - v2) + n[2] * ux - flat * n[1],
-            n[0] * uy - n[1] * ux - flat * n[2],
+            f0 + f2 * w + over * s * (a1 + a2 * w),
+            g0 + g2 * w + over * s * (b1 + b2 * w),
+            sx * (v1 + v2) - nz * uy - flat * nx,
+            sy * (v1 - v2) + nz * ux - flat * ny,
+            nx * uy - ny * ux - flat * nz,
         )
 
     return averaged
