@@ -27,8 +27,8 @@ from polhode.solvers.contract import (
 from polhode.solvers.event_search import EventFailedError, EventSearch
 from polhode.solvers.parameter_table import with_parameter_table
 
-# Growth of an angle, in rad, after which it is wrapped: small against what a tolerance relative to
-# it would lose.
+# Growth of an angle, in rad, after which it is wrapped: 50 turns, as a tolerance is relative to the
+# angle too, and a segment's start costs some steps. An estimate.
 _WRAP_AFTER = 100 * pi
 # Times closer than this share of the run count as the same one.
 _CLOSE = 1e-12
@@ -36,16 +36,16 @@ _CLOSE = 1e-12
 
 @dataclass(frozen=True)
 class SolvedSegment:
-    """A segment of a run that was run: when, why, the errors expected, slow and of angles, its steps and tolerance."""
+    """A segment of a run that was run."""
 
-    begin: float
+    begin: float  # in the run's time
     end: float
-    reason: str
-    error: float
+    reason: str  # why these equations
+    error: float  # expected, of L and E, over I_max
     steps: int | None
-    angle: float = 0.0
-    averaged: bool = False
-    tolerance: float = 0.0
+    angle: float = 0.0  # expected error of the orientation, in rad
+    averaged: bool = False  # whether its equations are averaged ones
+    tolerance: float = 0.0  # of the solver
 
 
 class Run:
@@ -199,18 +199,16 @@ class Run:
 
     def _take_over(self, segment: Segment, end: float, record: Record) -> None:
         """Take over what a segment has finished, whether it reached its end or not."""
-        found = (
-            segment.states(record.rows[: record.filled])
-            if segment.states
-            else record.rows[: record.filled]
-        )
+        states = record.rows[: record.filled]
+        if segment.states:
+            states = segment.states(states)
         # Its end need not be among the requested times.
         count = self._count_until(end) - self.done
-        new = found[1 : count + 1]
+        new = states[1 : count + 1]
         if segment.states or record.rows.base is not self.rows:
             self.rows[self.done : self.done + len(new)] = new
         self.done = self.done + len(new)
-        self.state = found[-1]
+        self.state = states[-1]
         self.shrunk = self.shrunk or record.shrunk
         if self.segments_run:
             self.work.add(record.work)
@@ -221,11 +219,18 @@ class Run:
         self.now = min(record.reached, end) if record.filled < len(record.times) else end
         if self.problem.next_segment is None:
             return
-        tolerance, over = self._tolerance(segment)
-        error = over * segment.error
-        angle = min(pi, over * segment.angle)
-        own = segment.reason, error, record.work.steps, angle, segment.averaged, tolerance
-        self.segments.append(SolvedSegment(begin, self.now, *own))
+        tolerance, error_ratio = self._tolerance(segment)
+        solved = SolvedSegment(
+            begin=begin,
+            end=self.now,
+            reason=segment.reason,
+            error=error_ratio * segment.error,
+            steps=record.work.steps,
+            angle=min(pi, error_ratio * segment.angle),
+            averaged=segment.averaged,
+            tolerance=tolerance,
+        )
+        self.segments.append(solved)
 
     def _take_over_steps(self, taken: list[tuple[float, np.ndarray]]) -> None:
         """Make rows of the steps taken; a run that fell short still has its end among its times."""
@@ -298,18 +303,20 @@ def wrapped(problem: Problem, times: np.ndarray) -> NextSegment:
         whole = Segment(problem, float(times[-1]))
         return lambda time, state, tolerance: whole
     columns = list(problem.periodic)
-    most = _WRAP_AFTER
+    # Longest time of a segment, by the fastest angle at the start, or one of rate 1.
+    longest = _WRAP_AFTER
     with suppress(ArithmeticError, ValueError):
         rates = problem.field(FLOAT)(problem.start, problem.parameters)
-        most = _WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
+        longest = _WRAP_AFTER / max(1.0, *(abs(rates[i]) for i in columns))
 
     def wrap(states: np.ndarray) -> np.ndarray:
         states[1:, columns] %= 2 * pi
         return states
 
     def next_segment(time: float, state: np.ndarray, tolerance: float) -> Segment:
+        # It ends at a requested time, the next one at least.
         after = int(times.searchsorted(time, side="right"))
-        last = max(after, int(times.searchsorted(time + most)))
+        last = max(after, int(times.searchsorted(time + longest)))
         return Segment(problem, float(times[min(last, len(times) - 1)]), wrap)
 
     return next_segment

@@ -59,6 +59,7 @@ def _power(base: Any, exponent: Any) -> "Dual":
     x = _value(base)
     n = _value(exponent)
     power = x**n
+    # The derivative of x**0 is 0 at x = 0 too, where 0 * x**-1 has no value.
     by_base = n * x ** (n - 1) if isinstance(exponent, Dual) or n != 0 else 0.0
     return _chained(
         power, (base, by_base), (exponent, power * call("log", x) if _slopes(exponent) else 0.0)

@@ -25,7 +25,7 @@ from polhode.models.own_function import line_of
 from polhode.models.problem import Factory
 from polhode.models.recording import UntraceableError
 
-# Powers that are multiplied out.
+# Powers that are multiplied out, in at most 6 multiplications; an estimate.
 _MULTIPLIED_OUT = range(-16, 17)
 
 
@@ -54,6 +54,7 @@ def operand(x: Any) -> str:
 
 
 def _arithmetic(instruction: str, left: Any, right: Any) -> Any:
+    """One of LLVM's four instructions of arithmetic, on numbers one of which at least is traced."""
     if not (isinstance(left, Number | Real) and isinstance(right, Number | Real)):
         return NotImplemented
     number: Any = left if isinstance(left, Number) else right
@@ -91,8 +92,12 @@ class Number:
         if isinstance(exponent, Number) or exponent not in _MULTIPLIED_OUT:
             return call("pow", self, exponent)
         n = int(exponent)
-        if n < 2:
-            return (1.0, self)[n] if n >= 0 else 1.0 / self**-n
+        if n < 0:
+            return 1.0 / self**-n
+        if n == 0:
+            return 1.0
+        if n == 1:
+            return self
         half = self ** (n // 2)
         return half * half * self if n % 2 else half * half
 
@@ -233,6 +238,7 @@ def _located() -> Iterator[None]:
             (f"{frame.filename}:{frame.lineno}: ", f": {frame.line}") if frame else ("", "")
         )
         words = str(error)
+        # What NumPy's functions, `abs` and `np.sin` of an object without such a method say.
         if re.search("__array_ufunc__|bad operand type for abs|no callable .* method", words):
             words = "a field cannot use this function; use those of ops"
         raise FieldError(f"{where}{words}{line}") from error

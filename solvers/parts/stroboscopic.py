@@ -63,8 +63,9 @@ _ROUNDING = 3e-15
 # Weights of Φ^k - Φ^-k in the central differences: a row for each order, a column for each k = 1,
 # 2, 3.
 _WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
-# Addresses of these rows by the largest k that they use, which is half their order.
-_ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
+# Addresses of these rows by the largest k that they use, which is half their order. From the first
+# one on all of them follow.
+_WEIGHT_ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
 # Stages of DOP853, the field at the end of the step included. Three more make its interpolant.
 _STAGES = 13
 # Power of error / allowed error by which macro-steps change: DOP853's estimate of the error of a
@@ -170,9 +171,9 @@ class Strobe:
         It does not where no order of the difference errs little enough, or where the step would
         have fewer turns than `_PAYING` asks for.
         """
-        rate = self.split.rate(point[:-1])
+        period = 2 * pi / self.split.rate(point[:-1])
         left = float(record.times[-1] - point[-1])
-        period = 2 * pi / rate
+        turns_left = left / period
         # In a time of relaxation the damping forgets an error of the state.
         memory = min(left, 1 / self.split.strength) / period
         # Largest errors allowed. The one of time makes an error of the angle turned over the whole
@@ -183,7 +184,7 @@ class Strobe:
         # errors add up over the turns that are remembered, and errors of time over all that are
         # left.
         horizon = memory / scale
-        horizon[-1] = left / period / scale[-1]
+        horizon[-1] = turns_left / scale[-1]
         fields = self.fields(point, setting, horizon)
         order = self.order(fields, horizon)
         if order is None:
@@ -195,8 +196,8 @@ class Strobe:
         while True:
             # Two turns more than the present period asks for: the last row shall lie within the
             # step although the period changes.
-            turns = float(min(np.ceil(turns), np.ceil(left / period) + 2))
-            if turns < min(_PAYING * order, left / period):
+            turns = float(min(np.ceil(turns), np.ceil(turns_left) + 2))
+            if turns < min(_PAYING * order, turns_left):
                 setting.turns = 0.0
                 return None
             numbers = np.empty(MacroAt.SIZE)
@@ -251,11 +252,11 @@ class Strobe:
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
         terms = interpolant() @ np.vstack([end - point, turns * stages])
-        setting = np.empty(RowsAt.SIZE)
-        setting[RowsAt.ROWS] = len(times)
-        setting[RowsAt.MICRO_STEPS] = 1.0 + int(MAX_TURNS_TO_ROW * micro)
-        setting[RowsAt.MACRO_TURNS] = turns
-        self.kernels.rows(self.scheme, self.p, setting, terms, point, times, rests, rows)
+        numbers = np.empty(RowsAt.SIZE)
+        numbers[RowsAt.ROWS] = len(times)
+        numbers[RowsAt.MICRO_STEPS] = 1.0 + int(MAX_TURNS_TO_ROW * micro)
+        numbers[RowsAt.MACRO_TURNS] = turns
+        self.kernels.rows(self.scheme, self.p, numbers, terms, point, times, rests, rows)
         return rows
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
@@ -274,10 +275,10 @@ class Strobe:
                 else MAX_MICRO_STEPS - 2
             )
             self.mean(point, more, compared)
-            off = (
-                np.max(np.maximum(np.abs(fields[0] - compared[0]) - _ROUNDING, 0.0) * horizon)
-                / _MICRO
-            )
+            # Beyond what rounding makes of them, the fields of order 2 differ by this.
+            difference = np.maximum(np.abs(fields[0] - compared[0]) - _ROUNDING, 0.0)
+            # The error of the run that it makes, over the one allowed; NaN ends the search too.
+            off = np.max(difference * horizon) / _MICRO
             if not off > 1 or setting.micro >= MAX_MICRO_STEPS:
                 break
             setting.micro = more
@@ -293,18 +294,18 @@ class Strobe:
         # Of each stage there are so many turns forth and as many back.
         self.inner += 2 * int(numbers[MacroAt.MICRO_STEPS]) * turns * computed
         self.kernels.macro(
-            self.scheme, self.p, numbers, _ROWS[turns], point, self.nodes, stages, end
+            self.scheme, self.p, numbers, _WEIGHT_ROWS[turns], point, self.nodes, stages, end
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
         """Fill rows of `out` with the averaged fields of order 2, 4, 6, by `micro` steps a turn."""
         self.inner += 2 * micro * len(out)
-        setting = np.empty(MeanAt.SIZE)
-        setting[MeanAt.MICRO_STEPS] = micro
-        # Row j is of order 2j, which asks for j turns.
-        setting[MeanAt.TURNS] = len(out)
-        setting[MeanAt.ROWS] = len(out)
-        self.kernels.mean(self.scheme, self.p, setting, _ROWS[1], point, out)
+        numbers = np.empty(MeanAt.SIZE)
+        numbers[MeanAt.MICRO_STEPS] = micro
+        # Row j, from 1 on, is of order 2j, which asks for j turns.
+        numbers[MeanAt.TURNS] = len(out)
+        numbers[MeanAt.ROWS] = len(out)
+        self.kernels.mean(self.scheme, self.p, numbers, _WEIGHT_ROWS[1], point, out)
 
     def order(self, fields: np.ndarray, horizon: np.ndarray) -> int | None:
         """The lowest order whose difference errs little enough, by comparison with the next one.
