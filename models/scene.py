@@ -195,7 +195,9 @@ class Scene:
     @property
     def torque_factor(self) -> float:
         """1/St: the factor of the torque in the explicit equations, inf at St = 0."""
-        return 0.0 if isinf(self.stokes) else inf if self.stokes == 0 else 1 / self.stokes
+        if self.stokes == 0:
+            return inf
+        return 0.0 if isinf(self.stokes) else 1 / self.stokes
 
     @cached_property
     def angular_velocity(self) -> Triple:

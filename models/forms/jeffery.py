@@ -59,8 +59,9 @@ def turning_in_any_flow(ops: Operations) -> Callable:
 
     def of(y, p):
         x1, x2, x3, scale = axes_of(y[0], y[1], y[2], y[3])
+        gyro = (p[0], p[1], p[2])
         flow = (p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10])
-        w1, w2, w3 = jeffery(x1, x2, x3, scale, (p[0], p[1], p[2]), flow)
+        w1, w2, w3 = jeffery(x1, x2, x3, scale, gyro, flow)
         return rates(y[0], y[1], y[2], y[3], w1, w2, w3), (w1, w2, w3)
 
     return of

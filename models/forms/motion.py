@@ -125,7 +125,12 @@ def full_problem(
 def velocity_in_shear(ops: Operations) -> Callable:
     """Jeffery's angular velocity in simple shear, from the flow and gradient directions in body axes and p."""
     jeffery = ops.use(jeffery_angular_velocity)
-    return lambda x, y, p: jeffery(x, y, (p[8], p[9], p[10], p[11], p[12], p[13]))
+
+    def velocity(x, y, p):
+        six_shares = (p[8], p[9], p[10], p[11], p[12], p[13])
+        return jeffery(x, y, six_shares)
+
+    return velocity
 
 
 def velocity_in_any_flow(ops: Operations) -> Callable:
@@ -133,8 +138,9 @@ def velocity_in_any_flow(ops: Operations) -> Callable:
     jeffery = ops.use(jeffery_in_any_flow)
 
     def velocity(x, y, z, scale, p):
+        gyro = (p[2], p[3], p[4])
         flow = (p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15])
-        return jeffery(x, y, z, scale, (p[2], p[3], p[4]), flow)
+        return jeffery(x, y, z, scale, gyro, flow)
 
     return velocity
 
@@ -145,12 +151,18 @@ def driven_acceleration(ops: Operations) -> Callable:
     def acceleration(w, jeffery, p):
         alpha = p[0]
         beta = p[1]
+        gyro1 = p[2]
+        gyro2 = p[3]
+        gyro3 = p[4]
+        damping1 = p[5]
+        damping2 = p[6]
+        damping3 = p[7]
         w1, w2, w3 = w
         j1, j2, j3 = jeffery
         return (
-            alpha * p[2] * w2 * w3 - beta * p[5] * (w1 - j1),
-            alpha * p[3] * w3 * w1 - beta * p[6] * (w2 - j2),
-            alpha * p[4] * w1 * w2 - beta * p[7] * (w3 - j3),
+            alpha * gyro1 * w2 * w3 - beta * damping1 * (w1 - j1),
+            alpha * gyro2 * w3 * w1 - beta * damping2 * (w2 - j2),
+            alpha * gyro3 * w1 * w2 - beta * damping3 * (w3 - j3),
         )
 
     return acceleration

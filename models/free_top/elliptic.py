@@ -109,10 +109,9 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         decay = np.exp(-np.abs(u))
         sech: LongArray = (2 * decay / (1 + decay * decay)).astype(Long)
         return np.tanh(u), sech, sech
-    #
     # `ladder` holds the pairs of the arithmetic-geometric mean of 1 and √m1. At its limit M, where the
-    # Jacobi functions are sine and cosine of Mu, cs = M cot Mu and dn = 1. The way back up the ladder
-    # turns these into the functions of m. In between, `ratio` is what the next step makes cs and dn of.
+    # Jacobi functions are those of a circle, cs = M cot Mu and dn = 1. The way back up the ladder turns
+    # these into cs = cn/sn and dn of m; `ratio` is what each step makes the next ones of.
     mean = Long(1)
     geometric = np.sqrt(m1)
     ladder = []
@@ -126,7 +125,7 @@ def jacobi(u: LongArray, m1: Long) -> tuple[LongArray, LongArray, LongArray]:
         mean = arithmetic
     sine = np.sin(mean * u)
     cosine = np.cos(mean * u)
-    # cs(0) is infinite; a sine this small stands for it without overflow.
+    # cs at u = 0 is infinite; a sine this small stands for it without overflow.
     sine[sine == 0] = _TINY
     ratio = cosine / sine
     cs = mean * ratio

@@ -117,6 +117,7 @@ class Ahead:
         kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
         if not kicks:
             return ahead
+        # At the end of the run errors of |L| and E count, those of the angles do not.
         g = np.diag([1.0, 1, 0, 0])
         last = path.turned[-1]
         turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
@@ -142,6 +143,7 @@ class Ahead:
             # An error of the angles turns the kick's phase by k·φ.
             g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
             ahead.behind.append((kick.time, g, last))
+            # Jumps at L² = 2EI₂ have no width: the first step of `outline` gives them full segments.
             if kick.width:
                 # As `weight` has it just before the kick.
                 amplification = max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
