@@ -223,10 +223,13 @@ class Record:
         end = float(self.times[-1])
         before = self.looked
         self.looked = (steps, time)
-        if before is None or steps <= before[0] or time < before[1]:
+        if before is None:
             return None
-        self.longest = max(self.longest, (before[1] - begin) / before[0])
-        step = (time - before[1]) / (steps - before[0])
+        steps_before, time_before = before
+        if steps <= steps_before or time < time_before:
+            return None
+        self.longest = max(self.longest, (time_before - begin) / steps_before)
+        step = (time - time_before) / (steps - steps_before)
         self.shrunk = self.shrunk or step < _SHRUNK * self.longest
         if step < _CRAWLING * self.longest and end - time > step * _MAX_STEPS_AHEAD:
             return Status.STEP_UNDERFLOW, f"steps of {step:.1e} at t = {float(time)!r}"

@@ -87,24 +87,29 @@ def states_at(solution: Any, times: np.ndarray, run: Callable[..., Any]) -> np.n
     # Nor is it traced again for every row.
     problem = frozen(problem)
     method = solution.method
-    how = {"backend": settings.backend, "atol": _of_components(settings.atol, problem)}
+    options: dict[str, Any] = {"atol": _of_components(settings.atol, problem)}
     if method.many_periods:
         method = find_solver(next(name for name in _BETWEEN if find_solver(name).available))
-        how = {"atol": how["atol"]}
+    else:
+        options["backend"] = settings.backend
     if "max_step" in method.limits:
-        how["max_step"] = settings.max_step
+        options["max_step"] = settings.max_step
     if method.jacobians:
-        how["jacobian"] = settings.jacobian
+        options["jacobian"] = settings.jacobian
     rtol = _of_components(settings.rtol, problem)
+    # The last row before each time; its state stands where the time is the row's.
     rows = np.searchsorted(row_times, times, side="right") - 1
     states = solution.states[rows]
     for row in np.unique(rows[times > row_times[rows]]).tolist():
         within = (rows == row) & (times > row_times[row])
+        # Times since the row, increasing and each once; `order` leads back to those requested.
         since, order = np.unique(times[within] - row_times[row], return_inverse=True)
         start = tuple(solution.states[row].tolist())
         segment = problem.continued(float(row_times[row]), start, float(since[-1]))
         segment = replace(segment, least_steps=0, invariant=None, next_segment=None)
-        continued = run(segment, method, rtol, np.concatenate([[0.0], since]), doubt=False, **how)
+        continued = run(
+            segment, method, rtol, np.concatenate([[0.0], since]), doubt=False, **options
+        )
         if not continued.success:
             raise ValueError(
                 f"t: no solution after t = {row_times[row]:g}: "

@@ -15,8 +15,12 @@ from polhode.solvers.ensembles.one_by_one import run_one_by_one
 from polhode.solvers.machine_code.program import REGISTERS
 
 # A particle that needs more steps is recorded as failed: a stiff one, at small St, is no case for
-# this method.
+# this method. An estimate.
 _MOST_STEPS = 10_000_000
+# Places in what heyoka's propagation of a batch returns: the states on the grid, shape (m, d, lanes);
+# and in its result for a lane: how it ended.
+_STATES = -1
+_ENDED = 0
 
 
 def run_batches(
@@ -49,9 +53,12 @@ def run_batches(
             statuses[together] = str(Status.REACHED_END)
             continue
         # One particle's failure stops its whole batch: each of them gets a run of its own.
-        for who in together:
-            states[:, who] = _propagate(integrator, np.tile(starts[who], (lanes, 1)), grid)[:, 0]
-            statuses[who] = _status(integrator.propagate_res[0][0])
+        # It fills all lanes, of which the first one counts.
+        for particle in together:
+            alone = np.tile(starts[particle], (lanes, 1))
+            states[:, particle] = _propagate(integrator, alone, grid)[:, 0]
+            first_lane = integrator.propagate_res[0]
+            statuses[particle] = _status(first_lane[_ENDED])
     states[:, statuses != str(Status.REACHED_END)] = np.nan
     return states, statuses
 
@@ -60,7 +67,8 @@ def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndar
     """States, shape (m, lanes, d), of one batch."""
     integrator.set_time(0.0)
     integrator.state[:] = starts.T
-    return np.moveaxis(integrator.propagate_grid(grid, max_steps=_MOST_STEPS)[-1], 2, 1)
+    states = integrator.propagate_grid(grid, max_steps=_MOST_STEPS)[_STATES]
+    return np.moveaxis(states, 2, 1)
 
 
 def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.ndarray:
@@ -71,6 +79,7 @@ def _speed(problem: Problem, starts: np.ndarray, parameters: np.ndarray) -> np.n
 
 
 def _status(outcome: Any) -> str:
+    """The status that heyoka's outcome stands for."""
     outcomes = load_heyoka().taylor_outcome
     statuses = {
         outcomes.time_limit: "REACHED_END",
@@ -82,11 +91,13 @@ def _status(outcome: Any) -> str:
 
 @OncePerThread
 def _integrator(*key: Any) -> Any:
+    """A copy of an integrator for this thread, arguments as of `_compiled`."""
     return deepcopy(_compiled(*key))
 
 
 @once()
 def _compiled(factory: Factory, dimension: int, parameters: int, tolerance: float) -> Any:
+    """heyoka's integrator of a field, for as many particles at once as `REGISTERS` registers hold."""
     heyoka = load_heyoka()
     lanes = REGISTERS * heyoka.recommended_simd_size()
     system = traced_system(factory, dimension, parameters)

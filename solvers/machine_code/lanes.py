@@ -66,6 +66,7 @@ def lanes(
     program = Program("march", "states constants counts", attribute=WIDEST_REGISTERS)
     states, numbers, counts = program.arguments
     steps, rows, groups = counts.load(3)
+    # Each constant in all lanes.
     c = [splat(constant, wide) for constant in numbers.load(constants)]
     y = program.room(dimension, wide)
     with program.times(groups) as group:

@@ -18,6 +18,7 @@ _TINY = 1e-30
 _MAX_FULL = 1000
 
 
+# A sparse matrix is known by its method `tocsc`, so that SciPy is imported where there is one alone.
 def jacobian_options(problem: Problem, mass: np.ndarray | None) -> dict[str, Any]:
     """Options of scikit-sundae's classes; with a mass, for IDA's residual."""
     jacobian = jacobian_of(problem)
@@ -76,7 +77,11 @@ class _Entries:
 
 
 class _Differences:
-    """A sparse Jacobian by differences, columns without a common row at once."""
+    """A sparse Jacobian by differences, columns without a common row at once.
+
+    Such columns form a group: their components are moved together, as each rate answers to one of
+    them at most.
+    """
 
     def __init__(self, problem: Problem, pattern: Any) -> None:
         with IMPORTS:
@@ -91,6 +96,7 @@ class _Differences:
         """The Jacobian at a state."""
         now = np.asarray(self.rates(t, y), dtype=float)
         moved = y + _DIFFERENCE * np.maximum(np.abs(y), np.abs(y).max() * _DIFFERENCE + _TINY)
+        # As rounded.
         steps = moved - y
         matrix = self.pattern.copy()
         rows = matrix.indices
