@@ -193,14 +193,14 @@ class Flows:
         lengths = h.of(1)
         with program.times(number[0] / lanes) as i:
 
-            def row(k: Number) -> tuple[Number, Array]:
-                """Number of the row in lane k, and its place."""
+            def row_of(k: Number) -> Number:
+                """Number of the row in lane k."""
                 j = lanes * i + k
-                j = OPERATIONS.where_positive(j - last, last, j)
-                return j, rows + j * float(dimension)
+                return OPERATIONS.where_positive(j - last, last, j)
 
             with program.times(lanes) as k:
-                j, at = row(k)
+                j = row_of(k)
+                at = rows + j * float(dimension)
                 lengths[k] = times[j] / steps
                 for c in range(dimension):
                     entries[k + c * lanes] = at[c]
@@ -211,5 +211,6 @@ class Flows:
                     self.both_flows(y, self.row(constants, k), self.row(constants, k))
                 self.fast_flow(y, self.row(constants, stages))
             with program.times(lanes) as k:
-                row(k)[1].store([entries[k + c * lanes] for c in range(dimension)])
+                at = rows + row_of(k) * float(dimension)
+                at.store([entries[k + c * lanes] for c in range(dimension)])
         return program

@@ -98,8 +98,7 @@ class Plan(NamedTuple):
         law[LawAt.EXPONENT] = _EXPONENT
         law[LawAt.WIDEST] = self.widest
         law[LawAt.FLOOR] = self.floor
-        law[LawAt.LOWEST] = between[0]
-        law[LawAt.HIGHEST] = between[1]
+        law[LawAt.LOWEST], law[LawAt.HIGHEST] = between
         return tuple(law)
 
     def step(self, rate: float) -> float:

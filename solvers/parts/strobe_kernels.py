@@ -93,7 +93,10 @@ def strobe_kernels(parts: Parts, dimension: int) -> StrobeKernels:
 
 @dataclass(frozen=True)
 class _Side:
-    """One of two turns that are taken at once, forth or back, which hides each one's latency."""
+    """One of two turns that are taken at once, forth or back.
+
+    Neither waits for the other: a processor computes both in little more than the time of one.
+    """
 
     sign: float  # 1.0 forth, -1.0 back
     point: Array  # where the turn begins, overwritten by where it ends
@@ -115,15 +118,18 @@ def _turn(flows: Flows) -> Program:
     fast = flows.parts.fast
     slow = flows.parts.slow
     dimension = flows.dimension
-    states = [program.room(dimension) for _ in range(2)]
-    both_points = [points, points + (dimension + 1)]
-    angles = [program.cell(0.0) for _ in range(2)]
-    closing = [flows.constants(program) for _ in range(2)]
+    sides = []
+    for sign, point, constants in ((1.0, points, forth), (-1.0, points + (dimension + 1), back)):
+        side = _Side(
+            sign=sign,
+            point=point,
+            state=program.room(dimension),
+            angle=program.cell(0.0),
+            constants=constants,
+            closing=flows.constants(program),
+        )
+        sides.append(side)
     strang = flows.constants(program)
-    sides = [
-        _Side(1.0, both_points[0], states[0], angles[0], forth, closing[0]),
-        _Side(-1.0, both_points[1], states[1], angles[1], back, closing[1]),
-    ]
     for side in sides:
         side.state.store(side.point.load(dimension))
 
@@ -132,9 +138,9 @@ def _turn(flows: Flows) -> Program:
         side.angle[0] = side.angle[0] + flows.rate(side.state, p) * time
         flows.fast_flow(side.state, constants)
 
-    def step(constants: list[Array], times: list[Number]) -> None:
+    def step(step_constants: list[Array], step_times: list[Number]) -> None:
         """A step of the scheme on each side, with its own constants and length in time."""
-        moves = list(zip(sides, constants, times, strict=True))
+        moves = list(zip(sides, step_constants, step_times, strict=True))
         with program.times(stages_of(scheme)) as i:
             for side, rows, time in moves:
                 fast_flow(side, flows.row(rows, i), time * fast_share_of(scheme, i))

@@ -83,7 +83,7 @@ class Memory:
         context = box.value
         library("SUNContext_ClearErrHandlers", context)
         arrays = (self.start, self.slope, self.residual, self.differential)
-        vectors = [self._vector(each, context) for each in arrays]
+        vectors = [self._vector(array, context) for array in arrays]
         self.state, self.rate, self.rest, identity = vectors
         # Vectors made after its image add several others at once: the same numbers, 5 % faster.
         library("N_VEnableFusedOps_Serial", self.state, 1)
