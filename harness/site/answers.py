@@ -138,18 +138,21 @@ def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
     No answer needs another method: it names the fastest, the next one of another label, and averaged forms.
     """
     runs_of = dict(methods(runs))
-    points = {method: front(own, error) for method, own in runs_of.items()}
-    points = {method: own for method, own in points.items() if len(own)}
+    fronts = {}
+    for method, method_runs in runs_of.items():
+        points = front(method_runs, error)
+        if len(points):
+            fronts[method] = points
     chosen: set[Method] = set()
     for target in _ERRORS:
-        seconds = {method: cost(own, target) for method, own in points.items()}
+        seconds = {method: cost(points, target) for method, points in fronts.items()}
         ranked = sorted((time, method) for method, time in seconds.items() if not isnan(time))
         chosen.update(method for _, method in ranked[:1])
         rivals = [method for _, method in ranked if method.label != ranked[0][1].label]
         chosen.update(rivals[:1])
     averaged = where(runs, runs["form"].map(is_averaged).astype(bool))
-    for _, own in averaged.groupby("form"):
-        chosen.update(method for method, _ in methods(pareto_front(own, error)))
+    for _, form_runs in averaged.groupby("form"):
+        chosen.update(method for method, _ in methods(pareto_front(form_runs, error)))
     return [
         {
             "form": method.form,
@@ -158,17 +161,20 @@ def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
             "averaged": is_averaged(method.form),
             "points": _points(runs_of[method], error),
         }
-        for method in points
+        for method in fronts
         if method in chosen
     ]
 
 
 def _points(runs: pd.DataFrame, error: str) -> list[list[float]]:
     """Error, seconds, tolerance and relative spread of a method's runs that no other of its runs beats."""
-    own = pareto_front(runs.dropna(subset=[error, "seconds"]), error)
-    spread = (own["seconds_spread"].astype(float) / own["seconds"].astype(float)).fillna(0.0)
-    rows = own.assign(spread=spread)[[error, "seconds", "tolerance", "spread"]].to_numpy(float)
-    return [[_rounded_up(size), *more[:2], round(more[2], 2)] for size, *more in rows.tolist()]
+    best = pareto_front(runs.dropna(subset=[error, "seconds"]), error)
+    spreads = (best["seconds_spread"].astype(float) / best["seconds"].astype(float)).fillna(0.0)
+    rows = best.assign(spread=spreads)[[error, "seconds", "tolerance", "spread"]].to_numpy(float)
+    return [
+        [_rounded_up(size), seconds, tolerance, round(spread, 2)]
+        for size, seconds, tolerance, spread in rows.tolist()
+    ]
 
 
 def _rounded_up(value: float) -> float:

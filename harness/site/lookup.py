@@ -47,12 +47,16 @@ def look_up(
 
     `beyond` is whether it lies below or above all measured St: then there is one neighbour alone, or none.
     """
-    own = [one for one in columns if (one["particle"], one["want"]) == (particle, want)]
-    own = sorted((one for one in own if one["St"] > 0), key=lambda one: one["St"])
-    same = [one for one in own if abs(one["St"] / stokes - 1) < _SAME]
-    below = [one for one in own if one["St"] < stokes][-1:]
-    above = [one for one in own if one["St"] > stokes][:1]
-    chosen = same or [*below, *above]
+    measured = [
+        column
+        for column in columns
+        if (column["particle"], column["want"]) == (particle, want) and column["St"] > 0
+    ]
+    measured.sort(key=lambda column: column["St"])
+    same = [column for column in measured if abs(column["St"] / stokes - 1) < _SAME]
+    below = [column for column in measured if column["St"] < stokes]
+    above = [column for column in measured if column["St"] > stokes]
+    chosen = same or [*below[-1:], *above[:1]]
     beyond = not same and len(chosen) < 2
     return {"beyond": beyond, "answers": [_answer(column, error) for column in chosen]}
 
@@ -115,8 +119,8 @@ def _averaged_forms(methods: Sequence[Mapping[str, Any]], error: float) -> list[
         run = _run(method["points"], error)
         least_seconds.setdefault(form, None)
         if run is not None:
-            known = least_seconds[form]
-            least_seconds[form] = run.seconds if known is None else min(run.seconds, known)
+            least = least_seconds[form]
+            least_seconds[form] = run.seconds if least is None else min(run.seconds, least)
     return [[form, least_errors[form], least_seconds[form]] for form in least_errors]
 
 
