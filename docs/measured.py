@@ -41,11 +41,11 @@ def page() -> str:
 def _summary(counts: Counter[Maker], total: int) -> list[str]:
     if len(counts) == 1 and all(next(iter(counts))):
         return [f"All {total} pages were measured by {next(iter(counts))}."]
-    found = [f"- {maker}: {count} of {total} pages" for maker, count in sorted(counts.items())]
+    lines = [f"- {maker}: {count} of {total} pages" for maker, count in sorted(counts.items())]
     return [
         "**The pages were not all measured by one commit: numbers of two pages may differ.**",
         "",
-        *found,
+        *lines,
     ]
 
 

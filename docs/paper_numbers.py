@@ -92,15 +92,15 @@ class NotSaidError(ValueError):
 
 def numbers() -> dict[str, str]:
     """Every number by its name in the template."""
-    found = {"forms": str(len(FORMS)), "solvers": str(len(SOLVERS))}
+    said = {"forms": str(len(FORMS)), "solvers": str(len(SOLVERS))}
     for page, sayings in SAYINGS.items():
         text = (ROOT / page).read_text(encoding="utf-8")
         for saying in sayings:
             match = re.search(saying, text)
             if match is None:
                 raise NotSaidError(f"{page}: does not say any more {saying!r}")
-            found |= match.groupdict()
-    return found
+            said |= match.groupdict()
+    return said
 
 
 def filled(paragraph: str) -> str:

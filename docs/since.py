@@ -69,10 +69,10 @@ def time_to_an_answer() -> list[str]:
     """Times of `solve` over plain practice, by what plain practice takes."""
     rows = []
     for name, trial in _TRIALS["time_to_an_answer"].items():
-        found = re.search(
+        row = re.search(
             rf"^\| {name} +\| +(\d+) \| +(\S+) \|", now("reports/pick/time.md"), re.MULTILINE
         )
-        today = f"{found[2]} ({found[1]} scenes)" if found else _NOTHING
+        today = f"{row[2]} ({row[1]} scenes)" if row else _NOTHING
         rows.append(
             [name, f"{trial['from']:g} to {trial['to']:g} ({trial['scenes']} scenes)", today]
         )
@@ -94,23 +94,26 @@ def stated_errors() -> list[str]:
 
     def of(kinds: Sequence[str], families: Sequence[str], wants: Sequence[str]) -> str:
         chosen = [
-            (int(runs), int(missed))
-            for kind, family, want, runs, missed in counted
+            (int(count), int(misses))
+            for kind, family, want, count, misses in counted
             if kind in kinds and want in wants and (not families or family in families)
         ]
-        runs = sum(one for one, _ in chosen)
-        return _share(runs - sum(missed for _, missed in chosen), runs) if runs else _NOTHING
+        runs = sum(count for count, _ in chosen)
+        missed = sum(misses for _, misses in chosen)
+        return _share(runs - missed, runs) if runs else _NOTHING
 
     both = ("slow", "orientation")
-    own = ("first order", "second order")
+    averaged = ("first order", "second order")
     gone = "no longer done"
     today = {
         "a second whole run": of(_SECOND_RUNS, (), both),
         "a look over part of the run, L and E": gone,
         "a look over part of the run, axis": gone,
         "segments of hybrid": of(("estimate",), ("hybrid",), both),
-        "an averaged form's own estimate, L and E": of(("estimate",), own, ("slow",)),
-        "an averaged form's own estimate, orientation": of(("estimate",), own, ("orientation",)),
+        "an averaged form's own estimate, L and E": of(("estimate",), averaged, ("slow",)),
+        "an averaged form's own estimate, orientation": of(
+            ("estimate",), averaged, ("orientation",)
+        ),
     }
     rows = [
         [name, _share(trial["held"], trial["runs"]), today[name]]
@@ -137,8 +140,8 @@ def wrong_answers() -> tuple[int, int]:
     runs = runs[runs["status"] == Status.REACHED_END]
     runs = runs.assign(averaged=runs["form"].map(is_averaged))
     by_place = {
-        (str(name), float(stokes)): own
-        for (name, stokes), own in runs.groupby(["scene_name", "stokes"])
+        (str(name), float(stokes)): runs_there
+        for (name, stokes), runs_there in runs.groupby(["scene_name", "stokes"])
     }
     asked = 0
     wrong = 0
@@ -247,28 +250,26 @@ def cold_start() -> list[str]:
 def throughput() -> list[str]:
     """Particles per second and core, full equations."""
     path = "reports/sweep/throughput.json"
-    tables = [json.loads(text) for text in (before(path), now(path))]
-    found = [
-        {(row["shape"], row["target"]): row["per_second"] for row in table["full"]}
-        for table in tables
-    ]
-    rows = [
-        [
-            shape,
-            f"{target:.0e}".replace("e-0", "e-"),
-            f"{rate:,.0f}",
-            f"{found[1][shape, target]:,.0f}",
-        ]
-        for (shape, target), rate in found[0].items()
-        if (shape, target) in found[1]
-    ]
+    table_before = json.loads(before(path))
+    table_now = json.loads(now(path))
+    rates_now = _rates(table_now)
+    rows = []
+    for (shape, target), rate in _rates(table_before).items():
+        if (shape, target) in rates_now:
+            error = f"{target:.0e}".replace("e-0", "e-")
+            rows.append([shape, error, f"{rate:,.0f}", f"{rates_now[shape, target]:,.0f}"])
     return _section(
         "## Throughput",
         "Particles a second and core, full equations, every state within the error "
         "([reports/sweep](../reports/sweep/throughput.md)).",
-        *_unchanged(tables[0] == tables[1]),
+        *_unchanged(table_before == table_now),
         markdown(["shape", "error", "0.1", "now"], rows, right=(1, 2, 3)),
     )
+
+
+def _rates(table: dict[str, Any]) -> dict[tuple[str, float], float]:
+    """Particles a second of full equations, by shape and error."""
+    return {(row["shape"], row["target"]): row["per_second"] for row in table["full"]}
 
 
 def _unchanged(same: bool) -> list[str]:
