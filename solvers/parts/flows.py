@@ -29,6 +29,14 @@ _MAX_STAGES = 16
 _MAX_PARAMETERS = 64
 
 
+class SpreadAt:
+    """Places in the numbers of `Flows.spread`."""
+
+    ROWS = 0
+    STEPS = 1  # by which each row is moved
+    SIZE = 2
+
+
 def stages_of(scheme: Array) -> Number:
     """Number s of slow flows in a step."""
     return scheme[0]
@@ -80,7 +88,9 @@ class Flows:
         self.fast = parts.fast.flow(OPERATIONS)
         self.slow = parts.slow.flow(OPERATIONS)
         self.rate = parts.rate(OPERATIONS)
-        self.sizes = constant_counts(parts)
+        # Numbers of constants in a row.
+        self.fast_size, self.slow_size = constant_counts(parts)
+        self.row_size = self.fast_size + self.slow_size
         self.both = parts.both(OPERATIONS) if parts.both else self._one_after_the_other
         self.prepare = self._prepare()
         self.spread = self._spread()
@@ -91,15 +101,15 @@ class Flows:
 
     def constants(self, program: Program, lanes: int = 0) -> Array:
         """Room for the constants of a step, of each chain if lanes are not given."""
-        return program.room((_MAX_STAGES + 2) * sum(self.sizes), lanes or self.chains)
+        return program.room((_MAX_STAGES + 2) * self.row_size, lanes or self.chains)
 
     def row(self, constants: Array, i: float | Number) -> Array:
         """Row i of constants, and all rows behind it."""
-        return constants + i * float(sum(self.sizes))
+        return constants + i * float(self.row_size)
 
     def slow_constants(self, row: Array) -> Array:
         """A row's constants of the slow flow, which stand behind those of the fast one."""
-        return row + self.sizes[0]
+        return row + self.fast_size
 
     def whole(self, y: Array, base: Sequence[Number]) -> tuple[Number, ...]:
         """The state that an array holds, whose first components may be gains on those of a base."""
@@ -112,19 +122,19 @@ class Flows:
 
         The flow leaves the components of a base alone, and so their gains.
         """
-        moved = self.fast(self.whole(y, base), row.load(self.sizes[0]))
+        moved = self.fast(self.whole(y, base), row.load(self.fast_size))
         (y + len(base)).store(moved[len(base) :])
 
     def slow_flow(self, y: Array, row: Array) -> None:
         """Advance a state by the slow flow of a row of constants."""
-        y.store(self.slow(y.load(self.dimension), self.slow_constants(row).load(self.sizes[1])))
+        y.store(self.slow(y.load(self.dimension), self.slow_constants(row).load(self.slow_size)))
 
     def both_flows(
         self, y: Array, fast_row: Array, slow_row: Array, base: Sequence[Number] = ()
     ) -> None:
         """Advance a state by a fast flow and a slow one, whose constants are of two rows."""
-        fast = fast_row.load(self.sizes[0])
-        slow = self.slow_constants(slow_row).load(self.sizes[1])
+        fast = fast_row.load(self.fast_size)
+        slow = self.slow_constants(slow_row).load(self.slow_size)
         state = self.whole(y, base)
         if base:
             # What has been gained advances in the place of the components themselves.
@@ -172,17 +182,16 @@ class Flows:
     def _spread(self) -> Program:
         """Move rows by a time of each one's own, one row in each lane.
 
-        `number` holds the number of rows, and in how many steps each of them is moved. The last
-        row fills the lanes that are left over: it is moved alike in all of them, and written once
-        more by each.
+        `SpreadAt` names the `numbers`. The last row fills the lanes that are left over: it is moved
+        alike in all of them, and written once more by each.
         """
         program = Program(
-            "spread", "scheme p number times rows", linkage="internal", attribute=WIDEST_REGISTERS
+            "spread", "scheme p numbers times rows", linkage="internal", attribute=WIDEST_REGISTERS
         )
-        scheme, p, number, times, rows = program.arguments
+        scheme, p, numbers, times, rows = program.arguments
         stages = stages_of(scheme)
-        last = number[0] - 1.0
-        steps = number[1]
+        last = numbers[SpreadAt.ROWS] - 1.0
+        steps = numbers[SpreadAt.STEPS]
         dimension = self.dimension
         lanes = float(self.lanes)
         y = program.room(dimension, self.lanes)
@@ -191,7 +200,7 @@ class Flows:
         # The same places number by number: entry k + c * lanes is component c of the row in lane k.
         entries = y.of(1)
         lengths = h.of(1)
-        with program.times(number[0] / lanes) as i:
+        with program.times(numbers[SpreadAt.ROWS] / lanes) as i:
 
             def row_of(k: Number) -> Number:
                 """Number of the row in lane k."""

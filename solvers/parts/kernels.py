@@ -22,7 +22,7 @@ from polhode.solvers.machine_code.program import (
     splat,
 )
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.flows import Flows, row_scheme_of, stages_of, weights_of
+from polhode.solvers.parts.flows import Flows, SpreadAt, row_scheme_of, stages_of, weights_of
 
 # A step follows the rate of the fast angle when that has changed by this factor; in between it
 # stays, since what errs to and fro within a turn adds up to nothing only while steps are equal.
@@ -170,8 +170,7 @@ def _advance(flows: Flows) -> Program:
     # Number of first components that the fast flow leaves alone.
     unmoved = flows.parts.moving[0]
     constants = flows.constants(program)
-    # What `spread` receives: rows to be moved, and the steps by which each of them is.
-    spread_numbers = program.room(2)
+    spread_numbers = program.room(SpreadAt.SIZE)
     y = program.room(dimension)
     at = program.room(dimension)
     chain_states = program.room(dimension, flows.chains)
@@ -258,7 +257,8 @@ def _advance(flows: Flows) -> Program:
     # The rows that this call has reached still stand at the ends of steps.
     before = clock[ClockAt.FILLED]
     row_scheme = row_scheme_of(scheme, stages, flows.chains)
-    spread_numbers.store([filled[0] - before, 1.0])
+    spread_numbers[SpreadAt.ROWS] = filled[0] - before
+    spread_numbers[SpreadAt.STEPS] = 1.0
     first_row = rows + before * float(dimension)
     program.call(flows.spread, row_scheme, p, spread_numbers, rests + before, first_row)
     # In the order of `ClockAt`.

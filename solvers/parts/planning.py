@@ -216,20 +216,20 @@ class Planner:
         turn = 2 * pi / rate
         whole = self._time_of_check(length, turn)
         span = _MEAN_TURNS * turn if whole > 4 * _MEAN_TURNS * turn else whole / 2
-        found = self._compared(plan, state, span, whole, rate)
-        steps = found[CheckAt.STEPS]
+        results = self._compared(plan, state, span, whole, rate)
+        steps = results[CheckAt.STEPS]
         record.work.rejected = (record.work.rejected or 0) + int(steps)
-        if found[CheckAt.CODES]:
+        if results[CheckAt.CODES]:
             return inf, 0.0
-        fast = found[CheckAt.FAST]
-        if found[CheckAt.AMPLITUDE_END] > found[CheckAt.AMPLITUDE_BEGIN]:
-            fast /= min(1.0, found[CheckAt.AMPLITUDE_END])
+        fast = results[CheckAt.FAST]
+        if results[CheckAt.AMPLITUDE_END] > results[CheckAt.AMPLITUDE_BEGIN]:
+            fast /= min(1.0, results[CheckAt.AMPLITUDE_END])
         # Slow components remember for a time between the memory of the fastest and the slowest one.
         memory = 1 / sqrt(problem.strength * problem.forgetting)
         remaining = max(0.0, min(length, memory) - whole)
         # What changes from the first part to the second goes on changing like this.
         growth = remaining / (whole - span)
-        slow = found[CheckAt.SLOW] + found[CheckAt.CHANGE] * growth
+        slow = results[CheckAt.SLOW] + results[CheckAt.CHANGE] * growth
         # To and fro in the slow quantities; of the same sign in the phase, where that moves little
         # in a step.
         rounding = problem.epsilon * max(

@@ -13,7 +13,7 @@ from polhode.models.once import once
 from polhode.models.problem import Parts
 from polhode.solvers.machine_code.program import Array, Program, compare, compiled
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
-from polhode.solvers.parts.flows import Flows, fast_share_of, stages_of
+from polhode.solvers.parts.flows import Flows, SpreadAt, fast_share_of, stages_of
 
 # Most turns between a row and the end of a whole turn from which it is reached: half a turn, and a
 # hundredth of that since the period there is known by the present rate alone; an estimate.
@@ -56,8 +56,9 @@ class MacroAt:
 class RowsAt:
     """Places in the setting of `StrobeKernels.rows`."""
 
-    ROWS = 0
-    MICRO_STEPS = 1  # steps of splitting from the end of a turn to a row
+    # The first two are those of `flows.Flows.spread`.
+    ROWS = SpreadAt.ROWS
+    MICRO_STEPS = SpreadAt.STEPS  # steps of splitting from the end of a turn to a row
     MACRO_TURNS = 2  # length of the macro-step in turns
     SIZE = 3
 
@@ -269,6 +270,5 @@ def _rows(flows: Flows) -> Program:
             rests[j] = nan
             leave(compare("oge", trials[0], _MAX_TRIALS))
         (rows + j * float(dimension)).store(at.load(dimension))
-    # `spread` reads the number of rows and of steps to each from the first two places of `RowsAt`.
     program.call(flows.spread, scheme, p, setting, rests, rows)
     return program
