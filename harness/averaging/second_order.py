@@ -41,6 +41,8 @@ SECOND_ORDER_TOLERANCE = 1e-14  # Of runs of averaged forms.
 # Resonances want many small steps of these runs; each time is the fastest of PASSAGE_REPEATS.
 PASSAGE_SOLVER = "cyrk-vern8"
 PASSAGE_REPEATS = 3
+# Kicks below this share of the estimated error of L and E are not named; an estimate.
+_NAMED_KICK = 0.1
 # Parts of the study that may be measured alone.
 SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 
@@ -119,10 +121,13 @@ def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any
         "start": case.name,
         "slow_time": case.slow_time,
         "stokes": scene.stokes,
+        "slow": error.slow,
+        "first_order_slow": errors(scene.ellipsoid, first, reference).slow,
+        "orientation": _known(error.orientation),
+        "estimated_orientation": estimate.orientation,
+        "estimated_slow": estimate.slow,
     }
-    row |= {"slow": error.slow, "first_order_slow": errors(scene.ellipsoid, first, reference).slow}
-    row |= {"orientation": _known(error.orientation), "estimated_orientation": estimate.orientation}
-    return row | {"estimated_slow": estimate.slow}, uncertainty
+    return row, uncertainty
 
 
 def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
@@ -147,22 +152,21 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
         if not whole:
             case = replace(case, slow_time=form.reach(scene))
             scene = case.scene(stokes)
-        repeats = range(PASSAGE_REPEATS)
-        fastest = min(
-            (
-                timed_run(
-                    scene, form.name, SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES, PASSAGE_SOLVER
-                )
-                for _ in repeats
-            ),
-            key=_SECONDS,
+        run_once = partial(
+            timed_run,
+            scene,
+            form.name,
+            SECOND_ORDER_TOLERANCE,
+            SECOND_ORDER_SAMPLES,
+            PASSAGE_SOLVER,
         )
+        fastest = min((run_once() for _ in range(PASSAGE_REPEATS)), key=_SECONDS)
     except (FormNotValidError, RuntimeError) as refusal:
         reason = refusal.condition if isinstance(refusal, FormNotValidError) else str(refusal)
         return Passage(case.axes, case.name, case.slow_time, stokes, refused=reason)
     row, _ = _compared(case, scene, fastest)
-    # Kicks far below the estimated error of L and E are not named; the tenth is an estimate.
-    strong = [kick for kick in outline(scene).kicks if kick.size > 0.1 * row["estimated_slow"]]
+    least_kick = _NAMED_KICK * row["estimated_slow"]
+    strong = [kick for kick in outline(scene).kicks if kick.size > least_kick]
     different = dict.fromkeys(kick.mode for kick in strong)
     modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in different)
     kick = max((kick.size for kick in strong), default=nan)
@@ -173,39 +177,49 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
 
 def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> Iterator[Cost]:
     """Cost of the second-order form at each power of ten of St; of first order and the full form at one of them."""
-    # Each full solver runs at the loosest tolerance that meets `TARGET`. `there` is the scene at the St
-    # where forms are compared, the only one that has a reference.
-    there = _spheroid(compared)
-    tolerance = _COST_TOLERANCE
-    name = SecondOrder.name
-    full = full_form(there)
-    first = averaged_form(there)
-    reference = timed_run(there, full, _REFERENCE_TOLERANCE, COST_SAMPLES).observables
+    # The scene at the St where forms are compared is the only one that has a reference.
+    compared_scene = _spheroid(compared)
+    full = full_form(compared_scene)
+    first = averaged_form(compared_scene)
+    second = SecondOrder.name
+    reference = timed_run(compared_scene, full, _REFERENCE_TOLERANCE, COST_SAMPLES).observables
     averaged_by = available_like("taylor")
 
     def cost(scene: Scene, name: str, solver: str, tolerance: float, run: TimedRun) -> Cost:
         """The row of a run; its error is known at `compared` alone."""
-        slow = errors(scene.ellipsoid, run.observables, reference).slow if scene == there else nan
+        slow = nan
+        if scene == compared_scene:
+            slow = errors(scene.ellipsoid, run.observables, reference).slow
         return Cost(
-            name, solver, tolerance, scene.stokes, COST_SAMPLES, run.integration, run.seconds, slow
+            form=name,
+            solver=solver,
+            tolerance=tolerance,
+            stokes=scene.stokes,
+            samples=COST_SAMPLES,
+            integration=run.integration,
+            seconds=run.seconds,
+            slow=slow,
         )
 
     scenes = [_spheroid(10.0**exponent) for exponent in exponents]
-    averaged_run = partial(timed_run, name=name, tolerance=tolerance, samples=COST_SAMPLES)
-    rounds = [[*map(averaged_run, scenes)] for _ in range(COST_REPEATS)]
+    run_second = partial(timed_run, name=second, tolerance=_COST_TOLERANCE, samples=COST_SAMPLES)
+    # Runs in rounds over all St; then, for each St, the fastest of its runs.
+    rounds = [[*map(run_second, scenes)] for _ in range(COST_REPEATS)]
     for scene, *runs in zip(scenes, *rounds, strict=True):
-        yield cost(scene, name, averaged_by, tolerance, min(runs, key=_SECONDS))
-    runs = (timed_run(there, first, tolerance, COST_SAMPLES) for _ in range(COST_REPEATS))
-    yield cost(there, first, averaged_by, tolerance, min(runs, key=_SECONDS))
-    for solver in filter(lambda name: find_solver(name).available, _FULL_SOLVERS):
+        yield cost(scene, second, averaged_by, _COST_TOLERANCE, min(runs, key=_SECONDS))
+    run_first = partial(timed_run, compared_scene, first, _COST_TOLERANCE, COST_SAMPLES)
+    fastest = min((run_first() for _ in range(COST_REPEATS)), key=_SECONDS)
+    yield cost(compared_scene, first, averaged_by, _COST_TOLERANCE, fastest)
+    for solver in _FULL_SOLVERS:
+        if not find_solver(solver).available:
+            continue
+        # The loosest tolerance that meets `TARGET` counts.
         for tolerance in FULL_TOLERANCES:
-            runs = [timed_run(there, full, tolerance, COST_SAMPLES, solver)]
-            if cost(there, full, solver, tolerance, runs[0]).slow <= TARGET:
-                runs += [
-                    timed_run(there, full, tolerance, COST_SAMPLES, solver)
-                    for _ in range(FULL_REPEATS - 1)
-                ]
-                yield cost(there, full, solver, tolerance, min(runs, key=_SECONDS))
+            run_full = partial(timed_run, compared_scene, full, tolerance, COST_SAMPLES, solver)
+            runs = [run_full()]
+            if cost(compared_scene, full, solver, tolerance, runs[0]).slow <= TARGET:
+                runs += [run_full() for _ in range(FULL_REPEATS - 1)]
+                yield cost(compared_scene, full, solver, tolerance, min(runs, key=_SECONDS))
                 break
 
 

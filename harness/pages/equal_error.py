@@ -29,8 +29,11 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-COMPARED_ERRORS = (1e-4, 1e-6, 1e-8)  # Errors of L and E at which solvers are compared.
-_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)  # Errors of L and E at which forms are compared.
+# Errors of L and E over I_max at which solvers are compared, and at which forms are compared.
+COMPARED_ERRORS = (1e-4, 1e-6, 1e-8)
+_FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
+# Errors of L and E over I_max between which two solvers' times may cross: ten in a decade, from large to small.
+_CROSSING_ERRORS = np.geomspace(1e-1, 1e-13, 121).tolist()
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
 _VERNER = "cyrk-vern8"
@@ -102,6 +105,7 @@ def rewrite_pages(folder: Path, command: str) -> Path:
 
 
 def _write_pages(measured: Measured, folder: Path, command: str) -> Path:
+    """Write the pages and the figure; return the path of the first page."""
     draw(measured, folder, command)
     for name, text in pages(measured, command).items():
         write_file(folder / name, text)
@@ -181,11 +185,10 @@ def _worth(times: Any) -> tuple[list[str], str]:
         least = min((seconds for _, seconds in best.values()), default=nan)
         for name, (_, seconds) in best.items():
             behind[name].append(seconds / least)
-        cells = [
-            f"{best[name][0]}, {duration(best[name][1])}" if name in best else "–"
-            for name in _ALONE
-        ]
-        rows.append([short(target), short(stokes), *cells])
+        cells: dict[str, str] = dict.fromkeys(_ALONE, "–")
+        for name, (solver, seconds) in best.items():
+            cells[name] = f"{solver}, {duration(seconds)}"
+        rows.append([short(target), short(stokes), *cells.values()])
     shares = [(name, factors, median(factors)) for name, factors in behind.items() if factors]
     claims = lines_of("equal-error-claims", shares=shares, places=len(places))
     return claims, _table(["error of L and E", "St", *_ALONE], rows, 2)
@@ -206,32 +209,25 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
     SciPy's method, by Python and by Numba, and CyRK's one, alone, share the name without "cyrk-".
     """
     done = _finished(table)
-    done = done[
-        [
-            _comparable(*run)
-            for run in zip(done["solver"], done["backend"], done["jacobian"], strict=True)
-        ]
-    ]
+    comparable = [*map(_comparable, done["solver"], done["backend"], done["jacobian"])]
+    done = done[comparable]
     done["method"] = done["solver"].str.removeprefix("cyrk-")
-    times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False).reindex(
-        columns=[*_BACKENDS]
-    )
-    return (
-        times.join(times.div(times["compiled"], axis=0).add_suffix("_ratio"))
-        .reset_index()
-        .to_dict("records")
-    )
+    # A row for each St and method, a column for each back end.
+    times = done.pivot_table("seconds", ["stokes", "method"], "backend", sort=False)
+    times = times.reindex(columns=[*_BACKENDS])
+    ratios = times.div(times["compiled"], axis=0).add_suffix("_ratio")
+    return times.join(ratios).reset_index().to_dict("records")
 
 
 def _comparable(solver: str, backend: str, jacobian: str) -> bool:
     """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their counterparts in CyRK."""
     method = find_solver(solver)
-    same = (
-        jacobian == ("exact" if method.family == "SUNDIALS" else "difference")
-        if method.implicit
-        else True
-    )
-    return same and (backend == "compiled" or method.family != "CyRK")
+    if method.implicit:
+        # The one Jacobian that all three back ends of the algorithm have.
+        common = "exact" if method.family == "SUNDIALS" else "difference"
+        if jacobian != common:
+            return False
+    return backend == "compiled" or method.family != "CyRK"
 
 
 def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
@@ -248,40 +244,26 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
 def _crossings(table: pd.DataFrame, times: Any) -> str:
     """The error at which Verner's method stops being the faster, as the error falls, and ratios, by St."""
     both = where(table, (table["form"] == "quaternion") & table["solver"].isin([_TAYLOR, _VERNER]))
-    # Ten errors in a decade, from large to small.
-    falling: Any = costs(by_stokes(both), np.geomspace(1e-1, 1e-13, 121).tolist())["quaternion"]
+    falling: Any = costs(by_stokes(both), _CROSSING_ERRORS)["quaternion"]
+    all_ratios = _ratios(times, ("quaternion", _TAYLOR), ("quaternion", _VERNER))
     rows = []
-    for stokes, ratios in _ratios(
-        times, ("quaternion", _TAYLOR), ("quaternion", _VERNER)
-    ).iterrows():
+    for stokes, ratios in all_ratios.iterrows():
         at_stokes = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
         ahead = (at_stokes[_VERNER] < at_stokes[_TAYLOR]).to_numpy()
-        # Verner's method is ahead at this error, and no more at the next one.
+        # Verner's method is ahead at one of these errors, and no more at the next one.
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
-        rows.append(
-            [
-                short(stokes),
-                scientific(at_stokes.index[stops[0] + 1]) if len(stops) else "none",
-                *ratios,
-            ]
-        )
-    return _table(
-        [
-            "St",
-            "they cross at",
-            *(f"{_TAYLOR} / {_VERNER} at {short(error)}" for error in COMPARED_ERRORS),
-        ],
-        rows,
-    )
+        crossing = scientific(at_stokes.index[stops[0] + 1]) if len(stops) else "none"
+        rows.append([short(stokes), crossing, *ratios])
+    columns = [f"{_TAYLOR} / {_VERNER} at {short(error)}" for error in COMPARED_ERRORS]
+    return _table(["St", "they cross at", *columns], rows)
 
 
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
     """Ratio of the times of two forms and solvers, in words: a row for each St, a column for each error."""
     ratios = times[first] / times[second]
+    words = ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}")
     # `unstack` turns errors, the outer level of the rows, into columns, in their order in `times`.
-    return ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}").unstack(0)[
-        [*times.index.unique(0)]
-    ]
+    return words.unstack(0)[[*times.index.unique(0)]]
 
 
 def _times(times: Any) -> dict[float, str]:

@@ -31,6 +31,9 @@ from polhode.harness.pages.figures.work_precision import (
 from polhode.harness.pages.tables import folded
 from polhode.solvers.contract import Status
 
+# The error of the figure of times over a parameter.
+_DRAWN_ERROR = 1e-6
+
 
 def title(study: Any) -> str:
     """Problem and tolerances, as a figure names them."""
@@ -127,6 +130,7 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
 
 
 def _source(study: Any) -> str:
+    """The source of a study's reference, and its uncertainty if that is known."""
     settings = study.settings()
     uncertainty = study.frame["uncertainty"].dropna()
     if uncertainty.empty:
@@ -135,8 +139,10 @@ def _source(study: Any) -> str:
 
 
 def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> list[str]:
-    # Times over one parameter are drawn and tabulated too; over several there are only the panels, one
-    # for each point.
+    """Lines of the page of a study over parameters, whose figures are saved: a panel for each point.
+
+    Times over one parameter are drawn and tabulated too.
+    """
     lines = []
     if len(study.over) == 1:
         (name,) = study.over
@@ -150,9 +156,8 @@ def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> lis
                 rows.append([f"{value:g}", *map(_time, row)])
             lines += [markdown([name, *table.columns], rows)]
         figure = plt.figure(figsize=(8, 4.5))
-        draw_over(figure.gca(), frame, study, 1e-6).legend(
-            fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1)
-        )
+        axes = draw_over(figure.gca(), frame, study, _DRAWN_ERROR)
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1))
         figure.tight_layout()
         save(figure, folder, "over")
         lines += ["", "![Time over the parameter](over.png)"]
@@ -162,6 +167,7 @@ def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> lis
 
 
 def _time(seconds: float) -> str:
+    """A time in words, or a dash where the solver does not reach the error."""
     return duration(seconds) if np.isfinite(seconds) else "–"
 
 
@@ -172,10 +178,11 @@ def _fastest(frame: pd.DataFrame) -> list[str]:
         ranked = sorted(seconds_to(frame, target).items(), key=itemgetter(1))
         if not ranked:
             continue
-        (solver, seconds), *slower = ranked
-        second = (
-            f"{slower[0][0]}, {in_two_digits(slower[0][1] / seconds)} × as long" if slower else "–"
-        )
+        solver, seconds = ranked[0]
+        second = "–"
+        if len(ranked) > 1:
+            next_solver, next_seconds = ranked[1]
+            second = f"{next_solver}, {in_two_digits(next_seconds / seconds)} × as long"
         rows.append([short(target), solver, duration(seconds), second])
     if not rows:
         return ["No solver reaches an error that the reference knows."]
@@ -183,6 +190,7 @@ def _fastest(frame: pd.DataFrame) -> list[str]:
 
 
 def _runs(frame: pd.DataFrame, over: list[str]) -> list[str]:
+    """A table of all runs, and the reasons of failures; `over` names the parameters of the study."""
     head = [*over, "solver", "rtol", "status", "error", "time", "compilation", "right-hand sides"]
     rows = []
     for row in rows_of(frame):

@@ -76,7 +76,7 @@ def rewrite_page(folder: Path) -> Path:
     scenes, runs = (pd.read_csv(folder / f"{name}.csv") for name in ("scenes", "runs"))
     for words in ("refusal", "best"):
         scenes[words] = scenes[words].astype(object).where(scenes[words].notna(), "")
-    # Each reason once: the page gives counts alone.
+    # The page gives a count for each reason: made-up keys, all different, stand for the scenes.
     left_out = {}
     for part in said[1].split("; ") if said else ():
         count, _, reason = part.partition(" × ")
@@ -113,18 +113,21 @@ def _figure(scenes: Any, note: str = "") -> Figure:
     groups = list(scenes.groupby(scenes["best_seconds"].map(heldout.stratum), sort=False))
     groups.sort(key=lambda group: group[1]["best_seconds"].min())
     handles = []
-    for (name, mine), shade in zip(groups, ramp(max(3, len(groups)))[::-1], strict=False):
-        limits = heldout.NEAR, 1.0
-        ratios = mine["factor"], mine["error"] / mine["error_requested"]
-        for axes, values, limit in zip((left, right), ratios, limits, strict=True):
-            values = np.sort(values[(values > 0) & (values < inf)].to_numpy(float))
-            share = np.arange(1, len(values) + 1) / len(mine)
+    for (name, group), shade in zip(groups, ramp(max(3, len(groups)))[::-1], strict=False):
+        error_ratios = group["error"] / group["error_requested"]
+        for axes, ratios, limit in (
+            (left, group["factor"], heldout.NEAR),
+            (right, error_ratios, 1.0),
+        ):
+            # A scene without a ratio counts among the scenes: its line ends below 100 %.
+            values = np.sort(ratios[(ratios > 0) & (ratios < inf)].to_numpy(float))
+            share = np.arange(1, len(values) + 1) / len(group)
             axes.step(values, share, where="post", color=shade, linewidth=1.8)
             missed = values > limit
             style = {"marker": "o", "markersize": 6, "fillstyle": "none", "linewidth": 0}
             style |= {"clip_on": False, "in_layout": False}
             axes.plot(values[missed], share[missed], color=INK, zorder=3, **style)
-        label = f"best run {name} ({len(mine)} scenes)"
+        label = f"best run {name} ({len(group)} scenes)"
         handles.append(Line2D([], [], color=shade, linewidth=2, label=label))
     handles.append(
         Line2D(

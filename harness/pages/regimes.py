@@ -10,6 +10,7 @@ from io import BytesIO
 from math import isnan
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import pandas as pd
 
@@ -69,6 +70,7 @@ def rewrite_page(study: Study, folder: Path) -> Path:
 
 
 def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
+    """Write the page, its pictures and its cells; `made` says how the runs were made."""
     # Runs of `hybrid` that average nothing are runs of the full form: the page counts them, and the
     # maps leave them out.
     hybrid = where(runs, (runs["form"] == HYBRID) & runs["slow_error"].notna())
@@ -80,23 +82,7 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
     for name, scene_runs in named.items():
         for error in MAP_ERRORS:
             maps[name, error] = cells(scene_runs, error)
-    rows = []
-    for (name, error), panel in maps.items():
-        for cell in panel:
-            numbers = (
-                *(cell.winner or ("", "")),
-                cell.seconds,
-                cell.lead,
-                cell.spread,
-                cell.tied,
-                str(cell.second or ""),
-            )
-            rows.append((name, error, cell.stokes, cell.target, cell.known, *numbers))
-    write_file(
-        folder / "cells.csv",
-        pd.DataFrame(rows, columns=_CELL_COLUMNS).to_csv(index=False),
-        summed=True,
-    )
+    write_file(folder / "cells.csv", _cells_table(maps).to_csv(index=False), summed=True)
     particles = []
     for name, scene_runs in named.items():
         scenes = [scene for scene_name, scene in study.scenes if scene_name == name]
@@ -105,29 +91,11 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
         for error, (_, title) in MAP_ERRORS.items():
             drawing = picture(maps[name, error], times, f"{name.capitalize()}. {title}", note)
             save(drawing, folder, name if error == "slow_error" else f"{name}-orientation")
-        # How every method stands on both maps, and whether it wins or ties somewhere, or lies on a
-        # front. `MAP_ERRORS` has the orientation first: the full solution, then the slow variables.
-        full, slow = (
-            {row.method: row for row in standings(scene_runs, error, maps[name, error])}
-            for error in MAP_ERRORS
-        )
-        methods = []
-        for method, row in slow.items():
-            failures = row.failures.items()
-            methods.append(
-                {
-                    "method": method,
-                    "full": full[method],
-                    "slow": row,
-                    "failed": [f"{status.replace('_', ' ')} {n}" for status, n in failures],
-                    "seen": _leads_somewhere(full[method]) or _leads_somewhere(row),
-                }
-            )
         particles.append(
             {
                 "name": name,
                 "axes": scenes[0].ellipsoid.semi_axes,
-                "methods": methods,
+                "methods": _method_rows(scene_runs, name, maps),
                 "times": [
                     (words, _times(maps[name, error])) for error, (words, _) in MAP_ERRORS.items()
                 ],
@@ -157,6 +125,53 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
         tie=100 * (TIE - 1),
     )
     return write_file(folder / "README.md", page)
+
+
+def _cells_table(maps: Maps) -> pd.DataFrame:
+    """All cells as rows with the columns `_CELL_COLUMNS`."""
+    rows = []
+    for (name, error), panel in maps.items():
+        for cell in panel:
+            form, solver = cell.winner or ("", "")
+            rows.append(
+                {
+                    "scene": name,
+                    "error": error,
+                    "St": cell.stokes,
+                    "target": cell.target,
+                    "known": cell.known,
+                    "form": form,
+                    "solver": solver,
+                    "seconds": cell.seconds,
+                    "lead": cell.lead,
+                    "spread": cell.spread,
+                    "tie": cell.tied,
+                    "next": str(cell.second or ""),
+                }
+            )
+    return pd.DataFrame(rows, columns=_CELL_COLUMNS)
+
+
+def _method_rows(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:
+    """How every method stands on both maps of a scene, and whether it wins or ties somewhere, or lies on a front."""
+    by_error = {}
+    for error in MAP_ERRORS:
+        rows = standings(runs, error, maps[name, error])
+        by_error[error] = {row.method: row for row in rows}
+    methods = []
+    for method, slow in by_error["slow_error"].items():
+        full = by_error["orientation_error"][method]
+        failures = slow.failures.items()
+        methods.append(
+            {
+                "method": method,
+                "full": full,
+                "slow": slow,
+                "failed": [f"{status.replace('_', ' ')} {count}" for status, count in failures],
+                "seen": _leads_somewhere(full) or _leads_somewhere(slow),
+            }
+        )
+    return methods
 
 
 def _times(panel: Sequence[Cell]) -> str:
@@ -192,8 +207,14 @@ def read_cells(path: Path) -> Maps:
         winner = Method(row["form"], row["solver"]) if row["form"] else None
         second = Method(*row["next"].split(", ")) if row["next"] else None
         cell = Cell(
-            *(row["St"], row["target"], row["known"], winner, second),
-            *(row["seconds"], row["lead"], row.get("spread", 0.0)),
+            stokes=row["St"],
+            target=row["target"],
+            known=row["known"],
+            winner=winner,
+            second=second,
+            seconds=row["seconds"],
+            lead=row["lead"],
+            spread=row.get("spread", 0.0),
         )
         maps.setdefault((row["scene"], row["error"]), []).append(cell)
     return maps

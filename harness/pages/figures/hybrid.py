@@ -62,10 +62,10 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
     Allowed is the requested error or, if it is larger, the reference's uncertainty. A failed run has no ratio and
     counts among the runs: its line ends below 100 %.
     """
-    for stokes, own in runs.groupby("stokes"):
-        allowed = own[["error", "uncertainty"]].max(axis=1)
-        ratios = np.sort((own["slow"] / allowed).dropna().to_numpy(float))
-        shares = np.arange(1, len(ratios) + 1) / len(own)
+    for stokes, stokes_runs in runs.groupby("stokes"):
+        allowed = stokes_runs[["error", "uncertainty"]].max(axis=1)
+        ratios = np.sort((stokes_runs["slow"] / allowed).dropna().to_numpy(float))
+        shares = np.arange(1, len(ratios) + 1) / len(stokes_runs)
         ratios = np.maximum(ratios, _LEAST_RATIO)
         axes.step(ratios, shares, where="post", color=shades[float(str(stokes))], linewidth=1.8)
         missed = ratios > 1
@@ -81,11 +81,11 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
 
 
 def _speeds(axes: Axes, speeds: Any, shades: dict[float, str]) -> None:
-    """Share of the bodies whose gain is at least that on the axis, by St and kind of bodies."""
+    """Share of the bodies whose gain is at least the value on the axis, by St and kind of bodies."""
     drawn = speeds.dropna(subset=["gain"])
-    for (stokes, bodies), own in drawn.groupby(["stokes", "bodies"]):
+    for (stokes, bodies), group in drawn.groupby(["stokes", "bodies"]):
         # From the largest gain down: the share that reaches a gain grows.
-        gains = np.sort(own["gain"].to_numpy(float))[::-1]
+        gains = np.sort(group["gain"].to_numpy(float))[::-1]
         shares = np.arange(1, len(gains) + 1) / len(gains)
         dash = _BODIES.get(str(bodies), "-")
         axes.step(
@@ -108,6 +108,7 @@ def _speeds(axes: Axes, speeds: Any, shades: dict[float, str]) -> None:
 
 
 def _shares(axes: Axes, words: str) -> None:
+    """Write a vertical axis of shares, from 0 to 100 %."""
     axes.set_ylim(0, 1.03)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
     axes.set_ylabel(words)

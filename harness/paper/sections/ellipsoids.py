@@ -73,16 +73,20 @@ def complement_of(slow: np.ndarray, side: Side) -> np.ndarray:
 
     m is the parameter of the elliptic functions of the polhode.
     """
-    i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
-    # Moments about the axis that the polhode encircles, and about the axis at the other end of the order.
-    end_inertia, other_inertia = (i3, i1) if side == "short" else (i1, i3)
+    encircled, middle, opposite = _moments(side)
     momentum2 = np.sum(slow[:, :3] ** 2, axis=1)
     energy2 = 2 * slow[:, 3]
     return (
-        (end_inertia - other_inertia)
-        * (momentum2 - energy2 * i2)
-        / ((end_inertia - i2) * (momentum2 - energy2 * other_inertia))
+        (encircled - opposite)
+        * (momentum2 - energy2 * middle)
+        / ((encircled - middle) * (momentum2 - energy2 * opposite))
     )
+
+
+def _moments(side: Side) -> tuple[float, float, float]:
+    """Moments over I_max about the axis that the polhode encircles, the middle axis and the opposite one."""
+    i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
+    return (i3, i2, i1) if side == "short" else (i1, i2, i3)
 
 
 def state_of(local: Separatrix, complement: float, shift: float) -> list[float]:
@@ -96,16 +100,19 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     problem = Averaged().problem(slow_scene(_ELLIPSOID, state, 1.0))
     # Rates of (L_x, L_y, L_z, E) over I_max.
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
-    # By `complement_of` y is `scale` times the quotient of L² - 2EI₂ and L² - 2EI, I of the other end: the
-    # two values `squared`, whose rates `changes` are exact. The rule for quotients gives the rate of y. A
-    # difference of two values of y would lose its digits, as y is small.
-    i1, i2, i3 = np.array(sorted(_ELLIPSOID.inertia)) / _UNIT
-    end_inertia, other_inertia = (i3, i1) if local.side == "short" else (i1, i3)
-    squared = state[2] ** 2 - 2 * state[3] * np.array([i2, other_inertia])
-    changes = 2 * state[2] * rates[2] - 2 * rates[3] * np.array([i2, other_inertia])
-    scale = (end_inertia - other_inertia) / (end_inertia - i2)
-    growth = scale * (changes[0] * squared[1] - squared[0] * changes[1]) / squared[1] ** 2
-    return float(growth), float(rates[2])
+    _, _, momentum, energy = state
+    _, _, momentum_rate, energy_rate = rates
+    # By `complement_of` y is `scale` times the quotient of L² - 2EI₂ and L² - 2EI, I of the opposite axis.
+    # The rates of both are exact, and the rule for quotients gives the rate of y. A difference of two values
+    # of y would lose its digits, as y is small.
+    encircled, middle, opposite = _moments(local.side)
+    upper = momentum**2 - 2 * energy * middle
+    lower = momentum**2 - 2 * energy * opposite
+    upper_rate = 2 * momentum * momentum_rate - 2 * energy_rate * middle
+    lower_rate = 2 * momentum * momentum_rate - 2 * energy_rate * opposite
+    scale = (encircled - opposite) / (encircled - middle)
+    growth = scale * (upper_rate * lower - upper * lower_rate) / lower**2
+    return float(growth), float(momentum_rate)
 
 
 def critical_start(complement: float, points: int) -> tuple[list[float], float]:
