@@ -10,6 +10,7 @@ import tomllib
 from contextlib import ExitStack
 from functools import partial
 from itertools import groupby
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +61,10 @@ def write_results(
     written = dict[str, csv.DictWriter]()
     with ExitStack() as files:
         # Memory holds one task of the store, and the statistics of one shape.
-        for _, same in groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes):
+        by_shape = groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes)
+        for _, shape_ensembles in by_shape:
             drawn: dict[str, list[dict[str, object]]] = {name: [] for name in _DRAWN}
-            for ensemble in same:
+            for ensemble in shape_ensembles:
                 statistics = gather(ensemble, store)
                 ensembles.append(summary.ensemble_row(ensemble, statistics))
                 for name, make in _FILES.items():
@@ -77,9 +79,10 @@ def write_results(
             if not drawn["distributions.csv"]:
                 # No particle of this shape has finished.
                 continue
-            pictures.append((f"shape-{len(pictures) + 1}", _shape(ensembles[-1])))
+            picture_name = f"shape-{len(pictures) + 1}"
+            pictures.append((picture_name, _shape(ensembles[-1])))
             tables = {name: pd.DataFrame(rows) for name, rows in drawn.items()}
-            save(_picture(tables, sweep), folder, pictures[-1][0])
+            save(_picture(tables, sweep), folder, picture_name)
     made = provenance(command, surroundings(sweep, store))
     write_file(folder / _ENSEMBLES, dumps(ensembles, sort_keys=False) + "\n", summed=True)
     names = [name for name in _FILES if name in written]
@@ -105,12 +108,15 @@ def redraw(sweep: Sweep, folder: Path) -> Path:
     shapes = tables["distributions.csv"].groupby(["a", "b", "c"], sort=False)
     pictures = []
     for number, (shape, _) in enumerate(shapes, start=1):
-        own: dict[str, pd.DataFrame] = {}
+        shape_tables: dict[str, pd.DataFrame] = {}
         for name, table in tables.items():
-            of_shape = (table[list("abc")] == list(shape)).all(axis=1) if len(table) else []
-            own[name] = table.loc[of_shape] if len(table) else table
-        pictures.append((f"shape-{number}", " : ".join(map(short, shape))))
-        save(_picture(own, sweep), folder, pictures[-1][0])
+            shape_tables[name] = table
+            if len(table):
+                has_shape = (table[list("abc")] == list(shape)).all(axis=1)
+                shape_tables[name] = table.loc[has_shape]
+        picture_name = f"shape-{number}"
+        pictures.append((picture_name, " : ".join(map(short, shape))))
+        save(_picture(shape_tables, sweep), folder, picture_name)
     page = folder / "README.md"
     if (folder / _ENSEMBLES).is_file():
         ensembles = loads(read_file(folder / _ENSEMBLES).decode())
@@ -213,26 +219,21 @@ def _made(throughput: Throughput) -> list[str]:
 
 def page(throughput: Throughput) -> str:
     """The measured figures as a page."""
-    # Tasks, bytes in the store and core hours of large sweeps, in blocks of `_BLOCK`, from measured
-    # whole tasks.
+    # Measured whole tasks give the number of tasks, mebibytes in the store and core hours of large sweeps.
     rows = []
     tasks = {(row["shape"], row["equations"]): row for row in throughput["tasks"]}
     for plan in _PLANS:
         row = tasks[plan["shape"], plan["equations"]]
         # The number of rotations, and with it the cost of full equations, grows in proportion to
         # St.
-        slower = (
-            plan["stokes"] / throughput["settings"]["stokes"]
-            if plan["equations"] == "full"
-            else 1.0
-        )
-        count = -(-plan["particles"] // _BLOCK)  # Tasks, rounded up.
+        slower = 1.0
+        if plan["equations"] == "full":
+            slower = plan["stokes"] / throughput["settings"]["stokes"]
+        count = ceil(plan["particles"] / _BLOCK)
+        mib = count * row["record_bytes"] / 2**20
         seconds = plan["particles"] / row["per_second"] * slower
-        rows.append(
-            plan
-            | {"tasks": count, "mib": count * row["record_bytes"] / 2**20, "hours": seconds / 3600}
-        )
-    mib = (throughput["memory"]["bytes"] or 0) / 2**20
+        rows.append(plan | {"tasks": count, "mib": mib, "hours": seconds / 3600})
+    memory_mib = (throughput["memory"]["bytes"] or 0) / 2**20
     return fill(
-        "throughput", made=_made(throughput), block=_BLOCK, plan=rows, mib=mib, **throughput
+        "throughput", made=_made(throughput), block=_BLOCK, plan=rows, mib=memory_mib, **throughput
     )

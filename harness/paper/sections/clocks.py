@@ -63,6 +63,7 @@ _LARGE_STOKES = 1e4
 # The modes in which a start is off the rotation, in the order of `eigenvalues`: L tilted to x or to y,
 # faster, wobbling.
 _MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
+_TILTED_TO_X = 0
 _FASTER = 2
 _WOBBLE = 3
 
@@ -71,16 +72,15 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
     if mode == _WOBBLE:
         return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
-    # θ and φ of z' at the start; ψ = 0.3 is any.
-    tilt, azimuth = ((_START_OFFSET, pi / 2), (_START_OFFSET, 0.0), (0.0, 0.0))[mode]
-    return BodyStart(
-        quaternion_from_euler((tilt, azimuth, 0.3)),
-        (0.0, 0.0, -0.5 - (_START_OFFSET if mode == _FASTER else 0.0)),
-    )
+    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0; ψ = 0.3 is any.
+    tilt = 0.0 if mode == _FASTER else _START_OFFSET
+    azimuth = pi / 2 if mode == _TILTED_TO_X else 0.0
+    spin = -0.5 - (_START_OFFSET if mode == _FASTER else 0.0)
+    return BodyStart(quaternion_from_euler((tilt, azimuth, 0.3)), (0.0, 0.0, spin))
 
 
 def amplitude(run: Run, mode: int) -> np.ndarray:
-    """How far a run is from the fixed point in a mode, shape (n,): of 2EI₃ - L² for the wobble."""
+    """Distance of a run from the fixed point in a mode, shape (n,): in a component of L, or 2EI₃ - L² of a wobble."""
     momentum = run.observables.angular_momentum
     energy = run.observables.slow[:, 3]
     inertia = run.scene.ellipsoid.inertia[2]
@@ -128,7 +128,7 @@ def _from_large(grid: Grid) -> Computed:
         times = _LARGE_STOKES * slow_times
         momentum = _LARGE * np.array(_LARGE_DIRECTION)  # Over I_max, in body axes.
         omega = momentum / np.array(body.inertia) * max(body.inertia)
-        # Any orientation: the printed rates from large L do not depend on it.
+        # The orientation is any: the printed rates from large L do not depend on it.
         start = BodyStart((0.5, 0.5, 0.1, 0.7), tuple(omega))
         observables = full_run(Scene(body, _LARGE_STOKES, start, times[-1]), times).observables
         momentum = observables.angular_momentum
@@ -156,12 +156,12 @@ def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
     """Rates of L_z per St, per St* of the longest axis, and per St* of the axis along the vorticity."""
     chosen = table[table.mode == _FASTER]
     rate = -chosen.measured
-    clock = chosen.clock
-    longest = [max(zip(b.semi_axes, b.inertia, b.resistance, strict=True)) for b in _BODIES]
-    longest_clock = np.array(
-        [inertia / (8 * pi * resistance) for _, inertia, resistance in longest]
-    )
-    return rate, rate * longest_clock, rate * clock
+    # St*/St of the longest axis of each body.
+    longest_clocks = []
+    for body in _BODIES:
+        axis = int(np.argmax(body.semi_axes))
+        longest_clocks.append(body.inertia[axis] / (8 * pi * body.resistance[axis]))
+    return rate, rate * np.array(longest_clocks), rate * chosen.clock
 
 
 @dataclass(frozen=True)

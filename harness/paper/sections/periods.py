@@ -1,8 +1,8 @@
 """Spheroids at finite St: the period of tumbling, the drift of spinning ones, planar flows that stop them.
 
 The paper has the change of the period at small St (`vivtp`), the figure of the period, the drift in
-its introduction, and planar flows in its discussion. Periods are limit cycles of
-`polhode.models.theory.tumbling_period`; all times are in inverse shear rates.
+its introduction, and planar flows in its discussion. `polhode.models.theory.tumbling_period` finds limit
+cycles and their periods; all times are in inverse shear rates.
 """
 
 from dataclasses import dataclass
@@ -73,6 +73,7 @@ def _periods(stokes: np.ndarray) -> Computed:
 def validity(rows: Table) -> float:
     """St at which the law of order St² is off by `_LAW_LOST`, for the rows of one κ."""
     error = np.abs(rows.change / rows.printed - 1)
+    # Up to the first St at which the law is lost; ln St is interpolated in the error.
     last = int(np.argmax(error > _LAW_LOST))
     return float(np.exp(np.interp(_LAW_LOST, error[: last + 1], np.log(rows.stokes[: last + 1]))))
 
@@ -94,6 +95,7 @@ class PeriodChange(Experiment):
         smallest = table.stokes.min()
         start = table[table.stokes == smallest]
         limits = [validity(rows) for _, rows in groups(table, "kappa")]
+        # The aspect ratio from which on the St of `limits` only rise.
         falls = np.flatnonzero(np.diff(limits) <= 0)
         first_rising = _PERIOD_KAPPAS[falls[-1] + 1 if len(falls) else 0]
         return Verdict(
@@ -123,7 +125,7 @@ class PeriodChange(Experiment):
                     Range(10.0, 30.0, "an order of magnitude above unity, and still one number"),
                 ),
                 Number(
-                    f"the same over that, κ = {_PERIOD_KAPPAS[3]:g}",
+                    f"the same over that, κ = {_PERIOD_KAPPAS[-1]:g}",
                     limits[-1] / limits[0],
                     Range.at_least(1.0, "the claim: further the slenderer"),
                 ),
@@ -291,10 +293,12 @@ class Period(Experiment):
         return figure
 
 
+# Aspect ratios of the spheroids that spin about the vorticity.
 _DRIFT_KAPPAS = (0.3, 0.5, 2.0, 4.0)
-# Components of L and of the axis across the vorticity in the state of `spheroid-axis`.
+# The state of `spheroid-axis` is (L_x, L_y, L_z, p_x, p_y, p_z), p the symmetry axis: places of the components
+# across the vorticity.
 _ACROSS = [0, 1, 3, 4]
-# The growth is also taken from a run in time.
+# A run in time gives the growth at one St too.
 _FOLLOWED_STOKES = 0.02
 _FOLLOWED_TILT = 1e-3  # Rad, at the start.
 # St between which the largest rate is looked for.
@@ -316,11 +320,12 @@ def growth(kappa: float, stokes: float) -> float:
 
 def followed_growth(kappa: float, stokes: float) -> float:
     """The same rate from a run: over one Jeffery period, after one in which the start is forgotten."""
-    half = pi * (kappa + 1 / kappa)
+    half = pi * (kappa + 1 / kappa)  # Half a Jeffery period.
     times = half * np.array([0.0, 2.0, 4.0])
     run = full_run(spinning(kappa, stokes, _FOLLOWED_TILT, times[-1]), times)
-    tilt = np.linalg.norm(run.observables.rotation[:, 2, :2], axis=1)
-    return float(np.log(tilt[2] / tilt[1]) / (2 * half))
+    # The part of z' across the vorticity, at the start and after each period.
+    _, after_one, after_two = np.linalg.norm(run.observables.rotation[:, 2, :2], axis=1)
+    return float(np.log(after_two / after_one) / (2 * half))
 
 
 def peak_of(kappa: float) -> float:

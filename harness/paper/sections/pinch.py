@@ -68,7 +68,7 @@ _THETA = 0.3  # Rad, at the start.
 _TILT = 0.2  # Rad: tilt of L in the second plane.
 _SHOWN_STOKES = (1e3, 1e4, 1e5)  # St of the full runs that are drawn.
 _SLOW_TIME = 0.12  # Slow time that all runs of the planes are followed.
-# Half sizes of the magnified view, over I_max.
+# Half sizes along L_z and E of the magnified view, over I_max.
 _CLOSE = (0.045, 0.0024)
 # Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold (`widest`).
 _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
@@ -90,9 +90,9 @@ class Pinch(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Paths past the pinch point; the smallest |L| of full runs against St.
 
-        Tables "aligned" and "tilted" have paths, named by their St, ∞ for the averaged one; "end" the
-        slow time at which the aligned averaged run ends; "crossing" the smallest |L|/I_max by κ, St
-        and azimuth φ₀ of the start; "compared" the same by `hybrid` and by a full run.
+        Tables "aligned" and "tilted" have paths, named by their St, ∞ for the averaged one. "end" has the slow
+        time at which the aligned averaged run ends. "crossing" has the smallest |L|/I_max by κ, St and azimuth
+        φ₀ of the start, "compared" the same by `hybrid` and by a full run.
         """
         slow_times = np.linspace(0.0, _SLOW_TIME, grid.of(1201, 601))
         ends, pinch = _slow_to_pinch(_KAPPA, slow_times)
@@ -108,15 +108,14 @@ class Pinch(Experiment):
         # φ and π - φ, and none is 0.
         phases = ((np.arange(count) + 0.25) * pi / count).tolist()
         for kappa in _WIDTH_KAPPAS:
-            _, met = _slow_to_pinch(kappa, slow_times)
+            _, met_at = _slow_to_pinch(kappa, slow_times)
             for stokes in np.geomspace(1e4, 1e9, grid.of(11, 6)).tolist():
-                least = [_least_momentum(kappa, stokes, phi, met) for phi in phases]
+                least = [_least_momentum(kappa, stokes, phi, met_at) for phi in phases]
                 yield "crossing", {"kappa": kappa, "stokes": stokes, "phi": phases, "least": least}
-            pair = {
-                name: _least_momentum(kappa, _COMPARED_STOKES, phases[0], met, form)
-                for name, form in (("hybrid", "hybrid"), ("full", "spheroid-axis"))
-            }
-            yield "compared", {"kappa": kappa, **pair}
+            start = (kappa, _COMPARED_STOKES, phases[0], met_at)
+            hybrid = _least_momentum(*start, form="hybrid")
+            full = _least_momentum(*start, form="spheroid-axis")
+            yield "compared", {"kappa": kappa, "hybrid": hybrid, "full": full}
 
     def judge(self, data: Data) -> Verdict:
         """How the smallest |L| scales with St, and what the aligned and the tilted runs do."""
@@ -219,6 +218,7 @@ class Pinch(Experiment):
         )
 
     def _caption(self, data: Data) -> str:
+        """The caption of the figure."""
         azimuths = len(np.unique(data["crossing"].phi))
         return (
             f"κ = {_KAPPA:g} from L_z = {_MOMENTUM:g} I_e, θ₀ = {_THETA:g}. Above: L along the "
@@ -279,6 +279,7 @@ def _scene(kappa: float, stokes: float, phi: float = 0.0, slow_time: float = _SL
 def _tilted_scene(stokes: float) -> Scene:
     """The same start turned about the flow axis, so that L gets a component along the gradient."""
     aligned = _scene(_KAPPA, stokes)
+    # The product of quaternions (c, s, 0, 0) q: a turn by `_TILT` about x.
     q0, q1, q2, q3 = aligned.start.quaternion  # pyright: ignore[reportAttributeAccessIssue]
     c = np.cos(_TILT / 2)
     s = np.sin(_TILT / 2)
@@ -300,18 +301,18 @@ def _least_momentum(
 ) -> float:
     """Smallest |L|/I_max of a run that starts with L along the vorticity.
 
-    `slow_time` is that at which the averaged run meets the pinch point. The smallest |L| is looked
-    for from a half window before it to two after it.
+    The averaged run meets the pinch point at `slow_time`. The smallest |L| is looked for from a half window
+    before it to two half windows after it.
     """
-    # The half window is `_WINDOW` of L_z/I_max at the mean speed, or ten times the paper's St^-1/2
-    # if that is more, and begins after the start of the run: 0.999, as times have to increase.
+    # The half window is `_WINDOW` of L_z/I_max at the mean speed, or ten times the paper's St^-1/2 if that is
+    # more. At the most it reaches back to the start of the run: 0.999 leaves it out, as times have to increase.
     speed = _MOMENTUM / slow_time
     half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
     times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
     run = run_form(find_form(form), _scene(kappa, stokes, phi, times[-1] / stokes), times, 1e-10)
     squares = np.sum(run.slow[:, :3] ** 2, axis=1)
-    # L passes its smallest value on a straight line, and |L|² so on a parabola, whose vertex lies
-    # between samples.
+    # L moves on a straight line where |L| is smallest, so that |L|² lies on a parabola. Its vertex, between
+    # samples, is the smallest value.
     place = int(np.clip(np.argmin(squares), 1, len(squares) - 2))
     before, least, after = squares[place - 1 : place + 2]
     return sqrt(max(0.0, least - (after - before) ** 2 / (8 * (before - 2 * least + after))))
@@ -321,11 +322,10 @@ def growth_exponent(kappa: float) -> float:
     """Exponent e with which a small L_y of a prolate spheroid grows like L_z^e on its way to the pinch point."""
     # There h = cos θ_LO → 1, as Y_c > X_c, and dL_z/dt₂ → -4πX_c: by `lysmain` e = (X_c + Y_c
     # I_a/I_e - 2Y_c)/X_c.
-    axial = spheroid(kappa).resistance[2]
-    equatorial = spheroid(kappa).resistance[0]
-    return (
-        axial + equatorial * Spheroid.of(spheroid(kappa)).inertia_ratio - 2 * equatorial
-    ) / axial
+    body = spheroid(kappa)
+    axial = body.resistance[2]
+    equatorial = body.resistance[0]
+    return (axial + equatorial * Spheroid.of(body).inertia_ratio - 2 * equatorial) / axial
 
 
 def pinch_exponent(kappa: float) -> float:
