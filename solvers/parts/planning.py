@@ -54,6 +54,8 @@ _WHOLE_DAMPED = 4.0
 _MOST_WHOLE_TURNS = 200.0
 # Turns at the beginning and at the end of a check over which means are taken; an estimate.
 _MEAN_TURNS = 5.0
+# These turns, if a check is longer than this many times as many; an estimate.
+_MIN_SPANS = 4
 # Steps of a check's second run over those of its first.
 _FINER = 0.8
 
@@ -215,7 +217,10 @@ class Planner:
         rate = problem.rate(state)
         turn = 2 * pi / rate
         whole = self._time_of_check(length, turn)
-        span = _MEAN_TURNS * turn if whole > 4 * _MEAN_TURNS * turn else whole / 2
+        # Means over the same turns at both ends of a check that is long enough, else over its halves.
+        span = _MEAN_TURNS * turn
+        if not whole > _MIN_SPANS * span:
+            span = whole / 2
         results = self._compared(plan, state, span, whole, rate)
         steps = results[CheckAt.STEPS]
         record.work.rejected = (record.work.rejected or 0) + int(steps)
@@ -230,11 +235,11 @@ class Planner:
         # What changes from the first part to the second goes on changing like this.
         growth = remaining / (whole - span)
         slow = results[CheckAt.SLOW] + results[CheckAt.CHANGE] * growth
-        # To and fro in the slow quantities; of the same sign in the phase, where that moves little
-        # in a step.
-        rounding = problem.epsilon * max(
-            rate * sqrt(steps) * (1 + growth), steps / (1 + whole / turn) / _PER_TURN
-        )
+        # To and fro in the slow quantities, as the root of the steps; of the same sign in the phase,
+        # where that moves little in a step.
+        slow_rounding = rate * sqrt(steps) * (1 + growth)
+        fast_rounding = steps / (1 + whole / turn) / _PER_TURN
+        rounding = problem.epsilon * max(slow_rounding, fast_rounding)
         # Of an error e the smaller steps leave _FINER**_ORDER e: the difference is the rest.
         return max(slow, fast / _PER_TURN) / (1 - _FINER**_ORDER), rounding
 

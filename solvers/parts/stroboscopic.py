@@ -96,16 +96,19 @@ class Setting:
 def interpolant() -> np.ndarray:
     """The matrix of DOP853's interpolant in a step, shape (7, 17).
 
-    Its product with the change of the point over the step (first column) and the step's length
-    times each of the 16 stages gives the interpolant's seven terms. The first three belong to the
-    cubic through both ends, whose slopes are the stages at index 0 and `_STAGES` - 1. They have the
-    columns 1 and `_STAGES`.
+    Its product with the change Δ of the point over the step (column 0) and the step's length times
+    each of the 16 stages (the other columns) gives the interpolant's seven terms F0, F1, ... as
+    `strobe_kernels` adds them up. The first three belong to the cubic through both ends, with the
+    slopes f and g there, the stages 0 and `_STAGES` - 1 times the length: Δ, f - Δ, 2Δ - f - g.
     """
     table = dop853()
+    change = 0
+    begin = 1
+    end = _STAGES
     terms = np.zeros((3 + len(table.D), 1 + len(table.A)))
-    terms[:3, 0] = (1.0, -1.0, 2.0)
-    terms[1, 1] = 1.0
-    terms[2, [1, _STAGES]] = -1.0
+    terms[0, change] = 1.0
+    terms[1, [change, begin]] = -1.0, 1.0
+    terms[2, [change, begin, end]] = 2.0, -1.0, -1.0
     terms[3:, 1:] = table.D
     return terms
 
@@ -120,8 +123,8 @@ class Strobe:
         self.p = self.split.address
         self.scheme = ABA.addresses[float]
         self.table = dop853()
-        # Machine code takes addresses in less time than arrays.
-        self.nodes = self.table.A.ctypes.data
+        # Address of the method's matrix A: machine code takes addresses in less time than arrays.
+        self.matrix = self.table.A.ctypes.data
         # Micro-steps of the run so far.
         self.inner = 0
         # The machine code that the start asks for is compiled now, before a run is timed; the other
@@ -294,7 +297,7 @@ class Strobe:
         # Of each stage there are so many turns forth and as many back.
         self.inner += 2 * int(numbers[MacroAt.MICRO_STEPS]) * turns * computed
         self.kernels.macro(
-            self.scheme, self.p, numbers, _WEIGHT_ROWS[turns], point, self.nodes, stages, end
+            self.scheme, self.p, numbers, _WEIGHT_ROWS[turns], point, self.matrix, stages, end
         )
 
     def mean(self, point: np.ndarray, micro: int, out: np.ndarray) -> None:
