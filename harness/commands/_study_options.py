@@ -102,7 +102,7 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add [STUDY.toml], --out, --quick, --resume, --quiet, --disturbed, and --scene and so on, as `StudyRequest`."""
 
     @wraps(command)
-    def wanting(**options: Any) -> Any:
+    def with_request(**options: Any) -> Any:
         filters = {kind: options.pop(kind) for kind in _KINDS}
         settings = {
             field.name: options.pop(field.name)
@@ -111,8 +111,10 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
         }
         return command(StudyRequest(**settings, filters=filters), **options)
 
-    for name, (option, text) in reversed(_KINDS.items()):
-        wanting = click.option(option, name, multiple=True, help=text)(wanting)
+    decorated: Callable[..., Any] = with_request
+    # Help lists options in the reverse order of their decorators.
+    for name, (flag, text) in reversed(_KINDS.items()):
+        decorated = click.option(flag, name, multiple=True, help=text)(decorated)
     out = click.option(
         "--out", type=FOLDER, help="Folder; by default reports/NAME, with the filters' words."
     )
@@ -122,7 +124,9 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
         required=False,
         type=click.Path(path_type=Path),
     )
-    return file(out(quick(resume(quiet(disturbed(wanting))))))
+    for option in (disturbed, quiet, resume, quick, out, file):
+        decorated = option(decorated)
+    return decorated
 
 
 def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> None:

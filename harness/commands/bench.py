@@ -44,6 +44,13 @@ _PAGES = {
 ACCURACY_PARTS = {"all": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 # Folder of the page of each order, unless --out names one.
 _FOLDERS = {"all": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
+# St between which the quick map of regimes lies: beyond, single runs take long.
+_LEAST_QUICK_STOKES = 0.1
+_LARGEST_QUICK_STOKES = 1e4
+# Seconds for which calls of each solver are repeated, by `solve` and of the bare library. Estimates.
+_CALL_SECONDS = 2.0
+_QUICK_CALL_SECONDS = 0.2
+_NAME_COLUMNS = 28  # Columns of the names in `polhode paper --list`.
 
 
 @command(needs=_PAGE_LIBRARIES)
@@ -98,11 +105,13 @@ def _problems(request: StudyRequest, page_only: bool) -> None:
         with bad_input():
             click.echo(f"{rewrite_page(folder)}")
         return
-    some = request.filters["scenes"], request.filters["solvers"]
+    problems = request.filters["scenes"]
+    solvers = request.filters["solvers"]
     with bad_input():
-        pairs_of(*some)
+        # A name that does not exist is refused before anything is measured.
+        pairs_of(problems, solvers)
     with stored(folder, request.resume) as store:
-        rows = run_problems(store, *some, quick=request.quick, quiet=request.quiet)
+        rows = run_problems(store, problems, solvers, quick=request.quick, quiet=request.quiet)
     click.echo(f"{write_page(rows, folder, command_line())}")
 
 
@@ -170,10 +179,13 @@ def regimes(request: StudyRequest, page_only: bool) -> None:
     with bad_input():
         study = replace(request.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
         if request.quick:
-            some = tuple(
-                (name, scene) for name, scene in study.scenes if 0.1 <= scene.stokes <= 1e4
+            quick_scenes = tuple(
+                (name, scene)
+                for name, scene in study.scenes
+                if _LEAST_QUICK_STOKES <= scene.stokes <= _LARGEST_QUICK_STOKES
             )
-            study = replace(study, scenes=some or study.scenes)
+            # A --scene beyond them stays.
+            study = replace(study, scenes=quick_scenes or study.scenes)
     folder = request.out or Path("reports") / study.name
     if page_only:
         with bad_input():
@@ -226,7 +238,8 @@ def equal_error(out: Path, quick: bool, resume: bool, quiet: bool, page_only: bo
     problem = paper_problem()
     records = {}
     with stored(out, resume) as store:
-        overheads = measure(problem, seconds=0.2 if quick else 2.0, quiet=quiet)
+        seconds = _QUICK_CALL_SECONDS if quick else _CALL_SECONDS
+        overheads = measure(problem, seconds=seconds, quiet=quiet)
         firsts = first_runs(problem, [one.solver for one in overheads], quiet)
         for name in ("solvers", "spheroid", "backends"):
             study = read_study(None, name)
@@ -287,7 +300,7 @@ def paper(
         click.echo(
             to_json(rows)
             if as_json
-            else "\n".join(f"{row['name']:28}{row['title']}" for row in rows)
+            else "\n".join(f"{row['name']:{_NAME_COLUMNS}}{row['title']}" for row in rows)
         )
         return
     with bad_input():

@@ -132,20 +132,20 @@ def forms(as_json: bool) -> None:
     """List the forms of the equations, and the scenes for which each is valid."""
     from polhode.models.catalogue import FORMS, form
 
-    all_forms = {name: form(name) for name in FORMS}
-    rows = [
-        {
-            "name": name,
-            "summary": one.summary,
-            "available": True,
-            "why_not": None,
-            "valid_for": one.valid_for,
-        }
-        for name, one in all_forms.items()
-    ]
+    rows = []
     lines = []
-    for name, one in all_forms.items():
-        lines += [[name, one.summary], ["", f"for {one.valid_for}"]]
+    for name in FORMS:
+        equations = form(name)
+        rows.append(
+            {
+                "name": name,
+                "summary": equations.summary,
+                "available": True,
+                "why_not": None,
+                "valid_for": equations.valid_for,
+            }
+        )
+        lines += [[name, equations.summary], ["", f"for {equations.valid_for}"]]
     click.echo(
         to_json(rows) if as_json else on_terminal(["name", "what, and for which scenes"], lines)
     )

@@ -284,9 +284,9 @@ def _table(solution: "SceneSolution") -> str:
     import numpy as np
 
     table = solution.table()[:, : len(_SHOWN)]
-    some = table[np.linspace(0, len(table) - 1, min(_FEW, len(table))).round().astype(int)]
+    places = np.linspace(0, len(table) - 1, min(_FEW, len(table))).round().astype(int)
     rows = []
-    for t, t2, *slow in some.tolist():
+    for t, t2, *slow in table[places].tolist():
         rows.append([_cell(t), _cell(t2), *(_cell(value, " ") for value in slow)])
     rate = "shear rate γ̇" if solution.scene.flow is None else "reference rate γ̇"
     largest = max(solution.scene.ellipsoid.inertia)

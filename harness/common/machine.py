@@ -131,10 +131,10 @@ def made_lines(page: Path) -> list[str]:
     Raises ValueError if there are none.
     """
     lines = page.read_text(encoding="utf-8").split("\n") if page.is_file() else []
-    made = [line for line in lines if line.startswith(("Made by `", "Measured "))]
-    if not made:
+    kept_lines = [line for line in lines if line.startswith(("Made by `", "Measured "))]
+    if not kept_lines:
         raise ValueError(f"{page}: no such file, expected a page of `polhode`")
-    return [part for line in made for part in (line, "")]
+    return [part for line in kept_lines for part in (line, "")]
 
 
 class Maker(NamedTuple):
