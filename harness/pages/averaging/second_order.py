@@ -34,13 +34,9 @@ def write_page(study: SecondOrderStudy, folder: Path, command: str) -> None:
     write_study(study, folder)
     fitted = slopes(study.orders)
     write_table(folder / "slopes.csv", Slope, fitted)
+    by_case = frame_of(SecondOrderErrors, study.orders).groupby(["shape", "start"], sort=False)
+    errors_by_case = [case_errors for _, case_errors in by_case]
     # Errors of L and E by each order, and of the orientation, which second order alone knows.
-    errors_by_case = [
-        case_errors
-        for _, case_errors in frame_of(SecondOrderErrors, study.orders).groupby(
-            ["shape", "start"], sort=False
-        )
-    ]
     panels = {
         "first order:\nL and E over $I_{max}$": _lines(errors_by_case, 1, 1, "first_order_slow"),
         "second order:\nL and E over $I_{max}$": _lines(errors_by_case, 2, 2, "slow"),
@@ -127,10 +123,10 @@ def _of_second_order(costs: Sequence[Cost]) -> list[Cost]:
 
 
 def _estimates(rows: Sequence[SecondOrderErrors | Passage]) -> list[list[float]]:
-    """Errors estimated over those measured, of the slow variables and of the orientation; nothing without runs."""
+    """Ratios of estimated to measured errors, of the slow variables and of the orientation; nothing without runs."""
     measured = [row for row in rows if not isnan(row.slow)]
-    pairs = [
-        (row.estimated_slow / row.slow, row.estimated_orientation / row.orientation)
-        for row in measured
-    ]
-    return [sorted(ratios) for ratios in zip(*pairs, strict=True)]
+    if not measured:
+        return []
+    slow = [row.estimated_slow / row.slow for row in measured]
+    orientation = [row.estimated_orientation / row.orientation for row in measured]
+    return [sorted(slow), sorted(orientation)]

@@ -6,6 +6,7 @@ averaging of first order the error falls like 1/St, by averaging of second order
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import ceil
 from textwrap import wrap
 from typing import Any
 
@@ -62,7 +63,7 @@ class Band:
 
 def bands(titles: Mapping[str, Sequence[Band]], note: str = "") -> Figure:
     """A panel for each title, bands in one colour for bodies that cross L² = 2EI₂ and one for the others."""
-    rows = -(-len(titles) // _COLUMNS)
+    rows = ceil(len(titles) / _COLUMNS)
     style: dict[str, Any] = {"sharex": True, "sharey": True, "layout": "compressed"}
     figure, grid = panels(rows, _COLUMNS, 0.75 + _ROW * rows, **style)
     for axes, (title, panel) in zip(grid.flat, titles.items(), strict=False):

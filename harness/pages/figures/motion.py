@@ -22,6 +22,9 @@ SLOW_COLOURS = {"Lx": "#B87A00", "Ly": "#3D8BC4", "Lz": "#0A3A63", "E": "#B0255C
 TURN = 0.45  # Rad: round the gradient axis.
 TILT = 0.3  # Rad: then down on it.
 _LIGHT = np.array([-0.5, 0.6, 0.62])  # Direction to the light: right, up, towards the eye.
+# Strengths of the light from everywhere and of the light from `_LIGHT`; both are chosen by eye.
+_LIGHT_FROM_EVERYWHERE = 0.35
+_LIGHT_FROM_ONE_SIDE = 0.75
 # Faces of the body's surface along a meridian and along a parallel.
 _PARALLELS = 36
 _MERIDIANS = 72
@@ -96,8 +99,8 @@ def body(
     axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray, gradient: np.ndarray = _SHEAR
 ) -> Axes:
     """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow of a gradient."""
-    # Parallels and meridians are those about the longest axis. `roll` brings the third component of
-    # `unit`, along the poles, to the place of that axis.
+    # Parallels and meridians lie about the longest axis. `roll` brings the third component of `unit`, along
+    # the poles, to the place of that axis.
     pole = int(np.argmax(semi_axes))
     polar, around = np.meshgrid(
         np.linspace(0, np.pi, _PARALLELS + 1), np.linspace(0, 2 * np.pi, _MERIDIANS + 1)
@@ -107,20 +110,29 @@ def body(
     )
     unit = np.roll(unit, pole + 1, axis=-1)
     corners = _project((unit * semi_axes) @ rotation)
-    # The normal of x²/a² + y²/b² + z²/c² = 1 goes along (x/a², y/b², z/c²), of which `unit` is
-    # (x/a, y/b, z/c).
+    # The normal of x²/a² + y²/b² + z²/c² = 1 goes along (x/a², y/b², z/c²), and `unit` is (x/a, y/b, z/c).
     normals = _project((unit / semi_axes) @ rotation)
     faces = _faces(corners)
     normal = _faces(normals).sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    at = np.indices((_MERIDIANS, _PARALLELS)).reshape(2, -1)
-    cap = np.minimum(at[1], _PARALLELS - 1 - at[1]) < _CAP * _PARALLELS
-    tint = np.where(
-        cap[:, None], _CAPS, np.where(at[0][:, None] < _MERIDIANS // 2, _ONE_HALF, _OTHER_HALF)
-    )
-    # Light from everywhere, 0.35, and light from `_LIGHT`; both are chosen by eye.
-    shade = np.minimum(1, tint * (0.35 + 0.75 * np.maximum(0, normal @ _LIGHT))[:, None])
+    # Each face lies between two meridians and two parallels.
+    meridian, parallel = np.indices((_MERIDIANS, _PARALLELS)).reshape(2, -1)
+    cap = np.minimum(parallel, _PARALLELS - 1 - parallel) < _CAP * _PARALLELS
+    halves = np.where(meridian[:, None] < _MERIDIANS // 2, _ONE_HALF, _OTHER_HALF)
+    tint = np.where(cap[:, None], _CAPS, halves)
+    light = _LIGHT_FROM_EVERYWHERE + _LIGHT_FROM_ONE_SIDE * np.maximum(0, normal @ _LIGHT)
+    shade = np.minimum(1, tint * light[:, None])
     faces_viewer = normal[:, 2] > 0
+    _draw_flow(axes, gradient)
+    look = {"facecolors": shade[faces_viewer], "edgecolors": shade[faces_viewer], "linewidths": 0.3}
+    axes.add_collection(PolyCollection(list(faces[faces_viewer][:, :, :2]), **look))
+    axes.set(xlim=(-1.75, 1.75), ylim=(-1.6, 1.6), aspect="equal")
+    axes.axis("off")
+    return axes
+
+
+def _draw_flow(axes: Axes, gradient: np.ndarray) -> None:
+    """Draw arrows of the velocity of a flow along two lines beside the body; lengths are chosen by eye."""
     for x in (-1.25, 1.25):
         ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
         axes.plot(ends[:, 0], ends[:, 1], color=_INK, linewidth=0.6, alpha=0.5)
@@ -136,11 +148,6 @@ def body(
                 "shrinkB": 0,
             }
             axes.annotate("", tip[:2], tail[:2], arrowprops=style)
-    look = {"facecolors": shade[faces_viewer], "edgecolors": shade[faces_viewer], "linewidths": 0.3}
-    axes.add_collection(PolyCollection(list(faces[faces_viewer][:, :, :2]), **look))
-    axes.set(xlim=(-1.75, 1.75), ylim=(-1.6, 1.6), aspect="equal")
-    axes.axis("off")
-    return axes
 
 
 def _faces(points: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ the averaged equations are derived. The correction is `lzsfod2`, the O(1/St) osc
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -100,7 +100,7 @@ class _Averages(Experiment):
         """The deviations, entry by entry."""
         table = data[""]
         columns = 1 if len(table) < _ONE_COLUMN else 2
-        count = -(-len(table) // columns)
+        count = ceil(len(table) / columns)
         figure, axes = panels(1, columns, 0.9 + 0.165 * count)
         for place, panel in enumerate(axes):
             rows = table[place * count : (place + 1) * count]
@@ -147,7 +147,7 @@ class SpheroidAverages(_Averages):
     def compute(self, grid: Grid) -> Computed:
         """Largest deviation of every entry from the mean over the precession, over random L and cones."""
         generator = np.random.default_rng(3)
-        # Angles of precession about L: more than the moments of degree two need.
+        # Angles of precession about L: 16 are more than the moments of degree two need.
         angle = 2 * pi * np.arange(16) / 16
         entries = spheroid_entries()
         worst = np.zeros((len(entries), 2))

@@ -315,8 +315,9 @@ _STOKES_STAR = 2.071  # Effective Stokes number St* = I_a St/(8πX_c) of all of 
 _MOMENTUM = -1.0  # L_z over I_max at the start.
 _ENERGY = 0.6  # E over I_max at the start.
 _COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
-# Scaled time t/St* after which the curves should have become one.
+# Scaled times t/St*: after the first one the curves should have become one, and runs last to the second.
 _LATE = 6.0
+_END = 12.0
 # Oscillation of L_z/I_max below which a spheroid counts as at rest by then.
 _CALM = 0.01
 
@@ -330,11 +331,13 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     energy = _ENERGY * largest
     axial = shape.axial_inertia
     equatorial = shape.equatorial_inertia
-    # The square of the spin ω_a about the axis, from 2E = I_a ω_a² + (L² - I_a² ω_a²)/I_e.
+    # The square of the spin ω_a about the axis, from 2E = I_a ω_a² + (L² - I_a² ω_a²)/I_e. The part of L
+    # along the axis, I_a ω_a, is |L| times the cosine of the angle between the two.
     spin2 = (momentum**2 - 2 * equatorial * energy) / (axial * (axial - equatorial))
     theta = float(np.arccos(np.sqrt(spin2) * axial / momentum))
     start = aligned_start(ellipsoid, momentum, theta)
-    stokes = _STOKES_STAR / (axial / (8 * pi * ellipsoid.resistance[2]))
+    stokes_star_per_stokes = axial / (8 * pi * ellipsoid.resistance[2])
+    stokes = _STOKES_STAR / stokes_star_per_stokes
     return ellipsoid, stokes, BodyStart(start.quaternion, start.angular_velocity)
 
 
@@ -354,10 +357,11 @@ class Collapse(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """L_z and E, and the rate at which L_z relaxes to the node on either clock."""
-        scaled = np.linspace(0.0, 12.0, grid.of(401, 201))
+        scaled = np.linspace(0.0, _END, grid.of(401, 201))
         for kappa in _COLLAPSE_KAPPAS:
             ellipsoid, stokes, start = collapse_start(kappa)
-            scene = Scene(ellipsoid, stokes, start, 13 * _STOKES_STAR)
+            # The scene must cover the times; it is longer by one unit.
+            scene = Scene(ellipsoid, stokes, start, (_END + 1) * _STOKES_STAR)
             run = full_run(scene, _STOKES_STAR * scaled)
             yield "", path(kappa, scaled, run.slow, ("Lz", "E"))
             rate = -eigenvalues(ellipsoid, int(np.argmax(ellipsoid.inertia)))[2]

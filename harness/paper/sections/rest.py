@@ -65,10 +65,14 @@ _ONSET = 1.0
 _WIGGLE = 0.02
 # Smallest St of the fits of the transient.
 _LARGE_STOKES = 5e5
-# Rows that are computed for each that is kept of a path on the sphere.
+# Computed rows for each row of a path on the sphere that is kept.
 _DENSE = 16
 # Scaled time up to which the magnified views go.
 _EARLY = 2.0
+# St of the transient that serve the fits of the onset alone, and are not drawn.
+_FITTED_STOKES = (5e6, 5e7)
+# Rows of the slow variables for each row that is kept.
+_THINNED = 8
 
 
 def _path(run: Run) -> dict[str, np.ndarray]:
@@ -77,7 +81,7 @@ def _path(run: Run) -> dict[str, np.ndarray]:
 
 
 def points(path: Table) -> np.ndarray:
-    """The same, shape (n, 3)."""
+    """Directions of z', shape (n, 3), of a table with the columns x, y, z."""
     return np.column_stack([path[name] for name in "xyz"])
 
 
@@ -99,6 +103,7 @@ def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Compu
 
 def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Least distance of each place, shape (n, 3), from a line of straight segments, shape (m, 3)."""
+    # `share` is the place of the foot of the perpendicular on each segment, 0 and 1 at its ends.
     sides = np.diff(line, axis=0)
     offsets = places[:, None] - line[:-1]
     share = np.sum(offsets * sides, axis=-1) / np.sum(sides**2, axis=-1)
@@ -133,12 +138,12 @@ class Change:
     time: float  # Start of the first short turn, in inverse shear rates.
     before: float  # Duration of the last long turn.
     after: float  # Duration of the first short one.
-    share: float  # Of the logarithm of the whole change of duration.
-    durations: np.ndarray  # Of all turns.
+    share: float  # Share of the logarithm of the whole change of duration.
+    durations: np.ndarray  # Durations of all turns.
 
     @classmethod
     def of(cls, path: Table) -> "Change":
-        """That of a path: the first turn shorter than the mean, in the logarithm, of the first and the last."""
+        """The change along a path, at the first turn that is shorter than the geometric mean of the first and last."""
         tops = maxima(path.t, path.z)
         durations = np.diff(tops)
         border = np.sqrt(durations[0] * durations[-1])
@@ -285,13 +290,12 @@ class Transient(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow variables against t/√St, and the onset at each St."""
         scaled = np.linspace(0.0, self.scaled_time, grid.of(4001, 2001))
-        # The two largest St serve the fits of the onset alone.
-        for stokes in (*self.stokes, 5e6, 5e7):
+        for stokes in (*self.stokes, *_FITTED_STOKES):
             times = scaled * stokes**0.5
             run = full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times)
             if stokes in self.stokes:
-                columns = dict(zip(SLOW_LABELS, run.slow[::8].T, strict=True))
-                yield "", {"stokes": stokes, "scaled": scaled[::8], **columns}
+                columns = dict(zip(SLOW_LABELS, run.slow[::_THINNED].T, strict=True))
+                yield "", {"stokes": stokes, "scaled": scaled[::_THINNED], **columns}
             # Scaled times of the first radian and of the first wiggle of L_z, its weakest torque;
             # the speed at t = √St.
             speed = np.linalg.norm(angular_velocity(self.ellipsoid, run.observables), axis=1)
@@ -465,10 +469,10 @@ class Short(Experiment):
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
         distance = distance_from(points(jeffery), axis)
-        off = int(np.argmax(distance > _OFF_ORBIT))
-        left = np.interp(
-            _OFF_ORBIT, distance[off - 1 : off + 1], arc_length(axis)[off - 1 : off + 1]
-        )
+        # The length of the path is interpolated between the rows before and after it has left the orbit.
+        first_off = int(np.argmax(distance > _OFF_ORBIT))
+        around = slice(first_off - 1, first_off + 1)
+        left = np.interp(_OFF_ORBIT, distance[around], arc_length(axis)[around])
         turn = arc_length(points(jeffery))[-1]
         limit = Range.near(0.0, 5e-3, "corrections are of order 1/√St ≤ 3e-4, times some")
         return Verdict(

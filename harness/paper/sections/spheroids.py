@@ -59,6 +59,8 @@ class Plane(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
+        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds; the last two lie
+        # on the upper parabola.
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.06, 1.1), shares)]
         starts += [(-1.1, 1.0), (-0.06, 1.0)]
@@ -150,11 +152,10 @@ class SpheroidPlanes(PlanesOfBodies):
         ]
 
 
-# Starts of the projections.
-# E over I_e: the lower bound L²/2I_e = 2/9, and about a quarter and three quarters of the way to the
-# upper one, L²/2I_a.
+# Energies of the starts of the projections, over I_e: the lower bound L²/2I_e = 2/9, and about a quarter and
+# three quarters of the way to the upper one, L²/2I_a.
 _ENERGIES = (2 / 9, 0.305, 0.472)
-_PROJECTED_MOMENTUM = 2 / 3  # |L| over I_e.
+_PROJECTED_MOMENTUM = 2 / 3  # |L| of these starts, over I_e.
 # Azimuths of L in degrees: the figure shows the first; paths of _BETWEEN are compared with the two
 # limiting paths.
 _AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
@@ -190,11 +191,11 @@ class Projections(Experiment):
                 distance = planes.distance_from_node(_BODY, slow[-1])
                 yield "ends", {**labels, "distance": distance}
             for azimuth, across in product(_BETWEEN, ("E", "Lxy")):
-                curves = [
+                path, first, last = (
                     np.stack([paths[angle]["Lz"], paths[angle][across]], axis=1)
                     for angle in (azimuth, 0.0, 90.0)
-                ]
-                row = {"azimuth": azimuth, "across": across, "outside": outside(*curves)}
+                )
+                row = {"azimuth": azimuth, "across": across, "outside": outside(path, first, last)}
                 yield "between", row
 
     def judge(self, data: Data) -> Verdict:
