@@ -1,5 +1,6 @@
 """What tests of the command line share: the installed script, a scene, a study."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 SCRIPT = str(Path(sys.executable).with_name("polhode"))
 # The scene file of the manual.
@@ -45,6 +47,14 @@ def importing(folder: Path) -> dict[str, str]:
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]),
     }
+
+
+def runner() -> CliRunner:
+    """Calls commands in this process, with standard output and standard error apart."""
+    if "mix_stderr" in inspect.signature(CliRunner).parameters:
+        # Click before 8.2 mixes them unless told otherwise.
+        return CliRunner(mix_stderr=False)
+    return CliRunner()
 
 
 Run = Callable[..., subprocess.CompletedProcess[str]]

@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pandas as pd
 
 from polhode.harness.common.files import write_file
@@ -62,7 +63,9 @@ def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFr
     """
     kept = (_picked(record, columns) for record in records) if columns else records
     table = pd.json_normalize(list(kept)).rename(columns={_STOKES: "stokes"})
-    table = table.convert_dtypes(dtype_backend="numpy_nullable")
+    # pandas before 3 casts infinite numbers to integers while it looks for integers.
+    with np.errstate(invalid="ignore"):
+        table = table.convert_dtypes(dtype_backend="numpy_nullable")
     for name in _OF_SUCCESSES:
         if name not in table and (name in columns or not columns):
             table[name] = pd.array([pd.NA] * len(table), dtype="Float64")

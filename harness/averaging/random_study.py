@@ -498,8 +498,10 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
     tables = []
     for name in _DATA_TABLES:
         table = pd.DataFrame(frames[name], columns=[*_COLUMNS[name]])
-        if old is not None:
-            table = pd.concat([getattr(old, name), table])
+        earlier = None if old is None else getattr(old, name)
+        if earlier is not None and len(earlier):
+            # pandas before 3 warns of empty tables.
+            table = pd.concat([earlier, table]) if len(table) else earlier
         # Columns that tell the rows of a table apart. If several rows are alike in them, the earliest counts.
         keys = [key for key in (*_TASK, "form", "requested", "solver", "tolerance") if key in table]
         if len(table):

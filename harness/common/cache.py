@@ -37,7 +37,7 @@ def save(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     # A folder that cannot be written is no error, the work is done again next time.
     arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
+    np.savez(buffer, **arrays)
     payload = buffer.getvalue()
     path = path_of(key)
     with suppress(OSError):

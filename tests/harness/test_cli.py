@@ -154,7 +154,7 @@ BAD_ARGUMENTS = [
     (["shape", "1", "2", "3", "--jason"], "'--jason'", "is not a valid float"),
     (["shape", "1", "1e-80", "1"], "1e-80", "of at least 1e-70"),
     (["forms", "quaternion"], "(quaternion)", "expected: polhode forms [OPTIONS]"),
-    (["solvers", "--jason"], "--jason", "Did you mean '--json'? expected: polhode solvers"),
+    (["solvers", "--jason"], "--jason", "? expected: polhode solvers"),
     (["solve"], "Missing argument 'SCENE'", "expected: polhode solve [OPTIONS] SCENE"),
     (["solve", "scene.toml", "--out"], "'--out'", "requires an argument"),
     (
@@ -204,7 +204,7 @@ BAD_ARGUMENTS = [
     (
         ["solve", "scene.toml", "--out", "a.csv", "--sample", "3"],
         "--sample",
-        "Did you mean one of: '--samples'",
+        "--samples",
     ),
     (["report", "--out", "scene.toml"], "--out", "Directory 'scene.toml' is a file"),
     (

@@ -7,7 +7,7 @@ from math import isnan, nan
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner
+from commandline import runner
 from matplotlib.legend import Legend
 
 from polhode.harness.analysis.in_full import planned_in_full, ran_in_full
@@ -366,7 +366,7 @@ def test_resume_tells_how_much_is_ahead_and_shows_no_cases_of_an_older_study(tmp
         for case in (case for batch in study.batches() for case in batch):
             store.put(case.key, case.content, result)
     file.write_text(STUDY.replace("[1.0, 10.0]", "[1.0]"), encoding="utf-8")
-    done = CliRunner().invoke(regimes, [str(file), "--out", str(out), "--resume"])
+    done = runner().invoke(regimes, [str(file), "--out", str(out), "--resume"])
     assert done.exit_code == 0
     assert "holds 1 of 1 cases, 0 are measured now" in done.stderr
     assert pd.read_csv(out / "runs.csv")["stokes"].tolist() == [1.0]

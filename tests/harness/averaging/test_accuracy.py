@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from commandline import runner
 
 from polhode.harness.answers import averaging_laws
 from polhode.harness.answers.confirmed import confirmation
@@ -433,17 +434,17 @@ def test_the_command_measures_writes_and_goes_on(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(random_study, "QUICK_BODIES", {10.0: 1})
     monkeypatch.chdir(tmp_path)
     options = ["accuracy", "--quick", "--quiet", "--workers", "0"]
-    outcome = CliRunner().invoke(polhode, [*options, "--json"])
+    outcome = runner().invoke(polhode, [*options, "--json"])
     assert outcome.exit_code == 0, outcome.output
     assert len(json.loads(outcome.stdout)["references"]) == len(KINDS)
     assert "reports/accuracy-quick/README.md" in outcome.stderr
     written = tmp_path / "reports" / "accuracy-quick" / "README.md"
     before = written.read_text(encoding="utf-8")
     monkeypatch.setattr(random_study, "measure", None)
-    outcome = CliRunner().invoke(polhode, [*options, "--resume"])
+    outcome = runner().invoke(polhode, [*options, "--resume"])
     assert outcome.exit_code == 0, outcome.output
     folder = ["--out", str(written.parent)]
-    outcome = CliRunner().invoke(polhode, ["accuracy", "--page-only", *folder])
+    outcome = runner().invoke(polhode, ["accuracy", "--page-only", *folder])
     assert outcome.exit_code == 0, outcome.output
     after = written.read_text(encoding="utf-8")
     assert (

@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import isnan, nan
 
 from click.testing import CliRunner
+from commandline import runner
 
 from polhode.harness.averaging import hybrid, second_order
 from polhode.harness.averaging.cases import RESONANT
@@ -194,7 +195,7 @@ def test_options_that_make_no_sense_are_one_line(tmp_path):
 
 def test_the_page_alone_is_the_page_that_was_measured(tmp_path):
     write_study(STUDY, tmp_path)
-    outcome = CliRunner().invoke(
+    outcome = runner().invoke(
         polhode, ["accuracy", "--order", "2", "--page-only", "--out", str(tmp_path)]
     )
     assert outcome.exit_code == 0

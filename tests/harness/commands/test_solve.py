@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from commandline import SCENE, SCRIPT, Run
+from commandline import SCENE, SCRIPT, Run, runner
 from scipy.spatial.transform import Rotation
 
 from polhode.harness.commands.solve import solve
@@ -378,7 +377,7 @@ def test_ctrl_c_in_the_second_look_keeps_the_whole_run(
 
     monkeypatch.setattr("polhode.harness.answers.confirmed.confirmation", interrupted)
     out = scene_file.with_name("out.csv")
-    found = CliRunner().invoke(
+    found = runner().invoke(
         solve, [str(scene_file), *map(str, GIVEN), "--samples", "11", "--out", str(out)]
     )
     assert found.exit_code == 0, found.output
@@ -559,7 +558,7 @@ def test_a_full_disk_is_said_of_the_file_that_met_it(
 
     monkeypatch.setattr("polhode.harness.commands.solve.write_file", full)
     out = tmp_path / "a.csv"
-    found = CliRunner().invoke(
+    found = runner().invoke(
         solve, ["paper", *map(str, GIVEN), "--samples", "11", "--out", str(out)]
     )
     assert f"{out}.json: No space left on device, expected room" in found.stderr
@@ -567,7 +566,7 @@ def test_a_full_disk_is_said_of_the_file_that_met_it(
 
 @pytest.mark.parametrize("way", [["--form", "quaternion"], ["--solver", "taylor"], []])
 def test_an_error_below_double_precision_is_refused_in_one_line(scene_file: Path, way: list[str]):
-    found = CliRunner().invoke(solve, [str(scene_file), "--error", "1e-20", *way])
+    found = runner().invoke(solve, [str(scene_file), "--error", "1e-20", *way])
     assert found.exit_code == 2
     assert "not attainable in double precision" in found.stderr
 
@@ -582,6 +581,6 @@ def test_a_track_that_ends_with_the_run_cannot_be_gone_on_along(tmp_path: Path):
         "[start]\nquaternion = [1, 0, 0, 0]\nangular_velocity = [0.1, 0.2, 0.3]\n"
     )
     words = [str(scene), "--samples", "3", "--restart", str(tmp_path / "next.toml")]
-    found = CliRunner().invoke(solve, words)
+    found = runner().invoke(solve, words)
     assert found.exit_code == 2
     assert "--restart: got a track to t = 6, expected one to t = 12" in found.stderr

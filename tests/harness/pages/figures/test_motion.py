@@ -15,7 +15,7 @@ from polhode.harness.pages.figures.motion import TILT, TURN, body, tumbling
 def test_the_outline_is_that_of_the_ellipsoid(semi_axes: tuple[float, float, float]):
     import matplotlib.pyplot as plt
 
-    rotation = Rotation.random(rng=np.random.default_rng(1)).as_matrix()
+    rotation = Rotation.from_quat(np.random.default_rng(1).normal(size=4)).as_matrix()
     drawing, axes = plt.subplots()
     body(axes, np.array(semi_axes), rotation)
     corners = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
