@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from polhode.harness.analysis.frames import read_csv
 from polhode.harness.answers.confirmed import confirmation
 from polhode.harness.answers.rules import Method
 from polhode.harness.answers.runs import Runner
@@ -548,7 +549,7 @@ def read_data(folder: Path) -> Data:
             text = read_file(path).decode()
         except OSError as error:
             raise ValueError(f"{path}: {error.strerror}, expected a table of the study") from None
-        tables.append(pd.read_csv(StringIO(text)))
+        tables.append(read_csv(StringIO(text)))
     for name in ("method", "failure", "refused"):
         for table in tables:
             if name in table:

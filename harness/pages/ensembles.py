@@ -16,6 +16,7 @@ from typing import Any
 
 import pandas as pd
 
+from polhode.harness.analysis.frames import read_csv
 from polhode.harness.common.files import PartialFile, dumps, loads, read_file, write_file
 from polhode.harness.common.machine import made_lines, provenance
 from polhode.harness.common.store import Store
@@ -102,7 +103,7 @@ def redraw(sweep: Sweep, folder: Path) -> Path:
     if not (folder / "distributions.csv").is_file():
         raise ValueError(f"{folder / 'distributions.csv'}: no such file, expected those of a sweep")
     tables: dict[str, Any] = {
-        name: pd.read_csv(folder / name) if (folder / name).is_file() else pd.DataFrame()
+        name: read_csv(folder / name) if (folder / name).is_file() else pd.DataFrame()
         for name in _DRAWN
     }
     shapes = tables["distributions.csv"].groupby(["a", "b", "c"], sort=False)

@@ -20,6 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from polhode.harness.analysis.frames import read_csv
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record
@@ -59,7 +60,7 @@ def write_page(folder: Path, command: str) -> Path:
 
 def read_tables(folder: Path) -> dict[str, Any]:
     """The tables of a page, each under its name."""
-    return {name: pd.read_csv(folder / f"{name}.csv") for name in measure.TABLES}
+    return {name: read_csv(folder / f"{name}.csv") for name in measure.TABLES}
 
 
 def page(folder: Path, command: str) -> str:

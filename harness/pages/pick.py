@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from polhode.harness.analysis.frames import read_csv
 from polhode.harness.answers import heldout
 from polhode.harness.answers.heldout import Evaluation, break_even, judged
 from polhode.harness.common.files import write_file
@@ -73,7 +73,7 @@ def rewrite_page(folder: Path) -> Path:
     made = made_lines(folder / "README.md")
     page = (folder / "README.md").read_text(encoding="utf-8")
     said = re.search(r"Scenes without a reference were left out: (.*?)\.\n", page)
-    scenes, runs = (pd.read_csv(folder / f"{name}.csv") for name in ("scenes", "runs"))
+    scenes, runs = (read_csv(folder / f"{name}.csv") for name in ("scenes", "runs"))
     for words in ("refusal", "best"):
         scenes[words] = scenes[words].astype(object).where(scenes[words].notna(), "")
     # The page gives a count for each reason: made-up keys, all different, stand for the scenes.

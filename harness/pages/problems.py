@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import where
+from polhode.harness.analysis.frames import read_csv, where
 from polhode.harness.analysis.pareto import TIE, costs
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import made_lines, provenance
@@ -35,7 +35,7 @@ def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
 def rewrite_page(folder: Path) -> Path:
     """Write page and figures anew from `runs.csv`, with machine and versions of the old page."""
     made = made_lines(folder / "README.md")
-    runs = pd.read_csv(BytesIO(read_file(folder / "runs.csv"))).fillna({"message": ""})
+    runs = read_csv(BytesIO(read_file(folder / "runs.csv"))).fillna({"message": ""})
     return _write(runs, folder, made)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from polhode.harness.analysis.frames import frame, where, write_runs
+from polhode.harness.analysis.frames import frame, read_csv, where, write_runs
 from polhode.harness.analysis.in_full import HYBRID, ran_in_full
 from polhode.harness.analysis.pareto import TIE, Cell, Method, Standing, cells, standings
 from polhode.harness.common.files import read_file, write_file
@@ -65,7 +65,7 @@ def rewrite_page(study: Study, folder: Path) -> Path:
     page = folder / "README.md"
     if not page.is_file():
         raise ValueError(f"{page}: no such file, expected a page of `polhode regimes`")
-    runs = pd.read_csv(BytesIO(read_file(folder / "runs.csv")))
+    runs = read_csv(BytesIO(read_file(folder / "runs.csv")))
     return _write(study, runs, folder, made_lines(page))
 
 
@@ -200,7 +200,7 @@ def _time(cell: Cell) -> str:
 def read_cells(path: Path) -> Maps:
     """Cells of a file `cells.csv`, as `write_page` wrote it."""
     maps: dict[tuple[str, str], list[Cell]] = {}
-    table = pd.read_csv(
+    table = read_csv(
         BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""}
     )
     for row in table.to_dict("records"):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from polhode.harness.analysis.frames import read_csv
 from polhode.harness.common.files import digest, read_file, write_file
 from polhode.harness.common.machine import here
 from polhode.harness.common.store import Record
@@ -104,7 +105,7 @@ def judged(folder: Path, item: Item) -> Judged:
 
 def _table(content: bytes) -> Table:
     """A CSV file as a record array; all numbers are floats, as an integer column could hold no NaN."""
-    frame = pd.read_csv(BytesIO(content))
+    frame = read_csv(BytesIO(content))
     return frame.astype(dict.fromkeys(frame.select_dtypes("number"), float)).to_records(index=False)
 
 

@@ -19,6 +19,7 @@ from polhode.harness.analysis.frames import (
     by_stokes,
     frame,
     of_runs,
+    read_csv,
     rows_of,
     where,
 )
@@ -79,7 +80,7 @@ def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
     if not panels:
         return "", {}
     file = folder / "runs.csv"
-    runs = pd.read_csv(BytesIO(read_file(file))) if file.is_file() else pd.DataFrame()
+    runs = read_csv(BytesIO(read_file(file))) if file.is_file() else pd.DataFrame()
     reached = where(
         runs.reindex(columns=pd.Index(RUN_COLUMNS)),
         lambda frame: frame["status"] == Status.REACHED_END,
@@ -308,7 +309,7 @@ def read_studies(
     for name, path in paths.items():
         try:
             if path.suffix == ".csv":
-                runs = pd.read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
+                runs = read_csv(BytesIO(read_file(path)), dtype_backend="numpy_nullable")
             else:
                 runs = frame(read_export(path), {*NEEDED, *columns})
             studies[name] = of_runs(runs, path)
