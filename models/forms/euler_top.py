@@ -1,15 +1,24 @@
 """St = ∞: no torque, Euler's equations (`eulg`), solved in closed form."""
 
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
 
 import numpy as np
 
 from polhode.models.catalogue import reference_form
 from polhode.models.forms.quaternion import Quaternion
+from polhode.models.free_top.polhode import Rationals
 from polhode.models.free_top.torque_free import TorqueFree
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
+from polhode.models.shape import Ellipsoid
+
+
+def relative_inertia(ellipsoid: Ellipsoid) -> Rationals:
+    """Moments of inertia b² + c² and cyclic, of the scaled semi-axes a, b, c, without rounding."""
+    a, b, c = (Fraction(length) ** 2 for length in ellipsoid.scaled_axes)
+    return b + c, c + a, a + b
 
 
 def closed_form(top: TorqueFree, times: np.ndarray) -> np.ndarray:
@@ -36,7 +45,7 @@ class EulerTop(Quaternion):
     def problem(self, scene: Scene) -> Problem:
         self.check(scene)
         quaternion = self.require_orientation(scene).quaternion
-        top = TorqueFree(scene.ellipsoid.inertia, quaternion, scene.angular_velocity)
+        top = TorqueFree(relative_inertia(scene.ellipsoid), quaternion, scene.angular_velocity)
         # Without torque no flow matters.
         problem = super().problem(replace(scene, flow=None))
         return replace(problem, closed_form=partial(closed_form, top))

@@ -11,6 +11,8 @@ from polhode.models.libraries import IMPORTS
 from polhode.models.rotation import Triple
 from polhode.models.shape import Ellipsoid
 
+Rationals = tuple[Fraction, Fraction, Fraction]
+
 # Nodes of the midpoint rule over a quarter of a polhode: 1e-6 relative off the separatrix.
 _QUARTER_NODES = 32
 # Least square that is divided by, where a body is at rest.
@@ -122,9 +124,11 @@ def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
     ) / complete_k(m1)
 
 
-def exactly(numbers: Triple) -> tuple[Fraction, ...]:
-    """The rational numbers that floating-point numbers are."""
-    return tuple(exact(Long(number)) for number in numbers)
+def exactly(numbers: Triple | Rationals) -> tuple[Fraction, ...]:
+    """The rational numbers that floating-point numbers are; rational ones stay."""
+    return tuple(
+        number if isinstance(number, Fraction) else exact(Long(number)) for number in numbers
+    )
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from polhode.models.free_top.elliptic import (
     rounded,
     theta4_phase,
 )
-from polhode.models.free_top.polhode import Polhode, exactly
+from polhode.models.free_top.polhode import Polhode, Rationals, exactly
 from polhode.models.rotation import Quaternion, Triple
 
 
@@ -36,7 +36,9 @@ class TorqueFree:
     (2008) 2084), regular for every start.
     """
 
-    inertia: Triple  # about the body axes, positive, in any order
+    # Moments of inertia about the body axes, positive, in any unit and order. Their differences set the
+    # motion, so rational numbers are best: those of doubles are off by 1e-13 for almost equal moments.
+    inertia: Triple | Rationals
     quaternion: Quaternion  # of the start, q̇ = ½ q∘(0, ω); its norm may be off by 1e-6
     # Of the start, in body axes and any inverse unit of the requested times.
     angular_velocity: Triple
@@ -111,11 +113,10 @@ class TorqueFree:
         angle = theta4_phase(reduced, polhode.m, polhode.m1, polhode.n) - spin
         carried = angle[1:] - angle[0] + polhode.precession * t
         omega = np.stack([parity * cn, parity * sn, dn], axis=1) * np.array(polhode.amplitudes)
+        inertia = np.array([rounded(self._exact[0][axis]) for axis in order])
         # The rotation since the start: from the body at the start to the frame of L, about L by the
         # angle carried, and back to the body.
-        upright = _shortest_to_third(
-            omega * np.array([Long(self.inertia[axis]) for axis in order]) / polhode.momentum
-        )
+        upright = _shortest_to_third(omega * inertia / polhode.momentum)
         zero = np.zeros_like(t)
         about = np.stack([np.cos(carried / 2), zero, zero, np.sin(carried / 2)], axis=1)
         turn = _product(_product(upright[0] * np.array([1, -1, -1, -1]), about), upright[1:])
