@@ -47,6 +47,7 @@ def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
                 scene.slow_time,
                 False,
                 "the run is short",
+                phase_per_error=dephasing(scene) * scene.time,
                 turned=error_growth(scene) * scene.slow_time,
             ),
         )
@@ -57,6 +58,12 @@ def error_growth(scene: Scene) -> float:
     """`Path.error_growth` where a scene starts."""
     size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
     return speed(scene) * max(1.0, size * speed(scene))
+
+
+def dephasing(scene: Scene) -> float:
+    """`Path.dephasing`, at most, of bodies away from L² = 2EI₂."""
+    _, middle, high = sorted(scene.ellipsoid.inertia)
+    return high / middle
 
 
 def speed(scene: Scene) -> float:
@@ -75,7 +82,8 @@ class HybridPlan:
 
     `full` are the full equations. `segments` were foreseen at the time `since` from the run's
     state then. The segments before have taken `spent` of the requested error, of which full segments took
-    `spent_full`.
+    `spent_full`. `carried` is the part of `spent` that the foreseen segments do not know: all of it at the
+    time `since`, and what full segments have taken later.
     """
 
     scene: Scene
@@ -84,6 +92,7 @@ class HybridPlan:
     segments: tuple[PlannedSegment, ...] = ()
     spent: float = 0.0
     spent_full: float = 0.0
+    carried: float = 0.0
 
     def __call__(self, time: float, state: Array, tolerance: float) -> Segment:
         """Return the next segment."""
@@ -97,7 +106,7 @@ class HybridPlan:
             problem, states = second_order(self.scene, state)
         except NotAveragedError as refusal:
             return self._until_averaged(planned, time, state, tolerance, str(refusal))
-        angle = self.angle(end - time, planned.error) + planned.swing
+        angle = self.angle(planned) + planned.swing
         return Segment(
             problem,
             end,
@@ -114,7 +123,8 @@ class HybridPlan:
         """The plan with the segments from here on, for the error that is left."""
         error = ERROR_PER_TOLERANCE * tolerance
         left = max(error - self.spent, error / 10)
-        return replace(self, since=time, segments=foreseen(self.remaining(time, state), left))
+        segments = foreseen(self.remaining(time, state), left)
+        return replace(self, since=time, segments=segments, carried=self.spent)
 
     def _full(
         self, planned: PlannedSegment, time: float, end: float, state: Array, tolerance: float
@@ -129,6 +139,7 @@ class HybridPlan:
             segments=() if planned.decisive else later,
             spent=self.spent + cost,
             spent_full=self.spent_full + cost,
+            carried=self.carried + cost,
         )
         return Segment(
             replace(self.full, start=tuple(state.tolist())),
@@ -136,7 +147,7 @@ class HybridPlan:
             None,
             planned.reason,
             cost,
-            self.angle(end - time, cost),
+            self.angle(planned, cost),
             chosen,
             then,
         )
@@ -154,14 +165,15 @@ class HybridPlan:
             second_order=False,
             reason=reason,
             decisive=True,
+            phase=0.0,
+            phase_per_error=more * dephasing(remaining),
             turned=more * error_growth(remaining) / stokes,
         )
         return self._full(full, time, time + more, state, tolerance)
 
-    def angle(self, duration: float, error: float) -> float:
-        """Error in rad that angles gain in a duration from the error of L so far and a new one."""
-        _, middle, high = sorted(self.scene.ellipsoid.inertia)
-        return min(np.pi, (self.spent + error) * duration * high / middle)
+    def angle(self, planned: PlannedSegment, cost: float = 0.0) -> float:
+        """Error in rad that angles gain in a segment by errors of L and E: those before it, and a full one's cost."""
+        return min(np.pi, planned.phase + (self.carried + cost) * planned.phase_per_error)
 
     def remaining(self, time: float, state: Array) -> Scene:
         """The scene from a state of the full equations on, for the time that is left."""

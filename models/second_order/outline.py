@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from math import hypot, inf, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,6 +73,10 @@ class PlannedSegment:
     error: float = 0.0  # of L and E, over I_max, that averaging adds to the run's largest one
     decisive: bool = False  # whether the run behind it needs a new outline
     swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
+    # Error in rad that angles gain in the segment from what averaging has made of L and E since the outline's
+    # start, and per further error of L and E, over I_max.
+    phase: float = 0.0
+    phase_per_error: float = 0.0
     turned: float = 0.0  # its `Path.error_growth` summed over slow time, times what later kicks amplify an error by
 
 
@@ -170,6 +175,17 @@ class Ahead:
         return weight
 
 
+class AveragingErrors(NamedTuple):
+    """Errors of averaged segments at each time of a path, shape (m,) each; of L and E over I_max, of angles in rad."""
+
+    drifting: Array  # lasting ones of L and E, of all segments so far
+    passing: Array  # of L and E, at that time alone
+    # Of L and E, if a segment begins there: what the swing leaves out is an error of the slow state, and lasts.
+    offset: Array
+    at_once: Array  # of angles, at that time alone
+    lag: Array  # of angles, of the whole path so far
+
+
 # At extreme St and times estimates overflow; a run is not averaged where they are not finite.
 @once()
 @np.errstate(over="ignore", invalid="ignore")
@@ -199,8 +215,9 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         np.where(averaged, ratio, 0) for ratio in (path.swing, path.smaller, path.third)
     )
     # Step 3: resonances. The kicks that matter get full segments, whose ends miss some of the mode.
-    # Local errors are the passing ones of each time: the next order of the swing, and that.
-    local_errors = swing * np.hypot(smaller, path.fading) * path.scale
+    # Local errors are the passing ones of each time: the next order of the swing, its part beside resonances
+    # that are not passed, and what full segments miss.
+    local_errors = swing * np.hypot(smaller, path.fading) * path.scale + path.beside
     for kick, half in ahead.strong.items():
         cause[np.abs(times - kick.time) <= half] = len(reasons)
         reasons.append(f"resonance {kick.mode}")
@@ -231,10 +248,17 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     # The averaged segments state errors that last, and errors that pass.
     drifting = lasting_errors + kick_errors
     passing = np.where(cause == 0, local_errors + phase_errors, 0)
+    if scene.ellipsoid.kind == "triaxial":
+        at_once = np.where(passing > 0, passing / path.scale, 0)
+        errors = AveragingErrors(drifting, passing, passing, at_once, lag)
+    else:
+        # Where a spheroid starts, |L| is met to a higher order; its slow phase is not.
+        errors = AveragingErrors(drifting, passing, np.zeros_like(passing), path.swing, lag)
     orientation = pi
     if np.isfinite(path.swing).all():
-        orientation = min(pi, path.phase(drifting)[-1] + lag[-1] + path.swing.max())
-    segments = tuple(_segments(path, cause, reasons, drifting, passing, lag, amplification))
+        phase = path.phase(drifting + errors.offset[0])[-1]
+        orientation = min(pi, phase + lag[-1] + errors.at_once.max())
+    segments = tuple(_segments(path, cause, reasons, errors, amplification))
     return Outline(segments, kicks, float(orientation))
 
 
@@ -279,9 +303,7 @@ def _segments(
     path: Path,
     cause: Array,
     reasons: list[str],
-    drifting: Array,
-    passing: Array,
-    lag: Array,
+    errors: AveragingErrors,
     amplification: Array,
 ) -> Iterator[PlannedSegment]:
     """Segments of the run; those by second order last a while, unless it is the whole run."""
@@ -302,8 +324,16 @@ def _segments(
         else:
             ranges.append((first, last))
     gained = path.summed(path.error_growth * amplification)
+    phase_per_error = path.summed(path.dephasing) / path.torque_factor
+    drifting, passing, _, at_once, lag = errors
+    # Sum over the averaged segments so far.
+    offset = 0.0
     for first, last in ranges:
         part = slice(first, last + 1)
+        averaged = not between[first]
+        if averaged:
+            offset += errors.offset[first]
+        phase = path.phase(drifting + offset)
         numbers = [number for number in dict.fromkeys(between[first:last].tolist()) if number]
         if numbers:
             reason = "; ".join(dict.fromkeys(reasons[number] for number in numbers))
@@ -320,14 +350,26 @@ def _segments(
                 ends = (float(times[first]), float(times[until]))
                 turned = float(gained[until] - gained[first])
                 yield PlannedSegment(
-                    *ends, False, reason, decisive=decisive and until == last, turned=turned
+                    *ends,
+                    False,
+                    reason,
+                    decisive=decisive and until == last,
+                    phase=float(phase[until] - phase[first]),
+                    phase_per_error=float(phase_per_error[until] - phase_per_error[first]),
+                    turned=turned,
                 )
                 first = until
         else:
             error = drifting[part].max() - (drifting[first] if first else 0.0) + passing[part].max()
-            swing = lag[last] - lag[first] + path.swing[part].max()
+            swing = lag[last] - lag[first] + at_once[part].max()
             turned = gained[last] - gained[first]
             ends = float(times[first]), float(times[last])
             yield PlannedSegment(
-                *ends, True, error=float(error), swing=float(swing), turned=float(turned)
+                *ends,
+                True,
+                error=float(error),
+                swing=float(swing),
+                phase=float(phase[last] - phase[first]),
+                phase_per_error=float(phase_per_error[last] - phase_per_error[first]),
+                turned=float(turned),
             )

@@ -46,6 +46,10 @@ _MARGIN = 3.6
 # Third-order terms over first-order ones times the square of the damping in a radian; chosen by
 # trial.
 _DAMPED = 0.05
+# Error beside a resonance over the product of the mode's swing and the share by which it changes the mode's
+# frequency: 4 to 7 in random bodies. The slow start misses as much as the swing does later, and directions of L
+# swing more than |L|.
+_BESIDE = 5.0
 # Least speed at which the shear turns a body, in rad per unit of time.
 LEAST_SPEED = 0.5
 # Jump of a phase at L² = 2EI₂: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
@@ -229,13 +233,34 @@ class Path:
         """Errors of the angles, in rad: their rates miss the mean square of the swing, ρ²/2."""
         return self.summed(self.speed * swing**2 / 2) / self.torque_factor
 
+    @cached_property
+    def dephasing(self) -> Array:
+        """Rates, over St, at which angles go wrong by lasting errors of L and E, per error over I_max.
+
+        Such an error of e is a relative change of L, and a turn of the pose in rad, of e over `scale`.
+        """
+        _, middle, high = sorted(self.ellipsoid.inertia)
+        dephasing = high / middle / self.spin
+        unit = max(self.ellipsoid.inertia)
+        for longest, points, _ in self._sides:
+            size = self.size[points]
+            energy = self.slow[points, 3] / unit
+            by_momentum, by_energy = np.moveaxis(self.rates[points], 2, 0)
+            # At the same a², E follows L².
+            scaled = np.abs(by_momentum + by_energy * (2 * energy / size)[:, None])
+            # A turn of the pose changes x by up to 2 √(x (1 - x)), and so E at the same L.
+            fall = np.exp(-self.a2[points])
+            _, width = _range(self.ellipsoid, longest)
+            turn = unit * size * np.abs(width) * np.sqrt(fall * (1 - fall))
+            turned = np.abs(by_energy) * turn[:, None]
+            rate = (scaled + turned).max(axis=1) / self.spin[points]
+            dephasing[points] = np.maximum(dephasing[points], rate)
+        return dephasing
+
     def phase(self, error: Array) -> Array:
         """Errors of the angles, in rad: lasting errors of L and E make their rates wrong."""
-        # An error of L, over I_max, makes an error of ω of about I_max/I₂ times as much. The error of a
-        # fast body is that of E, which is |ω| times that of L: hence the spin. Beyond half a turn
-        # nothing is known of an angle.
-        speed = max(self.ellipsoid.inertia) / sorted(self.ellipsoid.inertia)[1] / self.torque_factor
-        return np.minimum(speed * self.summed(error / self.spin), pi)
+        # Beyond half a turn nothing is known of an angle.
+        return np.minimum(self.summed(error * self.dephasing) / self.torque_factor, pi)
 
     @property
     def error_growth(self) -> Array:
@@ -252,7 +277,6 @@ class Path:
 
     def _kicks(self, side: bool, points: Array, table: tables.Table) -> list[Kick]:
         """Kicks at one side's points, of which `points` are the indices."""
-        unit = max(self.ellipsoid.inertia)
         times = self.times
         a2 = self.a2
         # A path meets a resonance between neighbours, one above and one below its a².
@@ -268,27 +292,15 @@ class Path:
         when = times[at] + share * step
         drift = np.abs(a2[at + 1] - a2[at]) / step
         slow = self.slow[at] + share[:, None] * (self.slow[at + 1] - self.slow[at])
-        size = np.linalg.norm(slow[:, :3], axis=1)
+        rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
+        size, strength, along, turned = self._modes(side, slow, rates, table.resonances[which])
         # √(1/(St |D'|)), where D' is l `slope` times the rate of a².
         width = np.sqrt(self.torque_factor / (size * np.abs(slope) * drift))
-        # 2 √(2π) widths: a mode P changes L by this times P, and never for longer than the run.
-        lasting = 2 / unit * np.minimum(sqrt(2 * pi) * width, times[-1])
-        series = series_for(self.ellipsoid, side)
-        modes = modes_at(series, slow[:, :3], there, k1.astype(int), k2.astype(int))
-        # Changes of L (its size), of |L| and of y (complex), over I_max.
-        strength, grown, risen = (lasting * amplitude for amplitude in modes)
-        h = 2 * slow[:, 3] / size**2
-        fall = np.exp(-there)
-        # E = ½ l² h, so that its change is l h dl + ½ l² dh, with dh = (i₂ - i₃) x (1 - x) dy.
-        energy = (
-            size * h * grown
-            + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
-        )
-        along = np.stack([grown, energy], axis=1)
-        rates = self.rates[at] + share[:, None, None] * (self.rates[at + 1] - self.rates[at])
-        # Change of the mode's frequency, over St, that the kick's own change of L and E makes.
-        turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
-        bend = np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
+        # √(2π) widths, and never longer than the run.
+        lasting = np.minimum(sqrt(2 * pi) * width, times[-1])
+        strength = lasting * strength
+        along = lasting[:, None] * along
+        bend = lasting * np.abs(turned) * width / (sqrt(2 * pi) * self.torque_factor)
         return [
             Kick(
                 time=float(when[i]),
@@ -301,6 +313,61 @@ class Path:
             )
             for i in range(len(at))
         ]
+
+    @cached_property
+    def beside(self) -> Array:
+        """Passing errors of L and E, over I_max, beside resonances that the path comes near and does not pass.
+
+        Their modes swing L and E with an amplitude like 1/D, D their frequency. What the swing changes of
+        D is left out: in the distance in a², errors fall like its third power.
+        """
+        errors = np.zeros(len(self.times))
+        for longest, points, table in self._sides:
+            a2 = self.a2[points]
+            there = table.resonances[:, 2]
+            resonances = table.resonances[(there < a2.min()) | (there > a2.max())]
+            if not len(resonances):
+                continue
+            there, slope = resonances[:, 2:4].T
+            distances = np.abs(a2[:, None] - there)
+            # The strength of each mode is taken where the path is nearest to its resonance.
+            nearest = points[distances.argmin(axis=0)]
+            size, strength, _, turned = self._modes(
+                longest, self.slow[nearest], self.rates[nearest], resonances
+            )
+            # At unit distance: D in slow time, the amplitude of L, and the change of D over D.
+            frequency = size * np.abs(slope) / self.torque_factor
+            amplitude = strength / frequency
+            share = np.abs(turned) / self.torque_factor / frequency**2
+            errors[points] += _BESIDE * np.sum(amplitude * share / distances**3, axis=1)
+        return errors
+
+    def _modes(
+        self, side: bool, slow: Array, rates: Array, resonances: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """The modes of n resonances, rows of `Table.resonances`, in slow time.
+
+        `slow` is (L, E) and `rates` is `Path.rates`, shapes (n, 4) and (n, 2, 2), where each mode is met.
+        Returns |L|, the modes of L' and of (|L|', E') over I_max, and St D' by the latter: shapes (n,), (n,),
+        (n, 2) and (n,), D = k₁ν₁ + k₂ν₂ the frequency.
+        """
+        k1, k2, there = resonances[:, :3].T
+        unit = max(self.ellipsoid.inertia)
+        size = np.linalg.norm(slow[:, :3], axis=1)
+        series = series_for(self.ellipsoid, side)
+        modes = modes_at(series, slow[:, :3], there, k1.astype(int), k2.astype(int))
+        # A mode P exp(iφ) + c.c. has the amplitude 2P.
+        strength, grown, risen = (2 / unit * mode for mode in modes)
+        h = 2 * slow[:, 3] / size**2
+        fall = np.exp(-there)
+        # E = ½ l² h, so that its change is l h dl + ½ l² dh, with dh = (i₂ - i₃) x (1 - x) dy.
+        energy = (
+            size * h * grown
+            + 0.5 * size**2 * _range(self.ellipsoid, side)[1] * fall * (1 - fall) * risen
+        )
+        along = np.stack([grown, energy], axis=1)
+        turned = np.einsum("ki,kij,kj->k", np.stack([k1, k2], axis=1), rates, along)
+        return size, strength, along, turned
 
     def crossings(self) -> list[Kick]:
         """Jumps at L² = 2EI₂, as kicks by the phase α."""
