@@ -167,12 +167,15 @@ def stated(
 
     `apart` are the differences and `turns` the rotations of the run. `least` is a difference below which
     two runs agree by luck, `rounded_steps` is the rounding that steps add up, in eps. The upper end is
-    factor × max(difference, least) + rounding, `factor` that of the kind and family.
+    factor × max(difference, least) + rounding, `factor` that of the kind and family. The differences of
+    a closed form are its rounding already (`of_rounding`): nothing is added to them.
     """
     momentum = np.abs(observables.angular_momentum).max(axis=0)
     size = float(max(momentum.max(), np.abs(observables.energy).max())) / max(ellipsoid.inertia)
     ends: dict[str, Interval | None] = {"slow": None, "orientation": None}
-    rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
+    rounding = 0.0
+    if kind != "closed form":
+        rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
     # The phase adds up what rounding makes of L and E, so its rounding has a factor of the rotations more.
     units = {"slow": size, "orientation": pi * (1 + turns)}
     for want, largest in apart.largest.items():
