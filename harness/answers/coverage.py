@@ -480,7 +480,11 @@ def fitted(rows: Sequence[Record]) -> dict[str, dict[str, Any]]:
     growths: dict[str, Any] = {}
     steps: dict[str, Any] = {}
     for family, solver in _USUAL.items():
-        members = [row for row in rows if row.get("solver") == solver and row["form"] in _FULL]
+        members = [
+            row
+            for row in rows
+            if row.get("solver") == solver and row["form"] in _FULL and "left_out" not in row
+        ]
         growths[family] = _fitted_growth(members)
         if family != "implicit":
             steps[family] = _fitted_steps(members, steps_per_turn(family).order)
