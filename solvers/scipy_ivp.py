@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from polhode.models.libraries import IMPORTS
+from polhode.models.libraries import IMPORTS, version_of
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
@@ -183,12 +183,18 @@ class ScipySolver(Solver):
 
 
 def _for_lsoda(jacobian: Any, bands: tuple[int, int] | None) -> Callback:
-    """A Jacobian as LSODA takes it: a function of dense matrices, or of their bands."""
+    """A Jacobian as LSODA takes it: a function of dense matrices, or of their bands.
+
+    Before SciPy 1.16 as many rows as there are lower bands follow the bands: Fortran works in them.
+    """
+    release = tuple(map(int, str(version_of("scipy")).split(".")[:2]))
+    further = bands[0] if bands and release < (1, 16) else 0
 
     def of_state(t: float, y: np.ndarray) -> np.ndarray:
         matrix = jacobian(t, y) if callable(jacobian) else jacobian
         if bands:
-            return packed(matrix if hasattr(matrix, "diagonal") else dense(matrix), *bands)
+            rows = packed(matrix if hasattr(matrix, "diagonal") else dense(matrix), *bands)
+            return np.pad(rows, ((0, further), (0, 0))) if further else rows
         return dense(matrix)
 
     return of_state

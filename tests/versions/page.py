@@ -28,8 +28,7 @@ VERSIONS=platforms`).
 calls of `tests/versions/smoke.py` that give numbers: each form, each solver, `solve`, `pick`, `solve_ivp` and
 `WorkPrecision`. Python 3.11 runs all tests with the versions of `constraints.txt` at every change (`make test`).
 
-Old libraries leave two things wanting: before SciPy 1.16 LSODA fails with a Jacobian in bands, and before 1.17 it is
-Fortran, which prints warnings of its own.
+Before SciPy 1.17 LSODA is Fortran, which prints warnings of its own on standard output.
 
 """
 ARM_HEAD = """
