@@ -183,7 +183,7 @@ class AveragingErrors(NamedTuple):
     # Of L and E, if a segment begins there: what the swing leaves out is an error of the slow state, and lasts.
     offset: Array
     at_once: Array  # of angles, at that time alone
-    lag: Array  # of angles, of the whole path so far
+    lag: Array  # of angles, of the whole path so far: the swing's mean square, and kicks left out
 
 
 # At extreme St and times estimates overflow; a run is not averaged where they are not finite.
@@ -247,17 +247,18 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE
     # The averaged segments state errors that last, and errors that pass.
     drifting = lasting_errors + kick_errors
+    phase_of_kicks = _phase_of_kicks_left(ahead, path, averaged)
     passing = np.where(cause == 0, local_errors + phase_errors, 0)
     if scene.ellipsoid.kind == "triaxial":
         at_once = np.where(passing > 0, passing / path.scale, 0)
-        errors = AveragingErrors(drifting, passing, passing, at_once, lag)
+        errors = AveragingErrors(drifting, passing, passing, at_once, lag + phase_of_kicks)
     else:
         # Where a spheroid starts, |L| is met to a higher order; its slow phase is not.
         errors = AveragingErrors(drifting, passing, np.zeros_like(passing), path.swing, lag)
     orientation = pi
     if np.isfinite(path.swing).all():
         phase = path.phase(drifting + errors.offset[0])[-1]
-        orientation = min(pi, phase + lag[-1] + errors.at_once.max())
+        orientation = min(pi, phase + errors.lag[-1] + errors.at_once.max())
     segments = tuple(_segments(path, cause, reasons, errors, amplification))
     return Outline(segments, kicks, float(orientation))
 
@@ -281,6 +282,22 @@ def _errors_of_kicks_left(
             at = np.searchsorted(times, kick.time)
             errors[at] = hypot(errors[at], ahead.left[kick])
     return _RANDOM_PHASES * np.sqrt(np.cumsum(np.where(averaged, errors, 0) ** 2))
+
+
+def _phase_of_kicks_left(ahead: Ahead, path: Path, averaged: Array) -> Array:
+    """Error of α and β in rad, per time, by all kicks left out so far where the run is averaged, at random phases.
+
+    A kick changes E and |L| in a proportion of its own, which may change a², and so the rates of the angles,
+    by far more than an error of both alike does.
+    """
+    square = np.zeros(len(path.times))
+    for kick in ahead.left:
+        at = int(np.searchsorted(path.times, kick.time))
+        if not averaged[at]:
+            continue
+        turned = path.turned[at:] - path.turned_at(np.array([kick.time]))[0]
+        square[at:] += (np.abs(turned @ kick.along) ** 2).max(axis=1)
+    return _RANDOM_PHASES * np.sqrt(square)
 
 
 def _level_within(

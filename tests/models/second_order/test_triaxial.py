@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from observed import observed, slow_difference
+from observed import observed, orientation_difference, slow_difference
 from scipy.special import ellipkm1
 
 from polhode.harness.references.errors import errors
@@ -466,3 +466,18 @@ def test_the_estimate_counts_a_resonance_that_the_run_comes_near():
     assert true > 5 * next_order.max()
     # Statements allow twice the estimate (`harness/answers/fitted.json`).
     assert true < 2 * outline(scene).slow
+
+
+def test_the_estimate_of_angles_counts_a_kick_that_changes_their_rates():
+    """At a² = 4 a kick of 5e-7 of E, in a body of almost equal short axes, turns angles wrong by 0.02 rad."""
+    ellipsoid = Ellipsoid((0.30240710963615186, 1.0, 0.32475253897987844))
+    start = BodyStart(
+        (0.05852699986186155, 0.2766134535894867, 0.3134320363791867, -0.9065428540072789),
+        (1.165067742143294, -0.3350805591680041, 1.9152027365409579),
+    )
+    scene = Scene(ellipsoid, 11504068.492097879, start, 6299.08266787914)
+    foreseen = outline(scene)
+    assert foreseen.kicks
+    true = orientation_difference(observed(NAME, scene), observed("quaternion", scene))
+    assert true > 0.01
+    assert true < foreseen.orientation
