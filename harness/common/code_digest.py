@@ -1,0 +1,100 @@
+"""A short digest of the code that decides results: data that name another one were measured by other code.
+
+The digest is of `models`, `solvers` and `harness` as Python, TOML and JSON are read: comments, docstrings, line breaks
+and other formatting do not count. `harness/pages` and `harness/site` only show results, and do not count either.
+"""
+
+import ast
+import json
+import tomllib
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+# A clone, or the folder of the installed package: in both, the three folders stand beside each other.
+_ROOT = Path(__file__).resolve().parents[2]
+_FOLDERS = ("harness", "models", "solvers")
+# Results are shown there, not made.
+_SHOWING = ("harness/pages/", "harness/site/")
+# Files of words that are shown.
+_WORDS = ("models/files/our_words.toml", "solvers/statuses.toml")
+# Python, data, fitted factors that `solve` and `pick` use, and LLVM's code.
+_SUFFIXES = (".py", ".toml", ".json", ".ll")
+_DIGITS = (
+    12  # Hexadecimal digits; two of a million states of the code agree with a chance of 0.002.
+)
+
+
+@cache
+def code_digest() -> str:
+    """Twelve hexadecimal digits of the SHA-256 of today's code; computed once in a process, in about a second."""
+    return digest_of(_ROOT)
+
+
+def digest_of(root: Path) -> str:
+    """The digest of the code under a folder that holds `harness`, `models` and `solvers`.
+
+    All versions of Python give the same. `ast.dump` does not: which empty fields it writes differs from version to
+    version. `_append_tree` leaves out all of them.
+    """
+    paths_by_name: dict[str, Path] = {}
+    for folder in _FOLDERS:
+        for path in (root / folder).rglob("*"):
+            if path.suffix in _SUFFIXES:
+                paths_by_name[path.relative_to(root).as_posix()] = path
+    total = sha256()
+    for name in sorted(paths_by_name):
+        if name.startswith(_SHOWING) or name in _WORDS:
+            continue
+        content = _content(paths_by_name[name])
+        total.update(f"{name}\n{content}\n".encode())
+    return total.hexdigest()[:_DIGITS]
+
+
+def _content(path: Path) -> str:
+    """What a file says to the program that reads it."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        parts: list[str] = []
+        _append_tree(ast.parse(text), parts)
+        return " ".join(parts)
+    if path.suffix == ".toml":
+        return ascii(tomllib.loads(text))
+    if path.suffix == ".json":
+        return ascii(json.loads(text))
+    return text
+
+
+def _append_tree(node: object, parts: list[str]) -> None:
+    """Append the parts of a syntax tree in their order, without positions, empty fields and docstrings."""
+    if isinstance(node, list):
+        parts.append("[")
+        for item in node:
+            if not _does_nothing(item):
+                _append_tree(item, parts)
+        parts.append("]")
+    elif isinstance(node, ast.AST):
+        parts.append(f"{type(node).__name__}(")
+        for field in node._fields:
+            value: Any = getattr(node, field, None)
+            if isinstance(node, ast.JoinedStr):
+                # Python 3.12.1 ends some f-strings with an empty text.
+                value = [part for part in value if not _is_text(part) or part.value]
+            if value is not None and value != []:
+                parts.append(field)
+                _append_tree(value, parts)
+        parts.append(")")
+    else:
+        # Which characters `repr` escapes depends on Python's version of Unicode.
+        parts.append(ascii(node))
+
+
+def _does_nothing(node: object) -> bool:
+    """Whether a statement is a string alone, such as a docstring."""
+    return isinstance(node, ast.Expr) and _is_text(node.value)
+
+
+def _is_text(node: ast.expr) -> bool:
+    """Whether an expression is a string that stands in the source."""
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
