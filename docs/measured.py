@@ -39,8 +39,9 @@ def page() -> str:
 
 
 def _summary(counts: Counter[Maker], total: int) -> list[str]:
-    if len(counts) == 1 and all(next(iter(counts))):
-        return [f"All {total} pages were measured by {next(iter(counts))}."]
+    first = next(iter(counts))
+    if len(counts) == 1 and first.version and first.commit:
+        return [f"All {total} pages were measured by {first}."]
     lines = [f"- {maker}: {count} of {total} pages" for maker, count in sorted(counts.items())]
     return [
         "**The pages were not all measured by one commit: numbers of two pages may differ.**",

@@ -24,7 +24,7 @@ import pandas as pd
 from polhode.harness.analysis.equal_error import best_of_families
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.common.files import digest, dumps, write_file
-from polhode.harness.common.machine import surroundings, versions
+from polhode.harness.common.machine import surroundings, surroundings_of, versions
 from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.common.timing import Timing, collector_off, within
@@ -631,8 +631,8 @@ def run_problems(
             progress.advance()
     for record in store:
         if record["key"] in cases_by_key:
-            names = ("problem", "machine", "versions", "commit", "date")
-            kept = {name: record.get(name) for name in names}
+            kept = {name: record.get(name) for name in ("problem", "date")}
+            kept |= surroundings_of(record)
             all_rows += [{**row, **kept} for row in record["rows"]]
     return all_rows
 

@@ -31,7 +31,7 @@ from polhode.harness.answers.runs import Runner
 from polhode.harness.answers.statement import Difference, difference
 from polhode.harness.averaging.bodies import KINDS, Body, drawn
 from polhode.harness.common.files import digest, dumps, loads, read_file, write_file
-from polhode.harness.common.machine import surroundings
+from polhode.harness.common.machine import surroundings, surroundings_of
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.references.errors import attainable
@@ -596,12 +596,10 @@ def run(
 
 
 def _timed(records: Sequence[Record], old: Data | None) -> Record:
-    """Days, places and commits of all measurements, each once, under "errors", "errors 2" and so on."""
+    """Days, places, commits and code of all measurements, each once, under "errors", "errors 2" and so on."""
     entries = [*old.timed.values()] if old else []
-    for record in records:
-        places = {name: record.get(name) for name in ("machine", "versions", "commit")}
-        entries.append({"date": _day(record), **places})
-    # Entries of one day, place and commit are one: the last of them counts.
+    entries += [{"date": _day(record), **surroundings_of(record)} for record in records]
+    # Entries of one day, place, commit and code are one: the last of them counts.
     by_content = {dumps({**entry, "date": _day(entry)}): entry for entry in entries}
     timed = {}
     for number, entry in enumerate(by_content.values(), 1):

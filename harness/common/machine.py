@@ -1,4 +1,4 @@
-"""Which machine, versions, commit and day a number came from, and the lines of a page that say so."""
+"""Which machine, versions, commit, code and day a number came from, and the lines of a page that say so."""
 
 import os
 import platform
@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from polhode.harness.common.code_digest import code_digest
 from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
 from polhode.models.libraries import version_of
@@ -35,7 +36,8 @@ _DIGITS_OF_A_COMMIT = 9  # Hexadecimal digits that name a commit on a page.
 _UNKNOWN_VERSION = "of an unknown version"
 _NOT_KEPT = "not kept"
 _MAKER = re.compile(
-    rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_NOT_KEPT}),"
+    rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_NOT_KEPT})"
+    r"(?:, code ([0-9a-f]+))?,"
 )
 # Said on every page that a command writes.
 OVERWRITTEN = "Do not edit: the next run overwrites this page."
@@ -93,19 +95,32 @@ def _git(clone: Path, *words: str) -> str:
 
 
 def surroundings() -> dict[str, Any]:
-    """Machine, versions and commit of a measurement."""
-    return {"machine": machine(), "versions": versions(), "commit": commit()}
+    """Machine, versions, commit and digest of the code of a measurement."""
+    return {
+        "machine": machine(),
+        "versions": versions(),
+        "commit": commit(),
+        "code": code_digest(),
+    }
+
+
+def surroundings_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Machine, versions and commit of a record, and its code if it names one: earlier records do not."""
+    names = ["machine", "versions", "commit"]
+    if record.get("code"):
+        names.append("code")
+    return {name: record.get(name) for name in names}
 
 
 def here(**more: Any) -> dict[str, Any]:
-    """Date, machine, versions and commit of a measurement."""
+    """Date, machine, versions, commit and digest of the code of a measurement."""
     return {"date": now(), **surroundings(), **more}
 
 
 def provenance(command: str, records: Sequence[Mapping[str, Any]]) -> list[str]:
     """Lines that say how a page was made: by which command, when, on which machines, with which versions and commits.
 
-    Records without a date or a machine leave it out.
+    Records without a date, a machine or a digest of the code leave it out.
     """
     machines = dict.fromkeys(_place(record) for record in records if "machine" in record)
     makers = dict.fromkeys(map(_maker, records)) or [Maker("", "")]
@@ -138,23 +153,26 @@ def made_lines(page: Path) -> list[str]:
 
 
 class Maker(NamedTuple):
-    """The version and the commit of polhode that measured a page; each empty if it was not kept."""
+    """The version, the commit and the digest of the code that measured a page; each empty if it was not kept."""
 
     version: str
     commit: str
+    code: str = ""
 
     def __str__(self) -> str:
-        """Version and commit as pages say them: `_MAKER` reads this."""
+        """Version, commit and code as pages say them: `_MAKER` reads this."""
         version = self.version or _UNKNOWN_VERSION
-        return f"polhode {version}, commit {self.commit or _NOT_KEPT}"
+        words = f"polhode {version}, commit {self.commit or _NOT_KEPT}"
+        return f"{words}, code {self.code}" if self.code else words
 
 
 def makers_of(text: str) -> list[Maker]:
     """What measured a page, by the line that `provenance` wrote; empty if it has no such line."""
     line = re.search(r"^Measured (?:on|from) .*", text, re.MULTILINE)
     makers = []
-    for version, name in _MAKER.findall(line[0] if line else ""):
-        makers.append(Maker(version.replace(_UNKNOWN_VERSION, ""), name.replace(_NOT_KEPT, "")))
+    for version, name, code in _MAKER.findall(line[0] if line else ""):
+        kept_version = version.replace(_UNKNOWN_VERSION, "")
+        makers.append(Maker(kept_version, name.replace(_NOT_KEPT, ""), code))
     return makers
 
 
@@ -196,7 +214,7 @@ def _place(record: Mapping[str, Any]) -> str:
 
 def _maker(record: Mapping[str, Any]) -> Maker:
     version = record.get("versions", {}).get("polhode") or ""
-    return Maker(version, record.get("commit") or "")
+    return Maker(version, record.get("commit") or "", record.get("code") or "")
 
 
 def _processor() -> str:

@@ -18,8 +18,9 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from pydantic import Field, model_validator
 
 from polhode.harness.answers.averaging_laws import ORDER_ONE, most_error
+from polhode.harness.common.code_digest import code_digest
 from polhode.harness.common.files import digest, dumps
-from polhode.harness.common.machine import commit, machine
+from polhode.harness.common.machine import commit, machine, surroundings_of
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
 from polhode.harness.ensembles.engines import Engine
@@ -133,8 +134,8 @@ def in_random_order(count: int) -> Iterator[int]:
 
 
 def perform(task: Task) -> Record:
-    """Record of a task: its statistics, the machine it ran on, and that no times were taken."""
-    measured = {"machine": machine(), "commit": commit()}
+    """Record of a task: its statistics, the machine and the code that ran it, and that no times were taken."""
+    measured = {"machine": machine(), "commit": commit(), "code": code_digest()}
     return {"statistics": run_task(task), **measured, "timing": NO_TIMES}
 
 
@@ -178,14 +179,13 @@ def gather(ensemble: Ensemble, store: Store) -> Statistics:
 
 
 def surroundings(sweep: Sweep, store: Store) -> list[Record]:
-    """Days, machines and versions of a sweep's tasks, each once."""
+    """Days, machines, versions and code of a sweep's tasks, each once."""
     ensembles = {digest(ensemble.content) for ensemble in sweep.ensembles}
     names = sweep.ensembles[0].content.keys()
     entries = dict[str, Record]()
     for record in store:
         if digest({name: record.get(name) for name in names}) in ensembles:
-            entry = {name: record.get(name) for name in ("machine", "versions", "commit")}
-            entry["date"] = record["date"][:10]
+            entry = {**surroundings_of(record), "date": record["date"][:10]}
             entries[dumps(entry)] = entry
     return [*entries.values()]
 

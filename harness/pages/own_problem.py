@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from polhode.harness.analysis.equal_error import STUDY_TARGETS, over_table, seconds_to
 from polhode.harness.analysis.frames import rows_of, where
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import provenance
+from polhode.harness.common.machine import provenance, surroundings_of
 from polhode.harness.common.text import duration, in_two_digits, markdown, scientific, short
 from polhode.harness.pages.figures.style import looks, measured, save
 from polhode.harness.pages.figures.work_precision import (
@@ -105,7 +105,7 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
     study.to_json(folder / "runs.json")
     settings = study.settings()
     frame = study.frame
-    record = {name: settings[name] for name in ("machine", "versions", "commit")}
+    record = surroundings_of(settings)
     record["date"] = datetime.now(UTC).isoformat()
     made = provenance(command or "WorkPrecision.write", [record])
     note = conditions(frame, measured(made))

@@ -27,7 +27,9 @@ _PROFILED_TARGET = 1e-6
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
     """Write page, figures and `runs.csv` into a folder; return the page's path."""
-    table = pd.DataFrame(rows).drop(columns=["machine", "versions", "commit"])
+    noted = ["machine", "versions", "commit", "code"]
+    # Rows of earlier runs name no code.
+    table = pd.DataFrame(rows).drop(columns=noted, errors="ignore")
     write_file(folder / "runs.csv", table.to_csv(index=False))
     return _write(table, folder, provenance(command, rows))
 

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from PIL import Image
 
+from polhode.harness.common.code_digest import code_digest
 from polhode.harness.common.files import write_file
-from polhode.harness.common.machine import OVERWRITTEN, machine, makers_of, versions
+from polhode.harness.common.machine import OVERWRITTEN, Maker, machine, makers_of, versions
 from polhode.harness.pages.figures.style import few_colours
 from polhode.harness.pages.tables import fill, templates
 from polhode.harness.site.answers import QUESTION_TITLE, cost_page, question
@@ -151,14 +152,25 @@ def _report(name: str, text: str, names: list[str]) -> str:
 
 
 def _outdated(text: str) -> str:
-    """A warning above a page that another version than today's measured, by the page's own words."""
+    """A warning above a page that other code than today's measured, by the page's own words.
+
+    What names no code is judged by its version.
+    """
     line = re.search(r"^Measured .*", text, re.MULTILINE)
     if line is None:
         return ""
     # Pages of 0.1 name the version among the libraries.
-    measured = [maker.version for maker in makers_of(text)] or re.findall(
-        r"\bpolhode (\d[\w.]*\w)", line[0]
-    )
+    makers = makers_of(text) or [
+        Maker(version, "") for version in re.findall(r"\bpolhode (\d[\w.]*\w)", line[0])
+    ]
+    codes = dict.fromkeys(maker.code for maker in makers if maker.code)
+    # The digest takes a second: it is not computed for pages that name none.
+    other_codes = [code for code in codes if code != code_digest()]
+    if other_codes:
+        names = " and ".join(other_codes)
+        said = f"Measured by other code ({names}) than today's ({code_digest()})"
+        return f"{{.outdated}}\n{said}: numbers may differ.\n\n"
+    measured = [maker.version for maker in makers if not maker.code]
     today = versions().get("polhode", "")
     others = [version for version in measured if _release(version) != _release(today)]
     if not others:

@@ -5,6 +5,7 @@ from subprocess import run
 
 import pytest
 
+from polhode.harness.common.code_digest import code_digest
 from polhode.harness.common.machine import (
     Maker,
     commit,
@@ -13,6 +14,7 @@ from polhode.harness.common.machine import (
     makers_of,
     provenance,
     surroundings,
+    surroundings_of,
 )
 
 ONE = {
@@ -62,6 +64,17 @@ def test_a_page_names_every_version_and_commit_that_measured_it():
         Maker("", ""),
     ]
     assert makers_of("Measured on Monday.") == []
+
+
+def test_a_page_names_the_code_that_measured_it_beside_the_commit():
+    old = {**ONE, "commit": "a" * 9}
+    new = {**old, "code": "0123456789ab"}
+    line = provenance("", [old, new])[2]
+    assert "commit aaaaaaaaa, and polhode 1, commit aaaaaaaaa, code 0123456789ab, on One" in line
+    assert makers_of(line) == [Maker("1", "a" * 9), Maker("1", "a" * 9, "0123456789ab")]
+    assert "code" not in surroundings_of(old)
+    assert surroundings_of({**new, "seconds": 1.0}) == new
+    assert surroundings()["code"] == code_digest()
 
 
 def test_a_commit_is_of_the_clone_and_tells_changes_of_code(

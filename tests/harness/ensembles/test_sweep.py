@@ -576,11 +576,12 @@ def test_a_page_says_when_and_where_its_tasks_ran(tmp_path: Path):
         then.setattr("polhode.harness.common.store.now", lambda: "2020-02-03T04:05:06Z")
         then.setattr("polhode.harness.ensembles.sweep.machine", lambda: where)
         then.setattr("polhode.harness.ensembles.sweep.commit", lambda: "a" * 9)
+        then.setattr("polhode.harness.ensembles.sweep.code_digest", lambda: "b" * 12)
         page_of(AVERAGED, tmp_path)
     # Taken up on another day and machine, where nothing is left to do.
     text = page_of(AVERAGED, tmp_path)
     assert "Measured on 2020-02-03 by polhode " in text
-    assert f", commit {'a' * 9}, on abacus, 1 cores, wood, Python 3.11 (" in text
+    assert f", commit {'a' * 9}, code {'b' * 12}, on abacus, 1 cores, wood, Python 3.11 (" in text
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -71,6 +71,31 @@ def test_a_page_warns_by_each_version_that_measured_it(monkeypatch: pytest.Monke
     assert sources._outdated("\n".join(provenance("", records[1:]))) == ""
 
 
+def test_a_page_that_other_code_measured_says_so_in_red(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(sources, "versions", lambda: {"polhode": "0.2.0"})
+    monkeypatch.setattr(sources, "code_digest", lambda: "a" * 12)
+    record = {"versions": {"polhode": "0.2.0"}}
+    records_by_page = {
+        "today": [{**record, "code": "a" * 12}],
+        "other": [{**record, "code": "a" * 12}, {**record, "code": "b" * 12}],
+        # Today's code under the name of an earlier version, and data that name none.
+        "renamed": [{"versions": {"polhode": "0.1.0"}, "code": "a" * 12}],
+        "unnamed": [record],
+    }
+    reports = tmp_path / "reports"
+    for name, records in records_by_page.items():
+        (reports / name).mkdir(parents=True)
+        text = "\n".join(["# Page", "", *provenance("polhode bench", records)])
+        (reports / name / "README.md").write_text(text, encoding="utf-8")
+    pages = site(tmp_path / "site", reports)
+    red = f'<p class="outdated">Measured by other code ({"b" * 12}) than today'
+    assert red in pages["reports/other/README"]
+    for name in ("today", "renamed", "unnamed"):
+        assert "outdated" not in pages[f"reports/{name}/README"]
+
+
 def links_of(page: str) -> set[str]:
     """Addresses that a page loads or leads to."""
     return {unescape(link) for link in re.findall(r'(?:src|href|action)="([^"]*)"', page)}
