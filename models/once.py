@@ -3,8 +3,8 @@
 The latest ones are cached.
 
 A call that finds its result takes no lock. Threads that miss the same result wait for the one that
-computes it, those that miss others do not. A result lives as long as somebody holds it: whoever
-calls machine code holds the object that owns it, so that a result may leave the cache at any time.
+computes it, those that miss others do not. A result may leave the cache at any time. For machine
+code that is safe: callers keep the object that owns the code.
 """
 
 from collections.abc import Callable
@@ -16,9 +16,10 @@ from typing import Any, Generic, ParamSpec, TypeVar
 P = ParamSpec("P")
 R = TypeVar("R")
 
-# Results of one function that are cached; a compiled field takes 0.8 MB.
+# Results of one function that are cached. An estimate that bounds memory: a compiled field takes
+# 0.8 MB.
 _MAX_CACHED = 64
-# Results for one thread; an integrator of heyoka takes 0.2 to 0.7 MB.
+# Results for one thread. An estimate that bounds memory: an integrator of heyoka takes 0.2 to 0.7 MB.
 _MAX_CACHED_IN_THREAD = 16
 
 # Counts the uses of all results, so that the latest use has the largest number.
@@ -28,12 +29,15 @@ _clock = count()
 class _Entry:
     """A result, or the place where it will be."""
 
-    __slots__ = ("last_use", "lock", "ready", "value")
+    __slots__ = ("failed", "last_use", "lock", "ready", "value")
 
     def __init__(self) -> None:
-        # Held by the thread that computes the result; the function may come here again for others.
+        # Held by the thread that computes the result. A function that asks for the very result that it
+        # computes gets a RecursionError; with a plain Lock it would wait for itself without end.
         self.lock = RLock()
         self.ready = False
+        # The computation raised an exception, and the entry has left the cache.
+        self.failed = False
         self.value: Any = None
         self.last_use = next(_clock)
 
@@ -44,10 +48,13 @@ class Once(Generic[P, R]):
     def __init__(self, function: Callable[P, R], size: int = _MAX_CACHED) -> None:
         self.function = function
         self.size = size
-        self.__wrapped__ = function
         self._entries: dict[tuple[Any, ...], _Entry] = {}
-        # Held while entries are added, or dropped as too many; results are computed under the entry's lock.
+        # Held while entries are added, or dropped by `_trim` and `cache_clear`. Results are computed
+        # under the entry's lock. Meanwhile the garbage collector may run a finaliser that asks for a
+        # result in the same thread, which a plain Lock would stop for good.
         self._lock = RLock()
+        # `update_wrapper` sets both again, where type checkers do not see it.
+        self.__wrapped__ = function
         self.__qualname__ = function.__qualname__
         update_wrapper(self, function)
 
@@ -69,30 +76,52 @@ class Once(Generic[P, R]):
         return len(self._entries)
 
     def cache_clear(self) -> None:
-        """Forget all results."""
-        self._entries.clear()
+        """Forget all results, but for those that a thread is computing: these will be cached."""
+        with self._lock:
+            for key, entry in self._entries.copy().items():
+                if entry.ready:
+                    self._entries.pop(key, None)
 
     def _computed(self, key: tuple[Any, ...], *arguments: P.args, **named: P.kwargs) -> _Entry:
         """The entry of a key with its result, computed here unless another thread does or did."""
+        entry = self._entry(key)
+        while not entry.ready:
+            with entry.lock:
+                if not (entry.ready or entry.failed):
+                    self._compute(entry, key, *arguments, **named)
+            if entry.failed:
+                # The thread that this one waited for has failed: this one tries, as another may.
+                entry = self._entry(key)
+        self._trim()
+        return entry
+
+    def _entry(self, key: tuple[Any, ...]) -> _Entry:
+        """The entry of a key in the cache, added if there is none."""
         with self._lock:
             entry = self._entries.get(key)
             if entry is None:
                 stored = tuple(map(self._stored, key))
                 entry = self._entries[stored] = _Entry()
-        with entry.lock:
-            if not entry.ready:
-                try:
-                    entry.value = self.function(*arguments, **named)
-                except BaseException:
-                    # An exception is not cached: the next one that asks tries again.
-                    self._entries.pop(key, None)
-                    raise
-                entry.ready = True
-        self._trim()
-        return entry
+            return entry
+
+    def _compute(
+        self, entry: _Entry, key: tuple[Any, ...], *arguments: P.args, **named: P.kwargs
+    ) -> None:
+        """Compute an entry's result. An exception is not cached: the entry leaves the cache."""
+        try:
+            entry.value = self.function(*arguments, **named)
+        except BaseException:
+            entry.failed = True
+            self._entries.pop(key, None)
+            raise
+        entry.ready = True
 
     def _stored(self, part: Any) -> Any:
-        """An argument as the cache holds it; a result dies with an argument held weakly."""
+        """An argument as the cache holds it.
+
+        An argument with a method `weakly` (`own_function.OwnField`) is held by a weak reference; when
+        it dies its results are dropped.
+        """
         weakly = getattr(part, "weakly", None)
         return part if weakly is None else weakly(self._forget)
 

@@ -2,7 +2,7 @@ import gc
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from threading import Barrier, Thread
+from threading import Barrier, Event, Thread
 from weakref import ref
 
 import numpy as np
@@ -65,6 +65,51 @@ def test_an_exception_is_raised_and_not_cached():
         sometimes(3)
     fails[0] = False
     assert sometimes(3) == 3
+
+
+@pytest.mark.parametrize("cleared", [False, True])
+def test_an_exception_or_a_cleared_cache_starts_no_second_computation(cleared: bool):
+    """The first computation is disturbed while another thread waits for its result; then a third asks."""
+    running = []
+    most_running = []
+    disturbed = Event()
+
+    @once()
+    def slow(key: int) -> object:
+        running.append(key)
+        most_running.append(len(running))
+        first = len(most_running) == 1
+        try:
+            if first:
+                disturbed.wait(10)
+            else:
+                time.sleep(0.2)
+            if first and not cleared:
+                raise ValueError("not yet")
+            return object()
+        finally:
+            running.pop()
+
+    with ThreadPoolExecutor(3) as pool:
+        first = pool.submit(slow, 1)
+        while not most_running:
+            time.sleep(0.001)
+        second = pool.submit(slow, 1)
+        time.sleep(0.05)
+        if cleared:
+            slow.cache_clear()
+            third = pool.submit(slow, 1)
+            time.sleep(0.05)
+            disturbed.set()
+        else:
+            disturbed.set()
+            with pytest.raises(ValueError, match="not yet"):
+                first.result()
+            third = pool.submit(slow, 1)
+        results = {second.result(), third.result()}
+    assert max(most_running) == 1
+    assert results == {slow(1)}
+    assert len(most_running) == (1 if cleared else 2)
 
 
 def test_results_not_used_for_the_longest_time_go_first():
