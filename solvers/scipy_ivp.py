@@ -34,12 +34,13 @@ from polhode.solvers.unwarned import UNWARNED
 
 Callback = Callable[[float, np.ndarray], np.ndarray]
 
-# Right-hand sides with which an explicit method chooses its first step: SciPy's
-# `select_initial_step` takes one at the start, and one a trial step later.
-_START_CALLS = 2
+# Right-hand sides before the first attempted step of an explicit method: its constructor takes one,
+_START_CALLS = 1
+# and `select_initial_step` one more, a trial step later, unless the caller gives the first step.
+_FIRST_STEP_CALLS = 1
 # Steps in a row that do not advance the time, after which a run has stalled; an estimate.
 _STALLED = 1000
-# Steps between two looks at how far a run has come: a second at most.
+# Progress is checked every 5000 steps, so at least once a second.
 _LOOK = 5000
 
 _lsoda_lock = RLock()
@@ -80,7 +81,7 @@ class ScipySolver(Solver):
     shows_steps = True
     method: ClassVar[str]  # SciPy's name of its class
     # Right-hand sides per attempted step of an explicit method, None of others; and those per step
-    # that is interpolated.
+    # that is interpolated. Values of these three stand in `methods.toml`, which `methods` reads.
     attempt: ClassVar[int | None] = None
     interpolation: ClassVar[int] = 0
 
@@ -90,7 +91,8 @@ class ScipySolver(Solver):
         counting = settings.count or problem.plain
         # Explicit methods and LSODA count all right-hand sides, others not those for Jacobians.
         counts_all = self.attempt is not None or self.method == "LSODA"
-        # A function in plain Python is counted by the method where that counts all of them.
+        # SciPy's `nfev` serves where the user's function is plain Python and SciPy counts all calls;
+        # elsewhere `counted` counts.
         counts_here = counting and not (problem.plain and counts_all)
 
         def integrate(record: Record) -> Outcome:
@@ -116,6 +118,8 @@ class ScipySolver(Solver):
                 work.factorizations = int(stepper.nlu)
             if self.attempt and work.steps:
                 beside_attempts = _START_CALLS + self.interpolation * interpolated
+                if settings.first_step is None:
+                    beside_attempts += _FIRST_STEP_CALLS
                 attempts = (stepper.nfev - beside_attempts) // self.attempt
                 work.rejected = attempts - work.steps
             return outcome
@@ -125,9 +129,10 @@ class ScipySolver(Solver):
     def bind(
         self, problem: Problem, settings: Settings
     ) -> tuple[Callback, dict[str, Any], list[Any]]:
-        """The field as ``fun(t, y)``, options of SciPy's class, and the arrays or lists of parameters that both read.
+        """The field as ``fun(t, y)``, options of SciPy's class, and arrays of parameters.
 
-        Parameters that change on the way are changed in each of these.
+        The field reads one of these arrays, the Jacobian the other. Parameters that change on the way
+        are changed in both.
         """
         options: dict[str, Any] = {
             "rtol": settings.rtol,
@@ -216,6 +221,7 @@ class _Step:
 def _failure_of(error: ArithmeticError | ValueError) -> Outcome:
     """How a step failed that raised an error; raises a field's own ones again."""
     known = isinstance(error, (ArithmeticError, np.linalg.LinAlgError))
+    # The message of SciPy's linear algebra with `check_finite`.
     if not known and "infs or NaNs" not in str(error):
         raise error
     return Status.NON_FINITE, str(error)
@@ -268,8 +274,8 @@ def _step_through(stepper: Any, record: Record) -> tuple[Outcome, int]:
             return (Status.STEP_UNDERFLOW, f"stalled at t = {reached!r}"), interpolated
         before = reached
         if taken is not None:
-            # Rows are the steps themselves, which the caller takes from this list. The record's
-            # only row besides the start is the end, which is a step's.
+            # The caller wants the solver's own steps: collect them. Besides the start only the end
+            # is a row.
             taken.append((reached, stepper.y))
             if next_row <= reached:
                 record.put(stepper.y[None])

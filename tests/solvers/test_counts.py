@@ -80,8 +80,11 @@ def test_counting_changes_nothing(name: str):
     assert counted.work.steps > 0
 
 
-@pytest.mark.parametrize(("name", "order"), [("rk45", 4), ("dop853", 7)])
-def test_rejected_steps_are_those_that_scipy_takes_back(name: str, order: int, monkeypatch):
+@pytest.mark.parametrize("first_step", [None, 0.5])
+@pytest.mark.parametrize("name", ["rk45", "dop853"])
+def test_rejected_steps_are_those_that_scipy_takes_back(
+    name: str, first_step: float | None, monkeypatch
+):
     """Counted by wrapping SciPy's own attempt at a step."""
     import scipy.integrate._ivp.rk as rk
 
@@ -92,7 +95,7 @@ def test_rejected_steps_are_those_that_scipy_takes_back(name: str, order: int, m
         return attempt(*arguments)
 
     monkeypatch.setattr(rk, "rk_step", counted)
-    work = solve(RIGID_BODY, name, 1e-5, TIMES).work
+    work = solve(RIGID_BODY, name, 1e-5, TIMES, first_step=first_step).work
     assert work.rejected == attempts[0] - work.steps > 0
 
 
