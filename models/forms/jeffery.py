@@ -107,7 +107,10 @@ class JefferyOrbit:
         return hypot(sine, py), pz, np.arctan2(np.longdouble(-sine), np.longdouble(-py))
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """Unit quaternions, shape (n, 4), at times of shape (n,); the phase is carried in long double."""
+        """Unit quaternions, shape (n, 4), at times of shape (n,), in inverse shear rates.
+
+        The phase is carried in long double.
+        """
         s, z, start = self._ellipse
         ratio = np.longdouble(self.axial) / np.longdouble(self.equatorial)
         tau = np.concatenate([[start], start + times.astype(np.longdouble) / (ratio + 1 / ratio)])
@@ -146,7 +149,8 @@ def _spin_integral(
     with IMPORTS:
         from scipy.special import elliprf, elliprj
 
-    # Sums of positive terms alone: a thin disc would lose its digits to a difference.
+    # `x`, `y` and `weight` are written as sums of positive terms. For a thin disc 1 - k² sin², with
+    # k² = 1 - κ², would lose digits to cancellation. The result is a difference of two integrals.
     x = cosine**2
     weight = cosine**2 + (kappa * sine) ** 2
     y = along + across * weight
@@ -155,8 +159,9 @@ def _spin_integral(
 
 def _turned_about_third(q: np.ndarray, given: np.ndarray) -> np.ndarray:
     """Quaternions, shape (n, 4), all turned about the third body axis by the angle that makes the first one `given`."""
-    # The turn by an angle ψ multiplies q from the right by (cos ψ/2, 0, 0, sin ψ/2), whose components
-    # in q₀⁻¹ `given` these are but for rounding.
+    # The turn by an angle ψ multiplies q from the right by (cos ψ/2, 0, 0, sin ψ/2). Of q₀⁻¹ `given`,
+    # with q₀ the first quaternion here, c is the scalar and s the third component. The other two are
+    # rounding.
     c = float(q[0] @ given)
     s = float(q[0] @ np.array([given[3], -given[2], given[1], -given[0]]))
     size = hypot(c, s)
@@ -182,7 +187,9 @@ def _speed(turning: Factory) -> Factory:
     return speed
 
 
-# The fields with the angle ∫|Ω_J| dt beside the state, which counts the rotations of a run.
+# The fields with the angle ∫|Ω_J| dt beside the state, by which `harness/references/rotations.py`
+# counts the rotations of a run. They are made once, at import: compiled code is cached by the factory,
+# and a factory with a new `_speed` would not equal an earlier one.
 _WITH_ANGLE: dict[Factory, WithRate] = {
     field: WithRate(field, _speed(turning)),
     field_in_any_flow: WithRate(field_in_any_flow, _speed(turning_in_any_flow)),
@@ -236,6 +243,8 @@ class Jeffery(Form):
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:
         """Observables, with L and E from Jeffery's angular velocity; quaternions are normalised first."""
         rotation = matrix_from_quaternion(states[:, :4])
+        # Along a track the last component of a state is the time (`motion.AlongTrack`). In a constant
+        # flow it is q₃, which `Flow.numbers_at` ignores.
         numbers = None if scene.flow is None else scene.flow.numbers_at(states[:, -1])
         spin = jeffery_spin(scene.ellipsoid, rotation, numbers)
         return observe_body(scene.ellipsoid, rotation, spin)

@@ -24,11 +24,11 @@ from polhode.solvers.machine_code.program import (
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.flows import Flows, SpreadAt, row_scheme_of, stages_of, weights_of
 
-# A step follows the rate of the fast angle when that has changed by this factor; in between it
-# stays, since what errs to and fro within a turn adds up to nothing only while steps are equal.
+# Step length is kept until the rate of the fast angle has changed by 5 %, an estimate: errors cancel
+# over a turn only if its steps are equal.
 _BAND = 1.05
-# Rows are reached backwards in time where the slow part relaxes by less than twice this in a step:
-# a flow backwards, by half a step at most, amplifies what relaxes: here by a twentieth. An estimate.
+# Rows in the second half of a step are reached backwards from its end, unless that amplifies what
+# relaxes by more than 5 %, an estimate.
 _MAX_RELAXED_BACKWARD = 0.05
 # Times at which a check compares runs, in either of its two parts; an estimate.
 _POINTS = 8
@@ -52,11 +52,15 @@ class Code(IntEnum):
 class LawAt:
     """Places in a law of step size: ``h = min(FACTOR r**-EXPONENT, WIDEST / r)``.
 
-    The rate r, no less than a least one, is the root of the fast angle's squared rate plus FLOOR.
+    The rate r, no less than a least one, is the root of the fast angle's squared rate plus FLOOR. A
+    step h has the problem's unit of time, r has rad per unit of time.
+
+    `advance` reads FLOOR as half the slow part's largest rate of relaxation too. The two are equal as
+    numbers alone: simple shear turns a body by 1/2 rad per unit of time (`splitting._SHEAR`).
     """
 
-    FACTOR = 0
-    EXPONENT = 1
+    FACTOR = 0  # H of `planning.Plan`; its unit follows from the law above
+    EXPONENT = 1  # 2/3 in `planning`
     WIDEST = 2  # the largest angle h r, in rad
     FLOOR = 3  # the square of the least rate that counts
     LOWEST = 4  # the law holds from this rate r
@@ -65,10 +69,13 @@ class LawAt:
 
 
 class ClockAt:
-    """Places in a clock: how far a run has come, and the limits of the next call of `advance`."""
+    """Places in a clock: how far a run has come, and the limits of the next call of `advance`.
+
+    Times are in the problem's unit.
+    """
 
     BEGIN = 0  # the time at which the step was last changed
-    STEP = 1
+    STEP = 1  # length of a step, a time
     LOW = 2  # the step stays while the rate is at least this,
     HIGH = 3  # and at most this
     SINCE = 4  # steps since BEGIN: the time is BEGIN + SINCE STEP
@@ -82,17 +89,21 @@ class ClockAt:
 
 
 class CheckAt:
-    """Places in the numbers of `check`: two laws, settings, and from SLOW on the results."""
+    """Places in the numbers of `check`: two laws, settings, and from SLOW on the results.
+
+    Times are in the problem's unit.
+    """
 
     FIRST_LAW = 0
     SECOND_LAW = LawAt.SIZE
     SPAN = 2 * LawAt.SIZE  # time of either part, at the beginning and at the end of the check
     WHOLE = SPAN + 1  # time of the whole check
-    RATE = SPAN + 2  # of the fast angle
+    RATE = SPAN + 2  # of the fast angle, in rad per unit of time
     SLOW = SPAN + 3  # largest difference of the two runs in slow quantities
     FAST = SPAN + 4  # the same in fast components, over one and the turns up to there
     CHANGE = SPAN + 5  # of the mean difference of slow quantities, from part to part
-    AMPLITUDE_BEGIN = SPAN + 6  # of the fast components about their mean in the first part,
+    # Of the first run: largest distance of its fast components from their mean,
+    AMPLITUDE_BEGIN = SPAN + 6  # in the first part,
     AMPLITUDE_END = SPAN + 7  # and in the second
     STEPS = SPAN + 8  # of both runs
     CODES = SPAN + 9  # sum of both runs' codes: 0 if both reached the end
@@ -144,7 +155,11 @@ def kernels(parts: Parts, dimension: int, number: type = float, chains: int = 1)
 
 
 def larger(a: Number, b: Number) -> Number:
-    """The larger one; b if either is not a number."""
+    """The larger one; b if either is not a number.
+
+    A maximum over points, with b the next point, forgets a NaN at all points but the last. `check`
+    relies on its CODES there: a run whose rate is NaN stops with a code other than 0.
+    """
     return where_positive(a - b, a, b)
 
 
@@ -159,7 +174,10 @@ def _advance(flows: Flows) -> Program:
     With one chain the last fast flow of a step and the first one of the next are one: between steps
     the state lacks the last fast flow of its step, `open_` is 1, and `close` makes up for it where
     the state itself is needed. With several chains a state is their mean, and complete after each
-    step.
+    step. The docstring of `flows` shows what `scheme` holds.
+
+    A call ends with a complete state. Where a run is cut into calls therefore matters to rounding
+    alone: `close` does in two flows what the next step would do in one, and `remainder` begins at 0.
     """
     program = Program(
         "advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS
@@ -174,7 +192,8 @@ def _advance(flows: Flows) -> Program:
     y = program.room(dimension)
     at = program.room(dimension)
     chain_states = program.room(dimension, flows.chains)
-    # What rounding has left out of the components that the fast flow leaves alone.
+    # What rounding has left out of these first components. Those behind the moving ones have no
+    # remainder: their means are taken as those of the moving ones are.
     remainder = program.room(unmoved)
     remainder.store([0.0] * unmoved)
     y.store(state.load(dimension))
@@ -192,6 +211,8 @@ def _advance(flows: Flows) -> Program:
             with program.when(compare("ogt", open_[0], 0.0)):
                 flows.fast_flow(y, flows.row(constants, stages))
 
+    # Constants lie on this call's stack: a call that goes on needs them anew. In a run's first call
+    # they are those of a step 0, until the loop chooses a step.
     program.call(flows.prepare, scheme, p, constants, step[0])
     with program.repeat() as leave:
         leave(compare("oge", filled[0], clock[ClockAt.ROWS]))
@@ -225,7 +246,8 @@ def _advance(flows: Flows) -> Program:
             program.call(flows.prepare, scheme, p, constants, step[0])
         now = begin[0] + since[0] * step[0]
         # Rows are reached from the nearer end of a step, except back in time where the slow part is
-        # strong: FLOOR is half the rate of its relaxation (`splitting.Split.floor`).
+        # strong: FLOOR is half the rate of its relaxation (`LawAt`), so that half a step back relaxes
+        # by this.
         relaxed = law[LawAt.FLOOR] * step[0]
         share_from_here = where_positive(_MAX_RELAXED_BACKWARD - relaxed, 0.5, 1.0)
         row_limit = now + share_from_here * step[0]
@@ -278,9 +300,9 @@ def _step_by_mean(
 ) -> None:
     """A step of the state `y`: all chains begin where it does, and their weighted mean is its end.
 
-    What the components gain that the fast flow leaves alone is summed apart from them, and what
-    rounding leaves out of their sums goes into the next step by `remainder`: rounding of equal sign
-    in each step would pile up.
+    The first components, which the fast flow leaves alone, are sums of gains. Gains are summed apart;
+    what rounding loses is carried into the next step by `remainder` (compensated summation): rounding
+    of equal sign in each step would pile up.
     """
     program = y.program
     unmoved = flows.parts.moving[0]
@@ -380,6 +402,8 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
             change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
             numbers[CheckAt.SLOW] = larger(numbers[CheckAt.SLOW], length(slow))
             turns = times[part * points + k + 1.0] * rate / (2 * pi)
+            # Rounding is subtracted here alone: that of slow quantities only enters the second result
+            # of `Planner.estimated`.
             fast = length([second[i] - first[i] for i in moving]) - rounding
             numbers[CheckAt.FAST] = larger(numbers[CheckAt.FAST], fast / (1.0 + turns))
             middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
@@ -388,7 +412,8 @@ def _check(flows: Flows, advance: Program, rounding: float) -> Program:
             first = row(k, 0)
             off_middle = length([first[i] - middle[j] for j, i in enumerate(moving)])
             amplitude[0] = larger(amplitude[0], off_middle)
-        # The first part, where this is overwritten, leaves its sum for the second to compare with.
+        # The first part leaves its sum for the second to compare with. In the first part
+        # `change_before` is not set yet: the number stored here is overwritten by the second part.
         numbers[CheckAt.CHANGE] = length(
             [(change[i] - change_before[i]) / points for i in range(size)]
         )
