@@ -37,7 +37,8 @@ def save(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     # A folder that cannot be written is no error, the work is done again next time.
     arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
+    # NumPy 2.0 knows no `allow_pickle` here and would store it as an array.
+    np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     payload = buffer.getvalue()
     path = path_of(key)
     with suppress(OSError):

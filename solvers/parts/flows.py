@@ -8,7 +8,7 @@ c chains, and of the s' stages of the one chain that leads to rows, it holds::
 `stages_of`, `shares_of`, `weights_of` and `row_scheme_of` know where these stand.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from polhode.models.problem import Parts
@@ -91,7 +91,10 @@ class Flows:
         # Numbers of constants in a row.
         self.fast_size, self.slow_size = constant_counts(parts)
         self.row_size = self.fast_size + self.slow_size
-        self.both = parts.both(OPERATIONS) if parts.both else self._one_after_the_other
+        # It takes what has been gained, too, if the parts restore it.
+        self.both: Callable[..., Sequence[Any]] = self._one_after_the_other
+        if parts.both:
+            self.both = parts.both(OPERATIONS)
         self.prepare = self._prepare()
         self.spread = self._spread()
 

@@ -230,7 +230,7 @@ def _interpolated(terms: Array, component: int, size: int, x: Number) -> Number:
 
     It is ``x (F0 + (1 - x) (F1 + x (F2 + ...)))``, where row k of `terms` is Fk.
     """
-    value = 0.0
+    value: Number = 0.0
     for k in reversed(range(TERMS)):
         value = (value + terms[k * size + component]) * (1.0 - x if k % 2 else x)
     return value
