@@ -8,6 +8,7 @@ its time behind it: ``dimension + 1`` numbers. Each kernel takes its few numbers
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan, pi
+from typing import Any
 
 from polhode.models.once import once
 from polhode.models.problem import Parts
@@ -230,7 +231,7 @@ def _interpolated(terms: Array, component: int, size: int, x: Number) -> Number:
 
     It is ``x (F0 + (1 - x) (F1 + x (F2 + ...)))``, where row k of `terms` is Fk.
     """
-    value: Number = 0.0
+    value: Any = 0.0
     for k in reversed(range(TERMS)):
         value = (value + terms[k * size + component]) * (1.0 - x if k % 2 else x)
     return value
