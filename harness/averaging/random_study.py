@@ -3,11 +3,11 @@
 `polhode accuracy` runs it, `reports/accuracy` shows it. A task is one body at one St: `measure` makes
 its record, `run` does the tasks that are left, `tables_of` makes tables of all records.
 
-Columns of the tables: "slow" is the error of L and E over I_max, and "turned" the error of the orientation
-in rad. "bound" and "turned_bound" are the upper ends that `solve` states for the two errors. Each of these
-has a column for each slow time t₂ = t/St of STUDIED_SLOW_TIMES, `slow_0.05` to `slow_1`, with the largest
-value up to that time. "refused" says why a form does not follow a run further. `docs/second-order.md` has
-the theory.
+Columns of the table of errors: "slow" is the error of L and E over I_max, and "turned" the error of the
+orientation in rad. In the table of references the same names say how far the reference may be off. "bound"
+and "turned_bound" are the upper ends that `solve` states for the two errors. Each of these has a column for
+each slow time t₂ = t/St of STUDIED_SLOW_TIMES, `slow_0.05` to `slow_1`, with the largest value up to that
+time. "refused" says why a form does not follow a run further. `docs/second-order.md` has the theory.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -54,8 +54,9 @@ from polhode.models.second_order.path import path_of
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import Solution, solve
 
-# Bodies of each kind by St, at most; the first ones of a kind are measured first. A reference takes
-# a time that grows with St, so that there are fewer at the largest.
+# Bodies of each kind by St, at most; the first ones of a kind are measured first. Estimates: more bodies
+# make the intervals of shares and exponents narrower. A reference takes a time that grows with St, so that
+# there are fewer at the largest.
 BODIES = {
     10.0: 200,
     100.0: 200,
@@ -68,60 +69,68 @@ BODIES = {
     1e7: 60,
     1e8: 20,
 }
-# Bodies of each kind by St for a look with `--quick`.
+# Bodies of each kind by St for a look with `--quick`; an estimate. No quantile counts fewer than
+# `shares.LEAST_BODIES`, 20.
 QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
 # Slow times up to which errors are taken. One run, to the last of them, gives all. Estimates.
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50
-# St at which the errors are measured that forms state of themselves, and the number of bodies of each kind.
+# St at which the errors are measured that forms state of themselves, and the number of bodies of each kind;
+# estimates that bound what the runs for statements cost. `shares.bounded` counts them from
+# `shares.STATED_FROM` on: those at smaller St stand in `errors.csv` alone. No reason is recorded for the
+# choice among the St of `BODIES`.
 _STATED_STOKES = (100.0, 1000.0, 1e4, 31600.0, 1e5, 1e6, 1e7, 1e8)
 STATED_BODIES = 200
-# Bodies of each kind whose runs are timed: pages show the median.
+# Bodies of each kind whose runs are timed: pages show the median. An estimate that bounds the cost.
 TIMED_BODIES = 8
-# Bodies of each kind that `hybrid` follows by St: fewer where references take longer. At smaller St the
-# form follows the full equations all the time.
+# Bodies of each kind that `hybrid` follows by St, estimates that bound the cost: fewer where references take
+# longer. At smaller St the form follows the full equations all the time.
 HYBRID_BODIES = {1e4: 30, 1e5: 30, 1e6: 10, 1e7: 5, 1e8: 5}
-# Errors of L and E over I_max that `hybrid` is asked for.
+# Errors of L and E over I_max that `hybrid` is asked for; estimates.
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
-# Bodies of each kind by St for which the cost of the full equations is measured.
+# Bodies of each kind by St for which the cost of the full equations is measured; estimates that bound the
+# time of the study.
 COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
-# Tolerances that are tried from the loosest on, until a run errs by no more than the least error.
+# Tolerances that are tried from the loosest on, until a run errs by no more than the least error, which is
+# the least of `shares.ERRORS_MET`.
 _COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 _COST_LEAST_ERROR = 1e-8
-# Seconds. Shorter runs are timed `_BODY_COST_REPEATS` times, and the fastest counts.
+# Seconds. Shorter runs are timed `_BODY_COST_REPEATS` times, and the fastest counts. Both are estimates.
 _COST_LONG = 0.02
 _BODY_COST_REPEATS = 3
 # The reference is a run in long double up to this St, and a looser one shows its error. The limit
-# is an estimate. The runs are pairs of a method and a tolerance.
+# is an estimate. The runs are pairs of a method and a tolerance. The tolerances are estimates.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
 # Up to a larger St the reference is Taylor's method in double precision. A Runge-Kutta method, for
-# spheroids a splitting method, shows its error.
+# spheroids a splitting method, shows its error. These tolerances and those below are estimates.
 _TAYLOR = ("taylor", 1e-13)
 # Solver and tolerance of that other run, by the form of the full equations.
 _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1e-11)}
-# Largest St at which Taylor's method gives the reference of a spheroid. At larger St a splitting
+# Largest St at which Taylor's method gives the reference of a spheroid, an estimate that bounds the time.
+# At larger St a splitting
 # method does; stroboscopic averaging, whose steps take many turns each, shows its error.
 _TAYLOR_UP_TO = 1e6
 _FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
 # Difference of L and E, over I_max, from which on two runs do not confirm each other; an estimate.
 _APART = 1e-4
-# Solver of the averaged forms, the tolerance that a user takes, and one whose error counts for nothing.
+# Solver of the averaged forms, a tolerance that a user may take (an estimate), and one whose
+# error counts for nothing. The column "solver_error" shows what the first of them costs.
 FORM_SOLVER = "cyrk-vern8"
 FORM_TOLERANCE = 1e-9
 _EXACT_TOLERANCE = 1e-12
 # Steps of an averaged run, at most, so that none goes on without end; an estimate.
 _MAX_STEPS = 300_000
 # A task takes about `_ANY_TASK` seconds, and seconds per unit of St: of a triaxial body, of a spheroid,
-# and of a spheroid beyond `_TAYLOR_UP_TO`. These numbers serve the order of tasks alone.
+# and of a spheroid beyond `_TAYLOR_UP_TO`. These numbers serve the order of tasks alone. They are
+# estimates: no measurement of them is recorded.
 _ANY_TASK = 0.1
 _SECONDS_PER_STOKES = 2.2e-6
 _SPHEROIDS_PER_STOKES = 1.2e-6
 _FAR_SPHEROIDS_PER_STOKES = 1e-7
-# Cheap tasks come first, and few bodies before many: by this power of their seconds, times the number
-# of the body plus a head start. So a study that is cut short has some bodies at every St. Both
-# numbers are estimates.
+# Order: seconds**0.35 x (number of the body + 20), smallest first; a study cut short then has some bodies
+# at every St. Both numbers are estimates.
 _COST_POWER = 0.35
 _HEAD_START = 20
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
@@ -242,6 +251,7 @@ def measure(task: Task, body: Body | None = None) -> Record:
     """Everything that is measured of a body at one St, as plain data; `failure` where there is no reference."""
     body = body or drawn(task.kind, task.body)
     scene = body.scene(task.stokes)
+    # Processor time of all threads: what a reference costs. Forms are timed by this thread alone.
     began = process_time()
     head = task._asdict()
     try:
@@ -370,7 +380,10 @@ def _stated(body: Body, task: Task, form: Form, slow_time: float) -> dict[str, f
 
 
 def _observed(scene: Scene, form: Form, tolerance: float, slow_times: Array) -> Observables | None:
-    """Observables of an averaged run; None if it does not reach its end."""
+    """Observables of an averaged run; None if it does not reach its end.
+
+    The times of averaged forms are slow times themselves (`Problem.time_unit`), and are not scaled by St.
+    """
     run = solve(
         form.problem(scene),
         available_like(FORM_SOLVER),
@@ -579,7 +592,7 @@ def run(
     workers : int
         Processes; 0 for this one alone.
     seconds : float
-        No task begins later than this.
+        No task is begun later than this after the call.
     quiet : bool
         Show no progress.
     """
@@ -628,12 +641,15 @@ def _measured(left: Sequence[Task], workers: int, deadline: float) -> Iterator[t
             yield task, measure(task)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        # Few tasks wait at a time, so that a deadline or an interruption loses little.
+        # No task waits in the pool: one that waited there would begin after the deadline. A process
+        # gets its next task before the caller sees the last one's record.
         queue = iter(left)
-        waiting = {pool.submit(measure, task): task for task in islice(queue, 2 * workers)}
-        while waiting:
-            finished, _ = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in finished:
-                yield waiting.pop(future), future.result()
-                if perf_counter() <= deadline:
-                    waiting |= {pool.submit(measure, task): task for task in islice(queue, 1)}
+        first_tasks = islice(queue, workers if perf_counter() <= deadline else 0)
+        running = {pool.submit(measure, task): task for task in first_tasks}
+        while running:
+            finished, _ = wait(running, return_when=FIRST_COMPLETED)
+            ended = [(running.pop(future), future) for future in finished]
+            if perf_counter() <= deadline:
+                running |= {pool.submit(measure, task): task for task in islice(queue, len(ended))}
+            for task, future in ended:
+                yield task, future.result()

@@ -2,9 +2,11 @@
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from math import inf, isnan, nan
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pandas as pd
@@ -428,6 +430,32 @@ def test_processes_measure_what_one_does(tmp_path: Path):
         alone = run(store, todo, quiet=True)
     names = ["kind", "body", "form", "slow_1", "turned_1", "refused"]
     assert apart.errors[names].equals(alone.errors[names])
+
+
+def test_no_process_begins_a_task_after_the_deadline(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Threads stand in for the processes, which would not see a planted `measure`."""
+    begun = []
+
+    class Threads(ThreadPoolExecutor):
+        def __init__(self, workers: int, mp_context: object) -> None:
+            super().__init__(workers)
+
+    def slow(task: Task) -> dict:
+        begun.append(task)
+        sleep(0.5)
+        return record(drawn(task.kind, task.body), task.stokes, 1 / task.stokes, 2.0)
+
+    monkeypatch.setattr(random_study, "measure", slow)
+    monkeypatch.setattr(random_study, "ProcessPoolExecutor", Threads)
+    todo = tasks({100.0: 3}, ("prolate", "oblate"))
+    with Store(tmp_path / "store.sqlite") as store:
+        assert run(store, todo, workers=2, seconds=-1.0, quiet=True).references.empty
+        data = run(store, todo, workers=2, seconds=0.3, quiet=True)
+        assert begun == todo[:2]
+        assert data.done == set(begun)
+        assert run(store, todo, workers=2, quiet=True).done == set(todo)
 
 
 def test_the_command_measures_writes_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
