@@ -22,7 +22,8 @@ from polhode.harness.pages.figures.style import (
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 _MARKERS = {1: "o", 2: "s"}
 _NAMES = {1: "first order", 2: "second order"}
-_HEIGHT = 5.9  # Inches.
+_HEIGHT = 5.9  # Inches; chosen by eye.
+_MARGINS = {"x": 0.1, "y": 0.05}  # Shares of a panel's sides around its lines; chosen by eye.
 
 
 @dataclass(frozen=True)
@@ -35,21 +36,24 @@ class Line:
     error: Sequence[float]
 
 
-def against_stokes(titles: Mapping[str, Sequence[Line]], label: str, note: str = "") -> Figure:
+def against_stokes(
+    lines_by_title: Mapping[str, Sequence[Line]], label: str, note: str = ""
+) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the predicted slopes.
 
     A decade of the error is as long as one of St.
     """
-    figure, grid = panels(1, len(titles), _HEIGHT, sharex=True, sharey=True)
+    figure, grid = panels(1, len(lines_by_title), _HEIGHT, sharex=True, sharey=True)
     predicted = set()
-    for axes, (title, lines) in zip(grid[0], titles.items(), strict=True):
+    for axes, (title, lines) in zip(grid[0], lines_by_title.items(), strict=True):
         for line in lines:
             style = {"color": _COLOURS[line.order], "marker": _MARKERS[line.order]}
             axes.loglog(line.stokes, line.error, linewidth=1.0, markersize=4, alpha=0.8, **style)
         for order, power in sorted({(line.order, line.power) for line in lines}):
-            _prediction(axes, [line for line in lines if line.order == order], power)
+            alike = [line for line in lines if (line.order, line.power) == (order, power)]
+            _prediction(axes, alike, power)
             predicted.add((order, power))
-        axes.margins(x=0.1, y=0.05)
+        axes.margins(**_MARGINS)
         axes.set_title(title, loc="left", fontsize=TITLE, color=INK)
         axes.set_xlabel("Stokes number")
         axes.minorticks_off()

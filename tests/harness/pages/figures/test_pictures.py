@@ -128,6 +128,14 @@ def test_slopes_are_as_steep_as_they_are():
     assert {text.get_text() for text in first.texts} == {"1/St", "1/St²"}
 
 
+def test_each_prediction_is_drawn_from_the_errors_of_its_order_and_power():
+    stokes = [1e2, 1e4]
+    lines = [Line(2, 1, stokes, [1e-2, 1e-4]), Line(2, 2, stokes, [1e-5, 1e-9])]
+    (axes,) = against_stokes({"one": lines}, "error").axes
+    dotted = [line.get_ydata() for line in axes.get_lines() if line.get_linestyle() == ":"]
+    assert np.allclose(dotted, [line.error for line in lines], rtol=1e-9, atol=0.0)
+
+
 def test_the_sketch_of_a_body_shows_its_last_axis():
     (sketch,) = picture(tables()).axes[0].child_axes
     (arrow, name) = sketch.texts
