@@ -52,7 +52,8 @@ from polhode.harness.pages.tables import columns_of, fill, lines_of
 WHOLE = STUDIED_SLOW_TIMES[-1]
 # St between which exponents are given.
 _DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
-# St from which on the paper calls the averaged equations good, by kind of body.
+# St from which on the paper calls the averaged equations good, by kind of body: figures "spheroid-slow-1"
+# (`paper.sections.spheroids`) and "ellipsoid-planes" (`paper.sections.ellipsoids`).
 _GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
 # Target share of the runs whose error is below the stated one.
 _BOUNDED = 0.975
@@ -81,6 +82,7 @@ def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
     note = (
         f"{len(data.bodies)} random bodies and starts, {len(data.references)} references; errors are "
         "maxima up to t₂ = 1, over the largest moment of inertia, in the last panel in rad. Bands "
+        # Figures with times name the machine that they were measured on: this one has no need to.
         "break off where bodies are refused. No times are shown."
     )
     save(bands(_panels(data), note), folder, "errors")
@@ -153,7 +155,7 @@ def findings(data: Data, analysis: Analysis) -> list[str]:
         runs=len(data.references),
         largest=data.references["stokes"].max(),
         spans={order: _spans(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
-        pays=_pays(data, runs),
+        slower=_slower(data, runs),
         good=good,
         fitted=_against_theory(analysis.exponents),
         bounded=analysis.bounded,
@@ -174,6 +176,7 @@ def which_form(laws: dict[str, Any]) -> str:
     for kind, text in KINDS.items():
         cells_of_kind = [text]
         for order, target in heads.values():
+            # St of half of the bodies, and of 97.5 % of them (`laws.laws_of`).
             _, most = laws["from"][order].get(kind, {}).get(target, (None, None))
             cells_of_kind.append("–" if most is None else f"St ≥ {in_two_digits(most)}")
         rows.append(cells_of_kind)
@@ -219,7 +222,7 @@ def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
 
 
 def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
-    """How many times as fast as the full equations an order is from the St on at which 97.5 % meet an error."""
+    """How many times as fast as the full equations an order is, by `gain`."""
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
@@ -230,13 +233,16 @@ def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
 
 
 def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple[float, str]:
-    """How many times as long the full equations take where 97.5 % of the bodies meet an error, and the source."""
+    """How many times as long the full equations take where 97.5 % of the bodies meet an error, and the source.
+
+    Both times are those at the first decade of St, at or above the St at which the error is met, at which
+    full runs were timed. Beyond the last decade, that one's time grows in proportion to St.
+    """
     stokes, source = needed(runs, kind, order, SHARES[-1], target)
     full = full_seconds(data, kind, target)
     form = form_seconds(runs, kind, order)
     if isnan(stokes) or not full or not form:
         return nan, source
-    # The full equations were timed by decades of St: the next one at or above the St counts.
     largest = max(full)
     timed_at = min((decade for decade in full if decade >= stokes), default=largest)
     seconds = form[shares.nearest(form, max(stokes, timed_at))]
@@ -247,7 +253,7 @@ def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple
     return full[timed_at] / seconds, source
 
 
-def _pays(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
+def _slower(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]]:
     """Kinds and errors for which an order is slower than the full equations where 97.5 % meet the error."""
     slower: dict[str, list[tuple[str, float, float]]] = {}
     for order in (ORDER_ONE, ORDER_TWO):
@@ -403,6 +409,7 @@ def _panels(data: Data) -> dict[str, list[Band]]:
         for (order, crosses), group in own.groupby(["order", "crosses"]):
             panels[kind] += _band(group, "slow", str(order), bool(crosses))
     turned = averaged[(averaged["order"] == ORDER_TWO) & ~averaged["crosses"]]
+    # The kicks of strong resonances spoil the orientation (`shares.exponents`).
     turned = turned[turned["kind"] != "resonance"]
     panels["orientation, without resonances"] = _band(turned, "turned", ORDER_TWO, False)
     return panels
@@ -428,7 +435,11 @@ def _both(runs: Frame, kind: str, order: str, target: float) -> str:
 
 
 def _needed(stokes: float, source: str) -> str:
-    """St from which an error is met, with the sign of its source: <, ~, > or –."""
+    """St from which an error is met, with the sign of its source (`Quantile.needed`).
+
+    "<": at most the smallest St measured; "~": extrapolated; ">": the extrapolated St exceeds
+    LARGEST_STOKES; "–": never, as too many bodies are refused, or too few were measured.
+    """
     if source == "beyond":
         return f"> {short(shares.LARGEST_STOKES)}"
     if isnan(stokes):
