@@ -20,13 +20,14 @@ from threading import Thread
 from time import perf_counter
 from typing import Any
 
-# Seconds after twice the limit: a run that stops by itself is not killed for a slow machine. Both
-# are estimates.
+# A call is killed after twice its limit and these seconds more: a slow machine alone does not kill it.
+# The factor 2 and the seconds are estimates.
+_LIMITS = 2
 GRACE = 0.5
-_STARTUP = 120.0  # Seconds that a process may take to start.
+_STARTUP = 120.0  # Seconds that a process may take to start; an estimate.
 # Some 23 days: no system call waits longer at once.
 _LONGEST = 2e6
-# A call whose process is killed from outside this many times is given up.
+# A call whose process is killed from outside this many times is given up; an estimate.
 ATTEMPTS = 3
 # Signals that no library sends to itself.
 _OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
@@ -35,9 +36,9 @@ _OUTSIDE = (signal.SIGKILL, signal.SIGTERM)
 class Failure(StrEnum):
     """How a call came to nothing."""
 
-    KILLED = "killed"
-    CRASHED = "crashed"
-    RAISED = "raised"
+    KILLED = "killed"  # by this module, after `_LIMITS` times its limit and GRACE
+    CRASHED = "crashed"  # the process ended by itself, by an exit or a signal
+    RAISED = "raised"  # an exception
     LOST = "lost"  # killed from outside, every time: says nothing about the function
 
 
@@ -73,8 +74,7 @@ class Worker(AbstractContextManager["Worker"]):
 
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
         """Call a function in the process; whatever happens is a reply, but Ctrl-C and a process that cannot start."""
-        # It should stop by itself within `limit` seconds; it is killed at twice that and a little
-        # grace.
+        # The call should stop by itself within `limit` seconds.
         reply = Reply(None, Failure.LOST, "stopped", 0.0)
         for _ in range(ATTEMPTS):
             if reply.failure is not Failure.LOST or self._stopped:
@@ -85,6 +85,8 @@ class Worker(AbstractContextManager["Worker"]):
     def stop(self) -> None:
         """Kill the process from another thread, for good: a call under way is not tried again."""
         self._stopped = True
+        # Meanwhile the other thread may run `close`: the process may be closed (ValueError), no longer be
+        # there (AttributeError), or have ended.
         with suppress(ValueError, AttributeError, ProcessLookupError):
             if self.pid is not None:
                 os.kill(self.pid, signal.SIGKILL)
@@ -99,7 +101,7 @@ class Worker(AbstractContextManager["Worker"]):
             connection = self._connection or self._start()
             began = perf_counter()
             connection.send((function, arguments))
-            if connection.poll(min(2 * limit + GRACE, _LONGEST)):
+            if connection.poll(min(_LIMITS * limit + GRACE, _LONGEST)):
                 value, message = _read(connection.recv_bytes())
                 failure = Failure.RAISED if message else None
             else:

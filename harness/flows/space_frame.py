@@ -16,13 +16,17 @@ import numpy as np
 
 Array = np.ndarray
 
-# Columns of the extrapolation, whose order is twice that, 16: steps of a twentieth of a turn err by
-# rounding.
+# Columns of the extrapolation, whose order is twice that, 16. At that order the errors of steps that turn a
+# body by at most a twentieth of a turn are no larger than rounding; an estimate.
 _COLUMNS = 8
 
 
 class Bodies:
-    """n bodies: semi-axes, inertia and resistance, shape (n, 3), and Stokes numbers, shape (n,)."""
+    """n bodies: semi-axes, inertia and resistance, shape (n, 3), and Stokes numbers, shape (n,).
+
+    Semi-axes are in a unit of length l, moments of inertia in l⁵ times the body's density, and the
+    resistances X_i in l³.
+    """
 
     def __init__(self, semi_axes: Array, inertia: Array, resistance: Array, stokes: Array) -> None:
         self.squares = np.asarray(semi_axes, dtype=np.longdouble) ** 2
@@ -72,9 +76,10 @@ def run(
 ) -> tuple[Array, Array]:
     """Matrices t_ij, shape (rows, n, 3, 3), and L, shape (rows, n, 3), at equispaced times from 0 to the ends.
 
-    The starts are t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3). All bodies take
-    the same number of equal steps, a multiple of rows - 1; ``gradient(t, i)`` gives A, shape (n, 3, 3),
-    at times of shape (n,) within step i.
+    The starts are t_ij, shape (n, 3, 3), and body angular velocities, shape (n, 3). `end` has the ends,
+    shape (n,), or one for all bodies. All bodies take the same number of equal steps, a multiple of
+    rows - 1. ``gradient(t, i)`` gives A, shape (n, 3, 3), at times of shape (n,) within step i. A track
+    of gradients needs i: where steps end at its knots, i tells which of two intervals a knot belongs to.
     """
     rotation = np.asarray(rotation, dtype=np.longdouble)
     momentum = np.asarray(omega, dtype=np.longdouble) * bodies.inertia

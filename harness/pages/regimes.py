@@ -27,8 +27,8 @@ from polhode.harness.pages.figures.work_precision import conditions, profile_lin
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
-# Shear times from which on runs have a profile of their own: in the study, slow time 0.5 from
-# St = 1e5 on.
+# Runs of at least this many shear times get a second performance profile (`figures.work_precision`): in
+# this study those from St = 1e5 on, as t = 0.5 St.
 _LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the column of the error, "slow_error" or "orientation_error"."""
@@ -86,10 +86,10 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
     particles = []
     for name, scene_runs in named.items():
         scenes = [scene for scene_name, scene in study.scenes if scene_name == name]
-        times = {scene.stokes: scene.time for scene in scenes}
+        durations = {scene.stokes: scene.time for scene in scenes}
         note = conditions(scene_runs, measured(made))
         for error, (_, title) in MAP_ERRORS.items():
-            drawing = picture(maps[name, error], times, f"{name.capitalize()}. {title}", note)
+            drawing = picture(maps[name, error], durations, f"{name.capitalize()}. {title}", note)
             save(drawing, folder, name if error == "slow_error" else f"{name}-orientation")
         particles.append(
             {
@@ -159,6 +159,7 @@ def _method_rows(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, An
         rows = standings(runs, error, maps[name, error])
         by_error[error] = {row.method: row for row in rows}
     methods = []
+    # The page calls the map of L and E "slow", that of the orientation "full".
     for method, slow in by_error["slow_error"].items():
         full = by_error["orientation_error"][method]
         failures = slow.failures.items()

@@ -14,9 +14,11 @@ _SAME = 1e-3
 Column = Mapping[str, Any]
 """What was measured of one particle at one St, for one kind of error.
 
-`limit` is the least error that the reference knows; `methods` holds form, solver, label, whether the
-form is averaged, and `points`: error, seconds, tolerance and the spread of the repeats over their time,
-from the fastest run to the most accurate one.
+`particle` is its name, `want` the kind of error, "slow" (L and E) or "orientation" (`answers._WANTS`),
+`St` the Stokes number, `span` the length of the runs in words, which `verdict.js` shows. `limit` is the
+least error that the reference knows. `methods` holds form, solver, label, whether the form is averaged,
+and `points`: error, seconds, tolerance and the spread of the repeats over their time, from the fastest
+run to the most accurate one.
 """
 
 
@@ -47,6 +49,7 @@ def look_up(
 
     `beyond` is whether it lies below or above all measured St: then there is one neighbour alone, or none.
     """
+    # St = 0 is no neighbour: St are compared by their quotient.
     measured = [
         column
         for column in columns
@@ -64,8 +67,12 @@ def look_up(
 def _answer(column: Column, error: float) -> dict[str, Any]:
     """The run to make at one St, and what the averaged forms do there.
 
-    `cost` is the interpolated time by which methods are ranked; `error`, `seconds` and `tolerance` are those of the
-    fastest measured run that meets the error. `averaged` has form, least error and seconds of each averaged form.
+    `averaged` has form, least error and seconds of each averaged form. `known` is whether the reference
+    resolves the error and methods were measured. The rest is there if a method gets to the error:
+    `form` and `solver` are the recommended ones, `cost` is the interpolated time by which methods are
+    ranked. `error`, `seconds` and `tolerance` are those of the fastest measured run that meets the error.
+    `next` has form, solver and interpolated time of the best method of another label, or is None; `tied`
+    is whether its time is not clearly longer.
     """
     answer: dict[str, Any] = {"St": column["St"]}
     answer["averaged"] = _averaged_forms(column["methods"], error)
@@ -76,8 +83,8 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
     if not ranked:
         return answer
     winner = ranked[0]
-    # The cheapest by interpolation may have no cheap run: an averaged form that is good enough is
-    # never dearer than what is recommended.
+    # Rank is by interpolated time. If an averaged form has a measured run quicker than the winner's own,
+    # it wins.
     for candidate in ranked:
         if candidate.averaged and candidate.run.seconds < winner.run.seconds:
             winner = candidate
@@ -89,6 +96,7 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
     if rival is not None:
         answer["next"] = [rival.form, rival.solver, rival.seconds]
         close = max(TIE, 1 + run.spread, 1 + rival.run.spread)
+        # Below 1 where an averaged form has won by its measured run: that is a tie too.
         answer["tied"] = rival.seconds / winner.seconds <= close
     return answer
 
