@@ -7,10 +7,14 @@ and other formatting do not count. `harness/pages` and `harness/site` only show 
 import ast
 import json
 import tomllib
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from polhode.models.files import cached
+from polhode.models.once import once
 
 # A clone, or the folder of the installed package: in both, the three folders stand beside each other.
 _ROOT = Path(__file__).resolve().parents[2]
@@ -21,15 +25,41 @@ _SHOWING = ("harness/pages/", "harness/site/")
 _WORDS = ("models/files/our_words.toml", "solvers/statuses.toml")
 # Python, data, fitted factors that `solve` and `pick` use, and LLVM's code.
 _SUFFIXES = (".py", ".toml", ".json", ".ll")
-_DIGITS = (
-    12  # Hexadecimal digits; two of a million states of the code agree with a chance of 0.002.
-)
+# Hexadecimal digits; two of a million states of the code agree with a chance of 0.002.
+_DIGITS = 12
+# Changes whenever the same files get another digest.
+_VERSION = 1
 
 
-@cache
+# By one thread alone: Python 3.11 parses in several at once with a SystemError.
+@once()
 def code_digest() -> str:
-    """Twelve hexadecimal digits of the SHA-256 of today's code; computed once in a process, in about a second."""
-    return digest_of(_ROOT)
+    """Twelve hexadecimal digits of the SHA-256 of today's code.
+
+    Parsing takes a second. The digest is cached on disk under that of the files' bytes, as a number of 48 bits, which
+    a double holds.
+    """
+    total = sha256()
+    for name, path in _files(_ROOT):
+        total.update(name.encode() + path.read_bytes())
+    key = f"code digest {_VERSION} {total.hexdigest()}"
+    numbers = cached.load(key)
+    if numbers is not None:
+        return f"{int(numbers[0]):0{_DIGITS}x}"
+    digest = digest_of(_ROOT)
+    cached.save(key, np.array([float(int(digest, 16))]))
+    return digest
+
+
+def _files(root: Path) -> list[tuple[str, Path]]:
+    """Names and paths of the files that count, in the order of their names."""
+    files: list[tuple[str, Path]] = []
+    for folder in _FOLDERS:
+        for path in (root / folder).rglob("*"):
+            name = path.relative_to(root).as_posix()
+            if path.suffix in _SUFFIXES and not name.startswith(_SHOWING) and name not in _WORDS:
+                files.append((name, path))
+    return sorted(files)
 
 
 def digest_of(root: Path) -> str:
@@ -38,17 +68,9 @@ def digest_of(root: Path) -> str:
     All versions of Python give the same. `ast.dump` does not: which empty fields it writes differs from version to
     version. `_append_tree` leaves out all of them.
     """
-    paths_by_name: dict[str, Path] = {}
-    for folder in _FOLDERS:
-        for path in (root / folder).rglob("*"):
-            if path.suffix in _SUFFIXES:
-                paths_by_name[path.relative_to(root).as_posix()] = path
     total = sha256()
-    for name in sorted(paths_by_name):
-        if name.startswith(_SHOWING) or name in _WORDS:
-            continue
-        content = _content(paths_by_name[name])
-        total.update(f"{name}\n{content}\n".encode())
+    for name, path in _files(root):
+        total.update(f"{name}\n{_content(path)}\n".encode())
     return total.hexdigest()[:_DIGITS]
 
 

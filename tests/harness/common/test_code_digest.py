@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from polhode.harness.common import code_digest as module
 from polhode.harness.common.code_digest import code_digest, digest_of
 
 MODULE = """\"\"\"A module.\"\"\"
@@ -97,3 +98,13 @@ def test_all_versions_of_python_give_the_same(root: Path):
 def test_the_digest_of_today_is_of_twelve_hexadecimal_digits():
     assert len(code_digest()) == 12
     assert int(code_digest(), 16) >= 0
+
+
+def test_the_digest_comes_from_the_disk_the_second_time(tmp_path, monkeypatch):
+    monkeypatch.setenv("POLHODE_CACHE", str(tmp_path))
+    code_digest.cache_clear()
+    first = code_digest()
+    code_digest.cache_clear()
+    monkeypatch.setattr(module, "digest_of", lambda root: "parsed again")
+    assert code_digest() == first == digest_of(module._ROOT)
+    code_digest.cache_clear()
