@@ -64,5 +64,6 @@ def former_object(module: str, former: str, names: dict[str, str]) -> str:
     """Present name of an object of a module, after a warning: for ``__getattr__`` of the module."""
     if former not in names:
         raise AttributeError(f"module {module!r} has no attribute {former!r}")
-    warn(f"{module}.{former}", names[former])
+    # The third caller up is the user's line, behind this function and the module's `__getattr__`.
+    warn(f"{module}.{former}", names[former], stacklevel=4)
     return names[former]

@@ -132,9 +132,10 @@ def bounded(stated: Any) -> pd.DataFrame:
     `slow` (L and E over I_max) and `angle` (of the orientation, rad) are errors against the integration in long
     double. `slow_high` and `angle_high` are the upper ends that the run states, `requested` is the error of L and E.
     """
+    # A failed run has infinite errors, and states none that hold.
     own = stated.assign(
-        slow=stated["slow"] <= stated["slow_high"],
-        angle=stated["angle"] <= stated["angle_high"],
+        slow=np.isfinite(stated["slow"]) & (stated["slow"] <= stated["slow_high"]),
+        angle=np.isfinite(stated["angle"]) & (stated["angle"] <= stated["angle_high"]),
         met=stated["slow"] <= stated["requested"],
         flow=stated["track"].map({True: "track", False: "constant"}),
     )

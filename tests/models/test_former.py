@@ -58,6 +58,12 @@ def test_parts_of_problems(former: str, present: str):
         assert getattr(problems, former) is getattr(problems, present)
 
 
+def test_the_warning_names_the_users_line():
+    with pytest.warns(DeprecationWarning, match="Piece is now Segment") as warnings:
+        problems.Piece  # noqa: B018
+    assert [warning.filename for warning in warnings] == [__file__]
+
+
 def test_other_names_are_unknown():
     with pytest.raises(AttributeError, match=r"'polhode.models.problem' has no attribute 'Pieces'"):
         problems.Pieces  # noqa: B018

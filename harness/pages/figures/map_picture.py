@@ -94,7 +94,7 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
     axes.set_ylabel("error allowed", fontsize=LETTERS, color=INK)
     _durations(axes, sorted({cell.stokes for cell in panel}), times)
     for place, handles in enumerate(entries):
-        group = key(
+        key(
             drawing,
             handles,
             1,
@@ -106,7 +106,6 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
             labelspacing=0.3,
             borderaxespad=0.1,
         )
-        drawing.add_artist(group)
     words = fill("regimes-note", usual=usual_form(panel))
     caption(drawing, f"{words} {note}".strip())
     return drawing

@@ -1,7 +1,9 @@
 """The page of linear flows, quickly measured: tables, sentences, figure."""
 
+from math import inf
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from polhode.harness.common.machine import here
@@ -22,6 +24,16 @@ def test_a_quick_page_is_made_of_its_tables(tmp_path: Path, monkeypatch: pytest.
     counts = flows.bounded(found["stated"])
     assert counts["runs"].sum() == 16
     assert "Of 16 random runs" in page
+
+
+def test_a_failed_run_is_not_within_the_error_that_it_states():
+    failed = dict.fromkeys(("slow", "slow_high", "angle", "angle_high"), inf)
+    ended = {"slow": 1e-9, "slow_high": 1e-8, "angle": 1e-9, "angle_high": 1e-8}
+    rows = [
+        {"form": "quaternion", "track": False, "requested": 1e-6, **run} for run in (failed, ended)
+    ]
+    counts = flows.bounded(pd.DataFrame(rows)).iloc[0]
+    assert (counts["runs"], counts["slow"], counts["angle"]) == (2, 1, 1)
 
 
 @pytest.mark.parametrize(
