@@ -40,6 +40,9 @@ _NAMES = {
 # An exponent is measured between two St of this ratio, the largest ones that have enough bodies: there the
 # law has set in, and the two are far enough apart.
 _RATIO = 10.0
+# Share of the bodies at the larger St whose errors must be known for an exponent. Of fewer, those are known that
+# err most, and most of these err by what falls slowly. An estimate.
+_LEAST_KNOWN = 0.5
 # St from which on an error's multiple of 1/St or 1/St² is taken; an estimate of where laws hold.
 _SETTLED_FROM = 1e4
 
@@ -120,16 +123,17 @@ def write_laws(laws: dict[str, Any], path: Path = LAWS_FILE) -> None:
 
 
 def _measured(runs: Frame) -> dict[str, float] | None:
-    """Exponent between the two largest St of the ratio `_RATIO` that enough bodies have; None without such.
+    """Exponent between the two largest St of the ratio `_RATIO` at which enough bodies have a known error.
 
-    It is the median over bodies, with its interval at 95 %, three digits behind the point.
+    It is the median over bodies, with its interval at 95 %, three digits behind the point; None without such St.
     """
     known = runs[runs["slow"].between(KNOWN * runs["uncertainty"], MAX_ERROR_OF_LAWS)]
     table = known.pivot(index=["kind", "body"], columns="stokes", values="slow")
     for end in sorted(table.columns, reverse=True):
         begin = end / _RATIO
         slopes = slopes_between(table, begin, end)
-        if slopes is not None:
+        bodies = np.sum(runs["stokes"] == end)
+        if slopes is not None and len(slopes) >= _LEAST_KNOWN * bodies:
             middle, low, high = median_interval(slopes)
             return {
                 "begin": float(begin),

@@ -196,9 +196,9 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
 
 def _took(records: Sequence[Mapping[str, Any]]) -> str:
     """In how many minutes records were made, from the first to the last, pauses left out; nothing below a minute."""
-    times = sorted(
-        datetime.fromisoformat(record["date"]) for record in records if record.get("date")
-    )
+    # Some records name a day alone: its beginning stands for it.
+    dates = [datetime.fromisoformat(record["date"]) for record in records if record.get("date")]
+    times = sorted(date if date.tzinfo else date.replace(tzinfo=UTC) for date in dates)
     gaps = [(later - earlier).total_seconds() for earlier, later in pairwise(times)]
     minutes = sum(gap for gap in gaps if gap < _PAUSE) / 60
     return f", made in {minutes:.0f} minutes" if minutes >= 1.5 else ""

@@ -18,7 +18,7 @@ from polhode.harness.answers import averaging_laws
 from polhode.harness.answers.confirmed import confirmation
 from polhode.harness.answers.rules import Method
 from polhode.harness.answers.runs import Runner
-from polhode.harness.averaging import random_study, shares
+from polhode.harness.averaging import laws as laws_module, random_study, shares
 from polhode.harness.averaging.bodies import KINDS, STRONG_KICK, Body, drawn
 from polhode.harness.averaging.laws import laws_of
 from polhode.harness.averaging.random_study import (
@@ -529,3 +529,18 @@ def test_first_order_states_the_kick_of_a_resonance():
     stated = confirmation(runner, runner.run(method, 1e-9))
     assert stated.slow is not None
     assert 4.8e-5 < stated.slow.high < 4 * 4.8e-5
+
+
+def test_a_decade_in_which_few_errors_are_known_sets_no_exponent():
+    """At St = 1e6 the reference knows but the largest errors, of bodies that err like 1/√St."""
+    rows = []
+    for body in range(100):
+        slow = body < 25
+        for stokes in (1e4, 1e5, 1e6):
+            error = 1e-4 * (1e4 / stokes) ** (0.5 if slow else 2.0)
+            row = {"kind": "stays", "body": body, "stokes": stokes, "slow": error}
+            rows.append(row | {"uncertainty": 1e-8 if stokes == 1e6 else 1e-12})
+    exponent = laws_module._measured(pd.DataFrame(rows))
+    assert exponent is not None
+    assert (exponent["begin"], exponent["end"], exponent["bodies"]) == (1e4, 1e5, 100)
+    assert exponent["median"] == -2.0

@@ -39,6 +39,9 @@ def test_a_page_says_how_long_its_runs_took_without_pauses():
     ]
     assert "0 of 5 timed runs, made in 9 minutes (the fastest" in provenance("", runs)[2]
     assert "0 of 2 timed runs (the fastest" in provenance("", runs[-2:])[2]
+    # A record of a day alone stands for the day's beginning.
+    day = {**runs[0], "date": runs[0]["date"][:10]}
+    assert " timed runs" in provenance("", [day, *runs])[2]
 
 
 def test_every_machine_is_named_once():
