@@ -10,7 +10,6 @@ import pandas as pd
 
 from polhode.harness.analysis import pareto
 from polhode.harness.analysis.frames import by_scene, by_stokes, frame, where, write_runs
-from polhode.harness.analysis.pareto import Method
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record, write_records
@@ -69,6 +68,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         verdict=[*verdict(runs), *averaged_costs(runs)]
         or [_FULL_ALONE if len(runs["seconds"].dropna()) else _NOTHING],
         tie=100 * (pareto.TIE - 1),
+        # A single scene has the name "" (`by_scene`): headings leave it out, figures take that of its runs.
         scenes=[
             (scene, _figures(scene_runs, scene, i, folder, machine))
             for i, (scene, scene_runs) in enumerate(by_scene(runs))
@@ -90,7 +90,8 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 def distances(runs: pd.DataFrame) -> list[list[str]]:
     """How far each method of a scene is from the fastest one, the nearest first: rows of `_DISTANCES`.
 
-    A method counts at the errors that it reaches, of those that some method reaches.
+    A method counts at the errors that it reaches, of those that some method reaches. One that reaches none
+    has a row of dashes.
     """
     seconds = times(runs)
     if seconds.empty:
@@ -105,11 +106,7 @@ def distances(runs: pd.DataFrame) -> list[list[str]]:
             ends = [_factor(float(factors.quantile(share))) for share in (0.0, 0.5, 1.0)]
         won = int((factors == 1.0).sum())
         rows.append([str(method), f"{reached[method]} of {len(ratios)}", str(won), *ends])
-    missing = sorted(
-        {Method(*pair).label for pair in zip(runs["form"], runs["solver"], strict=True)}
-    )
-    nothing = [f"0 of {len(ratios)}", "0", "–", "–", "–"]
-    return [*rows, *([name, *nothing] for name in missing if name not in ratios)]
+    return rows
 
 
 def _factor(value: float) -> str:
