@@ -41,6 +41,8 @@ def takes_former(**names: str) -> Callable[[Class], Class]:
 
         @wraps(init)
         def with_former(self: Any, *args: Any, **keywords: Any) -> None:
+            # A value by the former name counts before one by the present name: `dataclasses.replace` adds all
+            # fields that its caller does not name, by their present names.
             for former in names.keys() & keywords.keys():
                 warn(f"{former}= of {cls.__name__}", f"{names[former]}=")
                 keywords[names[former]] = keywords.pop(former)

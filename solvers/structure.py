@@ -1,4 +1,8 @@
-"""A Jacobian as the libraries want what a user knows of it: its pattern, its bands, its entries."""
+"""A Jacobian as the libraries want what a user knows of it: its pattern, its bands, its entries.
+
+Problems come here as plain Python, without the time in their state (`compile.as_plain`): the Jacobian has
+the shape (d, d), where d is the number of the user's components.
+"""
 
 from typing import Any
 
@@ -26,10 +30,11 @@ def jacobian_of(problem: Problem) -> Any:
 
 
 def pattern_of(problem: Problem) -> Any:
-    """The pattern of the Jacobian, a sparse matrix of ones in columns; None if it is not known."""
+    """The pattern of the Jacobian as a CSC matrix of ones, shape (d, d); None if it is not known."""
     structure = structure_of(problem)
     if structure is None or structure.pattern is not None or structure.bands is None:
         return structure.pattern if structure else None
+    # The lock under which parts of SciPy are imported (`models.libraries`).
     with IMPORTS:
         from scipy import sparse
 
@@ -40,7 +45,10 @@ def pattern_of(problem: Problem) -> Any:
 
 
 def bands_of(problem: Problem) -> tuple[int, int] | None:
-    """The numbers of diagonals below and above the main one, where they are few; None if not."""
+    """The numbers of diagonals below and above the main one; None if they are not known.
+
+    Bands that the user gives come back however many they are, those of a pattern only if they are few.
+    """
     structure = structure_of(problem)
     return structure.bands if structure else None
 

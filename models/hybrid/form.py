@@ -1,4 +1,8 @@
-"""Form `hybrid`: a run from its start to the settled state and beyond, at a cost that grows like √St at most."""
+"""Form `hybrid`: a run from its start to the settled state and beyond, by averaged and full segments.
+
+The cost of a full segment grows like √St (`docs/second-order.md`, section 10, which says where a run costs
+more).
+"""
 
 from dataclasses import replace
 
@@ -11,8 +15,8 @@ from polhode.models.observables import Observables
 from polhode.models.problem import Problem
 from polhode.models.scene import Scene
 
-# Times beyond which double precision tells no inverse shear rates apart, and so no segments of some
-# turns.
+# Largest time of a run, in inverse shear rates. From 2^52 on doubles are whole numbers: parts of a turn, and
+# so the ends of segments of a few turns, cannot be placed.
 _LONGEST = 2.0**52
 
 
@@ -36,6 +40,7 @@ class Hybrid(Form):
 
     def check(self, scene: Scene) -> None:
         """Refuse spheres, St = 0 and inf, starts without orientation, and times without end."""
+        # `require_slow_motion` asks for shear too. Here another flow is refused before a sphere is.
         self.require_flow(scene)
         if scene.ellipsoid.kind == "sphere":
             raise self.refuse(
@@ -51,6 +56,7 @@ class Hybrid(Form):
         """Initial value problem in time t: the full equations, run by a plan of segments."""
         self.check(scene)
         full = find_form(full_form(scene)).problem(scene)
+        # `spheroid-axis` states parts. Without them solvers such as `splitting` refuse this problem.
         return replace(full, name=self.name, parts=None, next_segment=HybridPlan(scene, full))
 
     def observe(self, scene: Scene, states: np.ndarray) -> Observables:

@@ -6,6 +6,10 @@ turn, dΦⁿ/dn at n = 0; its last component is the period. A central difference
 their inverses gives it. DOP853 integrates it over the number of turns: a *macro-step* is a whole
 number of turns, usually many. Each turn of the differences is made of *micro-steps* of splitting.
 `strobe_kernels` has the machine code of all loops.
+
+The control of errors bounds parts: each macro-step, the difference, the micro-steps. It proves no bound of
+the error of a run. That rests on measurements: the error stated for a run comes from its comparison with
+one by splitting (`docs/method.md`), and `reports/pick/stated.md` counts how often it holds.
 """
 
 from dataclasses import dataclass
@@ -43,7 +47,9 @@ _SEGMENT_TURNS = 600.0
 # estimate: segments of 9,600 turns at most.
 _LONGEST = 4
 # Shares of the tolerance for the errors of a macro-step, of averaging and of micro-steps. They
-# leave two thirds of it, as rows within a macro-step err more than its end. Estimates.
+# leave two thirds of it, as rows within a macro-step err more than its end. Estimates. The first is
+# that of one macro-step, the others are those of a run. Nothing here bounds the sum over
+# macro-steps, where errors of time add up and those of L fade only as damping forgets them.
 _MACRO = 0.1
 _AVERAGING = 0.1
 _MICRO = 0.1
@@ -58,13 +64,15 @@ _EASY = 0.1
 _ORDERS = (2, 4, 6)
 # Rounding error of a component of the averaged field, per turn, which no choice improves: smaller
 # differences say nothing. Of 200 random spheroids at St = 1e8 and 1e9, whose fields of order 2, 4
-# and 6 differ by rounding alone, a component of the state differed by 1.3e-15 at most.
+# and 6 differ by rounding alone, a component of the state differed by 1.3e-15 at most. The number is
+# some twice that: an estimate. It serves for the period and for L of any size too, which that
+# measurement does not cover.
 _ROUNDING = 3e-15
 # Weights of Φ^k - Φ^-k in the central differences: a row for each order, a column for each k = 1,
 # 2, 3.
 _WEIGHTS = np.array([[1 / 2, 0.0, 0.0], [2 / 3, -1 / 12, 0.0], [3 / 4, -3 / 20, 1 / 60]])
-# Addresses of these rows by the largest k that they use, which is half their order. From the first
-# one on all of them follow.
+# Address of row j - 1 by j, the largest k that it uses, which is half its order. Address 1 serves as
+# that of the whole table.
 _WEIGHT_ROWS = {1 + i: row.ctypes.data for i, row in enumerate(_WEIGHTS)}
 # Stages of DOP853, the field at the end of the step included. Three more make its interpolant.
 _STAGES = 13
@@ -74,8 +82,8 @@ _EXPONENT = 1 / 8
 # A new macro-step is this much shorter than that power says, as a refused one costs more; an
 # estimate.
 _SAFETY = 0.85
-# Least and largest ratio of a macro-step to the one before: SciPy's least one, and half its
-# largest.
+# Least and largest ratio of a macro-step to the one before: SciPy's least one, and half its largest,
+# for which no reason is recorded; an estimate.
 _SHRINK = 0.2
 _GROW = 5.0
 # The first macro-step in times of relaxation; an estimate.
@@ -177,10 +185,13 @@ class Strobe:
         period = 2 * pi / self.split.rate(point[:-1])
         left = float(record.times[-1] - point[-1])
         turns_left = left / period
-        # In a time of relaxation the damping forgets an error of the state.
+        # Turns for which an error of the state is remembered: those of the shortest time of relaxation,
+        # by the largest rate, or those left. Slower components remember errors for longer, so that
+        # this allows them more. Splitting's checks take a longer time, with the least rate in it too;
+        # no reason for the difference is recorded.
         memory = min(left, 1 / self.split.strength) / period
-        # Largest errors allowed. The one of time makes an error of the angle turned over the whole
-        # run.
+        # Allowed errors. A time error of tolerance × duration turns the angle by tolerance × the whole
+        # angle turned.
         scale = np.full(len(point), self.tolerance)
         scale[-1] = self.tolerance * (record.times[-1] - record.times[0])
         # An error of the field per turn times `horizon` is the error of the run over its tolerance:
@@ -195,6 +206,7 @@ class Strobe:
         stages = np.empty((len(self.table.A), len(point)))
         end = np.empty(len(point))
         stages[0] = fields[_ORDERS.index(order)]
+        # A first step has no fewer than twice the turns that pay; an estimate.
         turns = setting.turns or max(_FIRST_STEP * memory, 2 * _PAYING * order)
         while True:
             # Two turns more than the present period asks for: the last row shall lie within the
@@ -249,8 +261,8 @@ class Strobe:
     ) -> np.ndarray:
         """States at times within a macro-step from `point` to `end`, shape (n, d).
 
-        A part of a turn leads to each time from the nearest end of a turn, by one step more than
-        half a turn has micro-steps.
+        From the nearest end of a turn a part of a turn leads to each time, in one micro-step more
+        than half a turn takes.
         """
         rows = np.empty((len(times), len(point) - 1))
         rests = np.empty(len(times))
@@ -263,7 +275,11 @@ class Strobe:
         return rows
 
     def fields(self, point: np.ndarray, setting: Setting, horizon: np.ndarray) -> np.ndarray:
-        """Averaged fields of all orders, with as many micro-steps as their error allows."""
+        """Averaged fields of all orders, with as many micro-steps as their error asks for.
+
+        At `MAX_MICRO_STEPS` the fields are taken as they are: neither the macro-step nor the choice of
+        the order is refused for errors of micro-steps.
+        """
         fields = np.empty((len(_ORDERS), len(point)))
         compared = np.empty((1, len(point)))
         if setting.easy:
@@ -369,12 +385,12 @@ class Stroboscopic(Splitting):
     equations; DOP853 integrates them by macro-steps of whole turns; parts of a turn lead to the
     requested times. Turns are made of micro-steps of one composition, of order (10, 6, 4). Order of
     the difference and micro-steps follow from comparison with the next. Stability: of explicit
-    macro-steps, short against the time of relaxation. Tolerance: error of L/I_e over the whole run;
-    orientation errs by that times the angle turned. Caveat: short runs, and segments where
-    averaging does not hold (L nearly vanishes) or does not pay, are runs of `splitting`.
-    Differences of turns lose digits in proportion to St: 1e-10 is the least error at St = 1e8.
-    Error per rotation over tolerance: at most 10; 2 measured. Source: Calvo, Chartier, Murua and
-    Sanz-Serna, Appl. Numer. Math. 61 (2011) 1077.
+    macro-steps, short against the time of relaxation. Tolerance: error of L/I_e over the whole run,
+    where I_e is the inertia across the symmetry axis; orientation errs by that times the angle
+    turned. Caveat: short runs, and segments where averaging does not hold (L nearly vanishes) or
+    does not pay, are runs of `splitting`. Differences of turns lose digits in proportion to St:
+    1e-10 is the least error at St = 1e8. Error per rotation over tolerance: at most 10; 2 measured.
+    Source: Calvo, Chartier, Murua and Sanz-Serna, Appl. Numer. Math. 61 (2011) 1077.
     """
 
     name = "stroboscopic"
