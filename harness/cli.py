@@ -67,7 +67,7 @@ class RunFailed(click.ClickException):
     exit_code = 1
 
 
-# Ends of messages by the operating system's error about a file: the expected thing.
+# What a message about a file adds, by errno: what was expected.
 _EXPECTED = {
     errno.ENOENT: ", expected an existing one",
     errno.EISDIR: ", expected a file",
@@ -173,6 +173,7 @@ class _Commands(click.Group):
             # Libraries whose import Ctrl-C interrupts raise errors of their own.
             if not isinstance(error.__cause__ or error.__context__ or error, KeyboardInterrupt):
                 raise
+            # Click would print a blank line before it raises Abort, which `main` takes too.
             raise RunFailed("interrupted") from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -236,6 +237,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     code = 1
     said = ""
     try:
+        # Click returns the exit code where a command ends early, as by --help, else what the command
+        # returns: None.
         result = polhode.main(args=arguments, prog_name="polhode", standalone_mode=False)
         code = result if isinstance(result, int) else 0
         sys.stdout.flush()

@@ -1,6 +1,16 @@
 """Numbers that `polhode validate --errors N --fit` fits to runs of known errors.
 
-The file beside this module holds them, and the command that wrote it.
+The file beside this module holds them, and the command that wrote it. The orders in "steps" alone are
+set by hand: a fit copies them.
+
+Keys of the file, from the outermost in:
+
+- "factors": kind of confirmation ("tighter", "looser", "sharper", "unlike", "estimate", "closed form", as
+  `docs/method.md` describes them), family of methods, want ("slow", of L and E, or "orientation");
+- "growth": family ("explicit", "implicit", "splitting"), want;
+- "steps": family ("explicit", "splitting").
+
+`coverage._USUAL` names the usual solver of a family.
 """
 
 import json
@@ -9,16 +19,20 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 FITTED_FILE = Path(__file__).with_name("fitted.json")
-# Tolerance for which paces are stated.
+# Tolerance for which the file states steps per rotation. The value is an estimate: `StepsPerTurn.at` goes
+# from any one to others. Another one asks for a new fit, as the file's steps are for this one.
 PACED_TOLERANCE = 1e-8
 
 
 class Factors(NamedTuple):
-    """The true error over the difference of two runs: below it in 2.5 %, 50 % and 98.5 % of the runs fitted."""
+    """The true error over the difference of two runs, from the runs of a fit.
 
-    low: float
-    middle: float
-    high: float
+    The fit takes off the true error what a statement adds for rounding (`coverage._fitted_factors`).
+    """
+
+    low: float  # 2.5 % of the runs lie below it
+    middle: float  # the median
+    high: float  # 1.1 times the value that 98.5 % of the runs stay below, or 1.1 times the median if that is larger
 
 
 class Growth(NamedTuple):
@@ -33,7 +47,10 @@ class Growth(NamedTuple):
 
 
 class StepsPerTurn(NamedTuple):
-    """Steps that a solver takes in a rotation at `PACED_TOLERANCE`, in the median, and its order."""
+    """Steps that a solver takes in a rotation at `PACED_TOLERANCE`, in the median, and its order.
+
+    Nobody fits the order: it is 8 for `cyrk-vern8`, and 6 for `splitting`, as in the law of its steps.
+    """
 
     steps: float
     order: float
@@ -61,12 +78,12 @@ def factors() -> dict[str, dict[str, dict[str, Factors]]]:
 
 
 def growth(family: str, want: str) -> Growth:
-    """Growth of the errors of a family's usual solver."""
+    """Growth of the errors of the usual solver of a family: "explicit", "implicit" or "splitting"."""
     return Growth(*_fitted()["growth"][family][want])
 
 
 def steps_per_turn(family: str) -> StepsPerTurn:
-    """Steps of a family's usual solver."""
+    """Steps of the usual solver of a family, "explicit" or "splitting"; no others are fitted (KeyError)."""
     return StepsPerTurn(*_fitted()["steps"][family])
 
 

@@ -79,6 +79,7 @@ def scenes(scene: str | None, as_json: bool) -> None:
 
         with bad_input():
             table = scene_table(scene_named(scene))
+        # `scene_text` ends in a newline already.
         click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
         return
     rows = []
@@ -136,6 +137,7 @@ def forms(as_json: bool) -> None:
     lines = []
     for name in FORMS:
         equations = form(name)
+        # Rows have the keys that those of solvers have, although every form is available.
         rows.append(
             {
                 "name": name,
@@ -193,6 +195,7 @@ def schema(kind: str) -> None:
     help="Picture to write: PNG, SVG or PDF.",
 )
 @click.option("--until", type=float, help="Last time shown; by default that of one rotation.")
+# At most 24 frames, each 1.75 inches wide: an estimate of what is still of use.
 @click.option(
     "--frames", type=click.IntRange(2, 24), default=6, help="Moments, first and last included."
 )
@@ -231,6 +234,8 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
             raise ValueError(
                 f"--until: {got}, expected at most {short(_MAX_DRAWN_ROTATIONS)} of them"
             )
+        # 1e-3 rad moves a tip by less than a pixel: a frame is 280 pixels wide at 160 dots per inch. Both
+        # numbers are estimates.
         solution = solve(
             shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames
         )

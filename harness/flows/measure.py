@@ -29,8 +29,8 @@ from polhode.solvers.compile import compiled_callback
 from polhode.solvers.solve import Solution, solve
 from polhode.solvers.taylor import forget_integrators
 
-# Shear's gradient but for a number far below rounding, so that it is not taken for shear: it runs by
-# the equations of any flow.
+# Shear but for an entry of 1e-300, far below rounding: it is not recognised as shear, so that the
+# equations of any flow run.
 AS_SHEAR = Flow.planar(1e-300)
 # Forms that take any linear flow.
 _FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jeffery")
@@ -42,13 +42,14 @@ START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 _STATES = 10_000
 _SHAPES = 100
 
-# Tolerance and duration, in inverse shear rates, of the runs whose cost is compared.
+# Tolerance and duration, in inverse shear rates, of the runs whose cost is compared: estimates, by which
+# runs take some milliseconds.
 COST_TOLERANCE = 1e-9
 COST_TIME = 2000.0
 # Times that heyoka compiles a field: the same code takes up to 1.5 times as long, by where it lies
-# in memory.
+# in memory. Other solvers keep their code, so that for them this only makes more rounds. An estimate.
 COMPILATIONS = 5
-# Timed runs of each compilation, of which the fastest counts.
+# Timed runs of each compilation; the fastest of all compilations counts. An estimate.
 ROUNDS = 3
 # Explicit solvers, which take every form of `_COSTS`.
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
@@ -62,15 +63,17 @@ _COSTS = (
 )
 
 # Planar flows A₁₂ = 1, A₂₁ = α, and aspect ratios of the spheroids in them. α = -1 is rotation, 0 shear,
-# 1 extension; spheroids align beyond an α that depends on the ratio.
+# 1 extension; spheroids align beyond an α that depends on the ratio. The values are estimates: they lie on
+# both sides of the threshold of each ratio.
 _ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 _RATIOS = (0.25, 1.5, 2.0, 5.0)
 _ORBIT_TOLERANCE = 1e-14  # Of the solver: periods are compared to rounding.
-# Time, in inverse shear rates, in which an axis aligns to rounding, if the flow makes it align.
+# Time, in inverse shear rates, in which an axis aligns to rounding, if the flow makes it align. An
+# estimate: the tables show how closely axes align by then.
 ALIGNING = 400.0
 
-# Durations of runs along tracks, in inverse shear rates, and the numbers of knots tried in them: for
-# the order of the spline, and for the cost of a knot.
+# Durations of runs along tracks, in inverse shear rates, and the numbers of intervals between knots tried in
+# them, which the tables call knots: for the order of the spline, and for the cost of a knot. Estimates.
 TRACK_TIME = 20.0
 _KNOTS = (10, 20, 40, 80, 160, 320)
 LONG_TRACK_TIME = 100.0
@@ -80,10 +83,12 @@ _TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bd
 
 # Random runs whose stated errors are compared with an integration in long double.
 _RUNS = 400  # An estimate.
-_RUN_STEPS = 600  # Equal steps of that integration, a multiple of the knots.
-_RUN_KNOTS = 30  # Intervals between the knots of a track.
-_RUN_ROWS = 11  # Compared times.
-_RUN_TIME = 30.0  # Longest duration, in inverse shear rates.
+# Equal steps of that integration: a multiple of the intervals between knots, and of those between compared
+# times. An estimate.
+_RUN_STEPS = 600
+_RUN_KNOTS = 30  # Intervals between the knots of a track; an estimate.
+_RUN_ROWS = 11  # Compared times; an estimate.
+_RUN_TIME = 30.0  # Longest duration, in inverse shear rates; an estimate.
 
 
 def random_gradient(random: np.random.Generator) -> Any:
@@ -147,7 +152,7 @@ def _least_seconds(runs: Sequence[Solution]) -> float:
 
 
 def costs(quick: bool = False) -> Iterator[Record]:
-    """Times by the equations of any flow and of shear, in turns; the least of some rounds and compilations."""
+    """Times by the equations of any flow and of shear, in turns; the least of `COMPILATIONS` times `ROUNDS`."""
     for scene_name, name, stokes, solvers in _COSTS:
         time = COST_TIME / 10 if quick else COST_TIME
         scene = replace(named_scene(scene_name), stokes=stokes, time=time)
@@ -246,6 +251,7 @@ def _from_eigenvector(scene: Scene, ratio: float) -> float:
 
 def extension(quick: bool = False) -> Iterator[Record]:
     """Bodies in axial extension, with and without inertia: the angle between their axis and where it aligns."""
+    # A rod and a disc. The aspect ratios, the St and the tolerance are estimates.
     for ratio, where in ((3.0, "along"), (0.3, "across")):
         for stokes in (0.0, 0.5) if quick else (0.0, 0.5, 5.0):
             scene = Scene(Ellipsoid((1.0, 1.0, ratio)), stokes, START, ALIGNING, Flow.extension())
@@ -266,16 +272,19 @@ def source(time: Any) -> Any:
 
 
 def _along(count: int, time: float) -> Scene:
-    """A scene along the track that `count` intervals between knots make of `source`."""
+    """A scene along the track through `source` at count + 1 knots, both ends included; St and shape are any."""
     times = np.linspace(0.0, time, count + 1)
     shape = Ellipsoid((1.0, 0.8, 0.5))
     return Scene(shape, 10.0, START, time, Flow.track(times, source(times)))
 
 
 def orders(quick: bool = False) -> Iterator[Record]:
-    """Error of L and E of runs along tracks of the source against its integration in long double."""
+    """Error of L over I_max, at the end of runs along tracks, against a run in their source in long double.
+
+    The solver's tolerance, 1e-15, lies far below these errors: they are the spline's.
+    """
     scene = _along(_KNOTS[0], TRACK_TIME)
-    # 200 equal steps, of which the start and the end are rows.
+    # 200 equal steps, an estimate; only the start and the end are kept.
     momentum = _by_long_double([scene], lambda time, _: source(time), 200, 2)[0].angular_momentum
     for count in _KNOTS[:3] if quick else _KNOTS:
         solution = solve(
@@ -289,7 +298,11 @@ def orders(quick: bool = False) -> Iterator[Record]:
 
 
 def knots(quick: bool = False) -> Iterator[Record]:
-    """Cost of a knot: time of a run along a track less the time of one in a constant flow, by solver."""
+    """Cost of a knot, by solver: time of a run along a track less that of one in a constant flow.
+
+    The difference is shared by the intervals between knots. One knot more, the first, costs nothing: runs
+    begin there.
+    """
     equations = find_form("quaternion")
     for solver in _TRACK_SOLVERS:
         for count in _LONG_TRACK_KNOTS[:1] if quick else _LONG_TRACK_KNOTS:
@@ -338,7 +351,10 @@ def _by_long_double(
 
 
 def random_scenes(count: int) -> list[tuple[str, Scene]]:
-    """Random scenes with the form that solves each: every other one along a track of random gradients."""
+    """Random scenes with the form that solves each: four in steady flows, four along tracks, and so on.
+
+    Ranges without a reason beside them are estimates.
+    """
     random = np.random.default_rng(11)
     names = [name for name in _FORMS if name != "jeffery"]
     scenes = []
@@ -350,11 +366,12 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
         shape = Ellipsoid(tuple(axes.tolist()))
         # Damping rates from 0.01 to 3: explicit steps in long double stay stable.
         stokes = max(shape.damping) / 10 ** random.uniform(-2, 0.5)
+        # θ₀ keeps away from 0 and π, where Euler angles are singular.
         angles = (random.uniform(0.3, 2.8), *random.uniform(0, 6.28, 2).tolist())
         start = EulerStart(angles, tuple(random.normal(size=3).tolist()))
         time = float(random.uniform(0.2, 1.0)) * _RUN_TIME
         # The first four scenes of each eight, one for each form, are in a steady flow. The other four are in
-        # flows that fluctuate about a steady one.
+        # flows that fluctuate about a steady one, by half its size.
         gradients = [random_gradient(random)] * (_RUN_KNOTS + 1)
         flow = Flow(gradients[0])
         if number % 8 >= len(names):
@@ -365,7 +382,10 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
 
 
 def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
-    """A function of times within a step, and the step: the gradients of scenes, by SciPy's splines in long double."""
+    """A function of times within a step, and the step: the gradients of scenes, by SciPy's splines.
+
+    SciPy computes the coefficients in double; they are evaluated in long double.
+    """
     from scipy.interpolate import CubicSpline
 
     # Coefficients between two knots, from the constant one on; of a steady flow that one alone.
@@ -408,9 +428,11 @@ def stated(quick: bool = False) -> Iterator[Record]:
             scene.ellipsoid.inertia
         )
         angle = orientation_difference(scene.ellipsoid, solution.rotation, reference.rotation)
+        # A rotation of NaN alone has no angle, and counts as missed.
         row |= {"slow": float(slow), "angle": inf if angle is None else float(np.max(angle))}
         slow_error = solution.error.slow
         orientation = solution.error.orientation
+        # A run that states no error has an upper end of 0, above which any error lies: it counts as missed.
         row["slow_high"] = slow_error.high if slow_error else 0.0
         yield row | {"angle_high": orientation.high if orientation else 0.0}
 

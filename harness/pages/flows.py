@@ -51,8 +51,9 @@ def write_page(folder: Path, command: str) -> Path:
     """Write the page and its figure from the tables in a folder; the path of the page."""
     tables = read_tables(folder)
     note = (
-        "Left: full equations without inertia, the time to the same direction. Right: L at "
-        f"t = {measure.TRACK_TIME:g} against the flow that the track was taken from. No times are shown."
+        "Left: period of the axis at St = 0 (Jeffery's equations). Right: L at "
+        f"t = {measure.TRACK_TIME:g} against the flow that the track was taken from. "
+        "No computing times are shown."
     )
     save(figure(tables["orbits"], tables["orders"], note), folder, "flows")
     return write_file(folder / "README.md", page(folder, command))
@@ -153,11 +154,11 @@ def _by_ratio(orbits: Any) -> pd.DataFrame:
     for ratio, own in orbits.groupby("ratio"):
         closed = own[np.isfinite(own["theory"])]
         aligned = own[~np.isfinite(own["theory"])]
-        strain = abs(measure.anisotropy(float(str(ratio))))
+        anisotropy = abs(measure.anisotropy(float(str(ratio))))
         rows.append(
             {
                 "ratio": ratio,
-                "threshold": (1 - strain) / (1 + strain),
+                "threshold": (1 - anisotropy) / (1 + anisotropy),
                 "closed": len(closed),
                 "period": float((closed["period"] / closed["theory"] - 1).abs().max()),
                 "apart": float(closed["apart"].max()),
@@ -169,7 +170,7 @@ def _by_ratio(orbits: Any) -> pd.DataFrame:
 
 
 def _with_order(orders: Any) -> pd.DataFrame:
-    """The rows, each with the power of the spacing since the one before."""
+    """Adds the order: slope of log error against log spacing from the row before."""
     fall = np.log(orders["error"]).diff() / np.log(orders["spacing"]).diff()
     return orders.assign(order=fall)
 
@@ -196,15 +197,18 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
     groups = list(orbits.groupby("ratio"))
     for (ratio, own), shade in zip(groups, ramp(len(groups)), strict=True):
         kappa = float(str(ratio))
-        strain = abs(measure.anisotropy(kappa))
-        threshold = (1 - strain) / (1 + strain)
-        # At the threshold the period is infinite.
+        anisotropy = abs(measure.anisotropy(kappa))
+        threshold = (1 - anisotropy) / (1 + anisotropy)
+        # Without the ends: at the threshold the period is infinite. At α = -1 it is 2π for every κ, and the
+        # curve begins one point beside it.
         alphas = np.linspace(-1.0, threshold, 2000)[1:-1]
         theory = [measure.period(float(alpha), kappa) for alpha in alphas]
         axes.plot(alphas, theory, color=shade, linewidth=1.3)
         closed = own[np.isfinite(own["theory"])]
         axes.plot(closed["alpha"], closed["period"], "o", color=shade, markersize=4)
         axes.axvline(threshold, color=shade, linewidth=0.8, linestyle=":")
+    # The limits hold the periods and thresholds of `measure._ALPHAS` and `_RATIOS`. Other values ask for
+    # other limits: points outside are not shown.
     axes.set_yscale("log")
     axes.set_ylim(5.0, 100.0)
     axes.set_yticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])

@@ -2,6 +2,8 @@
 
 The singular fixed point is the rotation about the middle axis, L_z = -I₂/2. "Local" is the solution
 next to it, by `polhode.models.theory.separatrix`, which defines y and L_z' = L_z + I₂/2 ("shift").
+I₁ < I₂ < I₃ are the moments of inertia, and X₁, X₂, X₃ the resistances, from the longest axis to the
+shortest.
 "Critical" is the one trajectory on each side of L² = 2EI₂ that meets the point. Tables number the
 sides: 0 is long, L² < 2EI₂, before the point, 1 is short, after it.
 """
@@ -119,8 +121,8 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
 
     A bisection of L_z' at the start finds it: trajectories that start with more pass the point with more.
-    The start is in units of I_max, the time slow. Runs have `points` rows. The last row before the point
-    decides, by the critical L_z' of the local solution at its y, and gives the time that is left.
+    The start is in units of I_max, the time slow. Runs have `points` rows. The last row before the point is
+    compared with the critical L_z' at the same y; the local solution adds the remaining time.
     """
     local = Separatrix(_ELLIPSOID, "long")
     # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). From y > 0.3, where the
@@ -323,9 +325,10 @@ def _draw_sides(
     draw_each(axes, table, "side", x, lambda rows: size(rows[local]), **style)
 
 
-# Runs that measure the irregularity of the oscillation.
+# Runs that measure the irregularity of the oscillation: their St, and the slow time that they are followed.
+# Both are estimates.
 _IRREGULAR_STOKES = 500.0
-_IRREGULAR_SLOW_TIME = 0.1  # Slow time that they are followed.
+_IRREGULAR_SLOW_TIME = 0.1
 # Errors after L² = 2EI₂ over those before, up to which passing it has little effect: an estimate.
 _LITTLE_EFFECT = 2.0
 
@@ -400,11 +403,13 @@ def _scatter(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
 
 
-# Distance along L_z, over I_max, from the singular point where critical trajectories are compared.
+# Distance along L_z, over I_max, from the singular point where critical trajectories are compared: half of
+# the magnified view. An estimate.
 _CLOSE_TO_POINT = 2e-3
-# Slow time for which the trajectory on the upper parabola is followed.
+# Slow time for which the trajectory on the upper parabola is followed: later, rounding carries it off. An
+# estimate.
 _ON_EDGE = 0.25
-# Half sizes along L_z and E of the magnified view of the singular point, over I_max.
+# Half sizes along L_z and E of the magnified view of the singular point, over I_max; estimates.
 _WINDOW = (0.004, 0.0016)
 
 
@@ -415,7 +420,9 @@ class Plane(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
         # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds: from next to
-        # the lower parabola to next to the upper one; the last start lies on the upper one.
+        # the lower parabola to next to the upper one; the last start lies on the upper one. -1.1 is beyond the
+        # fixed points of L_z < 0, the farthest of which is at -0.5, and -0.08 between them and the pinch
+        # point. The values are estimates.
         shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.08, 1.1), shares)]
         starts.append((-1.1, 1.0))
@@ -426,7 +433,7 @@ class Plane(Experiment):
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             # Kind 0 is the local solution, kind 1 below the averaged one.
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
-        # The averaged one starts far from the point, at y = 0.8. Squares of even steps make its rows dense
+        # The averaged one starts far from the point, at y = 0.8, an estimate. Squares of even steps make its rows dense
         # near the point, where both are compared; the start and the point itself are left out.
         _, arrival = critical_start(0.8, 4001)
         before = critical_before(0.8, 4001, arrival * np.linspace(1.0, 0.0, 1001)[1:-1] ** 2)
@@ -527,7 +534,7 @@ class Plane(Experiment):
 
 
 def _kept(slow: np.ndarray) -> np.ndarray:
-    """Indices of points at even steps, and of all in the magnified view of the singular point, or next to it."""
+    """Indices of points at even steps, and of all points in or just outside the magnified view."""
     # 1.2 views: a line that leaves the view is drawn up to its edge.
     inside = np.abs(slow[:, 2:] - planes.fixed_point(_ELLIPSOID, "singular")) < 1.2 * np.array(
         _WINDOW
