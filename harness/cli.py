@@ -67,7 +67,7 @@ class RunFailed(click.ClickException):
     exit_code = 1
 
 
-# What a message about a file adds, by errno: what was expected.
+# A message about a file ends with what was expected, by errno.
 _EXPECTED = {
     errno.ENOENT: ", expected an existing one",
     errno.EISDIR: ", expected a file",

@@ -560,7 +560,7 @@ def _in_two_digits(value: float) -> float:
 
 
 def save(numbers: Mapping[str, Any], command: str) -> None:
-    """Write fitted numbers beside this module; those of which there were too few runs stay."""
+    """Write fitted numbers beside this module. A number that too few runs could fit keeps its old value."""
     contents = json.loads(FITTED_FILE.read_text(encoding="utf-8"))
     _update(contents, {"command": command, **numbers})
     write_file(FITTED_FILE, json.dumps(contents, indent=1) + "\n")

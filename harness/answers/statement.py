@@ -167,7 +167,7 @@ def stated(
 
     `apart` are the differences and `turns` the rotations of the run. `least` is a difference below which
     two runs agree by luck, `rounded_steps` is the rounding that steps add up, in eps. The upper end is
-    factor × max(difference, least) + rounding, `factor` that of the kind and family. The differences of
+    factor × max(difference, least) + rounding; the kind and family set the factor. The differences of
     a closed form are its rounding already (`of_rounding`): nothing is added to them.
     """
     momentum = np.abs(observables.angular_momentum).max(axis=0)

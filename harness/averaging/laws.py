@@ -40,8 +40,8 @@ _NAMES = {
 # An exponent is measured between two St of this ratio, the largest ones that have enough bodies: there the
 # law has set in, and the two are far enough apart.
 _RATIO = 10.0
-# Share of the bodies at the larger St whose errors must be known for an exponent. Of fewer, those are known that
-# err most, and most of these err by what falls slowly. An estimate.
+# Share of the bodies at the larger St whose errors must be known for an exponent. If fewer errors are known, these
+# are the largest ones, which fall most slowly with St. An estimate.
 _LEAST_KNOWN = 0.5
 # St from which on an error's multiple of 1/St or 1/St² is taken; an estimate of where laws hold.
 _SETTLED_FROM = 1e4

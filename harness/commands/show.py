@@ -137,7 +137,7 @@ def forms(as_json: bool) -> None:
     lines = []
     for name in FORMS:
         equations = form(name)
-        # Rows have the keys that those of solvers have, although every form is available.
+        # Every form is available: the key stands here since the rows of solvers have it.
         rows.append(
             {
                 "name": name,

@@ -36,8 +36,8 @@ _VERSION = 1
 def code_digest() -> str:
     """Twelve hexadecimal digits of the SHA-256 of today's code.
 
-    Parsing takes a second. The digest is cached on disk under that of the files' bytes, as a number of 48 bits, which
-    a double holds.
+    Parsing takes a second, so the digest is cached on disk; the key is the SHA-256 of the files' bytes. The cache
+    holds doubles, and the 48 bits of the digest fit into one.
     """
     total = sha256()
     for name, path in _files(_ROOT):
@@ -75,7 +75,7 @@ def digest_of(root: Path) -> str:
 
 
 def _content(path: Path) -> str:
-    """What a file says to the program that reads it."""
+    """The contents of a file without comments, docstrings and formatting."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         parts: list[str] = []

@@ -84,7 +84,7 @@ def commit() -> str | None:
 
 
 def _git(clone: Path, *words: str) -> str:
-    """What git prints; nothing if it fails or is not there."""
+    """The output of git; empty if git fails or is not installed."""
     try:
         done = subprocess.run(
             ["git", *words], cwd=clone, capture_output=True, text=True, check=True, timeout=60
@@ -167,7 +167,7 @@ class Maker(NamedTuple):
 
 
 def makers_of(text: str) -> list[Maker]:
-    """What measured a page, by the line that `provenance` wrote; empty if it has no such line."""
+    """The makers of a page, read from the line that `provenance` wrote; empty if the page has no such line."""
     line = re.search(r"^Measured (?:on|from) .*", text, re.MULTILINE)
     makers = []
     for version, name, code in _MAKER.findall(line[0] if line else ""):

@@ -2,7 +2,7 @@
 
 The sentinel is a fixed piece of arithmetic, timed beside the runs. Run times rise and fall with it, so
 dividing by it makes slow and fast moments comparable. Wall time is what a clock shows; processor time
-is what the process computed. Where no reason of a number stands beside it, the number is an estimate.
+is what the process computed. A number without a reason beside it is an estimate.
 """
 
 import gc
@@ -97,7 +97,7 @@ def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
 
     A process that the system took off the processor, which `ru_nivcsw` counts, waited for others: its time without
     waiting is its processor time. Else it is the wall time, in which the process may have slept of its own accord.
-    Processor time adds up all threads of the process: that of a call with several may exceed its wall time.
+    Processor time adds up all threads of the process, and may exceed the wall time if a call has several.
     """
     before = getrusage(RUSAGE_SELF)
     began = perf_counter()

@@ -298,7 +298,7 @@ def orders(quick: bool = False) -> Iterator[Record]:
 
 
 def knots(quick: bool = False) -> Iterator[Record]:
-    """Cost of a knot, by solver: time of a run along a track less that of one in a constant flow.
+    """Cost of a knot, by solver: the time of a run along a track minus the time of a run in a constant flow.
 
     The difference is shared by the intervals between knots. One knot more, the first, costs nothing: runs
     begin there.
