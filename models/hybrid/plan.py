@@ -165,7 +165,7 @@ class HybridPlan:
             second_order=False,
             reason=reason,
             decisive=True,
-            phase=0.0,
+            phase=(self.spent - self.carried) * more * dephasing(remaining),
             phase_per_error=more * dephasing(remaining),
             turned=more * error_growth(remaining) / stokes,
         )

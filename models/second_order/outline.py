@@ -72,7 +72,8 @@ class PlannedSegment:
     reason: str = ""
     error: float = 0.0  # of L and E, over I_max, that averaging adds to the run's largest one
     decisive: bool = False  # whether the run behind it needs a new outline
-    swing: float = 0.0  # error in rad that averaging adds to angles at once: rho and the lag
+    # Error in rad that averaging adds to angles at once: what `AveragingErrors` has as `at_once` and `lag`.
+    swing: float = 0.0
     # Error in rad that angles gain in the segment from what averaging has made of L and E since the outline's
     # start, and per further error of L and E, over I_max.
     phase: float = 0.0
@@ -182,8 +183,9 @@ class AveragingErrors(NamedTuple):
     passing: Array  # of L and E, at that time alone
     # Of L and E, if a segment begins there: what the swing leaves out is an error of the slow state, and lasts.
     offset: Array
-    at_once: Array  # of angles, at that time alone
-    lag: Array  # of angles, of the whole path so far: the swing's mean square, and kicks left out
+    at_once: Array  # of angles, at that time alone: rho of a spheroid, what the swing leaves out of others
+    # Of angles, of the whole path so far: the swing's mean square, and kicks left out, which spheroids have not.
+    lag: Array
 
 
 # At extreme St and times estimates overflow; a run is not averaged where they are not finite.
@@ -223,7 +225,7 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
         reasons.append(f"resonance {kick.mode}")
         local_errors = local_errors + kick.missed(times)
     averaged = cause == 0
-    kick_errors = _errors_of_kicks_left(ahead, kicks, times, averaged)
+    kick_errors, phase_of_kicks = _errors_of_kicks_left(ahead, path, averaged)
     # Step 4: the requested error. `gains` are the lasting errors that third order adds at each time,
     # as later kicks amplify them.
     gains = third * np.gradient(times) * amplification
@@ -247,7 +249,6 @@ def outline(scene: Scene, budget: float = inf) -> Outline:
     cause[(cause == 0) & (local_errors > allowed)] = _INACCURATE
     # The averaged segments state errors that last, and errors that pass.
     drifting = lasting_errors + kick_errors
-    phase_of_kicks = _phase_of_kicks_left(ahead, path, averaged)
     passing = np.where(cause == 0, local_errors + phase_errors, 0)
     if scene.ellipsoid.kind == "triaxial":
         at_once = np.where(passing > 0, passing / path.scale, 0)
@@ -272,32 +273,22 @@ def _cause_by_path(path: Path, budget: float) -> Array:
     return cause
 
 
-def _errors_of_kicks_left(
-    ahead: Ahead, kicks: tuple[Kick, ...], times: Array, averaged: Array
-) -> Array:
-    """Error, per time, of all kicks left out so far where the run is averaged, at random phases."""
-    errors = np.zeros(len(times))
-    for kick in kicks:
-        if kick in ahead.left:
-            at = np.searchsorted(times, kick.time)
-            errors[at] = hypot(errors[at], ahead.left[kick])
-    return _RANDOM_PHASES * np.sqrt(np.cumsum(np.where(averaged, errors, 0) ** 2))
+def _errors_of_kicks_left(ahead: Ahead, path: Path, averaged: Array) -> tuple[Array, Array]:
+    """Errors by all kicks left out so far where the run is averaged, at random phases, shapes (m,).
 
-
-def _phase_of_kicks_left(ahead: Ahead, path: Path, averaged: Array) -> Array:
-    """Error of α and β in rad, per time, by all kicks left out so far where the run is averaged, at random phases.
-
-    A kick changes E and |L| in a proportion of its own, which may change a², and so the rates of the angles,
-    by far more than an error of both alike does.
+    They are those of L and E, over I_max, and those of α and β, in rad. A kick changes E and |L| in a proportion
+    of its own, which may change a², and so the rates of the angles, by far more than an error of both alike does.
     """
+    errors = np.zeros(len(path.times))
     square = np.zeros(len(path.times))
-    for kick in ahead.left:
+    # In the order of their times.
+    for kick, size in reversed(ahead.left.items()):
         at = int(np.searchsorted(path.times, kick.time))
-        if not averaged[at]:
-            continue
-        turned = path.turned[at:] - path.turned_at(np.array([kick.time]))[0]
-        square[at:] += (np.abs(turned @ kick.along) ** 2).max(axis=1)
-    return _RANDOM_PHASES * np.sqrt(square)
+        if averaged[at]:
+            errors[at] = hypot(errors[at], size)
+            turned = path.turned[at:] - path.turned_at(np.array([kick.time]))[0]
+            square[at:] += (np.abs(turned @ kick.along) ** 2).max(axis=1)
+    return _RANDOM_PHASES * np.sqrt(np.cumsum(errors**2)), _RANDOM_PHASES * np.sqrt(square)
 
 
 def _level_within(
@@ -343,6 +334,8 @@ def _segments(
     gained = path.summed(path.error_growth * amplification)
     phase_per_error = path.summed(path.dephasing) / path.torque_factor
     drifting, passing, _, at_once, lag = errors
+    # Not clipped at π: segments state differences of it.
+    phase_of_drift = path.summed(drifting * path.dephasing) / path.torque_factor
     # Sum over the averaged segments so far.
     offset = 0.0
     for first, last in ranges:
@@ -350,7 +343,7 @@ def _segments(
         averaged = not between[first]
         if averaged:
             offset += errors.offset[first]
-        phase = path.phase(drifting + offset)
+        phase = phase_of_drift + offset * phase_per_error
         numbers = [number for number in dict.fromkeys(between[first:last].tolist()) if number]
         if numbers:
             reason = "; ".join(dict.fromkeys(reasons[number] for number in numbers))

@@ -291,3 +291,33 @@ def test_full_segments_take_their_share_of_the_error_together(lengths: list[tupl
         ) * each.end * (1 - 1e-9)
         spent_full += cost
     assert spent_full <= FULL_SHARE * 1e-6
+
+
+def test_angles_stay_unknown_behind_a_segment_that_an_error_of_averaging_enters():
+    """What averaging leaves out where the second segment begins turns the angles by many rad until its end.
+
+    The whole run's error of angles had been taken before that, so that the segment stated nothing.
+    """
+    start = BodyStart(
+        (-0.42994665674095855, 0.625600468815805, 0.6363008819160579, 0.1374449469699203),
+        (0.732764881619866, 0.4269383518844498, -0.5815565035746542),
+    )
+    ellipsoid = Ellipsoid((1.0, 0.2436996495396903, 0.5377992336886624))
+    scene = Scene(ellipsoid, 29466.698597661438, start, 25107.534696823066)
+    full, averaged = plan.foreseen(scene, 4e-3)
+    assert (full.second_order, averaged.second_order) == (False, True)
+    assert averaged.phase > pi
+    assert averaged.phase > full.phase > 0
+
+
+@pytest.mark.parametrize("carried", [0.0, 3e-6, 1e-5])
+def test_turns_before_an_averaged_segment_count_all_errors_spent(carried: float):
+    """Errors by full segments and by averaged ones alike turn the angles while no slow state is found."""
+    full = form(full_form(CROSSING)).problem(CROSSING)
+    spent = plan.HybridPlan(CROSSING, full, spent=1e-5, carried=carried)
+    planned = PlannedSegment(0.0, 0.1, True)
+    segment = spent._until_averaged(planned, 0.0, np.array(full.start), 1e-8, "none found")
+    all_carried = replace(spent, carried=1e-5)
+    same = all_carried._until_averaged(planned, 0.0, np.array(full.start), 1e-8, "none found")
+    assert segment.angle == pytest.approx(same.angle)
+    assert segment.angle > 1e-5
