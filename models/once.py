@@ -89,7 +89,7 @@ class Once(Generic[P, R]):
             with entry.lock:
                 if not (entry.ready or entry.failed):
                     self._compute(entry, key, *arguments, **named)
-            if entry.failed:
+            if entry.failed and not entry.ready:
                 # The thread that this one waited for has failed: this one tries, as another may.
                 entry = self._entry(key)
         self._trim()

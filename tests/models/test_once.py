@@ -225,3 +225,14 @@ def test_machine_code_lives_as_long_as_it_is_held():
     del code
     gc.collect()
     assert engine() is None
+
+
+def test_a_function_that_survives_asking_for_its_own_result_ends():
+    @once()
+    def own(number: int) -> int:
+        try:
+            return own(number)
+        except RecursionError:
+            return number
+
+    assert own(3) == 3
