@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from polhode.models.libraries import IMPORTS, version_of
+from polhode.models.libraries import IMPORTS
 from polhode.models.once import once
 from polhode.models.problem import Problem
 from polhode.models.spent import spent_on
@@ -192,14 +192,18 @@ def _for_lsoda(jacobian: Any, bands: tuple[int, int] | None) -> Callback:
 
     Before SciPy 1.16 as many rows as there are lower bands follow the bands: Fortran works in them.
     """
-    release = tuple(map(int, str(version_of("scipy")).split(".")[:2]))
-    further = bands[0] if bands and release < (1, 16) else 0
+    further = 0
+    if bands:
+        with IMPORTS:
+            from scipy import __version__ as version
+        release = tuple(map(int, version.split(".")[:2]))
+        further = bands[0] if release < (1, 16) else 0
 
     def of_state(t: float, y: np.ndarray) -> np.ndarray:
         matrix = jacobian(t, y) if callable(jacobian) else jacobian
         if bands:
-            rows = packed(matrix if hasattr(matrix, "diagonal") else dense(matrix), *bands)
-            return np.pad(rows, ((0, further), (0, 0))) if further else rows
+            diagonals = matrix if hasattr(matrix, "diagonal") else dense(matrix)
+            return packed(diagonals, *bands, further)
         return dense(matrix)
 
     return of_state

@@ -58,13 +58,13 @@ def dense(matrix: Any) -> np.ndarray:
     return matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix, dtype=float)
 
 
-def packed(matrix: Any, lower: int, upper: int) -> np.ndarray:
-    """The bands of a matrix as LSODA wants them, shape (lower + upper + 1, d).
+def packed(matrix: Any, lower: int, upper: int, further: int = 0) -> np.ndarray:
+    """The bands of a matrix as LSODA wants them, shape (lower + upper + 1 + further, d).
 
-    Entry (i, j) of the matrix stands in row ``upper + i - j`` and column j.
+    Entry (i, j) of the matrix stands in row ``upper + i - j`` and column j. The `further` rows are 0.
     """
     d = matrix.shape[0]
-    bands = np.zeros((lower + upper + 1, d))
+    bands = np.zeros((lower + upper + 1 + further, d))
     for k in range(-lower, upper + 1):
         # k above the main diagonal; it begins in column `first`.
         diagonal = matrix.diagonal(k)
