@@ -511,11 +511,7 @@ def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarra
     steps, _ = run(problem.end, np.empty(0))
     if len(steps) < 2:
         return np.zeros(1), start[None]
-    # Numbers of steps, with fractions where there are fewer steps than points: each step gets as
-    # many times as any other.
-    places = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-    requested = np.append(np.interp(places, np.arange(len(steps)), steps), steps[-1])
-    times, states = run(steps[-1], requested)
+    times, states = run(steps[-1], spread_over(steps, points))
     # A run of few steps may end otherwise when its rows are elsewhere.
     return (times, states) if len(times) else (np.zeros(1), start[None])
 
@@ -526,3 +522,10 @@ def _array(pointer: Any, size: int) -> np.ndarray:
 
 
 Vern8, Vern7, Dop853, Tsit5, Lsoda, Bdf, Radau = methods(CyrkSolver)
+
+
+def spread_over(steps: np.ndarray, points: int) -> np.ndarray:
+    """About as many times as points, of which each step has as many as any other; the last step's end is the last."""
+    # Numbers of steps, with fractions where there are fewer steps than points.
+    places = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
+    return np.append(np.interp(places, np.arange(len(steps)), steps), steps[-1])

@@ -61,8 +61,5 @@ def _followed_by_scipy(
         if not interpolants:
             return alone
         steps = np.array(times)
-        # Numbers of steps, with fractions where there are fewer steps than points: each step gets
-        # as many times as any other.
-        places = np.arange(0, len(steps) - 1, min(1, len(steps) / points))
-        sampled = np.append(np.interp(places, np.arange(len(steps)), steps), steps[-1])
+        sampled = cyrk.spread_over(steps, points)
         return sampled, OdeSolution(steps, interpolants)(sampled).T

@@ -70,11 +70,11 @@ def _first_complaint(error: ValidationError, model: type[BaseModel]) -> str:
         keys = _keys(model, above)
         meant = near(str(last), keys)
         # The key that it means is not missing besides.
-        same = {"type": "missing", "loc": (*above, meant)}
+        meant_key = ("missing", (*above, meant))
         complaints = [
             complaint
             for complaint in complaints
-            if any(complaint[name] != value for name, value in same.items())
+            if (complaint["type"], complaint["loc"]) != meant_key
         ]
         text = f"{where}: unknown key, expected one of {', '.join(keys)}{_advice(model, above, str(last), keys)}"
     elif expected.startswith("got "):

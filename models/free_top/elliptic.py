@@ -25,8 +25,8 @@ _TINY = np.finfo(Long).tiny ** Long(0.25)
 _NEGLIGIBLE = 5 - np.log(LONG_EPSILON)
 
 
-def exact(value: float | np.floating) -> Fraction:
-    """Rational number equal to a finite floating-point number of any width."""
+def exact(value: float | np.floating | Fraction) -> Fraction:
+    """Rational number equal to a finite floating-point number of any width, or to a rational one."""
     return Fraction(*value.as_integer_ratio())
 
 

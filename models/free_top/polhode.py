@@ -126,9 +126,7 @@ def _mean_inverse_inertia(a: Long, b: Long, n: Long, m1: Long) -> Long:
 
 def exactly(numbers: Triple | Rationals) -> tuple[Fraction, ...]:
     """The rational numbers that floating-point numbers are; rational ones stay."""
-    return tuple(
-        number if isinstance(number, Fraction) else exact(Long(number)) for number in numbers
-    )
+    return tuple(map(exact, numbers))
 
 
 def mean_speed(ellipsoid: Ellipsoid, slow: np.ndarray) -> np.ndarray:
