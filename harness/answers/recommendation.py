@@ -73,12 +73,15 @@ class Recommendation:
 
     @property
     def advice(self) -> str:
-        """That the run is too short to choose for, where it is; else nothing."""
+        """What to type instead, where the run is too short to choose for; else nothing."""
         run = self.ranking[0].seconds.predicted
         if run >= self.seconds:
             return ""
+        want = "" if self.want == "slow" else f" --want {self.want}"
         return (
-            f"This run takes {duration(run)}; choosing took {duration(self.seconds)}: just solve."
+            f"Choosing took {duration(self.seconds)}, longer than this run. For a run this short, type "
+            f"`polhode solve SCENE --error {short(self.error)}{want}` without asking first: it takes a "
+            "method by fixed rules and confirms the error."
         )
 
     @property

@@ -360,7 +360,10 @@ def test_it_says_when_not_to_ask():
     interval = Interval(2e-3, 1e-3, 3e-3)
     row = RankedRun("quaternion", "taylor", 1e-9, interval, interval, 1.0, False, "")
     quick = Recommendation("slow", 1e-6, 1.0, 1.0, (row,), (), seconds=0.02)
-    assert quick.advice == "This run takes 2.0 ms; choosing took 20 ms: just solve."
+    assert quick.advice.startswith("Choosing took 20 ms, longer than this run.")
+    assert "type `polhode solve SCENE --error 1e-6` without asking first" in quick.advice
+    turned = replace(quick, want="orientation")
+    assert "--error 1e-6 --want orientation`" in turned.advice
     assert quick.advice in quick.summary
     assert not replace(quick, seconds=0.001).advice
 
