@@ -71,7 +71,7 @@ def _shape_page(content: Mapping[str, Any]) -> str:
 @as_json
 def scenes(scene: str | None, as_json: bool) -> None:
     """List the built-in scenes; with SCENE, print it as a scene file, to start one of your own from."""
-    from polhode.harness.common.scene_words import scene_named
+    from polhode.harness.common.scene_words import scene_named, written_slow_time
     from polhode.models.scenes import SCENES
 
     if scene is not None:
@@ -79,8 +79,11 @@ def scenes(scene: str | None, as_json: bool) -> None:
 
         with bad_input():
             table = scene_table(scene_named(scene))
-        # `scene_text` ends in a newline already.
-        click.echo(to_json(table) if as_json else scene_text(table), nl=as_json)
+        if as_json:
+            click.echo(to_json(table))
+        else:
+            # It ends in a newline already.
+            click.echo(scene_text(table, written_slow_time(scene)), nl=False)
         return
     rows = []
     for name, scene_there in SCENES.items():
@@ -117,14 +120,17 @@ def _widest(text: str) -> int:
     return max(map(len, text.splitlines()))
 
 
-def scene_text(table: dict[str, Any]) -> str:
-    """A scene file with the contents of `polhode.models.files.scene_file.scene_table`, and what its keys mean."""
+def scene_text(table: dict[str, Any], slow_time: float | None = None) -> str:
+    """A scene file with the contents of `polhode.models.files.scene_file.scene_table`, and what its keys mean.
+
+    It gives the duration as `slow_time`, that is t/St, if that is given; else as `time`.
+    """
     from polhode.harness.pages.tables import templates
 
     stokes = table["stokes"]
-    slow_time = table["time"] / stokes if 0 < stokes < inf else None
+    time_over_stokes = table["time"] / stokes if 0 < stokes < inf else None
     template = templates(Path(__file__).parent).get_template("scene_file.md")
-    return template.render(table, slow_time=slow_time)
+    return template.render(table, slow_time=slow_time, time_over_stokes=time_over_stokes)
 
 
 @command()

@@ -13,6 +13,7 @@ from commandline import SCENE, SCRIPT, Run
 
 from polhode.harness.cli import COMMANDS, FORMER, GROUPS, polhode as commands
 from polhode.harness.commands.show import scene_text
+from polhode.harness.common.scene_words import written_slow_time
 from polhode.models.catalogue import FORMS
 from polhode.models.files.scene_file import parse_scene, scene_table
 from polhode.models.scenes import SCENES, named_scene
@@ -113,9 +114,17 @@ def test_shape_in_words(here: Run, axes: tuple[float, ...], kind: str):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_built_in_scene_printed_is_the_same_scene_as_a_file(name: str):
-    assert parse_scene(tomllib.loads(scene_text(scene_table(named_scene(name))))) == named_scene(
-        name
-    )
+    scene = named_scene(name)
+    for slow_time in (None, written_slow_time(name)):
+        assert parse_scene(tomllib.loads(scene_text(scene_table(scene), slow_time))) == scene
+
+
+def test_a_scene_keeps_the_slow_time_that_it_was_written_with(here: Run, tmp_path: Path):
+    assert "\nslow_time = 0.5  # time / St; or: time = 500.0" in here("scenes", "paper").stdout
+    assert "\ntime = 50.0  # in inverse shear rates; or" in here("scenes", "stiff").stdout
+    text = here("scenes", "paper").stdout.replace("stokes = 1000.0", "stokes = 100000.0")
+    (tmp_path / "ice.toml").write_text(text, encoding="utf-8")
+    assert "slow_time = 0.5  # time / St; or: time = 50000.0" in here("scenes", "ice.toml").stdout
 
 
 def test_scenes_are_listed_and_printed(here: Run, tmp_path: Path):
@@ -126,7 +135,7 @@ def test_scenes_are_listed_and_printed(here: Run, tmp_path: Path):
     assert header.split() == ["name", "semi-axes", "St", "time", "summary"]
     assert [line.split()[0] for line in lines] == list(SCENES)
     assert lines[0].split()[:8] == ["paper", *["1", ":", "0.8", ":", "0.5", "1000", "500"]]
-    assert "or: slow_time = 0.5, which is time / St" in here("scenes", "paper").stdout
+    assert "or: slow_time = 0.01, which is time / St" in here("scenes", "fast-spin").stdout
     (tmp_path / "mine.toml").write_text(here("scenes", "top").stdout, encoding="utf-8")
     shown = json.loads(here("scenes", "mine.toml", "--json").stdout, parse_constant=pytest.fail)
     assert shown == scene_table(named_scene("top")) | {"stokes": "Infinity"}
