@@ -97,7 +97,7 @@ def test_a_solver_without_a_miss_is_named():
     (sure, _) = sentences(endings(one="rrr", two="rrr", few="r--"), "1 s")
     assert (
         sure
-        == "one, two got through all 3 runs each. Of those that take few cases, few got through all 1 of theirs."
+        == "one, two got through all 3 runs each. Among solvers that take few cases, few got through all 1 of theirs."
     )
 
 
@@ -107,5 +107,7 @@ def test_no_solver_is_named_as_sure_that_missed_a_run_nobody_got_through():
     assert (
         "one comes nearest, with 2 of 5: 1 with an error that no reference knows, 2 failed." in sure
     )
-    assert "Of its 3 runs that any solver got through it missed 1." in sure
-    assert sure.endswith("Of those that take few cases, few got through all 1 of theirs.")
+    assert "Another solver got through 1 of the 3 cases that it missed." in sure
+    assert sure.endswith("Among solvers that take few cases, few got through all 1 of theirs.")
+    (sure, _) = sentences(endings(one="rrf", two="rff"), "1 s")
+    assert sure.endswith("No other solver got through the cases that it missed.")
