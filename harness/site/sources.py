@@ -154,7 +154,7 @@ def _report(name: str, text: str, names: list[str]) -> str:
 def _outdated(text: str) -> str:
     """A warning above a page that other code than today's measured, by the page's own words.
 
-    What names no code is judged by its version.
+    What names no code was not measured by today's, which names itself; its version is said.
     """
     line = re.search(r"^Measured .*", text, re.MULTILINE)
     if line is None:
@@ -171,17 +171,15 @@ def _outdated(text: str) -> str:
         said = f"Measured by other code ({names}) than today's ({code_digest()})"
         return f"{{.outdated}}\n{said}: numbers may differ.\n\n"
     measured = [maker.version for maker in makers if not maker.code]
-    today = versions().get("polhode", "")
-    others = [version for version in measured if _release(version) != _release(today)]
-    if not others:
+    if not measured:
         return ""
+    today = versions().get("polhode", "")
+    others = [version for version in measured if version != today]
     names = " and ".join(dict.fromkeys(version or "of an unknown version" for version in others))
-    return f"{{.outdated}}\nMeasured by polhode {names}, not by today's {today}: numbers may differ.\n\n"
-
-
-def _release(version: str) -> str:
-    """The release that a version under development leads to: 0.2.0 of 0.2.0.dev0."""
-    return version.partition(".dev")[0]
+    said = (
+        f"polhode {names}, not by today's {today}" if others else f"earlier code of polhode {today}"
+    )
+    return f"{{.outdated}}\nMeasured by {said}: numbers may differ.\n\n"
 
 
 def _runs_of(cell: re.Match[str]) -> str:

@@ -55,12 +55,12 @@ def test_a_page_that_another_version_measured_says_so(
         text = f"# Page\n\nMeasured on 2026-01-01 on a machine (numpy 2.4.6, polhode {version}).\n"
         (reports / name / "README.md").write_text(text, encoding="utf-8")
     pages = site(tmp_path / "site", reports)
-    for name in ("old", "next"):
+    for name in ("old", "next", "before"):
         warning = f'<p class="outdated">Measured by polhode {made_by[name]}, not by today'
         assert warning in pages[f"reports/{name}/README"]
-    # What led to a release is that release: nothing is measured again for a name.
-    for name in ("before", "new"):
-        assert "outdated" not in pages[f"reports/{name}/README"]
+    # Today's code names itself on the page.
+    warning = '<p class="outdated">Measured by earlier code of polhode 0.2.0: numbers may differ.'
+    assert warning in pages["reports/new/README"]
 
 
 def test_a_page_warns_by_each_version_that_measured_it(monkeypatch: pytest.MonkeyPatch):
@@ -68,7 +68,8 @@ def test_a_page_warns_by_each_version_that_measured_it(monkeypatch: pytest.Monke
     records = [{"versions": {"polhode": version}} for version in ("0.1.0", "0.2.0")]
     warned = sources._outdated("\n".join(provenance("", [*records, {}])))
     assert "Measured by polhode 0.1.0 and of an unknown version, not by today's 0.2.0" in warned
-    assert sources._outdated("\n".join(provenance("", records[1:]))) == ""
+    earlier = sources._outdated("\n".join(provenance("", records[1:])))
+    assert "Measured by earlier code of polhode 0.2.0: numbers may differ." in earlier
 
 
 def test_a_page_that_other_code_measured_says_so_in_red(
@@ -80,9 +81,8 @@ def test_a_page_that_other_code_measured_says_so_in_red(
     records_by_page = {
         "today": [{**record, "code": "a" * 12}],
         "other": [{**record, "code": "a" * 12}, {**record, "code": "b" * 12}],
-        # Today's code under the name of an earlier version, and data that name none.
+        # Today's code under the name of an earlier version.
         "renamed": [{"versions": {"polhode": "0.1.0"}, "code": "a" * 12}],
-        "unnamed": [record],
     }
     reports = tmp_path / "reports"
     for name, records in records_by_page.items():
@@ -92,7 +92,7 @@ def test_a_page_that_other_code_measured_says_so_in_red(
     pages = site(tmp_path / "site", reports)
     red = f'<p class="outdated">Measured by other code ({"b" * 12}) than today'
     assert red in pages["reports/other/README"]
-    for name in ("today", "renamed", "unnamed"):
+    for name in ("today", "renamed"):
         assert "outdated" not in pages[f"reports/{name}/README"]
 
 
