@@ -26,6 +26,7 @@ from polhode.harness.answers.timed import plain_practice
 from polhode.harness.common.files import digest
 from polhode.harness.common.progress import Steps
 from polhode.harness.common.store import Record, Store
+from polhode.harness.common.timing import Timing
 from polhode.harness.references.extended import ReferenceFailedError
 from polhode.harness.references.reference import reference
 from polhode.models.catalogue import form as find_form, reference_form
@@ -62,11 +63,11 @@ _STOP_SECONDS = 0.05
 _FIRST_SECONDS = 60.0
 # The quickest runs that are timed again, and how often.
 _FINALISTS = 4
-_TIMED = 5
+FINALIST_REPEATS = 5
 # Seconds of a run from which on it is timed once: what disturbs it is a small share of it.
-_LONG = 0.5
+TIMED_ONCE_FROM = 0.5
 # Version of the rows in the store: rows of another one are measured anew.
-_SCHEMA = 2
+_SCHEMA = 3
 
 
 @dataclass(frozen=True)
@@ -119,8 +120,10 @@ def measured(question: Question) -> Record:
     timed = track.in_turns([*dict.fromkeys([*names, rules])])
     able = [name for name in names if timed[name]["met"]]
     best = min(able, key=lambda name: timed[name]["seconds"]) if able else None
-    row = timed[first] if first else {"seconds": nan, "error": nan, "met": best is None}
-    shortest = timed[best]["seconds"] if best else nan
+    nothing = {"seconds": nan, "seconds_spread": nan, "error": nan}
+    row = timed[first] if first else nothing | {"met": best is None}
+    best_row = timed[best] if best else nothing
+    shortest = best_row["seconds"]
     scene = question.scene
     plain, _ = plain_practice(scene, question.error, question.want, question.samples)
     return {
@@ -138,10 +141,12 @@ def measured(question: Question) -> Record:
         "seconds_high": answer.ranking[0].seconds.high if answer else nan,
         "error_predicted": answer.ranking[0].error.predicted if answer else nan,
         "seconds": row["seconds"],
+        "seconds_spread": row["seconds_spread"],
         "error": row["error"],
         "met": row["met"],
         "best": " ".join(map(str, best)) if best else "",
         "best_seconds": shortest,
+        "best_seconds_spread": best_row["seconds_spread"],
         "factor": row["seconds"] / shortest,
         "asking": asking,
         "plain": plain if plain < inf else nan,
@@ -215,11 +220,14 @@ class _Track:
         return difference(ellipsoid, a, b).largest.get(self.question.want, inf)
 
     def in_turns(self, names: list[tuple[str, str, float]]) -> dict[tuple[str, str, float], Record]:
-        """The runs of these names, the quickest of several in turns."""
-        runs = {name: self.run(*name) for name in names}
-        long = [name for name in names if runs[name]["seconds"] >= _LONG]
+        """The runs of these names, the quickest of several in turns, and by how much these differ.
+
+        `seconds_spread` is the longest time minus the shortest; NaN of a run that is timed once.
+        """
+        runs = {name: self.run(*name) | {"seconds_spread": nan} for name in names}
+        long = [name for name in names if runs[name]["seconds"] >= TIMED_ONCE_FROM]
         seconds: dict[tuple[str, str, float], list[float]] = {name: [] for name in names}
-        for number in range(_TIMED):
+        for number in range(FINALIST_REPEATS):
             # A form may have cached results of the scene itself: each round has a scene of its own.
             scene = unseen(self.question.scene, number + 1)
             for form, solver, tolerance in names:
@@ -228,7 +236,8 @@ class _Track:
                     seconds[form, solver, tolerance].append(again)
         for name in names:
             if name not in long:
-                runs[name]["seconds"] = min(seconds[name])
+                timing = Timing(tuple(seconds[name]))
+                runs[name] |= {"seconds": timing.seconds, "seconds_spread": timing.spread}
         return runs
 
 

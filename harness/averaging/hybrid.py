@@ -25,6 +25,7 @@ from polhode.harness.common.files import digest
 from polhode.harness.common.machine import here
 from polhode.harness.common.progress import in_steps
 from polhode.harness.common.store import Record
+from polhode.harness.common.timing import Timing
 from polhode.harness.references.errors import errors
 from polhode.harness.references.extended import unlike_runs
 from polhode.models.catalogue import form as find_form, full_form
@@ -81,6 +82,7 @@ KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # spheroid) of a body that has settled: one side up or the other. An estimate.
 _SETTLED = 0.9
 HYBRID_PARTS = ("errors", "speed")
+_NOT_TIMED = Timing((nan,))  # Where there is no run.
 
 
 class HybridReference(NamedTuple):
@@ -141,6 +143,12 @@ class Speed:
     # unless the same solver took both.
     segment_steps: float = field(default=nan, metadata={"former": "window_steps"})
     full_steps: float = nan
+    # Spread of the repeats of each time in s: the longest of the turns' shortest times minus the
+    # shortest. NaN in tables that did not keep it.
+    seconds_spread: float = nan
+    few_seconds_spread: float = nan
+    full_seconds_spread: float = nan
+    knowing_seconds_spread: float = nan
 
 
 def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
@@ -296,14 +304,15 @@ def _timed(start: int, scene: Scene) -> Speed:
 
     timed_runs = [partial(hybrid_seconds, times), partial(hybrid_seconds, few_times)]
     timed_runs += [partial(full_seconds, method) for method in steps_of]
-    seconds, few_seconds, *seconds_in_full = _in_turns(timed_runs)
-    seconds_of = dict(zip(steps_of, seconds_in_full, strict=True))
+    hybrid_timing, few_timing, *full_timings = _in_turns(timed_runs)
+    timing_of = dict(zip(steps_of, full_timings, strict=True))
     # The solver that knows St has a column of its own, and is not among the others.
-    knowing_seconds = nan
+    knowing_timing = _NOT_TIMED
     for method in steps_of:
         if method.solver == KNOWING:
-            knowing_seconds = seconds_of.pop(method)
-    best = min(seconds_of, key=seconds_of.__getitem__, default=FullMethod())
+            knowing_timing = timing_of.pop(method)
+    best = min(timing_of, key=lambda method: timing_of[method].seconds, default=FullMethod())
+    full_timing = timing_of.get(best, _NOT_TIMED)
     segment_steps = nan
     full_steps = nan
     if best.solver == segment_solver:
@@ -316,27 +325,31 @@ def _timed(start: int, scene: Scene) -> Speed:
         stokes=scene.stokes,
         slow=slow,
         full_share=_share(run.segments, scene.time),
-        seconds=seconds,
-        few_seconds=few_seconds,
+        seconds=hybrid_timing.seconds,
+        few_seconds=few_timing.seconds,
         solver=best.solver,
         tolerance=best.tolerance,
-        full_seconds=seconds_of.get(best, nan),
+        full_seconds=full_timing.seconds,
         new_shape=new_shape,
         known_shape=known_shape,
-        knowing_seconds=knowing_seconds,
+        knowing_seconds=knowing_timing.seconds,
         segment_steps=segment_steps,
         full_steps=full_steps,
+        seconds_spread=hybrid_timing.spread,
+        few_seconds_spread=few_timing.spread,
+        full_seconds_spread=full_timing.spread,
+        knowing_seconds_spread=knowing_timing.spread,
     )
 
 
-def _in_turns(runs: Sequence[Callable[[], float]]) -> list[float]:
-    """Shortest wall time, in seconds, of each of several runs.
+def _in_turns(runs: Sequence[Callable[[], float]]) -> list[Timing]:
+    """Wall times of each of several runs: the shortest of each turn.
 
     Runs take turns, so that a slow moment of the machine hits them alike. In its turn each run is repeated,
     so that it is warm, whatever the one before left in caches.
     """
     turns = [list(map(_fastest, runs)) for _ in range(SPEED_REPEATS)]
-    return np.min(turns, axis=0).tolist()
+    return [Timing(times) for times in zip(*turns, strict=True)]
 
 
 def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import sqlite3
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, closing, contextmanager, suppress
-from dataclasses import astuple, fields
+from dataclasses import MISSING, astuple, fields
 from io import StringIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
@@ -309,8 +309,12 @@ def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
 
 
 def read_table(path: Path, kind: type[Entry]) -> list[Entry]:
-    """Rows as `write_table` wrote them; raises ValueError if the file is missing, damaged, or has others."""
+    """Rows as `write_table` wrote them; raises ValueError if the file is missing, damaged, or has others.
+
+    A table written before columns with defaults were added takes these.
+    """
     columns = fields(kind)  # pyright: ignore[reportArgumentType]
+    required = sum(column.default is MISSING for column in columns)
     expected = [column.name for column in columns]
     # Tables written before a column was renamed: `metadata={"former": "pieces"}` of its field.
     present = {column.metadata.get("former"): column.name for column in columns}
@@ -320,14 +324,13 @@ def read_table(path: Path, kind: type[Entry]) -> list[Entry]:
         raise ValueError(
             f"{path}: {error.strerror}, expected a table of {', '.join(expected)}"
         ) from None
-    if [present.get(name, name) for name in head] != expected:
+    names = [present.get(name, name) for name in head]
+    if len(names) < required or names != expected[: len(names)]:
         raise ValueError(
             f"{path}: got the columns {', '.join(head)}, expected {', '.join(expected)}"
         )
-    if any(len(line) != len(expected) for line in lines):
-        raise ValueError(
-            f"{path}: got rows of other lengths, expected {len(expected)} cells in each"
-        )
+    if any(len(line) != len(names) for line in lines):
+        raise ValueError(f"{path}: got rows of other lengths, expected {len(names)} cells in each")
     hints = get_type_hints(kind).values()
     return [kind(*map(_value, hints, line)) for line in lines]
 

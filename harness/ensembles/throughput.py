@@ -194,12 +194,13 @@ def long_runs(
             samples, known, 4
         )
         ((seconds, _),) = _alternate(
-            partial(ensemble.states, many, times[[0, -1]], random), rounds=5
+            partial(ensemble.states, many, times[[0, -1]], random), rounds=SETTINGS.few_rounds
         )
         errors = np.abs(slow - exact).max(axis=(0, 2)) / max(shape.inertia)
         yield {
             "equations": ensemble.equations,
             "per_second": particles / min(seconds),
+            "slower_per_second": _of_most_turns(seconds, particles),
             "within": float(np.mean(errors <= SETTINGS.long_error)),
             "median_error": float(np.median(errors)),
             "error": float(errors.max()),
@@ -221,7 +222,7 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
         lambda: ensemble.states(starts, two, random),
         lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, 5)],
         lambda: run_task(Task(ensemble, 0)),
-        rounds=5,
+        rounds=SETTINGS.few_rounds,
     )
     alone = (replace(problem, start=tuple(start)) for start in starts[: SETTINGS.known].tolist())
     ends = [
@@ -233,8 +234,11 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
         "shape": name,
         "equations": equations,
         "end_per_second": particles / min(end),
+        "end_slower_per_second": _of_most_turns(end, particles),
         "sampled_per_second": particles / min(sampled),
+        "sampled_slower_per_second": _of_most_turns(sampled, particles),
         "per_second": particles / min(task),
+        "slower_per_second": _of_most_turns(task, particles),
         "median_error": float(np.median(error)),
         "error_of_99_percent": float(np.quantile(error, 0.99)),
         "record_bytes": len(json.dumps(record)),

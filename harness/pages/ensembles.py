@@ -12,6 +12,7 @@ from functools import partial
 from itertools import groupby
 from math import ceil
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pandas as pd
@@ -20,7 +21,7 @@ from polhode.harness.analysis.frames import read_csv
 from polhode.harness.common.files import PartialFile, dumps, loads, read_file, write_file
 from polhode.harness.common.machine import made_lines, provenance
 from polhode.harness.common.store import Store
-from polhode.harness.common.text import short
+from polhode.harness.common.text import percent, short
 from polhode.harness.ensembles import summary
 from polhode.harness.ensembles.statistics import RATES, SLOW_NAMES
 from polhode.harness.ensembles.sweep import NO_TIMES, Sweep, gather, surroundings
@@ -236,5 +237,24 @@ def page(throughput: Throughput) -> str:
         rows.append(plan | {"tasks": count, "mib": mib, "hours": seconds / 3600})
     memory_mib = (throughput["memory"]["bytes"] or 0) / 2**20
     return fill(
-        "throughput", made=_made(throughput), block=_BLOCK, plan=rows, mib=memory_mib, **throughput
+        "throughput",
+        made=_made(throughput),
+        repeats=_repeats(throughput),
+        block=_BLOCK,
+        plan=rows,
+        mib=memory_mib,
+        **throughput,
     )
+
+
+def _repeats(throughput: Throughput) -> str:
+    """By how much the turns of a measurement differ, or that it was not kept."""
+    longer = []
+    for row in (*throughput["full"], *throughput["long"], *throughput["tasks"]):
+        for prefix in ("", "taylor_", "end_", "sampled_"):
+            if f"{prefix}slower_per_second" in row:
+                ratio = row[f"{prefix}per_second"] / row[f"{prefix}slower_per_second"]
+                longer.append(ratio - 1)
+    if not longer:
+        return "the spread of repeats was not kept"
+    return f"three turns in four take at most {percent(median(longer))} longer, in the median"

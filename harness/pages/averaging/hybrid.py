@@ -5,6 +5,8 @@ from pathlib import Path
 from statistics import quantiles
 from typing import Any
 
+import pandas as pd
+
 from polhode.harness.analysis.frames import frame_of
 from polhode.harness.averaging import hybrid
 from polhode.harness.averaging.data import write_study
@@ -14,7 +16,7 @@ from polhode.harness.common.fits import wilson
 from polhode.harness.common.machine import provenance
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.hybrid import errors_and_speed
-from polhode.harness.pages.figures.style import measured, save
+from polhode.harness.pages.figures.style import measured, repeats_vary, save
 from polhode.harness.pages.tables import fill, lines_of
 
 
@@ -23,6 +25,7 @@ def write_page(study: Study, folder: Path, command: str) -> None:
     write_study(study, folder)
     if study.errors:
         runs = _judged(study.errors)
+        speeds = _compared(study.speed)
         note = (
             f"{runs['start'].nunique()} random starts by {hybrid.SEGMENT_SOLVER}. Allowed: the error "
             "requested, or the reference's uncertainty if larger. Speed: error "
@@ -30,9 +33,9 @@ def write_page(study: Study, folder: Path, command: str) -> None:
             f"{' and '.join(hybrid.FULL_SOLVERS)} at tolerances {short(hybrid.FULL_TOLERANCES[0])} to "
             f"{short(hybrid.FULL_TOLERANCES[-1])}; the shortest of {hybrid.SPEED_REPEATS**2} warm "
             f"runs; {measured(_made(study, command))}. Steps show the spread over starts and bodies, "
-            "pale lines its quartiles; the spread of repeats was not kept."
+            f"pale lines its quartiles; {_repeats(speeds)}."
         )
-        save(errors_and_speed(runs, _compared(study.speed), note), folder, "errors")
+        save(errors_and_speed(runs, speeds, note), folder, "errors")
     write_file(folder / "README.md", page(study, command))
 
 
@@ -52,9 +55,19 @@ def page(study: Study, command: str) -> str:
         made=_made(study, command),
         findings=findings(study),
         form=hybrid,
+        repeats=_repeats(_compared(study.speed)),
         errors=errors.sort_index(ascending=[True, False]).reset_index().to_dict("records"),
         speeds=medians.assign(runs=speeds.size()).reset_index().to_dict("records"),
     )
+
+
+def _repeats(speeds: Any) -> str:
+    """By how much the repeats of compared runs differ from turn to turn, or that it was not kept."""
+    columns = ("seconds", "few_seconds", "full_seconds", "knowing_seconds")
+    seconds = pd.concat([speeds[name] for name in columns])
+    spreads = pd.concat([speeds[f"{name}_spread"] for name in columns])
+    vary = repeats_vary(seconds, spreads)
+    return f"the turns' shortest times {vary}" if vary else "the spread of repeats was not kept"
 
 
 def _made(study: Study, command: str) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import cycle
-from math import floor, inf, log10
+from math import floor, inf, log10, nan
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from matplotlib.markers import MarkerStyle
 from PIL import Image
 
 from polhode.harness.common.files import PartialFile
+from polhode.harness.common.text import percent
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.solvers.catalogue import SOLVERS
 
@@ -261,6 +262,15 @@ def measured(lines: Sequence[str]) -> str:
         if found:
             return found[1]
     return ""
+
+
+def repeats_vary(seconds: Any, spreads: Any) -> str:
+    """By how much the repeats of runs differ, as figures of times say it; nothing where no run kept it.
+
+    `spreads` are the longest times of the runs minus the shortest, and `seconds` the shortest.
+    """
+    shares: Any = (spreads.astype(float) / seconds.astype(float)).replace(inf, nan).dropna()
+    return f"vary by {percent(float(shares.median()))} in the median" if len(shares) else ""
 
 
 def few_colours(image: Image.Image, colours: int = _COLOURS) -> Image.Image:

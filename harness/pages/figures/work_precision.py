@@ -34,7 +34,7 @@ from polhode.harness.analysis.pareto import (
     costs,
     pareto_front,
 )
-from polhode.harness.common.text import percent, short
+from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
     BEHIND,
     GREY,
@@ -48,6 +48,7 @@ from polhode.harness.pages.figures.style import (
     looks,
     plain,
     power,
+    repeats_vary,
     save,
 )
 from polhode.harness.pages.tables import fill
@@ -141,10 +142,8 @@ def conditions(runs: pd.DataFrame, machine: str, repeats: str = "fastest of up t
         parts.append(f"Tolerance {loosest}." if same else f"Tolerances {loosest} to {tightest}.")
     words = f"Times: warm runs, the {repeats}"
     if "seconds_spread" in runs:
-        timed = where(runs, runs["seconds"].notna() & runs["seconds_spread"].notna())
-        shares: Any = timed["seconds_spread"].astype(float) / timed["seconds"].astype(float)
-        if len(shares):
-            words += f", which vary by {percent(float(shares.median()))} in the median"
+        vary = repeats_vary(runs["seconds"], runs["seconds_spread"])
+        words += f", which {vary}" if vary else ""
     parts.append(f"{words}{f'; {machine}' if machine else ''}.")
     return " ".join(parts)
 

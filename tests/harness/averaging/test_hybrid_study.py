@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import islice
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +33,8 @@ ROW = HybridError(
     0, "triaxial", "1:0.8:0.5", 1e6, 0.5, 1e-6, "reached_end", 5e-7, 1e-3, 2e-6, 1e-12, 0.05, 5, 1.0
 )
 BAD = replace(ROW, start=1, slow=2e-6, estimated=1e-6, mirror=0.0)
-TIMES = (0.25, 0.004, 0.02, 2e4, 1e5)
+# Of tables and of the solver that knows St, steps, and spreads of the four times.
+TIMES = (0.25, 0.004, 0.02, 2e4, 1e5, 0.001, 0.002, 0.01, 0.004)
 SPEEDS = [
     Speed(i, "triaxial", 1e6, 5e-7, 0.05, 0.01, 0.008, "taylor", 1e-9, 0.1 * (i + 1), *TIMES)
     for i in range(9)
@@ -55,7 +56,21 @@ def test_rows_come_back_from_their_files(tmp_path: Path):
     study = Study([ROW, BAD], SPEEDS, {"errors": here(), "speed": here()})
     write_study(study, tmp_path)
     assert read_study(Study, tmp_path) == study
-    assert "unknown date" not in page(study, "polhode")
+    said = page(study, "polhode")
+    assert "unknown date" not in said
+    assert "(the turns' shortest times vary by 15 % in the median)" in said
+
+
+def test_a_table_without_the_spread_of_repeats_is_read_and_says_so(tmp_path: Path):
+    write_study(Study([ROW], SPEEDS, {}), tmp_path)
+    path = tmp_path / "speed.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    short = "\n".join(line.rsplit(",", 4)[0] for line in lines)
+    write_file(path, f"{short}\n", summed=True)
+    former = read_study(Study, tmp_path)
+    assert [row.full_steps for row in former.speed] == [1e5] * len(SPEEDS)
+    assert all(isnan(row.seconds_spread) for row in former.speed)
+    assert "3 turns (the spread of repeats was not kept)" in page(former, "polhode")
 
 
 def test_a_page_says_when_each_part_was_measured():

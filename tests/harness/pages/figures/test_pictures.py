@@ -10,10 +10,12 @@ import pytest
 from commandline import Run
 from PIL import Image
 
+from polhode.harness.pages import pick as pick_page
 from polhode.harness.pages.figures.averaging import Band, bands
 from polhode.harness.pages.figures.ensembles import last_axis, picture, speeds
 from polhode.harness.pages.figures.hybrid import errors_and_speed
 from polhode.harness.pages.figures.orders import Line, against_stokes
+from polhode.harness.pages.figures.style import repeats_vary
 from polhode.harness.pages.figures.work_precision import heat_map
 
 mpl.use("Agg")
@@ -219,6 +221,25 @@ def test_speeds_stand_on_square_decades():
     (axes,) = speeds([rows[0] | spread]).axes
     bars = [bar.get_segments()[0].tolist() for bar in axes.collections]
     assert bars == [[[1e-6, 8e4], [1e-6, 1e5]], [[1e-6, 1e4], [1e-6, 2e4]]]
+
+
+def test_how_far_repeats_vary_is_said_where_it_is_known():
+    seconds = pd.Series([1.0, 2.0, 4.0, np.inf])
+    spreads = pd.Series([0.1, 0.4, np.nan, np.nan])
+    assert repeats_vary(seconds, spreads) == "vary by 15 % in the median"
+    assert repeats_vary(seconds, spreads * np.nan) == ""
+    # First choices, and best runs where these are others.
+    scenes = pd.DataFrame(
+        {
+            "choice": ["a", "b"],
+            "best": ["a", "c"],
+            "seconds": [1.0, 2.0],
+            "best_seconds": [1.0, 1.0],
+        }
+    )
+    assert pick_page._repeats(scenes) == "the spread of repeats was not kept"
+    scenes = scenes.assign(seconds_spread=[0.1, 0.6], best_seconds_spread=[0.1, 0.2])
+    assert pick_page._repeats(scenes) == "the repeats vary by 20 % in the median"
 
 
 @pytest.mark.skipif(not REPORTS.is_dir(), reason="no committed pages here")
