@@ -413,6 +413,25 @@ def test_readme_says_what_was_found_on_the_paper_and_on_the_map():
     assert said.groups() == line.groups()
 
 
+def test_implicit_solvers_win_at_small_stokes_numbers_as_the_readme_says():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    said = re.search(
+        r"implicit methods win at every error up to St = (\S+), at loose ones up to St = (\S+)\.\n",
+        readme,
+    )
+    assert said
+    every, loose = map(float, said.groups())
+    cells: Any = pd.read_csv(REPORTS / "regimes" / "cells.csv").dropna(subset=["form"])
+    # Averaged forms, at large St, are no matter of stiffness.
+    cells = cells[~cells["form"].map(lambda name: FORMS.find(name).averaged).astype(bool)]
+    implicit = cells["solver"].map(lambda name: SOLVERS.find(name).implicit)
+    assert implicit[cells["St"] <= every].all()
+    assert cells["St"][implicit].max() == loose
+    # At that St explicit ones win at the tightest errors.
+    for _, column in cells[cells["St"] == loose].groupby(["scene", "error"]):
+        assert not implicit[column["target"].idxmin()]
+
+
 def test_each_winner_on_the_map_has_a_run_that_meets_the_error():
     cells = pd.read_csv(REPORTS / "regimes" / "cells.csv").dropna(subset=["form"])
     runs = pd.read_csv(REPORTS / "regimes" / "runs.csv")

@@ -174,7 +174,10 @@ def _known(kind: str, names: Filter, available: Iterable[str]) -> set[str]:
                 if available
                 else f"none, for the study has no {kind}s"
             )
-            raise ValueError(f"{kind}: got {name!r}{hint(name, available)}, expected {expected}")
+            own = f"; one of your own stands in the {kind}s of a study file" if ":" in name else ""
+            raise ValueError(
+                f"{kind}: got {name!r}{hint(name, available)}, expected {expected}{own}"
+            )
     return set(names)
 
 
