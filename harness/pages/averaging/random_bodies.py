@@ -110,10 +110,14 @@ def page(data: Data, command: str) -> str:
     """The report as Markdown."""
     analysis = Analysis.of(data)
     runs = analysis.runs
+    said = findings(data, analysis)
+    answers = [line for line in said if " meets an error of " in line]
     return fill(
         "accuracy",
         made=provenance(command, [*data.timed.values()]),
-        findings=findings(data, analysis),
+        which_form=which_form(laws_of(data)),
+        answers=answers,
+        findings=[line for line in said if line not in answers],
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         hybrid=hybrid_rows(data, runs),
