@@ -13,7 +13,7 @@ from markupsafe import Markup
 from polhode.harness.pages.tables import templates
 
 # Power of ten up to which a number with an exponent is written out: 1.7e+02 as 170.
-_PLAIN = 5
+_PLAIN = 4
 
 
 @dataclass(frozen=True)
