@@ -51,7 +51,7 @@ SAYINGS = {
         r"called back through Python the same run takes × (?P<called_back>\S+) as long",
     ),
     "reports/problems/README.md": (
-        r"Of (?P<problems>\d+) problems that somebody solves, .*?\. (?P<problems_robust>\S+) "
+        r"of (?P<problems>\d+) problems that some method solves\. (?P<problems_robust>\S+) "
         r"reaches the error most often, on (?P<problems_share>\S+) %.*?The error is 1e-6",
     ),
     "reports/pick/stated.md": (r"- (?P<stated>\d+) of (?P<stated_runs>\d+) runs state an error",),

@@ -57,8 +57,8 @@ def _write(folder: Path, evaluation: Evaluation, made: Sequence[str]) -> Path:
     note = (
         f"{len(evaluation.scenes)} scenes held out; the best run is the quickest measured that met the "
         f"error, of tolerances by tens. Times: warm runs on {processor}; the best run and the first "
-        f"choice in turns, the fastest of {heldout.FINALIST_REPEATS}, or one of "
-        f"{heldout.TIMED_ONCE_FROM:g} s or more; {vary}. Spread over scenes: "
+        f"choice in turns, the fastest of {heldout.FINALIST_REPEATS} (runs of "
+        f"{heldout.TIMED_ONCE_FROM:g} s or more: one); {vary}. Spread over scenes: "
         f"quartiles of the time over that of the best run are {low}, {middle} and {high}."
     )
     save(_figure(evaluation.scenes, note), folder, "choices")

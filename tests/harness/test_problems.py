@@ -82,7 +82,7 @@ def test_the_page(here: Run, folder: Path):
     page = (folder / "README.md").read_text()
     assert re.search(r"\| kepler +\| cyrk-dop853: [\d.]+ .s, [\d.]+ × as fast as ida", page)
     assert "**robertson-dae**: F. Mazzia" in page
-    assert "- Of 2 problems that somebody solves, " in page
+    assert " % of 2 problems that some method solves. " in page
     assert {"profiles.png", "work-precision.png", "runs.csv"} <= {
         path.name for path in folder.iterdir()
     }
