@@ -58,7 +58,7 @@ from polhode.solvers.solve import Interrupted, Solution
 
 # Ratio of the tolerances of a looser second run and the run: 0.65 of its steps at order 8. Splitting,
 # whose steps come in few sizes, is tightened by as much: 1.5 to 1.8 times the steps.
-_LOOSER = 30.0
+LOOSER = 30.0
 # From this tolerance on a second run is tighter: looser ones hold nothing. An estimate.
 _LOOSE = 1e-5
 # Least ratio of the steps of the better run to the steps of the worse run of one method. At this
@@ -202,7 +202,7 @@ def _stated_in_search(runner: Runner, run: Run, before: Run | None, in_pairs: bo
     """The error of a run, from the looser one before it, or from a second run of its own."""
     if run.success and not in_pairs:
         return confirmation(runner, run)
-    if run.success and before and _sharpens(run, before):
+    if run.success and before and sharpens(run, before):
         return _compared(runner, "tighter", run, before)
     return UNKNOWN
 
@@ -278,7 +278,7 @@ def _confirmation(runner: Runner, run: Run) -> RunError:
         if not second_run.success:
             continue
         better, worse = (run, second_run) if second.kind == "looser" else (second_run, run)
-        if second.method == run.method and not _sharpens(better, worse):
+        if second.method == run.method and not sharpens(better, worse):
             why = "second runs took too similar steps"
             continue
         if second.kind == "looser" and _saturated(runner, run, second_run):
@@ -292,7 +292,7 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     method = run.method
     tolerance = run.tolerance
     tighter = max(TIGHTEST, _tighter(method) * tolerance)
-    looser = min(1.0, _LOOSER * tolerance)
+    looser = min(1.0, LOOSER * tolerance)
     if partner := _partner(runner, method):
         unlike = Second("unlike", partner, _equal_error_tolerance(run, partner))
         if steps_of(runner.scene, partner, unlike.tolerance) < run.limit:
@@ -314,7 +314,7 @@ def _tighter(method: Method) -> float:
 
     Steps of `many_periods` come in few sizes, so such a run is tightened by more.
     """
-    return 1 / _LOOSER if method.solver.many_periods else TIGHTER
+    return 1 / LOOSER if method.solver.many_periods else TIGHTER
 
 
 def _partner(runner: Runner, method: Method) -> Method | None:
@@ -367,7 +367,7 @@ def _in_one(runner: Runner, run: Run) -> Run:
     return run._replace(method=Method(form, run.method.solver), tolerance=tolerance)
 
 
-def _sharpens(better: Run, worse: Run) -> bool:
+def sharpens(better: Run, worse: Run) -> bool:
     """Whether a run took clearly more steps than another, or if these are not reported, differs at all."""
     if not (better.steps and worse.steps):
         return bool(np.any(better.observables.energy != worse.observables.energy))

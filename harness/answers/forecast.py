@@ -24,7 +24,7 @@ _WHOLE = 0.5
 # at every St, so that a surrogate stands for the run. The number is an estimate.
 _FAST = 25.0
 # Factor on either side of errors and seconds that the race saw on the run itself; an estimate.
-_RACED = 1.25
+_RACED = 1.5
 # The same of a forecast from a segment; an estimate.
 _FORECAST = 2.2
 

@@ -1,6 +1,6 @@
 """Which form, which solver and which first tolerance: few rules, each with its reason."""
 
-from math import exp, inf, isinf, pi
+from math import exp, floor, inf, isinf, log10, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -136,11 +136,11 @@ def methods_for(scene: Scene, error: float, want: str) -> list[Method]:
         solvers = [find_solver(name) for name in SPLITTING]
         methods += [Method(axis, solver) for solver in solvers if solver.available]
     if not splits(scene) or not methods:
-        methods.append(_rounding_less(scene, full_method(scene), error, want))
+        methods.append(rounding_less(scene, full_method(scene), error, want))
     return methods
 
 
-def _rounding_less(scene: Scene, method: Method, error: float, want: str) -> Method:
+def rounding_less(scene: Scene, method: Method, error: float, want: str) -> Method:
     """The method, or where rounding of its steps would count one that rounds less."""
     alternative = find_solver(_ROUNDS_LESS)
     if method.solver.name != EXPLICIT[0] or not alternative.available:
@@ -213,6 +213,17 @@ def first_tolerance(scene: Scene, method: Method, error: float, want: str) -> fl
         family = "implicit" if method.solver.implicit else _family_of_steps(method)
         tolerance = error / growth(family, want).after(rotations(scene))
     return one_digit(min(LOOSEST, max(TIGHTEST, tolerance)))
+
+
+def rounded(method: Method, tolerance: float) -> float:
+    """The tolerance in one digit, within [`TIGHTEST`, `LOOSEST`]; a power of ten where each one is compiled for.
+
+    1e-9 keeps the floor of a logarithm at -5 where rounding makes it a little less than -5.
+    """
+    tolerance = min(LOOSEST, max(TIGHTEST, tolerance))
+    if not method.solver.order_by_tolerance:
+        return one_digit(tolerance)
+    return max(TIGHTEST, float(f"1e{floor(log10(tolerance) + 1e-9)}"))
 
 
 def hybrid_family(scene: Scene) -> str:

@@ -121,8 +121,11 @@ def clock(monkeypatch):
     factors = [1.0]
     monkeypatch.setattr(paces, "_quickest", quickest)
     steps = paces.steps_in
-    monkeypatch.setattr(races, "around", lambda form, scene, run: factors[-1] * 2e-3)
-    monkeypatch.setattr(races, "seconds_of", lambda run, _: factors[-1] * 2e-6 * steps(run))
+    monkeypatch.setattr(
+        races.Remembering,
+        "paid",
+        lambda _, run, samples: factors[-1] * (2e-3 + 2e-6 * steps(run.solution)),
+    )
     set_to(1.0)
     yield set_to
     forget()

@@ -1,0 +1,99 @@
+"""The loosest tolerance at which a method meets an error, against references of another method."""
+
+import numpy as np
+import pytest
+
+from polhode.harness.answers import pace as paces
+from polhode.harness.answers.pick import pick
+from polhode.harness.answers.questions import questions
+from polhode.harness.answers.rules import Method
+from polhode.harness.answers.runs import Runner
+from polhode.harness.answers.statement import difference
+from polhode.harness.answers.tolerances import loosest
+from polhode.models.catalogue import form
+from polhode.models.scenes import named_scene
+from polhode.solvers.catalogue import solver
+from polhode.solvers.contract import UNLIMITED
+
+PAIRS = [("quaternion", "cyrk-vern8"), ("spheroid-axis", "splitting"), ("quaternion", "taylor")]
+
+
+def runner(scene):
+    return Runner(scene, np.array([0.0, scene.time]))
+
+
+def true_error(scene, run, want):
+    """The largest difference from a run of another method at the tightest tolerance."""
+    method = Method(form("quaternion"), solver("cyrk-dop853"))
+    exact = runner(scene).run(method, 1e-14)
+    return difference(scene.ellipsoid, run.observables, exact.observables).largest[want]
+
+
+@pytest.mark.parametrize("first", [1e-4, 1e-6, 1e-10])
+@pytest.mark.parametrize("want", ["slow", "orientation"])
+@pytest.mark.parametrize(("form_name", "solver_name"), PAIRS)
+def test_the_run_meets_the_error_by_little(form_name, solver_name, want, first):
+    scene = named_scene("spheroid")
+    method = Method(form(form_name), solver(solver_name))
+    found = loosest(runner(scene), method, first, 1e-6, want, UNLIMITED)
+    assert found is not None
+    made = true_error(scene, found.chosen.run, want)
+    assert made <= 1e-6
+    # The order of a Taylor run follows its tolerance, which comes in powers of ten.
+    assert made >= 1e-8 or solver_name == "taylor"
+    assert found.chosen.error / 10 < made < 4 * found.chosen.error
+    assert found.tightest.run.tolerance <= found.chosen.run.tolerance
+
+
+def test_equal_steps_tell_nothing():
+    """A sphere by splitting: rotations alone set the steps, and equal runs differ by nothing."""
+    scene = questions(9402, 7)[6].scene
+    method = Method(form("spheroid-axis"), solver("splitting"))
+    assert loosest(runner(scene), method, 4e-6, 1e-9, "slow", UNLIMITED) is None
+
+
+def test_an_error_below_rounding_is_not_met():
+    scene = named_scene("spheroid")
+    method = Method(form("quaternion"), solver("cyrk-vern8"))
+    found = loosest(runner(scene), method, 1e-10, 1e-18, "slow", UNLIMITED)
+    assert found is not None
+    assert found.chosen.error > 1e-18
+
+
+def test_a_forecast_is_put_right_by_a_run_of_the_scene():
+    """The forecast of this scene is 140 times the error, so the tolerance was 200 times too tight."""
+    question = questions(9402, 44)[43]
+    first = pick(question.scene, question.error, question.want, question.samples).ranking[0]
+    assert first.reason.startswith("its run at")
+    method = Method(form(first.form), solver(first.solver))
+    run = runner(question.scene).run(method, first.tolerance)
+    made = true_error(question.scene, run, question.want)
+    assert 0.02 * question.error < made <= question.error
+
+
+def test_averaged_forms_are_measured_against_splitting():
+    """What second order states of itself here is more than the error requested, and its error is less."""
+    question = questions(9402, 57)[56]
+    named = [("averaged-second-order", "cyrk-tsit5")]
+    found = pick(question.scene, question.error, question.want, question.samples, names=named)
+    rows = found.ranking
+    (row,) = [row for row in rows if row.form == "averaged-second-order"]
+    assert "differs from spheroid-axis by splitting" in row.reason
+    assert row.error.high <= question.error
+
+
+def test_steps_are_timed_in_runs_that_they_take_most_of(monkeypatch):
+    """A run starts in 0.2 ms, and two steps in each unit of time take 0.1 µs each."""
+
+    def quickest(_method, _tolerance, scene, rows):
+        longest.append(scene.time)
+        return 2e-4 + 2e-7 * scene.time + 1e-7 * rows, int(2 * scene.time)
+
+    longest = []
+    monkeypatch.setattr(paces, "_quickest", quickest)
+    paces.forget()
+    found = paces.pace(Method(form("spheroid-axis"), solver("splitting")), 1e-8)
+    paces.forget()
+    assert max(longest) == pytest.approx(8000)
+    assert found.step == pytest.approx(1e-7, rel=1e-3)
+    assert found.row == pytest.approx(1e-7, rel=1e-3)
