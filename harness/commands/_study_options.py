@@ -14,6 +14,7 @@ from click.core import ParameterSource
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input
 from polhode.harness.common.files import dumps
+from polhode.harness.common.progress import Progress
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -197,3 +198,8 @@ def stored(
             raise RunFailed(f"{error}; {goes_on}") from None
         except ValueError as error:
             raise RunFailed(str(error)) from None
+
+
+def loading(quiet: bool) -> Progress:
+    """Progress shown while libraries are loaded, which takes seconds from a slow disk."""
+    return Progress(quiet).begin("loading")

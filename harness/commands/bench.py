@@ -19,12 +19,12 @@ from polhode.harness.commands import _study_options as options
 from polhode.harness.commands._study_options import (
     StudyRequest,
     command_line,
+    loading,
     steady,
     stored,
     to_json,
 )
 from polhode.harness.common.files import make_folder
-from polhode.harness.common.progress import Progress
 
 if TYPE_CHECKING:
     from polhode.harness.common.store import Store
@@ -67,14 +67,14 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
     if ".py:" in str(request.study_file or ""):
         _own_problem(request, page_only)
         return
-    from polhode.harness.analysis.frames import NEEDED, frame, of_runs
-    from polhode.harness.common.store import read_export, record_file
-    from polhode.harness.studies.runner import Runner
+    with bad_input(), loading(request.quiet):
+        from polhode.harness.analysis.frames import NEEDED, frame, of_runs
+        from polhode.harness.common.store import read_export, record_file
+        from polhode.harness.studies.runner import Runner
 
-    with bad_input():
         study = request.study()
+        write_page = import_module(f"polhode.harness.pages.{_PAGES[study.page]}").write_page
     folder = request.out or Path("reports") / study.name
-    write_page = import_module(f"polhode.harness.pages.{_PAGES[study.page]}").write_page
     if page_only:
         with bad_input():
             path = record_file(folder)
@@ -93,8 +93,9 @@ def bench(request: StudyRequest, problems: bool, page_only: bool) -> None:
 
 def _problems(request: StudyRequest, page_only: bool) -> None:
     """The classical test problems (`polhode.models.problems.catalogue`) instead of scenes."""
-    from polhode.harness.pages.problems import rewrite_page, write_page
-    from polhode.harness.work_precision import pairs_of, run_problems
+    with loading(request.quiet):
+        from polhode.harness.pages.problems import rewrite_page, write_page
+        from polhode.harness.work_precision import pairs_of, run_problems
 
     if request.study_file or request.filters["forms"] or request.filters["tags"]:
         raise BadInput(
@@ -117,8 +118,9 @@ def _problems(request: StudyRequest, page_only: bool) -> None:
 
 def _own_problem(request: StudyRequest, page_only: bool) -> None:
     """Work and precision of ``FILE.py:NAME``, a Problem or a WorkPrecision of the user's own."""
-    from polhode.harness.work_precision import QUICK, WorkPrecision
-    from polhode.models.problem import Problem
+    with loading(request.quiet):
+        from polhode.harness.work_precision import QUICK, WorkPrecision
+        from polhode.models.problem import Problem
 
     location = str(request.study_file)
     filters = request.filters
@@ -172,11 +174,11 @@ def _object_in(location: str) -> Any:
 @options.study_options
 def regimes(request: StudyRequest, page_only: bool) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
-    from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME
-    from polhode.harness.pages.regimes import rewrite_page, write_page
-    from polhode.harness.studies.runner import Runner
+    with bad_input(), loading(request.quiet):
+        from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME
+        from polhode.harness.pages.regimes import rewrite_page, write_page
+        from polhode.harness.studies.runner import Runner
 
-    with bad_input():
         study = replace(request.study("regimes"), longest_slow_time=LONGEST_SLOW_TIME)
         if request.quick:
             quick_scenes = tuple(
@@ -219,17 +221,18 @@ def ahead(study: "Study", store: "Store") -> str:
 @options.page_only
 def equal_error(out: Path, quick: bool, resume: bool, quiet: bool, page_only: bool) -> None:
     """Compare all solvers at equal error, with every back end, and with the bare library calls."""
-    from polhode.harness.pages.equal_error import Measured, rewrite_pages, write_page
-    from polhode.harness.studies.cost import (
-        first_runs,
-        measure,
-        paper_problem,
-        rhs_seconds,
-        startup_seconds,
-    )
-    from polhode.harness.studies.runner import Runner
-    from polhode.harness.studies.study import read_study
-    from polhode.solvers.contract import Backend
+    with loading(quiet):
+        from polhode.harness.pages.equal_error import Measured, rewrite_pages, write_page
+        from polhode.harness.studies.cost import (
+            first_runs,
+            measure,
+            paper_problem,
+            rhs_seconds,
+            startup_seconds,
+        )
+        from polhode.harness.studies.runner import Runner
+        from polhode.harness.studies.study import read_study
+        from polhode.solvers.contract import Backend
 
     if page_only:
         with bad_input():
@@ -280,7 +283,7 @@ def paper(
 ) -> None:
     """Regenerate the paper's figures and tables: all of them, or the ITEMs (or sections) named."""
     report = (lambda _: None) if quiet or listed else partial(click.echo, err=True)
-    with bad_input(), _loading(quiet):
+    with bad_input(), loading(quiet):
         from polhode.harness.paper.claims import find_items, section_of
         from polhode.harness.paper.item import Grid
         from polhode.harness.paper.pages import run
@@ -406,7 +409,7 @@ def _random_bodies(
     fit: bool,
 ) -> None:
     """All averaged forms over random bodies."""
-    with _loading(quiet):
+    with loading(quiet):
         from polhode.harness.averaging import random_study
         from polhode.harness.averaging.laws import write_laws
         from polhode.harness.pages.averaging import random_bodies
@@ -526,8 +529,9 @@ def sweep(
 @options.quiet
 def throughput(out: Path, page_only: bool, quiet: bool) -> None:
     """Measure what ensembles cost on this machine: particles per second, engines, memory."""
-    from polhode.harness.ensembles.throughput import measure
-    from polhode.harness.pages.ensembles import read_throughput, write_page
+    with loading(quiet):
+        from polhode.harness.ensembles.throughput import measure
+        from polhode.harness.pages.ensembles import read_throughput, write_page
 
     with bad_input():
         make_folder(out)
@@ -544,7 +548,7 @@ def throughput(out: Path, page_only: bool, quiet: bool) -> None:
 @options.quiet
 def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
     """Measure scenes in linear flows other than shear: cost, closed orbits, tracks, stated errors."""
-    with _loading(quiet):
+    with loading(quiet):
         from polhode.harness.common.machine import here
         from polhode.harness.flows.measure import measure_all
         from polhode.harness.pages.flows import write_page, write_tables
@@ -555,11 +559,6 @@ def flows(out: Path, quick: bool, page_only: bool, quiet: bool) -> None:
             write_tables(measure_all(quick=quick, quiet=quiet), here(), out)
         page = write_page(out, "polhode flows" + " --quick" * quick)
     click.echo(f"{page}")
-
-
-def _loading(quiet: bool) -> Progress:
-    """Progress shown while libraries are loaded, which takes seconds from a slow disk."""
-    return Progress(quiet).begin("loading")
 
 
 def _cores() -> int:

@@ -13,6 +13,7 @@ from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import (
     as_json,
     command_line,
+    loading,
     out_folder,
     page_only,
     quiet,
@@ -226,8 +227,9 @@ def validate(
     if times:
         _validate_times(out, times, seed, quiet)
         return
-    from polhode.harness.answers.heldout import evaluate
-    from polhode.harness.pages.pick import reached, summary, write_page
+    with loading(quiet):
+        from polhode.harness.answers.heldout import evaluate
+        from polhode.harness.pages.pick import reached, summary, write_page
 
     with stored(out, resume, "heldout") as store:
         evaluation = evaluate(store, seed, scenes, quiet)

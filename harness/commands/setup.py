@@ -12,7 +12,7 @@ import click
 from click.shell_completion import CompletionItem, get_completion_class
 
 from polhode.harness.cli import BadInput, RunFailed, bad_input, command
-from polhode.harness.commands._study_options import FOLDER, as_json, quiet, to_json
+from polhode.harness.commands._study_options import FOLDER, as_json, loading, quiet, to_json
 from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.text import aligned, duration, fitting, on_terminal
 from polhode.models.registry import imported
@@ -269,8 +269,9 @@ def compare(before: Path, after: Path, slower: float, less_accurate: float, as_j
 @quiet
 def report(reports: Path, out: Path | None, scene: tuple[str, ...], quiet: bool) -> None:
     """Write one web site: the documentation, what to run, costs, every page of the reports, motions."""
-    from polhode.harness.common.scene_words import scene_named
-    from polhode.harness.site.build import build
+    with loading(quiet):
+        from polhode.harness.common.scene_words import scene_named
+        from polhode.harness.site.build import build
 
     with bad_input():
         if reports != _REPORTS and not reports.is_dir():

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polhode.harness.commands import bench
+from polhode.harness.commands import _study_options
 from polhode.harness.common import progress
 from polhode.harness.common.progress import Progress, Steps, in_steps
 from polhode.models.catalogue import form
@@ -191,6 +191,6 @@ def test_a_run_tells_how_far_it_is_between_rows(solver: str):
 def test_loading_libraries_is_said_to_take_time(monkeypatch: pytest.MonkeyPatch, quiet: bool):
     terminal = Terminal()
     monkeypatch.setattr("sys.stderr", terminal)
-    with bench._loading(quiet):
+    with _study_options.loading(quiet):
         time.sleep(0.15)
     assert ("loading: 00:00" in terminal.getvalue()) is not quiet
