@@ -65,6 +65,9 @@ _MAX_RUNS = 3
 # A method whose error is at least this share of the one requested is not run again at a looser
 # tolerance: at order 8 that would spare some quarter of its steps at most. The share is an estimate.
 _LEAST_SHARE = 0.08
+# A run that averages and states more than this multiple of the error requested is not made again: at the
+# tolerance that would meet it, `hybrid` runs the full equations nearly everywhere. An estimate.
+_HOPELESS = 1e3
 # Steps of splitting up to which it comes first: it takes some 10 ms. An estimate.
 _FEW_STEPS = 60_000
 # Methods whose tolerance is searched after the race at most, and the most steps of a run for which that is
@@ -450,7 +453,8 @@ class _Race:
                 least = error.high / KNOWN
             planned = _planned(method, tolerance, error.high, self.error)
             close = _LEAST_SHARE * self.error <= error.high <= self.error
-            if close or not follows or planned == tolerance:
+            hopeless = error.high > _HOPELESS * self.error
+            if close or hopeless or not follows or planned == tolerance:
                 break
             tolerance = planned
         if good:
