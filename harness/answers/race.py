@@ -46,7 +46,7 @@ from polhode.harness.answers.rules import (
     stiff,
 )
 from polhode.harness.answers.runs import MAX_STEPS, Run
-from polhode.harness.answers.segment import KNOWN, Remembering, Segment, in_tables
+from polhode.harness.answers.segment import KNOWN_SHARE, Remembering, Segment, in_tables
 from polhode.harness.answers.statement import difference
 from polhode.harness.answers.tolerances import Known, loosest
 from polhode.harness.common.text import scientific, short
@@ -363,7 +363,7 @@ class _Race:
         growth = segment.raced.growth(self.want)
         if met is None:
             why = why or f"a run at {short(tolerance)} errs by {scientific(least * growth)}"
-            self._refuse(method, why, growth * least / KNOWN)
+            self._refuse(method, why, growth * least / KNOWN_SHARE)
             return
         self._enter_followed(method, segment, *met)
 
@@ -417,7 +417,7 @@ class _Race:
         run, error = found.chosen
         words = f"its run at {short(run.tolerance)} errs by about {scientific(error)}"
         if error > self.error:
-            self._refuse(method, words, error / KNOWN)
+            self._refuse(method, words, error / KNOWN_SHARE)
         else:
             spread = self.raced.of_the_whole().spread
             interval = Interval(error, error / spread, min(self.error, error * spread))
@@ -450,7 +450,7 @@ class _Race:
                 good = tolerance, error, seconds, note
             else:
                 why = f"errs by up to {scientific(error.high)}: {note}"
-                least = error.high / KNOWN
+                least = error.high / KNOWN_SHARE
             planned = _planned(method, tolerance, error.high, self.error)
             close = _LEAST_SHARE * self.error <= error.high <= self.error
             hopeless = error.high > _HOPELESS * self.error
@@ -474,7 +474,7 @@ class _Race:
 
     def _stated(self, run: Run) -> tuple[Interval | None, str]:
         """The error of a run of the scene itself, and how it is known."""
-        if self.truth is None or self.truth.error > KNOWN * self.error:
+        if self.truth is None or self.truth.error > KNOWN_SHARE * self.error:
             stated = confirmation(self.itself, run)
             return stated.of(self.want), stated.note
         apart = difference(self.scene.ellipsoid, run.observables, self.truth.run.observables)
@@ -501,7 +501,7 @@ class _Race:
         )
 
     def _refuse(self, method: Method, reason: str, least: float = inf) -> None:
-        # Callers divide the error that a run had by `KNOWN`: an error requested must be larger than
+        # Callers divide the error that a run had by `KNOWN_SHARE`: an error requested must be larger than
         # that, since part of it goes to the reference.
         self.refusals.append(Refusal(method, reason, least))
 

@@ -21,7 +21,7 @@ from polhode.solvers.contract import UNLIMITED
 
 # The error of a reference is at most this share of the one requested, so that the other half is left
 # to the methods; an estimate.
-KNOWN = 0.5
+KNOWN_SHARE = 0.5
 # A difference that grows by a larger power of time tells of chaos: without chaos the power is 2 at
 # most, that of the orientation (`forecast.RacedSegment.growth`). The margin is an estimate.
 _MOST_GROWTH = 4.0
@@ -118,7 +118,7 @@ class Segment:
             return 0.0
         self.apart = interval.predicted
         self.most = interval.high
-        if self.apart <= KNOWN * self.budget:
+        if self.apart <= KNOWN_SHARE * self.budget:
             form = answer.method.form
             self.reference = form.observe(self.raced.scene, answer.solution.states)
         values = getattr(answer.error.difference, self.want)
