@@ -8,7 +8,7 @@ import atexit
 import math
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -200,29 +200,58 @@ def traced_system(factory: Factory, dimension: int, parameters: int) -> list[tup
     return list(zip(variables, rates, strict=True))
 
 
+@dataclass(frozen=True)
+class ParameterPlaces:
+    """Places in ``heyoka.par`` of a system in units.
+
+    They are in this order; the last two exist for a `timed` and for a paced system alone::
+
+        | p: parameters | units: variables | offset | pace |
+
+    The units are those of the variables, the offset is the field's time at heyoka's time 0, and the
+    pace is the unit of heyoka's time, in the problem's.
+    """
+
+    parameters: int  # number of the field's parameters p
+    variables: int  # number of heyoka's variables, a time not included
+    timed: bool
+
+    @property
+    def units(self) -> slice:
+        """Places of the units, one per variable."""
+        return slice(self.parameters, self.parameters + self.variables)
+
+    @property
+    def offset(self) -> int:
+        """Place of the offset, if `timed`."""
+        return self.parameters + self.variables
+
+    @property
+    def pace(self) -> int:
+        """Place of the pace, if the system is paced."""
+        return self.offset + self.timed
+
+
 @once()
 def system_in_units(
     factory: Factory, dimension: int, parameters: int, *, timed: bool, paced: bool = False
 ) -> list[tuple[Any, Any]]:
     """As `traced_system`, of ``y[i] / unit[i]``; a field of time gets heyoka's own, which is no variable then.
 
-    ``heyoka.par`` holds p, the units of all variables, with `timed` the offset, the time of the
-    field at heyoka's 0, and with `paced` the pace, the unit of heyoka's time.
+    `ParameterPlaces` says what ``heyoka.par`` holds.
     """
     heyoka = load_heyoka()
     # Refuses what no field may do, and says where.
     trace(factory, dimension, parameters)
     variable_count = dimension - timed
-    units_at = parameters
-    offset_at = units_at + variable_count
-    pace_at = offset_at + timed
+    places = ParameterPlaces(parameters, variable_count, timed)
     values = _variables("y", variable_count)
-    units = [heyoka.par[units_at + i] for i in range(variable_count)]
+    units = [heyoka.par[i] for i in range(places.units.start, places.units.stop)]
     state = [unit * value for unit, value in zip(units, values, strict=True)]
-    pace = heyoka.par[pace_at] if paced else None
+    pace = heyoka.par[places.pace] if paced else None
     if timed:
         time = heyoka.time if pace is None else pace * heyoka.time
-        state.append(time + heyoka.par[offset_at])
+        state.append(time + heyoka.par[places.offset])
     rates = factory(_heyoka_operations())(state, [heyoka.par[i] for i in range(parameters)])
     scaled = [rate / unit for rate, unit in zip(rates, units, strict=False)]
     if pace is not None:

@@ -12,7 +12,13 @@ from polhode.models.libraries import installed
 from polhode.models.once import OncePerThread, once
 from polhode.models.operations import FLOAT
 from polhode.models.problem import Factory, Problem
-from polhode.solvers.compile import load_heyoka, parameter_array, system_in_units, traced_system
+from polhode.solvers.compile import (
+    ParameterPlaces,
+    load_heyoka,
+    parameter_array,
+    system_in_units,
+    traced_system,
+)
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status, change
 from polhode.solvers.event_search import LOOK_GROWTH, looks
 
@@ -62,7 +68,7 @@ def _compiled(
     """heyoka's integrator of a field, of which every thread has a copy.
 
     `in_units`, `timed` and `paced`: it has the units of the state, the clock's offset and the unit
-    of time as further parameters, for `Bound`.
+    of time as further parameters, for `Bound`; `ParameterPlaces` says where.
     """
     # Extended precisions and large systems are compiled in compact mode, which costs speed but saves
     # up to half a minute of compilation.
@@ -214,6 +220,7 @@ class Bound:
             self.units = None
         self.pace = 1.0 if paced else None
         self.parameters = parameter_array(problem)
+        self.places = ParameterPlaces(len(self.parameters), self.variables, self.timed)
         self.integrator = taylor_integrator(
             *(problem.field, problem.dimension, len(self.parameters), tolerance, precision),
             *(self.units is not None, self.timed, paced),
@@ -231,17 +238,13 @@ class Bound:
             return
         start = start.astype(number)
         integrator.state[:] = start[: self.variables] / self.units.astype(number)
-        # As `compile.system_in_units` lays them out.
-        units_at = len(self.parameters)
-        offset_at = units_at + self.variables
-        pace_at = offset_at + self.timed
-        integrator.pars[:units_at] = self.parameters
-        integrator.pars[units_at:offset_at] = self.units
+        integrator.pars[: len(self.parameters)] = self.parameters
+        integrator.pars[self.places.units] = self.units
         if self.timed:
             self.offset = start[-1] - number.type(time)
-            integrator.pars[offset_at] = self.offset
+            integrator.pars[self.places.offset] = self.offset
         if self.pace is not None:
-            integrator.pars[pace_at] = self.pace
+            integrator.pars[self.places.pace] = self.pace
 
     def states(self, rows: np.ndarray, times: np.ndarray) -> np.ndarray:
         """States of the problem that the integrator's rows stand for, shape (n, d)."""
