@@ -132,17 +132,20 @@ class Kernels:
 
 
 def clock(time: float, number: type = float) -> np.ndarray:
-    """The clock of a run that begins.
-
-    No rate lies between its bounds, so that a first step is chosen.
-    """
+    """The clock of a run that begins."""
     numbers = np.zeros(ClockAt.SIZE, number)
     numbers[ClockAt.BEGIN] = time
+    _set_beginning(numbers)
+    return numbers
+
+
+def _set_beginning(numbers: np.ndarray | Array) -> None:
+    """Make a clock of zeros and a time, in NumPy or in machine code, that of a run that begins."""
+    # No rate lies between LOW, 0, and this bound, so that a first step is chosen.
     numbers[ClockAt.HIGH] = -1.0
     # The start is the first row.
     numbers[ClockAt.FILLED] = 1.0
     numbers[ClockAt.UNTIL] = inf
-    return numbers
 
 
 @once()
@@ -171,122 +174,214 @@ def length(vector: Sequence[Number]) -> Number:
 def _advance(flows: Flows) -> Program:
     """`Kernels.advance`.
 
-    With one chain the last fast flow of a step and the first one of the next are one: between steps
-    the state lacks the last fast flow of its step, `open_` is 1, and `close` makes up for it where
-    the state itself is needed. With several chains a state is their mean, and complete after each
-    step. The docstring of `flows` shows what `scheme` holds.
+    A pass of the loop chooses a step if the present one is too long or too short, fills the rows
+    that are near, and takes the step. With one chain the last fast flow of a step and the first
+    one of the next are one flow, and `_Run.incomplete` says whether the state lacks it. With several
+    chains a state is their mean, and complete after each step. The docstring of `flows` shows what
+    `scheme` holds.
 
     A call ends with a complete state. Where a run is cut into calls therefore matters to rounding
-    alone: `close` does in two flows what the next step would do in one, and `remainder` begins at 0.
+    alone: `_Run.complete` does in two flows what the next step would do in one, and the remainder
+    begins at 0.
     """
     program = Program(
         "advance", "scheme law p state clock times rests rows", attribute=WIDEST_REGISTERS
     )
-    scheme, law, p, state, clock, times, rests, rows = program.arguments
-    stages = stages_of(scheme)
-    dimension = flows.dimension
-    # Number of first components that the fast flow leaves alone.
-    unmoved = flows.parts.moving[0]
-    constants = flows.constants(program)
-    spread_numbers = program.room(SpreadAt.SIZE)
-    y = program.room(dimension)
-    at = program.room(dimension)
-    chain_states = program.room(dimension, flows.chains)
-    # What rounding has left out of these first components. Those behind the moving ones have no
-    # remainder: their means are taken as those of the moving ones are.
-    remainder = program.room(unmoved)
-    remainder.store([0.0] * unmoved)
-    y.store(state.load(dimension))
-    # 1 while the state lacks the last fast flow of its step.
-    open_ = program.cell(0.0)
-    code = program.cell(float(Code.FINISHED))
-    limit = clock[ClockAt.STEPS] + clock[ClockAt.LIMIT]
-    begin, step, low, high, since, filled, steps = (
-        program.cell(clock[i]) for i in range(ClockAt.CODE)
-    )
-
-    def close(y: Array) -> None:
-        """Make up for the last fast flow of a step if the state lacks it."""
-        if flows.chains == 1:
-            with program.when(compare("ogt", open_[0], 0.0)):
-                flows.fast_flow(y, flows.row(constants, stages))
-
+    run = _Run(flows, program)
     # Constants lie on this call's stack: a call that goes on needs them anew. In a run's first call
     # they are those of a step 0, until the loop chooses a step.
-    program.call(flows.prepare, scheme, p, constants, step[0])
+    run.prepare_constants()
     with program.repeat() as leave:
-        leave(compare("oge", filled[0], clock[ClockAt.ROWS]))
-        rate = flows.rate(y, p)
+        leave(compare("oge", run.filled[0], run.clock[ClockAt.ROWS]))
+        run.choose_step(leave)
+        now = run.time()
+        run.fill_rows(now)
+        run.leave_at_limits(now, leave)
+        run.take_step()
+    run.hand_back()
+    return program
+
+
+class _Run:
+    """The loop of `advance`: what it keeps on the stack, and a method for each of its parts.
+
+    The methods write machine code; those that are given `leave` write exits from the loop.
+    """
+
+    def __init__(self, flows: Flows, program: Program) -> None:
+        """Make room, and read state and clock."""
+        self.flows = flows
+        self.program = program
+        # Arguments of `Kernels.advance`.
+        (
+            self.scheme,
+            self.law,
+            self.p,
+            self.state,
+            self.clock,
+            self.times,
+            self.rests,
+            self.rows,
+        ) = program.arguments
+        self.stages = stages_of(self.scheme)
+        # Number of first components that the fast flow leaves alone.
+        unmoved = flows.parts.moving[0]
+        self.constants = flows.constants(program)
+        self.spread_numbers = program.room(SpreadAt.SIZE)
+        self.y = program.room(flows.dimension)  # the state on the way
+        self.complete_state = program.room(flows.dimension)  # the same, complete, for rows
+        self.chain_states = program.room(flows.dimension, flows.chains)
+        # What rounding has left out of the unmoved components. Those behind the moving ones have no
+        # remainder: their means are taken as those of the moving ones are.
+        self.remainder = program.room(unmoved)
+        self.remainder.store([0.0] * unmoved)
+        self.y.store(self.state.load(flows.dimension))
+        # 1 while the state lacks the last fast flow of its step.
+        self.incomplete = program.cell(0.0)
+        self.code = program.cell(float(Code.FINISHED))
+        self.step_limit = self.clock[ClockAt.STEPS] + self.clock[ClockAt.LIMIT]
+        # The clock's numbers that change, a cell each.
+        self.begin = program.cell(self.clock[ClockAt.BEGIN])
+        self.step = program.cell(self.clock[ClockAt.STEP])
+        self.low = program.cell(self.clock[ClockAt.LOW])
+        self.high = program.cell(self.clock[ClockAt.HIGH])
+        self.since = program.cell(self.clock[ClockAt.SINCE])
+        self.filled = program.cell(self.clock[ClockAt.FILLED])
+        self.steps = program.cell(self.clock[ClockAt.STEPS])
+
+    def prepare_constants(self) -> None:
+        """Compute the constants of the flows for the present step."""
+        self.program.call(self.flows.prepare, self.scheme, self.p, self.constants, self.step[0])
+
+    def time(self) -> Number:
+        """The time of the state."""
+        return self.begin[0] + self.since[0] * self.step[0]
+
+    def complete(self, state: Array) -> None:
+        """Make up for the last fast flow of a step if the state lacks it."""
+        if self.flows.chains == 1:
+            with self.program.when(compare("ogt", self.incomplete[0], 0.0)):
+                self.flows.fast_flow(state, self.flows.row(self.constants, self.stages))
+
+    def choose_step(self, leave: Callable[[str], None]) -> None:
+        """Choose another step by the law if the rate has left its bounds, as it has at the beginning.
+
+        Equal steps cancel errors over a turn: a step stays while the rate hardly changes.
+        """
+        law = self.law
+        rate = self.flows.rate(self.y, self.p)
         speed = sqrt(rate * rate + law[LawAt.FLOOR])
-        outside = program.cell(1.0)
+        outside = self.program.cell(1.0)
         with (
-            program.when(compare("oge", speed, low[0])),
-            program.when(compare("ole", speed, high[0])),
+            self.program.when(compare("oge", speed, self.low[0])),
+            self.program.when(compare("ole", speed, self.high[0])),
         ):
             outside[0] = 0.0
-        # Outside the bounds, and in the first step, another step is chosen.
-        with program.when(compare("ogt", outside[0], 0.0)):
-            close(y)
-            open_[0] = 0.0
-            begin[0] = begin[0] + since[0] * step[0]
-            since[0] = 0.0
-            low[0] = speed / _BAND
-            high[0] = speed * _BAND
+        with self.program.when(compare("ogt", outside[0], 0.0)):
+            # The last fast flow of the step before has the constants of that step.
+            self.complete(self.y)
+            self.incomplete[0] = 0.0
+            self.begin[0] = self.time()
+            self.since[0] = 0.0
+            self.low[0] = speed / _BAND
+            self.high[0] = speed * _BAND
+            # The angle h r of a step, in rad, by the first term of the law (`LawAt`).
             free_angle = law[LawAt.FACTOR] * speed ** (1.0 - law[LawAt.EXPONENT])
             widest = law[LawAt.WIDEST]
-            step[0] = where_positive(widest - free_angle, free_angle, widest) / speed
+            self.step[0] = where_positive(widest - free_angle, free_angle, widest) / speed
             # The code says why the loop is left, if it is.
-            code[0] = float(Code.NOT_FINITE)
+            self.code[0] = float(Code.NOT_FINITE)
             leave(compare("uge", speed, inf))
-            code[0] = float(Code.OUTSIDE)
+            self.code[0] = float(Code.OUTSIDE)
             leave(compare("olt", speed, law[LawAt.LOWEST]))
             leave(compare("ogt", speed, law[LawAt.HIGHEST]))
-            code[0] = float(Code.NO_STEP)
-            leave(compare("ule", begin[0] + step[0], begin[0]))
-            program.call(flows.prepare, scheme, p, constants, step[0])
-        now = begin[0] + since[0] * step[0]
+            self.code[0] = float(Code.NO_STEP)
+            leave(compare("ule", self.begin[0] + self.step[0], self.begin[0]))
+            self.prepare_constants()
+
+    def fill_rows(self, now: Number) -> None:
+        """Put the state into the rows near it, and the time from it to each row into `rests`.
+
+        `hand_back` moves these rows to their own times.
+        """
         # Rows are reached from the nearer end of a step, except back in time where the slow part is
         # strong: FLOOR is half the rate of its relaxation (`LawAt`), so that half a step back relaxes
         # by this.
-        relaxed = law[LawAt.FLOOR] * step[0]
+        relaxed = self.law[LawAt.FLOOR] * self.step[0]
         share_from_here = where_positive(_MAX_RELAXED_BACKWARD - relaxed, 0.5, 1.0)
-        row_limit = now + share_from_here * step[0]
-        with program.when(compare("ole", times[filled[0]], row_limit)):
-            at.store(y.load(dimension))
-            close(at)
-            with program.repeat() as done:
-                done(compare("oge", filled[0], clock[ClockAt.ROWS]))
-                done(compare("ogt", times[filled[0]], row_limit))
-                (rows + filled[0] * float(dimension)).store(at.load(dimension))
-                rests[filled[0]] = times[filled[0]] - now
+        row_limit = now + share_from_here * self.step[0]
+        filled = self.filled
+        dimension = self.flows.dimension
+        with self.program.when(compare("ole", self.times[filled[0]], row_limit)):
+            self.complete_state.store(self.y.load(dimension))
+            self.complete(self.complete_state)
+            with self.program.repeat() as leave_rows:
+                leave_rows(compare("oge", filled[0], self.clock[ClockAt.ROWS]))
+                leave_rows(compare("ogt", self.times[filled[0]], row_limit))
+                row = self.rows + filled[0] * float(dimension)
+                row.store(self.complete_state.load(dimension))
+                self.rests[filled[0]] = self.times[filled[0]] - now
                 filled[0] = filled[0] + 1.0
+
+    def leave_at_limits(self, now: Number, leave: Callable[[str], None]) -> None:
+        """Leave the loop where all rows are filled or a limit of the clock is met, with its code."""
         for condition, reason in (
-            (compare("oge", filled[0], clock[ClockAt.ROWS]), Code.FINISHED),
-            (compare("oge", steps[0], limit), Code.STEPS_DONE),
-            (compare("oge", now, clock[ClockAt.UNTIL]), Code.PAUSED),
+            (compare("oge", self.filled[0], self.clock[ClockAt.ROWS]), Code.FINISHED),
+            (compare("oge", self.steps[0], self.step_limit), Code.STEPS_DONE),
+            (compare("oge", now, self.clock[ClockAt.UNTIL]), Code.PAUSED),
         ):
-            code[0] = float(reason)
+            self.code[0] = float(reason)
             leave(condition)
-        code[0] = float(Code.FINISHED)
-        if flows.chains > 1:
-            _step_by_mean(flows, scheme, stages, constants, y, chain_states, remainder)
+        self.code[0] = float(Code.FINISHED)
+
+    def take_step(self) -> None:
+        """Advance the state by a step."""
+        if self.flows.chains > 1:
+            _step_by_mean(
+                self.flows,
+                self.scheme,
+                self.stages,
+                self.constants,
+                self.y,
+                self.chain_states,
+                self.remainder,
+            )
         else:
-            _step_by_one_chain(flows, stages, constants, y, open_)
-        since[0] = since[0] + 1.0
-        steps[0] = steps[0] + 1.0
-    close(y)
-    state.store(y.load(dimension))
-    # The rows that this call has reached still stand at the ends of steps.
-    before = clock[ClockAt.FILLED]
-    row_scheme = row_scheme_of(scheme, stages, flows.chains)
-    spread_numbers[SpreadAt.ROWS] = filled[0] - before
-    spread_numbers[SpreadAt.STEPS] = 1.0
-    first_row = rows + before * float(dimension)
-    program.call(flows.spread, row_scheme, p, spread_numbers, rests + before, first_row)
-    # In the order of `ClockAt`.
-    cells = (begin, step, low, high, since, filled, steps, code)
-    clock.store([cell[0] for cell in cells])
-    return program
+            _step_by_one_chain(self.flows, self.stages, self.constants, self.y, self.incomplete)
+        self.since[0] = self.since[0] + 1.0
+        self.steps[0] = self.steps[0] + 1.0
+
+    def hand_back(self) -> None:
+        """Complete the state, move the rows of this call to their times, and write the clock."""
+        dimension = self.flows.dimension
+        self.complete(self.y)
+        self.state.store(self.y.load(dimension))
+        # Rows before these are finished by the calls before.
+        before = self.clock[ClockAt.FILLED]
+        row_scheme = row_scheme_of(self.scheme, self.stages, self.flows.chains)
+        self.spread_numbers[SpreadAt.ROWS] = self.filled[0] - before
+        self.spread_numbers[SpreadAt.STEPS] = 1.0
+        first_row = self.rows + before * float(dimension)
+        self.program.call(
+            self.flows.spread,
+            row_scheme,
+            self.p,
+            self.spread_numbers,
+            self.rests + before,
+            first_row,
+        )
+        # In the order of `ClockAt`, from BEGIN to CODE.
+        cells = (
+            self.begin,
+            self.step,
+            self.low,
+            self.high,
+            self.since,
+            self.filled,
+            self.steps,
+            self.code,
+        )
+        self.clock.store([cell[0] for cell in cells])
 
 
 def _step_by_mean(
@@ -327,95 +422,123 @@ def _step_by_mean(
 
 
 def _step_by_one_chain(
-    flows: Flows, stages: Number, constants: Array, y: Array, open_: Array
+    flows: Flows, stages: Number, constants: Array, y: Array, incomplete: Array
 ) -> None:
     """A step of the state `y` without its last fast flow.
 
     Its first fast flow begins with the last one of the step before, if the state lacks that: the
     row of both stands behind all others.
     """
-    first_row = open_[0] * (stages + 1.0)
+    # Row 0, or the last one, s + 1.
+    first_row = incomplete[0] * (stages + 1.0)
     with y.program.times(stages) as i:
+        # Row i from the second flow on; i is 0 at the first.
         fast_row = flows.row(constants, where_positive(i, i, first_row))
         flows.both_flows(y, fast_row, flows.row(constants, i))
-    open_[0] = 1.0
+    incomplete[0] = 1.0
 
 
 def _check(flows: Flows, advance: Program, rounding: float) -> Program:
-    """`Kernels.check`."""
+    """`Kernels.check`.
+
+    Two runs from one state, by two laws of step size, are compared in two parts: at `_POINTS` times
+    at the beginning, and at as many at the end. The rows of the runs, a state each, are::
+
+        run 0: | start | part 0: rows 1 to 8 | part 1: rows 9 to 16 |
+        run 1: | start | part 0: rows 1 to 8 | part 1: rows 9 to 16 |
+    """
     program = Program("check", "scheme p state numbers")
     scheme, p, state, numbers = program.arguments
-    dimension = flows.dimension
-    moving = range(*flows.parts.moving)
-    points = float(_POINTS)
-    # Rows of a run: the start, those of the first part, those of the second.
     run_length = 2 * _POINTS + 1
-    rows = program.room(2 * run_length * dimension)
-    y = program.room(dimension)
+    rows = program.room(2 * run_length * flows.dimension)
+    y = program.room(flows.dimension)
     times = program.room(run_length)
     rests = program.room(run_length)
+    _set_check_times(program, numbers, times)
+    (numbers + CheckAt.SLOW).store([0.0] * CheckAt.RESULTS_SIZE)
+    with program.times(2.0) as run:
+        run_clock = program.room(ClockAt.SIZE)
+        run_clock.store([0.0] * ClockAt.SIZE)
+        _set_beginning(run_clock)
+        run_clock[ClockAt.LIMIT] = inf
+        run_clock[ClockAt.ROWS] = float(run_length)
+        y.store(state.load(flows.dimension))
+        law = numbers + run * float(LawAt.SIZE)
+        run_rows = rows + run * run_length * flows.dimension
+        program.call(advance, scheme, law, p, y, run_clock, times, rests, run_rows)
+        numbers[CheckAt.STEPS] = numbers[CheckAt.STEPS] + run_clock[ClockAt.STEPS]
+        numbers[CheckAt.CODES] = numbers[CheckAt.CODES] + run_clock[ClockAt.CODE]
+    # Of the part before: the sum of the differences of each slow quantity.
+    size = len(flows.parts.slow_quantities(y))
+    change_before = program.room(size)
+    with program.times(2.0) as part:
+        _compare_part(flows, numbers, times, rows, part, change_before, size, rounding)
+    return program
+
+
+def _set_check_times(program: Program, numbers: Array, times: Array) -> None:
+    """Set the times of a check: 0, those of the first part, those of the second."""
+    points = float(_POINTS)
     # From 0 on: times far from 0 have a rounding larger than the differences that a check seeks.
     span = numbers[CheckAt.SPAN]
     whole = numbers[CheckAt.WHOLE]
-    rate = numbers[CheckAt.RATE]
     times[0] = 0.0
     with program.times(points) as k:
         after = (k + 1.0) * (span / points)
         times[k + 1.0] = after
         times[k + (points + 1.0)] = whole - span + after
-    (numbers + CheckAt.SLOW).store([0.0] * CheckAt.RESULTS_SIZE)
-    with program.times(2.0) as run:
-        clock = program.room(ClockAt.SIZE)
-        # That of `clock` at time 0, without a limit of steps.
-        clock.store([0.0] * ClockAt.SIZE)
-        clock[ClockAt.HIGH] = -1.0
-        clock[ClockAt.FILLED] = 1.0
-        clock[ClockAt.UNTIL] = inf
-        clock[ClockAt.LIMIT] = inf
-        clock[ClockAt.ROWS] = float(run_length)
-        y.store(state.load(dimension))
-        law = numbers + run * float(LawAt.SIZE)
-        run_rows = rows + run * run_length * dimension
-        program.call(advance, scheme, law, p, y, clock, times, rests, run_rows)
-        numbers[CheckAt.STEPS] = numbers[CheckAt.STEPS] + clock[ClockAt.STEPS]
-        numbers[CheckAt.CODES] = numbers[CheckAt.CODES] + clock[ClockAt.CODE]
-    size = len(flows.parts.slow_quantities(y))
-    change_before = program.room(size)
-    with program.times(2.0) as part:
-        # Sum over the part of the difference of slow quantities; mean of the fast components.
-        change = program.room(size)
-        middle = program.room(len(moving))
-        amplitude = numbers + part + float(CheckAt.AMPLITUDE_BEGIN)
-        change.store([0.0] * size)
-        middle.store([0.0] * len(moving))
 
-        def row(k: Number, run: int) -> Array:
-            """Row k of this part, of run 0 or 1."""
-            before = float(run * run_length + 1)
-            return rows + (before + part * points + k) * float(dimension)
 
-        with program.times(points) as k:
-            first = row(k, 0)
-            second = row(k, 1)
-            slow_pairs = zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
-            slow = [b - a for a, b in slow_pairs]
-            change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
-            numbers[CheckAt.SLOW] = larger(numbers[CheckAt.SLOW], length(slow))
-            turns = times[part * points + k + 1.0] * rate / (2 * pi)
-            # Rounding is subtracted here alone: that of slow quantities only enters the second result
-            # of `Planner.estimated`.
-            fast = length([second[i] - first[i] for i in moving]) - rounding
-            numbers[CheckAt.FAST] = larger(numbers[CheckAt.FAST], fast / (1.0 + turns))
-            middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
-        amplitude[0] = 0.0
-        with program.times(points) as k:
-            first = row(k, 0)
-            off_middle = length([first[i] - middle[j] for j, i in enumerate(moving)])
-            amplitude[0] = larger(amplitude[0], off_middle)
-        # The first part leaves its sum for the second to compare with. In the first part
-        # `change_before` is not set yet: the number stored here is overwritten by the second part.
-        numbers[CheckAt.CHANGE] = length(
-            [(change[i] - change_before[i]) / points for i in range(size)]
-        )
-        change_before.store(change.load(size))
-    return program
+def _compare_part(
+    flows: Flows,
+    numbers: Array,
+    times: Array,
+    rows: Array,
+    part: Number,
+    change_before: Array,
+    size: int,
+    rounding: float,
+) -> None:
+    """Compare both runs of a check in one part, 0 or 1, and write the results into `numbers`.
+
+    `size` is the number of slow quantities.
+    """
+    program = rows.program
+    moving = range(*flows.parts.moving)
+    points = float(_POINTS)
+    run_length = 2 * _POINTS + 1
+    rate = numbers[CheckAt.RATE]
+    # Sum over the part of the difference of slow quantities; mean of the fast components.
+    change = program.room(size)
+    middle = program.room(len(moving))
+    amplitude = numbers + part + float(CheckAt.AMPLITUDE_BEGIN)
+    change.store([0.0] * size)
+    middle.store([0.0] * len(moving))
+
+    def row(k: Number, run: int) -> Array:
+        """Row k of this part, of run 0 or 1."""
+        before = float(run * run_length + 1)
+        return rows + (before + part * points + k) * float(flows.dimension)
+
+    with program.times(points) as k:
+        first = row(k, 0)
+        second = row(k, 1)
+        slow_pairs = zip(*map(flows.parts.slow_quantities, (first, second)), strict=True)
+        slow = [b - a for a, b in slow_pairs]
+        change.store([sum_ + more for sum_, more in zip(change.load(size), slow, strict=True)])
+        numbers[CheckAt.SLOW] = larger(numbers[CheckAt.SLOW], length(slow))
+        turns = times[part * points + k + 1.0] * rate / (2 * pi)
+        # Rounding is subtracted here alone: that of slow quantities only enters the second result
+        # of `Planner.estimated`.
+        fast = length([second[i] - first[i] for i in moving]) - rounding
+        numbers[CheckAt.FAST] = larger(numbers[CheckAt.FAST], fast / (1.0 + turns))
+        middle.store([middle[j] + first[i] / points for j, i in enumerate(moving)])
+    amplitude[0] = 0.0
+    with program.times(points) as k:
+        first = row(k, 0)
+        off_middle = length([first[i] - middle[j] for j, i in enumerate(moving)])
+        amplitude[0] = larger(amplitude[0], off_middle)
+    # The first part leaves its sum for the second to compare with. In the first part
+    # `change_before` is not set yet: the number stored here is overwritten by the second part.
+    numbers[CheckAt.CHANGE] = length([(change[i] - change_before[i]) / points for i in range(size)])
+    change_before.store(change.load(size))
