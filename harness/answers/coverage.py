@@ -40,7 +40,7 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import solver as find_solver
 
 # Version of the rows in the store: rows of another one are measured anew.
-_SCHEMA = 5
+_SCHEMA = 6
 # Times at which a solution is compared with its reference.
 COMPARED_TIMES = 2001
 # Seconds that a reference may take.
@@ -254,7 +254,7 @@ def _judged(case: Case, true: Observables, uncertainty: dict[str, float]) -> Rec
         row[want] = largest
         row[f"{want}_uncertainty"] = uncertainty[want]
         row[f"{want}_stated"] = interval and [interval.low, interval.predicted, interval.high]
-        row[f"{want}_apart"] = stated.difference and stated.difference.largest.get(want)
+        row[f"{want}_apart"] = stated.difference and stated.difference.credited.get(want)
         if along is not None:
             beyond = getattr(off, want) > along + uncertainty[want]
             row[f"{want}_rows_beyond"] = float(np.mean(beyond))

@@ -60,6 +60,17 @@ class Difference(NamedTuple):
             maxima["orientation"] = float(self.orientation.max())
         return maxima
 
+    @property
+    def credited(self) -> dict[str, float]:
+        """The largest ones that a statement rests on, by what they are of.
+
+        Errors of L and E turn the body: an orientation that agrees better than they do agrees by chance.
+        """
+        maxima = self.largest
+        if "orientation" in maxima:
+            maxima["orientation"] = max(maxima.values())
+        return maxima
+
 
 def difference(ellipsoid: Ellipsoid, a: Observables, b: Observables) -> Difference:
     """Differences of observables at the same n times, arrays of shape (n,)."""
@@ -178,7 +189,7 @@ def stated(
         rounding = EPS * (_ROUNDING * (1 + turns) ** _ROUNDING_GROWTH + rounded_steps)
     # The phase adds up what rounding makes of L and E, so its rounding has a factor of the rotations more.
     units = {"slow": size, "orientation": pi * (1 + turns)}
-    for want, largest in apart.largest.items():
+    for want, largest in apart.credited.items():
         factor = factors()[kind][family][want]
         high = factor.high * max(largest, least) + units[want] * rounding
         if want == "orientation":
