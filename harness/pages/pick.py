@@ -6,7 +6,6 @@ whether the first choice met the requested error. The scenes of a stratum have b
 """
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from math import inf, nan
 from pathlib import Path
@@ -32,6 +31,7 @@ from polhode.harness.pages.figures.style import (
     repeats_vary,
     save,
 )
+from polhode.harness.pages.stated import reasons
 from polhode.harness.pages.tables import fill, lines_of
 
 # Left end of the axis: errors below this share of the one allowed all meet it by far.
@@ -64,7 +64,6 @@ def _write(folder: Path, evaluation: Evaluation, made: Sequence[str]) -> Path:
     save(_figure(evaluation.scenes, note), folder, "choices")
     rows: Any = evaluation.scenes.to_dict("records")
     missed = [row for row in rows if not (row["met"] and not row["factor"] > heldout.NEAR)]
-    left_out = Counter(evaluation.left_out.values()).most_common()
     page = fill(
         "pick",
         made=made,
@@ -73,7 +72,7 @@ def _write(folder: Path, evaluation: Evaluation, made: Sequence[str]) -> Path:
         repeats=vary,
         limits=heldout,
         missed=missed,
-        left_out="; ".join(f"{count} × {reason}" for reason, count in left_out),
+        left_out=reasons(evaluation.left_out.values()),
     )
     return write_file(folder / "README.md", page)
 

@@ -4,8 +4,9 @@ A run states an interval of its error. `polhode.harness.answers.coverage` holds 
 how many hold; a kind of confirmation is how the run was compared with another (`docs/method.md`).
 """
 
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from polhode.harness.answers import coverage
@@ -14,12 +15,14 @@ from polhode.harness.common.machine import here, provenance
 from polhode.harness.common.store import Record
 from polhode.harness.pages.tables import fill
 
+# Numbers of one scene alone in a refusal: a list in brackets, a slow time, what it got.
+_OWN_NUMBERS = re.compile(r"\[[^\]]*\]|(?<=t₂ = )[\d.]+|(?<=got )[\d.e+-]*\d")
+
 
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     """Write `stated.md` into a folder and return its path."""
     counts = coverage.counted(rows)
     silent, judged = coverage.unstated(rows)
-    left_out = Counter(row["left_out"] for row in rows if "left_out" in row).most_common()
     page = fill(
         "stated",
         made=provenance(command, [here()]),
@@ -30,6 +33,12 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
         answers=coverage.answered(rows),
         silent=silent,
         judged=judged,
-        left_out="; ".join(f"{count} × {reason}" for reason, count in left_out),
+        left_out=reasons(row["left_out"] for row in rows if "left_out" in row),
     )
     return write_file(folder / "stated.md", page)
+
+
+def reasons(refusals: Iterable[str]) -> str:
+    """Reasons and how often each occurred, the most frequent first; a scene's own numbers read "…"."""
+    counts = Counter(_OWN_NUMBERS.sub("…", refusal) for refusal in refusals)
+    return "; ".join(f"{count} × {reason}" for reason, count in counts.most_common())

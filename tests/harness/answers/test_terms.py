@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from polhode import BodyStart, Ellipsoid, EulerStart, Scene, solve
-from polhode.harness.answers import averaging, confirmed, rules
+from polhode.harness.answers import averaging, confirmed, coverage, rules
 from polhode.harness.answers.confirmed import Answer, advised
 from polhode.harness.answers.fitted import factors
 from polhode.harness.answers.interval import Interval
@@ -72,6 +72,21 @@ def test_rounding_is_stated_of_a_long_run_at_the_tightest_tolerance():
 def test_two_runs_that_agree_by_luck_are_not_credited_with_it():
     lucky = statement(Difference(1e-20 * FLAT, 1e-20 * FLAT), least=1e-11)
     assert lucky.slow.high >= 1e-11 * factors()["looser"]["explicit"]["slow"].high
+
+
+def test_orientations_that_agree_better_than_l_and_e_do_so_by_chance():
+    """In a hundredth of a turn two stiff runs differ by 7e-10 rad, and the better one errs by 9e-9 rad."""
+    scene = coverage.scene_of("stiff", 6102, 159)
+    method = Method(form("spheroid-axis"), solver("cyrk-radau"))
+    runner = Runner(scene, np.array([0.0, scene.time]))
+    run = runner.run(method, 4e-8)
+    found = confirmed.confirmation(runner, run)
+    assert found.kind == "looser"
+    assert found.difference.orientation.max() < 1e-2 * found.difference.slow.max()
+    true = runner.run(Method(form("quaternion"), solver("cyrk-lsoda")), 1e-14)
+    made = errors(scene.ellipsoid, run.observables, true.observables).orientation
+    assert made > 10 * found.difference.orientation.max()
+    assert made <= found.orientation.high
 
 
 def test_a_difference_that_passes_zero_does_not_make_the_error_zero_there():
