@@ -192,6 +192,12 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
     help="Scenes on which `solve` is timed against plain practice instead.",
 )
 @click.option(
+    "--load",
+    type=click.IntRange(min=0),
+    default=0,
+    help="With --time: other processes that keep the processors busy.",
+)
+@click.option(
     "--fit",
     is_flag=True,
     help="With --errors: fit the factors of the statements, first tolerances and steps anew.",
@@ -205,6 +211,7 @@ def validate(
     seed: int,
     errors: int,
     times: int,
+    load: int,
     fit: bool,
     page_only: bool,
     resume: bool,
@@ -225,7 +232,7 @@ def validate(
         _validate_errors(out, errors, seed, fit, resume, quiet)
         return
     if times:
-        _validate_times(out, times, seed, quiet)
+        _validate_times(out, times, seed, load, quiet)
         return
     with loading(quiet):
         from polhode.harness.answers.heldout import evaluate
@@ -241,10 +248,10 @@ def validate(
         raise RunFailed("pick: fewer first choices than expected are near the best run")
 
 
-def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:
+def _validate_times(out: Path, scenes: int, seed: int, load: int, quiet: bool) -> None:
     """Time `solve` against plain practice, and write the page."""
     from polhode.harness import api
-    from polhode.harness.answers.timed import TIMED_ROWS, study
+    from polhode.harness.answers.timed import TIMED_ROWS, busy, study
     from polhode.harness.pages.answer_time import write_page
     from polhode.models.observables import Observables
     from polhode.models.scene import Scene
@@ -258,7 +265,9 @@ def _validate_times(out: Path, scenes: int, seed: int, quiet: bool) -> None:
         method = f"{solution.form} by {solution.solver} at {solution.tolerance:g}"
         return solution.observables if solution.success else None, stated and stated.high, method
 
-    page = write_page(out, list(study(ask, seed, scenes, quiet)), command_line())
+    with busy(load):
+        timings = list(study(ask, seed, scenes, quiet))
+    page = write_page(out, timings, command_line(), load)
     click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")
 
 

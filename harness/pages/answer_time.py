@@ -17,15 +17,21 @@ from polhode.harness.common.machine import here, provenance
 from polhode.harness.pages.tables import fill
 
 
-def write_page(folder: Path, timings: Sequence[Timing], command: str) -> Path:
-    """Write `time.md` and `times.csv` into a folder and return the page's path."""
+def write_page(folder: Path, timings: Sequence[Timing], command: str, load: int = 0) -> Path:
+    """Write `time.md` and `times.csv` into a folder and return the page's path.
+
+    They are `time-load8.md` and `times-load8.csv` where 8 other processes were at work.
+    """
     text = pd.DataFrame(timings).to_csv(index=False, float_format="%.4g")
-    write_file(folder / "times.csv", text, summed=True)
+    suffix = f"-load{load}" if load else ""
+    write_file(folder / f"times{suffix}.csv", text, summed=True)
     page = fill(
         "answer-time",
         made=provenance(command, [here()]),
         limits=timed,
-        rows=strata(timings),
+        load=load,
+        data=f"times{suffix}.csv",
+        rows=strata(timings, load),
         missed=[timing for timing in timings if timing.apart > timed.MISSED * timing.error],
     )
-    return write_file(folder / "time.md", page)
+    return write_file(folder / f"time{suffix}.md", page)
