@@ -1,10 +1,17 @@
-"""How the figures of the reproduction look: the style of all figures, panels with labels and units, keys above."""
+"""Parts of the paper's figures: style, panels, curves, legends, saving.
+
+An item's `draw` makes a figure by `panels`, draws the rows of tables (`draw_each`, `draw_levels`,
+`draw_power`), and puts legends outside the panels: `key_above` one for the figure, `key_of` one for
+a panel. `harness/paper/pages.py` calls `draw` within `style`, and then `save`, which breaks the
+labels of axes that are too long. `harness/pages/figures/style.py` has the colours and sizes, as of
+all figures.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
-from itertools import chain, cycle
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -40,29 +47,30 @@ from polhode.harness.paper.tables import groups
 Values = str | Callable[[Table], Any]
 
 BLACK = INK
-YELLOW = "#F2E27A"  # Areas alone.
-CYCLE = SERIES
-# Colours of the averaged run and of full ones at several St, in turn. The planes have three runs at
-# most: green is a line of theirs.
-AVERAGED = BLACK
+YELLOW = "#F2E27A"  # For areas alone: a line of it would be too light on white.
+CYCLE = SERIES  # Colours of curves, in turn.
+AVERAGED = BLACK  # The averaged run.
+# The averaged run, then full runs at several St. The L_z–E planes have three full runs at most,
+# since their line L_z + 4E = 0 is green.
 RUNS = (AVERAGED, BLUE, ORANGE, VERMILLION, GREEN)
-BOUND = "0.55"  # Grey of the bounds of a plane.
-NODE = PURPLE
-FIGURE_FORMATS = ("png", "svg")
-# Settings of the paper's figures alone. With a salt the same figure gives the same SVG.
+BOUND = "0.55"  # Bounds of E in the L_z–E planes: a grey, from "0" for black to "1" for white.
+NODE = PURPLE  # Fixed points in the L_z–E planes.
+FIGURE_FORMATS = ("png", "svg")  # Endings of a figure's files; PNG is always written.
+# Settings of Matplotlib that only the paper's figures have, beside `RC` of all figures.
 _STYLE: dict[Any, Any] = {
     "axes.grid": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "lines.linewidth": 1.1,
+    "lines.linewidth": 1.1,  # Points.
+    # Without a salt the same figure would get other names of its parts, and so another SVG.
     "svg.hashsalt": "polhode",
     "mathtext.fontset": "dejavusans",
 }
-# A key is a legend. Its widths are counted in letters, and are estimates.
-_KEY_LETTERS = 74  # A line as wide as the page.
-_GAP = 6  # The sample of a line, and the gap, that each name needs besides.
-_NAME_LETTERS = 50  # A longer name in a key above a panel as wide as the page breaks.
-_LETTER = 0.082  # Inches: the width of most letters, in labels of axes.
+# A key is a legend. Widths of keys are counted in letters; all of them are estimates, by eye.
+_KEY_LETTERS = 74  # Width of the page.
+_GAP_LETTERS = 6  # Width of a name's sample of its line, with the gaps beside it.
+_NAME_LETTERS = 50  # Longer names break into lines, in a panel as wide as the page.
+_LETTER_WIDTH = 0.082  # Inches: width of a letter of an axis' label; most letters are narrower.
 
 
 @contextmanager
@@ -79,18 +87,32 @@ def panels(
     columns: int,
     height: float,
     spatial: Sequence[int] = (),
+    *,
+    wspace: float | None = None,
     **options: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure as wide as a page, and its axes in reading order; some may have three dimensions.
+    """A figure as wide as a page, and its axes in reading order.
 
-    `height` is the height of a row of panels, in inches.
+    Parameters
+    ----------
+    rows, columns
+        Numbers of panels.
+    height
+        Height of one row of panels, in inches.
+    spatial
+        Panels that have three dimensions, by their places in reading order, from 0 on.
+    wspace
+        Room between the columns, as a share of the figure's width; None for Matplotlib's own.
+    options
+        Arguments of `Figure.subplot_mosaic`, such as ``sharey``.
     """
-    layout = ConstrainedLayoutEngine(wspace=options.pop("wspace", None))
+    layout = ConstrainedLayoutEngine(wspace=wspace)
     figure = Figure(figsize=(WIDTH, height * rows), layout=layout)
-    places: Any = np.arange(rows * columns).reshape(rows, columns).tolist()
+    places = range(rows * columns)
+    mosaic: Any = np.arange(rows * columns).reshape(rows, columns).tolist()
     kinds: dict[Any, Any] = {place: {"projection": "3d"} for place in spatial}
-    axes_by_place = figure.subplot_mosaic(places, per_subplot_kw=kinds, **options)
-    return figure, [axes_by_place[place] for place in chain.from_iterable(places)]
+    axes_by_place = figure.subplot_mosaic(mosaic, per_subplot_kw=kinds, **options)
+    return figure, [axes_by_place[place] for place in places]
 
 
 def column(table: Table, values: Values) -> Any:
@@ -109,9 +131,29 @@ def draw_each(
     colors: Sequence[str] = CYCLE,
     **style: Any,
 ) -> None:
-    """Draw a curve for each value of a table's key column, in turn in each of the colors.
+    """Draw a curve for each value of a table's key column.
 
-    Raises ValueError for a table without rows: a figure that lacks its data is a mistake.
+    Parameters
+    ----------
+    axes
+        The panel.
+    table
+        Rows of all curves.
+    key
+        Column whose values tell the curves apart.
+    x, y
+        Columns, or functions of a curve's rows.
+    label
+        A curve's name in the legend, from its value of `key`; None for no name.
+    colors
+        Colours of the curves, in turn.
+    style
+        Arguments of `Axes.plot`; they override the colour and the name.
+
+    Raises
+    ------
+    ValueError
+        The table has no rows: a figure that lacks its data is a mistake.
     """
     require_rows(table)
     for color, (value, rows) in zip(cycle(colors), groups(table, key), strict=False):
@@ -122,7 +164,10 @@ def draw_each(
 def draw_levels(
     axes: Axes, table: Table, key: str, y: Values, colors: Sequence[str] = CYCLE, **style: Any
 ) -> None:
-    """Draw a horizontal line for each value of a table's key column, at the first of its values."""
+    """Draw a horizontal line for each value of a table's key column, at `y` of its first row.
+
+    `draw_each` describes the arguments, and the error for a table without rows.
+    """
     require_rows(table)
     for color, (_, rows) in zip(cycle(colors), groups(table, key), strict=False):
         axes.axhline(column(rows, y)[0], **{"color": color, **style})
@@ -138,33 +183,41 @@ def draw_power(
     linestyle: str = ":",
     label: str | None = None,
 ) -> None:
-    """Draw a power law that has the value `last` at the last of the points x."""
+    """Draw the power law x^exponent through `last` at the last of the points x.
+
+    Without a `label` the legend names the exponent.
+    """
     text = f"slope {exponent:.3g}" if label is None else label
     axes.plot(x, last * (x / x[-1]) ** exponent, color=color, linestyle=linestyle, label=text)
 
 
 def name_line(axes: Axes, label: str, **style: Any) -> None:
-    """Put a line into the legend that other calls draw."""
+    """Put a line of this style into the legend, and draw none: other calls draw it, unnamed."""
     axes.plot([], [], label=label, **style)
 
 
 def key_above(figure: Figure, axes: Axes, **options: Any) -> None:
-    """Put the key of one of the axes above all of them."""
+    """Put a key above all panels of a figure, with the names of one of them.
+
+    `options` are arguments of `Figure.legend`.
+    """
     handles, labels = axes.get_legend_handles_labels()
-    for handle, label in zip(handles, labels, strict=True):
-        handle.set_label(label)
     key(figure, handles, _columns(labels, _KEY_LETTERS), **options)
 
 
 def key_of(axes: Axes, **options: Any) -> None:
-    """Put the key of a panel above it, below the panel's title."""
+    """Put the key of a panel above it, below the panel's title.
+
+    The title becomes the key's: a title of Matplotlib's would lie on the key. `options` are
+    arguments of `Axes.legend`.
+    """
     handles, labels = axes.get_legend_handles_labels()
-    columns = axes.get_gridspec().ncols  # pyright: ignore[reportOptionalMemberAccess]
-    names = [_wrapped(label, _NAME_LETTERS / columns) for label in labels]
+    panels_beside = axes.get_gridspec().ncols  # pyright: ignore[reportOptionalMemberAccess]
+    names = [_wrapped(label, _NAME_LETTERS / panels_beside) for label in labels]
     style: dict[str, Any] = {
         "loc": "lower left",
         "bbox_to_anchor": (0.0, 1.0),
-        "ncols": _columns(names, _KEY_LETTERS / columns - _GAP),
+        "ncols": _columns(names, _KEY_LETTERS / panels_beside - _GAP_LETTERS),
         "title": axes.get_title(loc="left") or None,
         "title_fontsize": TITLE,
         "alignment": "left",
@@ -178,28 +231,42 @@ def key_of(axes: Axes, **options: Any) -> None:
     axes.set_title("", loc="left")
 
 
-def _columns(labels: Sequence[str], room: float) -> int:
-    """The most columns in which names, filled in column by column, have room."""
-    lengths = [max(len(_seen(line)) for line in label.split("\n")) for label in labels]
+def _columns(names: Sequence[str], room: float) -> int:
+    """The largest number of columns in which a key's names fit into `room` letters.
+
+    Matplotlib fills a key column by column.
+    """
+    lengths = []
+    for name in names:
+        lines = name.split("\n")
+        lengths.append(max(map(_letters, lines)))
     for columns in range(len(lengths), 1, -1):
         widths = [max(part) for part in np.array_split(lengths, columns)]
-        if sum(widths) + _GAP * columns <= room:
+        if sum(widths) + _GAP_LETTERS * columns <= room:
             return columns
     return 1
 
 
-def _seen(text: str) -> str:
-    """About the letters that are seen of a text with formulas."""
-    return re.sub(r"\\(?:mathrm|dot)|(?<=\\)[a-z]+|[${}_^\\]", "", text)
+def _letters(text: str) -> int:
+    """About the number of letters that a reader sees of a text with formulas.
+
+    The signs of formulas do not count, nor do their commands, such as ``\\mathrm`` or ``\\kappa``.
+    A Greek letter is so taken for none, which is close enough for an estimate.
+    """
+    visible = re.sub(r"\\(?:mathrm|dot)|(?<=\\)[a-z]+|[${}_^\\]", "", text)
+    return len(visible)
 
 
 def _wrapped(text: str, letters: float) -> str:
-    """A text in lines of at most a number of letters; no line breaks within a formula."""
+    """A text in lines of at most a number of letters; a longer word has a line of its own.
+
+    A formula, from $ to $, is part of a word: its spaces break no line.
+    """
     words = re.findall(r"(?:\$[^$]*\$|[^\s$])+", text)
     lines = [""]
     for word in words:
         longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and len(_seen(longer)) > letters:
+        if lines[-1] and _letters(longer) > letters:
             lines.append(word)
         else:
             lines[-1] = longer
@@ -207,20 +274,29 @@ def _wrapped(text: str, letters: float) -> str:
 
 
 def _fit_labels(figure: Figure) -> None:
-    """Break labels of axes that are longer than their axes, by the width of most letters."""
+    """Break labels of axes that are longer than their axes, as estimated from `_LETTER_WIDTH`.
+
+    Panels of three dimensions are left as they are.
+    """
     flat = [axes for axes in figure.axes if not hasattr(axes, "get_zlabel")]
-    labels = [label for axes in flat for label in (axes.xaxis.label, axes.yaxis.label)]
+    labels = []
+    for axes in flat:
+        labels += [axes.xaxis.label, axes.yaxis.label]
     texts = [label.get_text() for label in labels]
-    # Too long ones would leave no room for the axes that are measured.
+    # Labels that are too long would leave no room for the axes that are measured.
     for label in labels:
         label.set_text("")
-    # Labels of several lines leave less room than none: the second round measures that.
+    # The first round measures the axes without labels. Labels of several lines make them smaller:
+    # the second round measures that.
     for _ in range(2):
         figure.draw_without_rendering()
-        boxes = [axes.get_window_extent() for axes in flat]
-        lengths = [pixels for box in boxes for pixels in (box.width, box.height)]
+        lengths = []
+        for axes in flat:
+            box = axes.get_window_extent()
+            lengths += [box.width, box.height]
         for label, text, pixels in zip(labels, texts, lengths, strict=True):
-            label.set_text(_wrapped(text, pixels / figure.dpi / _LETTER))
+            inches = pixels / figure.dpi
+            label.set_text(_wrapped(text, inches / _LETTER_WIDTH))
 
 
 def require_rows(table: Table) -> None:
@@ -230,11 +306,14 @@ def require_rows(table: Table) -> None:
 
 
 def unit_sphere(axes: Any) -> None:
-    """Prepare three-dimensional axes for paths on the unit sphere."""
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
-    x = np.cos(u) * np.sin(v)
-    y = np.sin(u) * np.sin(v)
-    z = np.cos(v)
+    """Prepare three-dimensional axes for paths on the unit sphere, which is drawn as a grey net."""
+    # Meridians and parallels 15 degrees apart.
+    azimuth, polar = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
+    x = np.cos(azimuth) * np.sin(polar)
+    y = np.sin(azimuth) * np.sin(polar)
+    z = np.cos(polar)
+    # Lines lie above each other by the `zorder` of their call: Matplotlib's own order, by distance
+    # from the eye, may put a whole path behind the net.
     axes.computed_zorder = False
     axes.plot_wireframe(x, y, z, color="0.85", linewidth=0.4, zorder=0)
     white_panes(axes)
@@ -252,28 +331,37 @@ def white_panes(axes: Any) -> None:
 
 
 def run_name(stokes: float) -> str:
-    """A full run by its St, or the averaged one, whose St is ∞."""
+    """A run in the legend: a full one by its St, the averaged one, whose St is ∞, as such."""
     return "averaged" if np.isinf(stokes) else f"full, St = {power(stokes)}"
 
 
 def draw_broken(axes: Axes, x: np.ndarray, y: np.ndarray, paths: np.ndarray, **style: Any) -> None:
-    """Draw several paths as one line with gaps, so that they share one entry of the legend."""
+    """Draw several paths as one line with gaps, so that they share one entry of the legend.
+
+    `paths` has the number of each point's path; points of a path stand together. Shapes are (n,).
+    """
+    # Matplotlib breaks a line at NaN.
     gaps = np.flatnonzero(np.diff(paths)) + 1
     axes.plot(np.insert(x, gaps, np.nan), np.insert(y, gaps, np.nan), **style)
 
 
 def save(figure: Figure, folder: Path, name: str, *, svg: bool = False) -> None:
-    """Save a figure as PNG, and as SVG if wanted; the same figure gives the same files.
-
-    Few colours keep the PNG small.
-    """
+    """Save a figure as PNG, and with `svg` as SVG too; the same figure gives the same files."""
     _fit_labels(figure)
-    for ending in FIGURE_FORMATS if svg else FIGURE_FORMATS[:1]:
+    write_file(folder / f"{name}.png", _png(figure))
+    if svg:
         drawn = BytesIO()
-        metadata = {"Date": None} if ending == "svg" else {"Software": None}
-        figure.savefig(drawn, format=ending, dpi=DPI, metadata=metadata)
-        if ending == "png":
-            with Image.open(drawn) as image:
-                drawn = BytesIO()
-                few_colours(image.convert("RGB")).save(drawn, "png", optimize=True)
-        write_file(folder / f"{name}.{ending}", drawn.getvalue())
+        # Without the date.
+        figure.savefig(drawn, format="svg", dpi=DPI, metadata={"Date": None})
+        write_file(folder / f"{name}.svg", drawn.getvalue())
+
+
+def _png(figure: Figure) -> bytes:
+    """A figure as PNG; few colours keep it small."""
+    drawn = BytesIO()
+    # Without the version of Matplotlib.
+    figure.savefig(drawn, format="png", dpi=DPI, metadata={"Software": None})
+    reduced = BytesIO()
+    with Image.open(drawn) as image:
+        few_colours(image.convert("RGB")).save(reduced, "png", optimize=True)
+    return reduced.getvalue()
