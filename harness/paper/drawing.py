@@ -248,10 +248,10 @@ def _columns(names: Sequence[str], room: float) -> int:
 
 
 def _letters(text: str) -> int:
-    """About the number of letters that a reader sees of a text with formulas.
+    r"""About the number of letters that a reader sees of a text with formulas.
 
-    The signs of formulas do not count, nor do their commands, such as ``\\mathrm`` or ``\\kappa``.
-    A Greek letter is so taken for none, which is close enough for an estimate.
+    The signs of formulas do not count, nor do their commands: ``\mathrm``, but also ``\kappa``,
+    which a reader sees as a letter. For an estimate that is close enough.
     """
     visible = re.sub(r"\\(?:mathrm|dot)|(?<=\\)[a-z]+|[${}_^\\]", "", text)
     return len(visible)

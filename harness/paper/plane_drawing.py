@@ -1,4 +1,9 @@
-"""Drawing of the L_z–E phase planes: parabolas, fixed points, trajectories. The data of no item depend on it."""
+"""Drawing of the L_z–E phase planes: bounds, fixed points, trajectories, and their legend.
+
+`draw_frame` draws what a plane has without trajectories; `name_points` and `name_lines` put that
+into the legend of one of a figure's planes. L_z and E are over I_max. No item's data depend on this
+module.
+"""
 
 from collections.abc import Sequence
 
@@ -13,25 +18,35 @@ from polhode.harness.paper.tables import groups
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import fixed_points
 
-# Words of legends for the stability of fixed points.
+# Words of the legend for the stability of a fixed point.
 POINTS = {"stable node": "stable node", "saddle": "saddle", "singular": "singular point"}
-# Markers of fixed points and their sizes, which Matplotlib takes in square points.
+# Marker of a fixed point by its stability, and the marker's area in square points, by eye.
 _MARKERS = {"stable node": ("o", 30), "saddle": ("*", 70), "singular": ("X", 30)}
+# An arrow on a trajectory: a head in the direction of the motion, and no line. `shrinkA` and
+# `shrinkB` are gaps before and after it, in points; `mutation_scale` is its size in points, by eye.
+_ARROW = {
+    "arrowstyle": "-|>",
+    "color": AVERAGED,
+    "linewidth": 0.0,
+    "shrinkA": 0,
+    "shrinkB": 0,
+    "mutation_scale": 7,
+}
 
 
 def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> None:
-    """Draw parabolas, the line L_z + 4E = 0 and the fixed points of a plane; L_z runs from low to high."""
+    """Draw the parabolas L_z² = 2EI, the line L_z + 4E = 0 and the fixed points of a plane.
+
+    L_z/I_max runs from `low`, which is negative, to `high`. The parabola of the middle moment of
+    inertia is dashed; the others are the bounds of E. All fixed points lie on the line.
+    """
     momentum = np.linspace(low, high, 201)
-    inertia = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
-    for number, moment in enumerate(inertia):
-        middle = len(inertia) == 3 and number == 1
-        axes.plot(
-            momentum,
-            momentum**2 / (2 * moment),
-            color=BOUND,
-            linestyle="--" if middle else "-",
-            lw=1.4,
-        )
+    moments = np.array(sorted(set(ellipsoid.inertia))) / max(ellipsoid.inertia)
+    for number, moment in enumerate(moments):
+        is_middle = len(moments) == 3 and number == 1
+        linestyle = "--" if is_middle else "-"
+        energy = momentum**2 / (2 * moment)
+        axes.plot(momentum, energy, color=BOUND, linestyle=linestyle, linewidth=1.4)
     axes.plot([low, 0.0], [-low / 4, 0.0], color=GREEN, linewidth=0.9)
     for point in fixed_points(ellipsoid):
         draw_point(axes, point.stability, place_of(ellipsoid, point))
@@ -41,7 +56,19 @@ def draw_frame(axes: Axes, ellipsoid: Ellipsoid, low: float, high: float) -> Non
 def draw_point(
     axes: Axes, stability: str, place: tuple[float, ...] = (), text: str | None = None
 ) -> None:
-    """Draw a fixed point with the marker of its stability; without a place it stands in the legend alone."""
+    """Draw a fixed point with the marker of its stability.
+
+    Parameters
+    ----------
+    axes
+        The plane.
+    stability
+        A key of `POINTS`.
+    place
+        The point's two coordinates; without them it stands in the legend alone.
+    text
+        Its name in the legend; None for none.
+    """
     marker, size = _MARKERS[stability]
     x, y = place or ([], [])
     axes.scatter(
@@ -58,13 +85,13 @@ def draw_point(
 
 
 def name_points(axes: Axes, names: dict[str, str]) -> None:
-    """Put the markers of fixed points into the legend; stability to text."""
+    """Put the markers of fixed points into the legend; `names` has a text for each stability."""
     for stability, text in names.items():
         draw_point(axes, stability, text=text)
 
 
 def name_lines(axes: Axes, ellipsoid: Ellipsoid, bounds: str) -> None:
-    """Put the lines of a frame into the legend."""
+    """Put the lines of `draw_frame` into the legend; `bounds` is the text for the bounds of E."""
     axes.plot([], [], color=BOUND, label=bounds)
     if ellipsoid.kind == "triaxial":
         axes.plot([], [], color=BOUND, linestyle="--", label="$L_z^2 = 2EI_2$")
@@ -72,18 +99,18 @@ def name_lines(axes: Axes, ellipsoid: Ellipsoid, bounds: str) -> None:
 
 
 def draw_paths(axes: Axes, table: Table, heights: Sequence[float]) -> None:
-    """Draw slow trajectories, each with an arrow where its E first falls through each of the heights."""
+    """Draw slow trajectories, with an arrow where E first falls below each of the heights.
+
+    `table` has a row for each point, with columns `path`, the number of its trajectory, `Lz` and
+    `E`; `heights` are values of E, over I_max.
+    """
     draw_broken(axes, table.Lz, table.E, table.path, color=AVERAGED, linewidth=0.8)
-    for _, part in groups(table, "path"):
+    for _, rows in groups(table, "path"):
+        points = list(zip(rows.Lz, rows.E, strict=True))
         for height in heights:
-            below = int(np.argmax(part["E"] < height))
-            if below > 0:
-                ends = [(part["Lz"][index], part["E"][index]) for index in (below - 1, below)]
-                arrow = {
-                    "arrowstyle": "-|>",
-                    "color": AVERAGED,
-                    "linewidth": 0.0,
-                    "shrinkA": 0,
-                    "shrinkB": 0,
-                }
-                axes.annotate("", ends[1], ends[0], arrowprops={**arrow, "mutation_scale": 7})
+            # 0 if the trajectory starts below the height, or stays above it: it has no arrow there.
+            first_below = int(np.argmax(rows["E"] < height))
+            if first_below > 0:
+                tip = points[first_below]
+                tail = points[first_below - 1]
+                axes.annotate("", tip, tail, arrowprops=_ARROW)
