@@ -286,7 +286,7 @@ def paper(
     with bad_input(), loading(quiet):
         from polhode.harness.paper.claims import find_items, section_of
         from polhode.harness.paper.item import Grid
-        from polhode.harness.paper.pages import run
+        from polhode.harness.paper.reproduction import run
 
         items = find_items(names)
         if force and redraw:

@@ -12,7 +12,10 @@ from matplotlib.figure import Figure
 T = TypeVar("T")
 
 Part = tuple[str, Mapping[str, Any]]
-"""Rows of a table: its name, "" for the first one, and values by column (one for all rows, or one per row)."""
+"""Rows of a table: the table's name, "" for the first one, and the rows' values by column.
+
+A column has a value for each row, or one value for all of them.
+"""
 Computed = Iterable[Part]
 """The parts of an item's tables, as they are computed."""
 Table = Any
@@ -75,7 +78,7 @@ class Range:
 class Number:
     """A measured number, and the range that its item's verdict needs."""
 
-    what: str
+    name: str
     value: float
     expected: Range | None = None  # None: the number informs, and no verdict depends on it.
     unit: str = ""  # Empty for pure numbers.

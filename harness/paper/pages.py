@@ -1,28 +1,25 @@
-"""Items computed and drawn, and their pages: one per section, and an index from claim to verdict."""
+"""The pages of the reproduction: one per section, and an index with all claims and their verdicts.
 
-import os
+`write_pages` reads the data that are in the folder and judges them; `reproduction.py` computes
+them. The templates are `harness/pages/texts/paper.md` for the index and `paper-item.md` for an
+item.
+"""
+
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Mapping, Sequence
 from itertools import chain
-from math import floor, isfinite, log10
+from math import floor, inf, isfinite, log10
 from pathlib import Path
-from time import perf_counter
 
 from polhode.harness.common.files import write_file
 from polhode.harness.common.machine import provenance
 from polhode.harness.common.store import Record
-from polhode.harness.common.text import duration, markdown, short
-from polhode.harness.ensembles import engines
+from polhode.harness.common.text import markdown, short
 from polhode.harness.pages.tables import fill, folded
 from polhode.harness.paper import store
-from polhode.harness.paper.claims import find_items, section_of, sections
-from polhode.harness.paper.drawing import save, style
-from polhode.harness.paper.item import Data, Grid, Item, Number, Section, Word
+from polhode.harness.paper.item import Grid, Item, Number, Section, Word
 
-# Verdicts in the order of the index: first what does not hold as it is printed.
+# Verdicts in the order of the index: first those that contradict the paper.
 _FIRST_WORDS = (
     Word.NOT_CONFIRMED,
     Word.CORRECTED,
@@ -31,31 +28,40 @@ _FIRST_WORDS = (
     Word.SHARPENED,
     Word.MEASURED,
 )
-# Variables that libraries of linear algebra read when they are loaded. Threads of several processes
-# wait for each other on the same cores: 90 times the wall time of one thread each.
-_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-# Digits that the pages write of a value without an interval.
+# Significant digits of a value without an interval.
 _DIGITS = 4
+# Unit of the last digit of a value of 0 or infinity, which has no digits to count. Any small one
+# will do.
+_UNIT_OF_NONE = 1e-12
 
 
 def write_pages(folder: Path, sections: Sequence[Section]) -> None:
-    """Write the index and the pages of all sections from the data in the folder, whenever they were made."""
-    judgements = {}
-    records = {}
+    """Write the index and a page for each section, from the data in the folder.
+
+    Data of older code are shown too, if today's `judge` can read them: the index names them.
+    """
+    judgements: dict[str, store.Judged] = {}
+    records: dict[str, list[Record]] = {}
     for section in sections:
+        records[section.name] = []
         for item in section.items:
-            judgements[item.name] = store.judged(folder / section.name, item)
-        records[section.name] = [
-            store.measured(folder / section.name, item)
-            for item in section.items
-            if not isinstance(judgements[item.name], str)
-        ]
+            judgement = store.judged(folder / section.name, item)
+            judgements[item.name] = judgement
+            if isinstance(judgement, store.Judgement):
+                records[section.name].append(store.measured(folder / section.name, item))
     for section in sections:
-        parts = [_described(section, item, judgements[item.name]) for item in section.items]
-        lines = [f"# {section.title}", "", *parts, _made(records[section.name]), ""]
-        write_file(folder / f"{section.name}.md", "\n".join(lines))
-    index = _index(sections, judgements, [*chain.from_iterable(records.values())])
-    write_file(folder / "README.md", index)
+        page = _section_page(section, judgements, records[section.name])
+        write_file(folder / f"{section.name}.md", page)
+    all_records = list(chain.from_iterable(records.values()))
+    write_file(folder / "README.md", _index(sections, judgements, all_records))
+
+
+def _section_page(
+    section: Section, judgements: Mapping[str, store.Judged], records: Sequence[Record]
+) -> str:
+    """The page of a section."""
+    descriptions = [_described(section, item, judgements[item.name]) for item in section.items]
+    return "\n".join([f"# {section.title}", "", *descriptions, _made(records), ""])
 
 
 def _made(records: Sequence[Record]) -> str:
@@ -66,34 +72,36 @@ def _made(records: Sequence[Record]) -> str:
 def _described(section: Section, item: Item, judgement: store.Judged) -> str:
     """The text on an item on the page of its section."""
     if isinstance(judgement, str):
-        return f"## {item.title}\n\n**Claim.** {item.claim}\n\n{judgement}: `polhode paper {item.name}`.\n"
-    data, verdict, *_ = judgement
-    files = [f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})" for name in data]
-    rows = [
-        _cells(number.what, measured(number), allowed(number), reason(number))
-        for number in verdict.numbers
+        claim = f"**Claim.** {item.claim}"
+        return f"## {item.title}\n\n{claim}\n\n{judgement}: `polhode paper {item.name}`.\n"
+    tables = [
+        f"[{name or 'data'}]({section.name}/{store.file_name(item, name)})"
+        for name in judgement.data
     ]
-    numbers = markdown(["measured", "value", "verdict holds for", "because"], rows)
-    place = f"{section.name}/{item.name}"
+    rows = [
+        _cells(number.name, measured(number), allowed(number), reason(number))
+        for number in judgement.verdict.numbers
+    ]
     return fill(
         "paper-item",
         item=item,
-        verdict=verdict,
-        numbers=numbers,
-        place=place,
-        tables=", ".join(files),
+        verdict=judgement.verdict,
+        numbers=markdown(["measured", "value", "verdict holds for", "because"], rows),
+        place=f"{section.name}/{item.name}",
+        tables=", ".join(tables),
     )
 
 
 def _cells(*texts: str) -> list[str]:
-    """Table cells; the bars of |L| would end them."""
+    """Cells of a row of a table in Markdown, where a bar, as in |L|, would end a cell."""
     return [text.replace("|", "\\|") for text in texts]
 
 
 def measured(number: Number) -> str:
-    """The value with its interval and unit; a share with what it is a share of.
+    """A number's value as the pages write it, with interval and unit; of a share also the whole.
 
-    The last digit of a value with an interval is the first one of the interval's width.
+    "0.57 (95 %: 0.55 … 0.59)": the last digit that is written is the first one of the interval's
+    width.
     """
     if abs(number.value) < number.floor:
         text = f"below {_digits(number.floor, 1)}"
@@ -108,15 +116,17 @@ def measured(number: Number) -> str:
 
 
 def last_unit(number: Number) -> float:
-    """One unit of the last digit that is written of a value.
+    """One unit of the last digit that is written of a number's value: a power of ten.
 
-    Without an interval the value has `_DIGITS` digits; 1e-12 stands for values of 0 or infinity.
+    The value has `_DIGITS` digits. With an interval it has no more than down to the first digit of
+    the interval's width.
     """
     sizes = [abs(number.value) * 10.0 ** (1 - _DIGITS)]
     if number.interval is not None:
-        sizes.append(number.interval[1] - number.interval[0])
+        low, high = number.interval
+        sizes.append(high - low)
     largest = max((size for size in sizes if isfinite(size)), default=0.0)
-    return 10.0 ** floor(log10(largest)) if largest > 0 else 1e-12
+    return 10.0 ** floor(log10(largest)) if largest > 0 else _UNIT_OF_NONE
 
 
 def _multiple(value: float, unit: float) -> str:
@@ -125,14 +135,16 @@ def _multiple(value: float, unit: float) -> str:
 
 
 def allowed(number: Number) -> str:
-    """The range in which the verdict holds."""
+    """The range in which the verdict holds: "0 … 1", "≤ 1"."""
     if number.expected is None:
         return "any value"
     low = number.expected.low
     high = number.expected.high
-    if low == -float("inf"):
+    if low == -inf:
         return f"≤ {_digits(high)}"
-    return f"≥ {_digits(low)}" if high == float("inf") else f"{_digits(low)} … {_digits(high)}"
+    if high == inf:
+        return f"≥ {_digits(low)}"
+    return f"{_digits(low)} … {_digits(high)}"
 
 
 def reason(number: Number) -> str:
@@ -150,204 +162,64 @@ def _index(
     judgements: Mapping[str, store.Judged],
     records: Sequence[Record],
 ) -> str:
-    """The index page: counts of verdicts, what is stale or coarse, and a row for each item."""
-    computed = {
-        name: content for name, content in judgements.items() if not isinstance(content, str)
+    """The index page: how many items have which verdict, remarks, and a row for each item."""
+    judged = {
+        name: judgement
+        for name, judgement in judgements.items()
+        if isinstance(judgement, store.Judgement)
     }
-    words = Counter(content[1].word for content in computed.values())
-    stale = [name for name, content in computed.items() if not content[2]]
-    coarse = [name for name, content in computed.items() if content[3] is not Grid.FULL]
-    remarks = (
-        f"**Made on the reduced grid, a look, not a result: {', '.join(coarse)}.**\n\n"
-        if coarse
-        else ""
-    )
-    if stale:
-        remarks += f"Made by older code, to be computed again: {', '.join(stale)}.\n\n"
+    counted = Counter(judgement.verdict.word for judgement in judged.values())
+    counts = [f"{counted[word]} {word}" for word in Word if counted[word]]
     rows = []
     for section in sections:
         rows += [_index_row(section, item, judgements[item.name]) for item in section.items]
-    # Verdicts that say the most first; in the paper's order among each other.
-    order = [*map(str, _FIRST_WORDS), *sorted({row[0] for row in rows} - set(_FIRST_WORDS))]
-    rows.sort(key=lambda row: order.index(row[0]))
     return fill(
         "paper",
         count=len(judgements),
-        counts=", ".join(f"{words[word]} {word}" for word in Word if words[word]),
+        counts=", ".join(counts),
         made=_made(records),
-        remarks=remarks,
-        items=markdown(["verdict", "section", "item", "claim", "number"], rows),
+        remarks=_remarks(judged),
+        items=markdown(["verdict", "section", "item", "claim", "number"], _by_verdict(rows)),
         sections=", ".join(f"[{section.title}]({section.name}.md)" for section in sections),
     )
 
 
+def _remarks(judged: Mapping[str, store.Judgement]) -> str:
+    """Names of the items whose data are coarse, or of older code, in sentences; empty for none."""
+    coarse = [name for name, judgement in judged.items() if judgement.grid is not Grid.FULL]
+    stale = [name for name, judgement in judged.items() if not judgement.is_current]
+    remarks = ""
+    if coarse:
+        names = ", ".join(coarse)
+        remarks += f"**Made on the reduced grid, a look, not a result: {names}.**\n\n"
+    if stale:
+        remarks += f"Made by older code, to be computed again: {', '.join(stale)}.\n\n"
+    return remarks
+
+
+def _by_verdict(rows: Sequence[list[str]]) -> list[list[str]]:
+    """Rows of the index, whose first cell is the verdict, in the order of `_FIRST_WORDS`.
+
+    Rows without a verdict, which say why there is none, come last. Rows of one verdict stay in the
+    paper's order.
+    """
+    verdicts = [str(word) for word in _FIRST_WORDS]
+    reasons = {row[0] for row in rows} - set(verdicts)
+    order = [*verdicts, *sorted(reasons)]
+    return sorted(rows, key=lambda row: order.index(row[0]))
+
+
 def _index_row(section: Section, item: Item, judgement: store.Judged) -> list[str]:
     """Verdict, section, link, claim and first number of an item."""
-    # The anchor that GitHub makes of a heading.
-    anchor = "".join(
-        letter for letter in item.title.lower() if letter.isalnum() or letter in " -_"
-    ).replace(" ", "-")
-    name = f"[{item.name}]({section.name}.md#{anchor})"
+    link = f"[{item.name}]({section.name}.md#{_anchor(item.title)})"
     if isinstance(judgement, str):
-        return _cells(judgement, section.name, name, item.claim, "")
-    first = judgement[1].numbers[0]
-    number = f"{first.what}: {measured(first)}"
-    return _cells(judgement[1].word, section.name, name, item.claim, number)
+        return _cells(judgement, section.name, link, item.claim, "")
+    first = judgement.verdict.numbers[0]
+    number = f"{first.name}: {measured(first)}"
+    return _cells(judgement.verdict.word, section.name, link, item.claim, number)
 
 
-def run(
-    items: Sequence[Item],
-    folder: Path,
-    report: Callable[[str], None],
-    *,
-    grid: Grid = Grid.FULL,
-    force: bool = False,
-    redraw: bool = False,
-    svg: bool = False,
-    processes: int = 1,
-) -> list[str]:
-    """Compute what today's code has not made, draw, write the pages; returns the names of the items that failed.
-
-    With several processes as many items are computed at a time, each found again by its name, the
-    longest ones first.
-    """
-    began = perf_counter()
-    data: dict[str, Data] = {}
-    for item in items:
-        stored = None if force else store.read(folder / section_of(item).name, item)
-        if stored is not None and (redraw or stored[1:] == (True, grid)):
-            data[item.name] = stored[0]
-    missing = [item for item in items if item.name not in data]
-    report(_ahead(items, missing, processes))
-    if processes == 1:
-        computed = _in_turn(missing, folder, grid, report)
-    else:
-        missing.sort(key=lambda item: -item.experiment.seconds)
-        computed = _side_by_side(missing, folder, grid, processes, report)
-    failed = []
-    by_name = {item.name: item for item in items}
-    # Ctrl-C while a figure is drawn ends the processes too.
-    with closing(computed):
-        for number, outcome in enumerate(chain(_cached(data), computed), start=1):
-            item = by_name[outcome.name]
-            failure, words = _drawn(item, outcome, folder, svg)
-            if failure:
-                failed.append(item.name)
-                words = f"failed: {failure}"
-            took = " cached " if outcome.seconds is None else f"{outcome.seconds:6.1f} s"
-            report(f"[{number:2}/{len(items)}] {item.name:28} {took}  {words}")
-    write_pages(folder, sections())
-    report(f"{perf_counter() - began:.0f} s; index: {folder / 'README.md'}")
-    return failed
-
-
-@dataclass(frozen=True)
-class _Outcome:
-    """The data of an item, or why there are none, and the seconds that they took; None if they were there."""
-
-    name: str
-    data: Data | None
-    seconds: float | None = None
-    failure: str = ""
-
-
-def _drawn(item: Item, outcome: _Outcome, folder: Path, svg: bool) -> tuple[str, str]:
-    """Draw the item's figure; how that or the computation failed, and the word of its verdict."""
-    if outcome.data is None:
-        return outcome.failure, ""
-    try:
-        with style():
-            save(
-                item.experiment.draw(outcome.data),
-                folder / section_of(item).name,
-                item.name,
-                svg=svg,
-            )
-        return "", str(item.experiment.judge(outcome.data).word)
-    except store.ITEM_FAILURES as error:
-        return str(error), ""
-
-
-def _cached(data: Mapping[str, Data]) -> Iterator[_Outcome]:
-    """Outcomes of items whose data were read from the folder, by name."""
-    for name, tables in data.items():
-        yield _Outcome(name, tables)
-
-
-def _in_turn(
-    items: Sequence[Item], folder: Path, grid: Grid, report: Callable[[str], None]
-) -> Generator[_Outcome, None, None]:
-    """Outcomes of items that are computed here, one after the other."""
-    for item in items:
-        report(_begun(item))
-        yield _computed(item, folder, grid)
-
-
-def _side_by_side(
-    items: Sequence[Item],
-    folder: Path,
-    grid: Grid,
-    count: int,
-    report: Callable[[str], None],
-) -> Generator[_Outcome, None, None]:
-    """Outcomes of `count` processes as they come; closing the generator ends what is under way at once."""
-    starts: dict[str, float] = {}
-
-    def begun() -> Iterator[str]:
-        for item in items:
-            report(_begun(item))
-            starts[item.name] = perf_counter()
-            yield item.name
-
-    compute = partial(_computed_by_name, folder=folder, grid=grid)
-    outcomes = engines.processes(count, compute, begun(), ahead=0)
-    with _single_threaded_children(), closing(outcomes):
-        for name, outcome, message in outcomes:
-            yield outcome or _Outcome(name, None, perf_counter() - starts[name], message)
-
-
-def _ahead(items: Sequence[Item], missing: Sequence[Item], processes: int) -> str:
-    """How many items are computed, and about how long that takes."""
-    counts = f"{len(items)} items, {len(missing)} to compute"
-    if not missing:
-        return counts
-    seconds = [item.experiment.seconds for item in missing]
-    expected = max(max(seconds), sum(seconds) / processes)
-    return f"{counts}, {processes} at a time, in some {duration(expected)}"
-
-
-def _begun(item: Item) -> str:
-    """The line that says that an item is begun, and about how long it takes."""
-    return f"        {item.name} … (about {duration(item.experiment.seconds)})"
-
-
-@contextmanager
-def _single_threaded_children() -> Iterator[None]:
-    """Let processes that are spawned here use one thread for linear algebra: each has a core of its own."""
-    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
-    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _computed_by_name(name: str, folder: Path, grid: Grid) -> _Outcome:
-    """The same as `_computed` in another process, to which a name is sent and no item."""
-    (item,) = find_items((name,))
-    return _computed(item, folder, grid)
-
-
-def _computed(item: Item, folder: Path, grid: Grid) -> _Outcome:
-    """Compute an item and write its data; a failure is an outcome too."""
-    start = perf_counter()
-    try:
-        parts = item.experiment.compute(grid)
-        data = store.write(folder / section_of(item).name, item, grid, parts)
-    except store.ITEM_FAILURES as error:
-        return _Outcome(item.name, None, perf_counter() - start, str(error))
-    return _Outcome(item.name, data, perf_counter() - start)
+def _anchor(title: str) -> str:
+    """The anchor that GitHub makes of a heading."""
+    letters = [letter for letter in title.lower() if letter.isalnum() or letter in " -_"]
+    return "".join(letters).replace(" ", "-")

@@ -1,8 +1,14 @@
-"""Data of the items: CSV files beside the figures, and a record that says whether they hold."""
+"""Data of the items in a folder: CSV files with the tables, and a record in JSON.
+
+The record `ITEM.json` is written last. It names the tables, and has the key of all that the data
+depend on (`content_key`), so that a reader sees whether today's code would make the same data. Each
+section has a folder of its own; the functions take that folder.
+"""
 
 import json
 from io import BytesIO
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -15,9 +21,9 @@ from polhode.harness.paper.item import Computed, Data, Grid, Item, Table, Verdic
 from polhode.harness.paper.tables import tables_of
 from polhode.models.libraries import version_of
 
-ITEM_SCHEMA = 1  # Version of the files.
-DIGITS = 8  # Significant digits of the numbers in them.
-# Libraries by which items compute: data made with another version are not today's.
+ITEM_SCHEMA = 1  # Version of the files: data of another one are not today's.
+DIGITS = 8  # Significant digits of numbers in the CSV files; pages show four.
+# Libraries by which items compute: data made with another version of one are not today's.
 _LIBRARIES = ("numpy", "scipy", "heyoka", "cyrk")
 # Exceptions with which the computation of an item may end.
 ITEM_FAILURES = (
@@ -30,12 +36,31 @@ ITEM_FAILURES = (
     ValueError,
 )
 _NO_DATA = "Not computed yet"
-# Data, verdict, whether today's code made the data, and their grid; or, in words, why there is none.
-Judged = tuple[Data, Verdict, bool, Grid] | str
+
+
+class Stored(NamedTuple):
+    """Data of an item as they are in the folder."""
+
+    data: Data
+    is_current: bool  # Whether today's code, settings and libraries made them.
+    grid: Grid
+
+
+class Judgement(NamedTuple):
+    """Data of an item with their verdict."""
+
+    data: Data
+    verdict: Verdict
+    is_current: bool  # As of `Stored`.
+    grid: Grid
+
+
+Judged = Judgement | str
+"""A judgement, or in words why there is none."""
 
 
 def content_key(item: Item, grid: Grid) -> str:
-    """Hash of all that an item's data depend on: its settings, all code that computes, the libraries."""
+    """Hash of all that an item's data depend on: settings, code that computes, libraries."""
     content = {
         "schema": ITEM_SCHEMA,
         "item": item.name,
@@ -70,8 +95,8 @@ def write(folder: Path, item: Item, grid: Grid, parts: Computed) -> Data:
     return {name: _table(content) for name, content in contents.items()}
 
 
-def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
-    """The item's data, whether today's code made them, and their grid; None if there are none, or damaged ones."""
+def read(folder: Path, item: Item) -> Stored | None:
+    """The item's data in the folder; None if there are none, or damaged ones."""
     try:
         record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
         contents = {name: read_file(folder / file_name(item, name)) for name in record["tables"]}
@@ -79,11 +104,11 @@ def read(folder: Path, item: Item) -> tuple[Data, bool, Grid] | None:
     except (OSError, ValueError, KeyError):
         return None
     data = {name: _table(content) for name, content in contents.items()}
-    return data, record["key"] == content_key(item, grid), grid
+    return Stored(data, record["key"] == content_key(item, grid), grid)
 
 
 def measured(folder: Path, item: Item) -> Record:
-    """When, where and by what the item's data were made; empty if that was not kept, or there are none."""
+    """When, where and by what the item's data were made; empty if no file says so."""
     try:
         record = json.loads((folder / f"{item.name}.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -92,23 +117,27 @@ def measured(folder: Path, item: Item) -> Record:
 
 
 def judged(folder: Path, item: Item) -> Judged:
-    """The item's data, verdict, whether today's code made them, and their grid; or, in words, why there is none."""
+    """The item's data in the folder, judged; or in words why they cannot be."""
     stored = read(folder, item)
     if stored is None:
         return _NO_DATA
     try:
-        return stored[0], item.experiment.judge(stored[0]), *stored[1:]
+        verdict = item.experiment.judge(stored.data)
     except ITEM_FAILURES as error:
-        # Older code kept other columns, or other rows.
-        return f"The verdict failed ({type(error).__name__}: {error})" if stored[1] else _NO_DATA
+        if stored.is_current:
+            return f"The verdict failed ({type(error).__name__}: {error})"
+        # Older code wrote other columns or other rows, which today's `judge` cannot read.
+        return _NO_DATA
+    return Judgement(stored.data, verdict, stored.is_current, stored.grid)
 
 
 def _table(content: bytes) -> Table:
-    """A CSV file as a record array; all numbers are floats, as an integer column could hold no NaN."""
+    """A CSV file as a record array, whose numbers are floats: integers could not be NaN."""
     frame = read_csv(BytesIO(content))
-    return frame.astype(dict.fromkeys(frame.select_dtypes("number"), float)).to_records(index=False)
+    numeric_columns = frame.select_dtypes("number")
+    return frame.astype(dict.fromkeys(numeric_columns, float)).to_records(index=False)
 
 
 def file_name(item: Item, table: str) -> str:
-    """File of one of the item's tables."""
+    """Name of the file of one of the item's tables; the first table, "", has the item's name."""
     return f"{item.name}-{table}.csv" if table else f"{item.name}.csv"

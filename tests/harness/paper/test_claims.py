@@ -122,7 +122,7 @@ def test_a_share_says_of_what():
         if isinstance(found, str):
             continue
         for number in found[1].numbers:
-            if "share" in number.what.split():
+            if "share" in number.name.split():
                 shares += 1
-                assert number.measure, (item.name, number.what)
+                assert number.measure, (item.name, number.name)
     assert shares > 10

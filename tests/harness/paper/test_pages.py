@@ -19,11 +19,12 @@ from PIL import Image
 from polhode.harness.commands.bench import paper
 from polhode.harness.common.fits import mean_interval, median_interval, power_law
 from polhode.harness.pages.figures.style import few_colours
-from polhode.harness.paper import claims, pages, store
+from polhode.harness.paper import claims, store
 from polhode.harness.paper.claims import find_items, section_of
 from polhode.harness.paper.drawing import FIGURE_FORMATS
 from polhode.harness.paper.item import Experiment, Grid, Item, Number, Range, Section, Verdict, Word
-from polhode.harness.paper.pages import allowed, measured, run
+from polhode.harness.paper.pages import allowed, measured
+from polhode.harness.paper.reproduction import run
 from polhode.harness.paper.tables import groups
 
 LARGEST_FIGURE = 300_000
@@ -72,8 +73,7 @@ def catalogue(monkeypatch):
 
     def replace_by(*items):
         section = Section("made", "Made", items)
-        for module in (claims, pages):
-            monkeypatch.setattr(module, "sections", lambda: (section,))
+        monkeypatch.setattr(claims, "sections", lambda: (section,))
 
     return replace_by
 

@@ -37,12 +37,12 @@ def test_the_lot_is_complete():
 @pytest.mark.parametrize("name", NUMBERS)
 def test_each_number_is_right_to_the_digits_that_are_written(name):
     for number in verdict_of(name).numbers:
-        expected = NUMBERS[name][number.what]
+        expected = NUMBERS[name][number.name]
         if abs(number.value) < number.floor:
-            assert abs(expected) < number.floor, number.what
+            assert abs(expected) < number.floor, number.name
             continue
         within = last_unit(number)
-        assert number.value == pytest.approx(expected, rel=0, abs=within), number.what
+        assert number.value == pytest.approx(expected, rel=0, abs=within), number.name
 
 
 @pytest.mark.parametrize("name", [name for name in NUMBERS if name.startswith("poincare")])
