@@ -27,7 +27,7 @@ import numpy as np
 from polhode.models.libraries import IMPORTS
 from polhode.models.second_order.field import COEFFICIENTS
 from polhode.models.second_order.polhodes import Polhodes, SidedBody
-from polhode.models.second_order.spheroid import cross, dot, plus
+from polhode.models.second_order.spheroid import Triple, cross, dot, plus
 from polhode.models.second_order.torus import Torus, over_phases, times, turning
 
 Array = np.ndarray
@@ -127,10 +127,12 @@ def _coefficients(mean: Array, second: Array) -> tuple[list[Array], float]:
 
 def _strengths(spectrum: Array) -> Array:
     """Strengths, shape (m, MODES, 3, 3), from the spectrum of L', shape (3, poses, m, a, b)."""
-    # Poses are split by rotation and by size; negative k₁ stand at the end of a spectrum, -1 last.
+    # The poses of `_SIZES` are split by rotation and by size: shape (rotations, 2, m, a, b).
     size = np.linalg.norm(spectrum, axis=0).reshape(-1, 2, *spectrum.shape[2:])
+    # Largest of the rotations: per size, state, -k₁ - 1 and k₂ - 1.
     amplitudes = np.zeros((2, spectrum.shape[2], MODES, 3))
     most = min(MODES, spectrum.shape[3] // 2 - 1)
+    # A spectrum has k₁ = 0, 1, ..., -2, -1 and k₂ = 0, 1, 2, 3, ...: from its end on, k₁ = -1, -2, ...
     amplitudes[:, :, :most] = size[..., : -most - 1 : -1, 1:4].max(axis=0)
     # A strength is taken to grow evenly with l: amplitudes at l = 1 and l = 2 give that at 0 and its gain.
     gain = np.maximum(amplitudes[1] - amplitudes[0], 0)
@@ -139,37 +141,62 @@ def _strengths(spectrum: Array) -> Array:
 
 
 def second_order(torus: Torus) -> Array:
-    """F₂ of (L in its frame, y), shape (4, ..., m): the mean U·∂P.
+    """F₂ of (L in its frame, y), shape (4, ..., m): the mean U·∂P over all phases.
 
-    U·∂P is the derivative of the torque along the generator.
+    U·∂P is the derivative of the torque's rates along the generator U. It follows from what U
+    changes in body axes, where the torque is linear in L and in x⊗y, of the flow's directions x and
+    y.
     """
     p = torus.polhode
-    size = torus.size[..., None, None]
     x, y, tau = torus.driven
+    _, turn = torus.ambient
+    dm, dx, dy = _changes_in_body(torus)
+    changed = torus.torque(dm, plus(turning(p.side, dx, y), 1, turning(p.side, x, dy)))
+    # L' = Sτ: the change of τ in the body, and the turn of the body with it.
+    change_of_rate = plus(times(torus.rows, changed), 1, cross(turn, times(torus.rows, tau)))
+    change_of_h_rate = _change_of_h_rate(torus, dm, changed)
+    # y' = h'/(dh/dy). The change of dh/dy has no part in the mean: it goes with U P of y, whose mean
+    # is 0, as U of a mode is a quarter of a turn behind P.
+    means = [rate.mean(axis=(-2, -1)) for rate in (*change_of_rate, change_of_h_rate)]
+    return np.stack([*means[:3], means[3] / p.slope])
+
+
+def _changes_in_body(torus: Torus) -> tuple[Triple, Triple, Triple]:
+    """Changes along the generator of L and the flow's x and y, as the body sees them, in body axes.
+
+    A vector that is fixed in space turns backwards for a body that turns.
+    """
+    size = torus.size[..., None, None]
     change, turn = torus.ambient
-    m = torus.momentum
-    back = torus.rows.swapaxes(0, 1)
-    # Changes of L, x and y along the generator, seen from the body, which turns besides.
+    # The change of L less turn × L, with L = l e₃ in its frame.
     tilted = change[0] - size * turn[1], change[1] + size * turn[0], change[2]
     flows = (cross(over_phases(direction), turn) for direction in (torus.flow, torus.gradient))
+    # The columns of S: Sᵀ carries to body axes.
+    back = torus.rows.swapaxes(0, 1)
     dm, dx, dy = (times(back, vector) for vector in (tilted, *flows))
-    # The change of the torque, seen from the body, then in the frame of L.
-    changed = torus.torque(dm, plus(turning(p.side, dx, y), 1, turning(p.side, x, dy)))
-    change_space = plus(times(torus.rows, changed), 1, cross(turn, times(torus.rows, tau)))
-    # dh/dt₂ = 2(ω·τ - h L·τ)/l², and its derivative: h' falls as l rises, and changes with h besides.
+    return dm, dx, dy
+
+
+def _change_of_h_rate(torus: Torus, dm: Triple, changed: Triple) -> Array:
+    """Change of h' = 2(ω - hL)·τ/l² along the generator, for changes `dm` of L and `changed` of τ in body axes."""
+    p = torus.polhode
+    size = torus.size[..., None, None]
+    *_, tau = torus.driven
+    change, _ = torus.ambient
+    m = torus.momentum
+    # ω - hL has the components (1/I - h) L; its change is that at fixed h, then that by h alone.
     excess = [factor[..., None, None] for factor in p.excess.T]
-    # ω - hL, and its derivative at fixed h.
     relative = [factor * part for factor, part in zip(excess, m, strict=True)]
     relative_change = [factor * part for factor, part in zip(excess, dm, strict=True)]
+    change_of_y = torus.generator[3]
     rate_h = 2 * dot(relative, tau) / size**2
     change_h = (
         dot(relative_change, tau)
         + dot(relative, changed)
-        - p.slope[:, None, None] * torus.generator[3] * dot(m, tau)
+        - p.slope[:, None, None] * change_of_y * dot(m, tau)
     )
-    change_h = 2 * change_h / size**2 - 2 * rate_h * change[2] / size
-    means = [rate.mean(axis=(-2, -1)) for rate in (*change_space, change_h)]
-    return np.stack([*means[:3], means[3] / p.slope])
+    # The last summand is that of 1/l²: the generator changes l by its change of L along e₃.
+    return 2 * change_h / size**2 - 2 * rate_h * change[2] / size
 
 
 def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array], float]:

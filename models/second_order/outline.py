@@ -99,81 +99,114 @@ class Outline:
         )
 
 
+class KickAhead(NamedTuple):
+    """A kick that is not left out, as errors made before it meet it."""
+
+    time: float  # slow time
+    # G just before the kick, shape (4, 4): rows and columns are those of |L|, E, α and β.
+    error_form: Array
+    turned: Array  # `Path.turned` at its time, shape (2, 2)
+
+
 @dataclass(frozen=True)
 class Ahead:
     """How the kicks on a path amplify errors, and which kicks need a full segment.
 
     An error e = (z, φ) of (|L|, E) and of (α, β) turns the phase of a kick by k·φ, and so the kick.
-    At random phases the mean square of the error at the end of the run is e·Ge; G is summed from
-    the end of the run backwards.
+    At random phases the mean square of the error at the end of the run is e·Ge. From the end of the
+    run backwards, G takes two steps at each kick::
+
+            |L| E  α  β
+        M = | 1  0  0  0 |  |L|    from one kick to the next: G becomes MᵀGM, where B is what the
+            | 0  1  0  0 |  E      angles turn on the way per error of (|L|, E)
+            |  B    1  0 |  α
+            |       0  1 |  β      at a kick: its mean square times k kᵀ is added to the last 2 x 2
     """
 
     path: Path
     strong: dict[Kick, float]  # half lengths of their full segments
     left: dict[Kick, float]  # error at the end of the run of each kick that is left out
-    # For each kick that is not left out: its time, G before it, and (α, β) turned until then.
-    behind: list[tuple[float, Array, Array]]
+    behind: list[KickAhead]  # kicks that are not left out, from the last to the first
 
     @classmethod
     def of(cls, path: Path, budget: float) -> "Ahead":
-        """The kicks of a path, where full segments are to miss no more than a budget."""
-        ahead = cls(path, {}, {}, [])
-        # Error of all kicks left out so far.
-        together = 0.0
+        """The kicks of a path, where full segments are to miss no more than a budget.
+
+        The budget is an error of L and E, over I_max.
+        """
+        strong = dict[Kick, float]()
+        left = dict[Kick, float]()
+        behind = list[KickAhead]()
         kicks = sorted((*path.kicks, *path.crossings()), key=lambda kick: -kick.time)
         if not kicks:
-            return ahead
+            return cls(path, strong, left, behind)
+        most_by_one = _SHARE_OF_ONE_KICK * budget
+        most_by_all = _SHARE_OF_KICKS / _RANDOM_PHASES * budget
+        # Error of all kicks left out so far: their phases are random, so that squares add up.
+        left_together = 0.0
         # At the end of the run errors of |L| and E count, those of the angles do not.
-        g = np.diag([1.0, 1, 0, 0])
-        last = path.turned[-1]
+        error_form = np.diag([1.0, 1, 0, 0])
+        # `Path.turned` at the next kick that is not left out, or at the end of the run.
+        turned_later = path.turned[-1]
         turned_at_kicks = path.turned_at(np.array([kick.time for kick in kicks]))
         for kick, turned in zip(kicks, turned_at_kicks, strict=True):
-            # Map M of an error (|L|, E, α, β) from this kick to the next one that is not left out, or
-            # to the end: |L| and E stay, the angles turn by what they make.
-            onwards = np.eye(4)
-            onwards[2:, :2] = last - turned
-            response = onwards[:, :2] @ kick.along
-            # Mean square, over phases of the kick, of its error at the end of the run. The derivative
-            # of the kick by its phase has the same.
-            square = 0.5 * (response.conj() @ g @ response).real
+            onwards = _error_map(turned_later - turned)
+            square = _mean_square_at_end(kick, onwards, error_form)
             size = max(kick.size, sqrt(square))
-            if (
-                size <= _SHARE_OF_ONE_KICK * budget
-                and hypot(together, size) <= _SHARE_OF_KICKS / _RANDOM_PHASES * budget
-            ):
-                ahead.left[kick] = size
-                together = hypot(together, size)
+            together = hypot(left_together, size)
+            if size <= most_by_one and together <= most_by_all:
+                left[kick] = size
+                left_together = together
                 continue
-            g = onwards.T @ g @ onwards
-            last = turned
-            # An error of the angles turns the kick's phase by k·φ.
-            g[2:, 2:] += square * np.outer(kick.mode, kick.mode)
-            ahead.behind.append((kick.time, g, last))
+            error_form = onwards.T @ error_form @ onwards
+            # An error φ of the angles turns the kick's phase by k·φ.
+            error_form[2:, 2:] += square * np.outer(kick.mode, kick.mode)
+            turned_later = turned
+            behind.append(KickAhead(kick.time, error_form, turned))
             # Jumps at L² = 2EI₂ have no width: the first step of `outline` gives them full segments.
             if kick.width:
                 # As `weight` has it just before the kick.
-                amplification = max(1, sqrt(0.5 * (g[0, 0] + g[1, 1])))
-                ahead.strong[kick] = kick.half_width(_SHARE_OF_ONE_KICK * budget / amplification)
-        return ahead
+                amplification = max(1, sqrt(0.5 * (error_form[0, 0] + error_form[1, 1])))
+                strong[kick] = kick.half_width(most_by_one / amplification)
+        return cls(path, strong, left, behind)
 
     def weight(self, times: Array) -> Array:
-        """By how much later kicks amplify an error made at these times."""
+        """By how much later kicks amplify an error of L and E made at these slow times, shape (m,): 1 or more."""
         weight = np.ones(len(times))
         if self.behind:
-            until, g, last = (np.array(column) for column in zip(*self.behind, strict=True))
-            # Kicks stand from the last to the first: `at` is the index of the next kick behind each
-            # time, -1 behind the last kick, where nothing amplifies an error.
-            at = len(until) - 1 - np.searchsorted(until[::-1], times, side="right")
-            before = at >= 0
-            at = at[before]
+            kick_times, error_forms, turned = (
+                np.array(column) for column in zip(*self.behind, strict=True)
+            )
+            # Kicks stand from the last to the first: `following` is the index of the next kick behind
+            # each time, -1 behind the last kick, where nothing amplifies an error.
+            following = len(kick_times) - 1 - np.searchsorted(kick_times[::-1], times, side="right")
+            before = following >= 0
+            following = following[before]
             # The columns of M for errors of |L| and of E, from these times to the next kick.
-            onwards = np.zeros((int(before.sum()), 4, 2))
+            onwards = np.zeros((len(following), 4, 2))
             onwards[:, [0, 1], [0, 1]] = 1
-            onwards[:, 2:] = last[at] - self.path.turned_at(times[before])
+            onwards[:, 2:] = turned[following] - self.path.turned_at(times[before])
             # ½ tr G of |L| and E.
-            mean_square = 0.5 * np.sum(onwards * (g[at] @ onwards), axis=(1, 2))
+            mean_square = 0.5 * np.sum(onwards * (error_forms[following] @ onwards), axis=(1, 2))
             weight[before] = np.sqrt(np.maximum(mean_square, 1))
         return weight
+
+
+def _error_map(turned: Array) -> Array:
+    """M, shape (4, 4): an error of (|L|, E, α, β) later on, per error now; B of `Ahead` is `turned`."""
+    onwards = np.eye(4)
+    onwards[2:, :2] = turned
+    return onwards
+
+
+def _mean_square_at_end(kick: Kick, onwards: Array, error_form: Array) -> float:
+    """Mean square, over the kick's phases, of the error at the end of the run that its change of (|L|, E) makes.
+
+    The derivative of that change by the phase has the same mean square. `onwards` is M to the place
+    where `error_form` is G.
+    """
+    response = onwards[:, :2] @ kick.along
+    return 0.5 * (response.conj() @ error_form @ response).real
 
 
 class AveragingErrors(NamedTuple):
