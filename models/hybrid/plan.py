@@ -15,7 +15,7 @@ from polhode.models.scene import Scene, start_from
 from polhode.models.second_order import field as triaxial, spheroid as spheroidal
 from polhode.models.second_order.form import SecondOrder, slow_start
 from polhode.models.second_order.outline import PlannedSegment, outline
-from polhode.models.second_order.path import LEAST_SPEED
+from polhode.models.second_order.path import LEAST_SPEED, plain_dephasing
 from polhode.models.second_order.run import NotAveragedError, entered
 from polhode.models.shape import Ellipsoid
 
@@ -47,7 +47,7 @@ def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
                 scene.slow_time,
                 False,
                 "the run is short",
-                phase_per_error=dephasing(scene) * scene.time,
+                phase_per_error=plain_dephasing(scene.ellipsoid) * scene.time,
                 turned=error_growth(scene) * scene.slow_time,
             ),
         )
@@ -58,12 +58,6 @@ def error_growth(scene: Scene) -> float:
     """`Path.error_growth` where a scene starts."""
     size = float(np.linalg.norm(scene.initial.angular_momentum)) / max(scene.ellipsoid.inertia)
     return speed(scene) * max(1.0, size * speed(scene))
-
-
-def dephasing(scene: Scene) -> float:
-    """`Path.dephasing`, at most, of bodies away from L² = 2EI₂."""
-    _, middle, high = sorted(scene.ellipsoid.inertia)
-    return high / middle
 
 
 def speed(scene: Scene) -> float:
@@ -159,14 +153,15 @@ class HybridPlan:
         stokes = self.scene.stokes
         remaining = self.remaining(time, state)
         more = 2 * np.pi * _MORE / speed(remaining)
+        dephasing = plain_dephasing(self.scene.ellipsoid)
         full = replace(
             planned,
             end=planned.start + more / stokes,
             second_order=False,
             reason=reason,
             decisive=True,
-            phase=(self.spent - self.carried) * more * dephasing(remaining),
-            phase_per_error=more * dephasing(remaining),
+            phase=(self.spent - self.carried) * more * dephasing,
+            phase_per_error=more * dephasing,
             turned=more * error_growth(remaining) / stokes,
         )
         return self._full(full, time, time + more, state, tolerance)

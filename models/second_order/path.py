@@ -239,8 +239,7 @@ class Path:
 
         Such an error of e is a relative change of L, and a turn of the pose in rad, of e over `scale`.
         """
-        _, middle, high = sorted(self.ellipsoid.inertia)
-        dephasing = high / middle / self.spin
+        dephasing = plain_dephasing(self.ellipsoid) / self.spin
         unit = max(self.ellipsoid.inertia)
         for longest, points, _ in self._sides:
             size = self.size[points]
@@ -456,6 +455,12 @@ def path_of(scene: Scene) -> Path:
         raise FormNotValidError(
             f"{error.name}, which follows first-order paths, is not installed"
         ) from None
+
+
+def plain_dephasing(ellipsoid: Ellipsoid) -> float:
+    """`Path.dephasing` of a body with |ω| <= 1, away from L² = 2EI₂."""
+    _, middle, high = sorted(ellipsoid.inertia)
+    return high / middle
 
 
 def _interpolated(points: Array, times: Array, rows: Array) -> Array:
