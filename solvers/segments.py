@@ -83,27 +83,25 @@ class Run:
         max_steps: int,
         watch: Callable[[Record], None] | None,
     ) -> None:
-        """Run to the last requested time, or until a segment fails."""
+        """Run to the last requested time, or until a segment fails.
+
+        Parameters
+        ----------
+        next_segment : callable
+            Gives the first segment. A segment names in `Segment.then` what gives those behind it.
+        seconds, max_steps : float and int
+            Limits of the whole run, compilation left out of the time.
+        watch : callable, optional
+            Is given each segment's record before the solver is.
+        """
         while self.status is Status.REACHED_END and self.now < self.end:
-            steps = self.work.steps or 0
-            if (steps_left := max_steps - steps) < 1:
-                self.status = Status.STEP_LIMIT
-                self.message = f"{steps} steps"
+            steps_left = max_steps - (self.work.steps or 0)
+            if self._stopped_by_limit(steps_left, seconds):
                 return
-            if self.segments_run and perf_counter() > self.began + seconds:
-                self.status = Status.TIME_LIMIT
-                self.message = f"stopped at t = {self.now!r}"
+            following = self._next_with_integrator(next_segment)
+            if following is None:
                 return
-            segment = None
-            try:
-                segment = next_segment(self.now, self.state, self.settings.tolerance)
-                integrate = self._integrator(segment)
-            except Exception as error:
-                if segment and isinstance(error, ValueError) and not self.segments_run:
-                    # Problem or setting are refused.
-                    raise
-                self.status, self.message = _crash(error, self.method.name)
-                return
+            segment, integrate = following
             next_segment = segment.then or next_segment
             end = self._aligned(segment.end)
             record = self._record(segment, end, self.began + seconds, steps_left)
@@ -112,27 +110,73 @@ class Run:
                 record.taken = []
             if watch:
                 watch(record)
-            try:
-                self.status, message = _outcome(integrate, record, self.method.name)
-            finally:
-                self._take_over(segment, end, record)
-                if record.taken:
-                    self._take_over_steps(record.taken)
+            message = self._integrated(integrate, segment, end, record)
             if self.events and self.events.ended is not None:
+                # The run ends at an event, however the solver was stopped there.
                 self.status = Status.REACHED_END
                 self.message = ""
                 return
             if self.status is not Status.REACHED_END:
-                if record.filled == 1 and not _has_rates(segment.problem, record.start):
-                    self.status, message = NO_RATES
-                # The solver knows the steps of its own segment alone.
-                self.message = message.replace(
-                    f"{record.work.steps} steps", f"{self.work.steps} steps"
-                )
-            if record.filled < len(record.times) or (
-                end < self.end and not np.isfinite(self.state).all()
-            ):
+                self._explain_failure(message, segment, record)
+            if self._breaks_off(end, record):
                 return
+
+    def _stopped_by_limit(self, steps_left: int, seconds: float) -> bool:
+        """Whether a limit of the run lets no further segment begin; status and message then say so."""
+        if steps_left < 1:
+            self.status = Status.STEP_LIMIT
+            self.message = f"{self.work.steps or 0} steps"
+            return True
+        # The first segment meets its deadline by itself, so that a run has a row at least.
+        if self.segments_run and perf_counter() > self.began + seconds:
+            self.status = Status.TIME_LIMIT
+            self.message = f"stopped at t = {self.now!r}"
+            return True
+        return False
+
+    def _next_with_integrator(self, next_segment: NextSegment) -> tuple[Segment, Integrator] | None:
+        """The next segment and its integrator; None with a status and a message if that crashes.
+
+        Raises ValueError if the solver refuses the run's first segment: the fault is the caller's.
+        """
+        segment = None
+        try:
+            segment = next_segment(self.now, self.state, self.settings.tolerance)
+            return segment, self._integrator(segment)
+        except Exception as error:
+            if segment and isinstance(error, ValueError) and not self.segments_run:
+                # Problem or setting are refused.
+                raise
+            self.status, self.message = _crash(error, self.method.name)
+            return None
+
+    def _integrated(
+        self, integrate: Integrator, segment: Segment, end: float, record: Record
+    ) -> str:
+        """Run the solver over a segment and take over what it has finished; returns its message.
+
+        What it has finished is taken over on Ctrl-C too.
+        """
+        try:
+            self.status, message = _outcome(integrate, record, self.method.name)
+        finally:
+            self._take_over(segment, end, record)
+            if record.taken:
+                self._take_over_steps(record.taken)
+        return message
+
+    def _explain_failure(self, message: str, segment: Segment, record: Record) -> None:
+        """Make the solver's message of a failed segment the message of the run."""
+        if record.filled == 1 and not _has_rates(segment.problem, record.start):
+            self.status, message = NO_RATES
+        # The solver knows the steps of its own segment alone.
+        self.message = message.replace(f"{record.work.steps} steps", f"{self.work.steps} steps")
+
+    def _breaks_off(self, end: float, record: Record) -> bool:
+        """Whether no segment can follow: rows are missing, or the state to go on from is not finite."""
+        if record.filled < len(record.times):
+            return True
+        return end < self.end and not np.isfinite(self.state).all()
 
     def _aligned(self, end: float) -> float:
         """The end of a segment: a requested time, if it lies so near one that a solver could not step between them."""
