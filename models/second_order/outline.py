@@ -206,7 +206,7 @@ def _mean_square_at_end(kick: Kick, onwards: Array, error_form: Array) -> float:
     where `error_form` is G.
     """
     response = onwards[:, :2] @ kick.along
-    return 0.5 * (response.conj() @ error_form @ response).real
+    return 0.5 * float(np.real(response.conj() @ error_form @ response))
 
 
 class AveragingErrors(NamedTuple):
