@@ -113,7 +113,12 @@ def _turn(flows: Flows) -> Program:
 
     Each takes `steps` equal steps of the scheme, of time `h` forth and `-h` back, which turn by
     nearly 2π. A short step of the scheme turns the rest of it at the rate reached, and as the rate
-    changes a little on the way, a still shorter one of Strang's splitting turns what is left then.
+    changes a little on the way, a still shorter one of Strang's splitting turns what is left then::
+
+        | step | step | ... | step | closing step | half fast, slow, half fast |
+          h      h            h      first rest     last rest                     times
+
+    `points` holds the point that goes forth, then the one that goes back.
     """
     program = Program("turn", "scheme p forth back points", "steps h", "internal")
     scheme, p, forth, back, points, steps, h = program.arguments
@@ -156,13 +161,16 @@ def _turn(flows: Flows) -> Program:
         """The time that closes the turn at the present rate."""
         return (side.sign * 2 * pi - side.angle[0]) / flows.rate(side.state, p)
 
+    # The equal steps.
     with program.times(steps):
         step([side.constants for side in sides], [h, -1.0 * h])
+    # The step that closes the turn at the rate reached.
     first_rests = [rest(side) for side in sides]
     for side, time in zip(sides, first_rests, strict=True):
         program.call(flows.prepare, scheme, p, side.closing, time)
     step([side.closing for side in sides], first_rests)
     passed = [side.sign * steps * h + time for side, time in zip(sides, first_rests, strict=True)]
+    # What is left of the angle after that, by Strang's splitting.
     last_rests = [rest(side) for side in sides]
     for side, time_passed, time in zip(sides, passed, last_rests, strict=True):
         strang.store(fast.constants(p, 0.5 * time, OPERATIONS))
@@ -176,7 +184,15 @@ def _turn(flows: Flows) -> Program:
 
 
 def _mean(flows: Flows, turn: Program) -> Program:
-    """`StrobeKernels.mean`."""
+    """`StrobeKernels.mean`.
+
+    After k turns forth and back, the difference of the two points is added to each row of `out`
+    with that row's weight k::
+
+        weights, a row:  | weight 1 | weight 2 | weight 3 |   one per number of turns k
+        out, a row:      | d components of the state | time |  per turn
+        moved:           | point k turns forth | point k turns back |
+    """
     program = Program("mean", "scheme p setting weights point out")
     scheme, p, setting, weights, point, out = program.arguments
     dimension = flows.dimension
@@ -188,6 +204,7 @@ def _mean(flows: Flows, turn: Program) -> Program:
     steps, turns, rows = setting.load(MeanAt.SIZE)
     with program.times(rows * float(size)) as i:
         out[i] = 0.0
+    # Steps turn by 2π together at the rate of the point.
     h = 2 * pi / (flows.rate(point, p) * steps)
     for i, (constants, sign) in enumerate(((forth, 1.0), (back, -1.0))):
         program.call(flows.prepare, scheme, p, constants, sign * h)
@@ -203,7 +220,11 @@ def _mean(flows: Flows, turn: Program) -> Program:
 
 
 def _macro(dimension: int, mean: Program) -> Program:
-    """`StrobeKernels.macro`."""
+    """`StrobeKernels.macro`.
+
+    Stage s is the averaged field at the point plus the macro-step times the sum over j < s of
+    entry (s, j) of `table` times stage j: an explicit Runge-Kutta method.
+    """
     program = Program("macro", "scheme p setting weights point table stages ends")
     scheme, p, setting, weights, point, table, stages, ends = program.arguments
     stage = program.cell(setting[MacroAt.STAGE])
