@@ -352,18 +352,7 @@ def _segments(
     turns = path.summed(path.speed) / (2 * pi * path.torque_factor)
     # Full segments reach from one point at which averaging holds to another.
     between = np.where(cause[:-1] > 0, cause[:-1], cause[1:])
-    changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
-    # First and last points of segments; short ones between full segments join them.
-    ranges: list[tuple[int, int]] = []
-    for first, last in pairwise([0, *changes, len(between)]):
-        if (
-            ranges
-            and (between[first] or turns[last] - turns[first] < _LEAST_TURNS)
-            and between[ranges[-1][0]]
-        ):
-            ranges[-1] = ranges[-1][0], last
-        else:
-            ranges.append((first, last))
+    ranges = _ranges(between, turns)
     gained = path.summed(path.error_growth * amplification)
     phase_per_error = path.summed(path.dephasing) / path.torque_factor
     drifting, passing, _, at_once, lag = errors
@@ -381,27 +370,18 @@ def _segments(
         if numbers:
             reason = "; ".join(dict.fromkeys(reasons[number] for number in numbers))
             decisive = _SEPARATRIX in numbers or _TOO_SLOW in numbers
-            until = last
-            while first < last:
-                cut = int(
-                    np.searchsorted(gained, gained[last] - _CUT_AT * (gained[last] - gained[first]))
-                )
-                lasting = turns[last] - turns[cut] > max(
-                    _LEAST_TURNS, 2 * _CUT_AT * (turns[last] - turns[first])
-                )
-                until = cut if cut > first and lasting else last
-                ends = (float(times[first]), float(times[until]))
-                turned = float(gained[until] - gained[first])
+            for begin, end in _cut(first, last, gained, turns):
                 yield PlannedSegment(
-                    *ends,
+                    float(times[begin]),
+                    float(times[end]),
                     False,
                     reason,
-                    decisive=decisive and until == last,
-                    phase=float(phase[until] - phase[first]),
-                    phase_per_error=float(phase_per_error[until] - phase_per_error[first]),
-                    turned=turned,
+                    # The run needs a new outline behind the last part alone.
+                    decisive=decisive and end == last,
+                    phase=float(phase[end] - phase[begin]),
+                    phase_per_error=float(phase_per_error[end] - phase_per_error[begin]),
+                    turned=float(gained[end] - gained[begin]),
                 )
-                first = until
         else:
             error = drifting[part].max() - (drifting[first] if first else 0.0) + passing[part].max()
             swing = lag[last] - lag[first] + at_once[part].max()
@@ -416,3 +396,35 @@ def _segments(
                 phase_per_error=float(phase_per_error[last] - phase_per_error[first]),
                 turned=float(turned),
             )
+
+
+def _ranges(between: Array, turns: Array) -> list[tuple[int, int]]:
+    """First and last points of segments; short ones between full segments join them.
+
+    `between` has the cause of each step of the path, 0 where it is averaged, and `turns` the turns of
+    the body until each point.
+    """
+    changes = (np.flatnonzero(np.diff(between > 0)) + 1).tolist()
+    ranges: list[tuple[int, int]] = []
+    for first, last in pairwise([0, *changes, len(between)]):
+        full_or_short = between[first] or turns[last] - turns[first] < _LEAST_TURNS
+        if ranges and full_or_short and between[ranges[-1][0]]:
+            ranges[-1] = ranges[-1][0], last
+        else:
+            ranges.append((first, last))
+    return ranges
+
+
+def _cut(first: int, last: int, gained: Array, turns: Array) -> Iterator[tuple[int, int]]:
+    """First and last points of the parts of a full segment, whose later parts have looser tolerances.
+
+    A part ends where the share `_CUT_AT` of what the segment gains is left, if enough turns are left.
+    """
+    while first < last:
+        left_at_cut = _CUT_AT * (gained[last] - gained[first])
+        cut = int(np.searchsorted(gained, gained[last] - left_at_cut))
+        least_turns = max(_LEAST_TURNS, 2 * _CUT_AT * (turns[last] - turns[first]))
+        lasting = turns[last] - turns[cut] > least_turns
+        until = cut if cut > first and lasting else last
+        yield first, until
+        first = until
