@@ -26,6 +26,7 @@ from polhode.harness.answers.doubt import doubt
 from polhode.harness.answers.request import check_representable, one_digit
 from polhode.harness.answers.rules import (
     EXPLICIT,
+    IMPLICIT,
     SPLITTING,
     TIGHTEST,
     Method,
@@ -170,6 +171,7 @@ def _meet(
     before: Run | None = None  # The last one that reached its end.
     best: tuple[Run, RunError] | None = None
     smallest = inf
+    stuck = False  # Whether a run took about as many steps as a looser one.
     for _ in range(_MAX_RUNS):
         run = _next_run(runner, method, tolerance, before, watch)
         if before and not run.success:
@@ -177,6 +179,8 @@ def _meet(
         if before is None and run.success and want == "slow":
             check_representable(error, attainable(runner.scene.ellipsoid, run.observables))
         stated_error = _stated_in_search(runner, run, before, in_pairs)
+        if stuck and stated_error is UNKNOWN and run.success:
+            stated_error = confirmation(runner, run)
         interval = stated_error.of(want)
         stride = _tighter(method)
         if interval:
@@ -185,8 +189,9 @@ def _meet(
                 smallest = interval.high
             stride = min(stride, max(1 / MAX_STRIDE, PLANNED_SHARE * error / interval.high))
         elif before:
-            # The steps hardly changed: the tolerance does not set them yet.
+            # The steps hardly changed: the tolerance does not set them yet, or stability does.
             stride = 1 / MAX_STRIDE
+            stuck = True
         before = run if run.success else None
         if smallest <= error or tolerance <= TIGHTEST:
             break
@@ -307,6 +312,11 @@ def _seconds(runner: Runner, run: Run) -> Iterator[Second]:
     far = max(TIGHTEST, tolerance / MAX_STRIDE)
     if far < tighter:
         yield Second("sharper", method, far)
+    implicit = Method(method.form, first_available(IMPLICIT))
+    explicit = not (method.solver.implicit or method.solver.many_periods)
+    if explicit and implicit.solver.takes(runner.problem(method.form)):
+        # Stability sets the steps of the method, whatever the tolerance.
+        yield Second("unlike", implicit, tighter)
 
 
 def _tighter(method: Method) -> float:

@@ -33,7 +33,6 @@ from polhode.harness.answers.rules import (
     IMPLICIT,
     LOOSEST,
     SPLITTING,
-    TABLED_FROM,
     TIGHTEST,
     Method,
     cheapest_full,
@@ -68,6 +67,9 @@ _LEAST_SHARE = 0.08
 # A run that averages and states more than this multiple of the error requested is not made again: at the
 # tolerance that would meet it, `hybrid` runs the full equations nearly everywhere. An estimate.
 _HOPELESS = 1e3
+# Steps of a full run from which on forms with tables of a triaxial shape are raced: the tables, which are
+# kept, take longer than such a run, and a run by `hybrid` a quarter of it. An estimate.
+_TABLED_FROM = 15_000
 # Steps of splitting up to which it comes first: it takes some 10 ms. An estimate.
 _FEW_STEPS = 60_000
 # Methods whose tolerance is searched after the race at most, and the most steps of a run for which that is
@@ -196,6 +198,7 @@ def race(
     for method in sorted(methods, key=heat.turn):
         heat.enter(method)
     heat.settle()
+    heat.look_again()
     entries = sorted(heat.entries, key=_seconds)
     return Result(entries, heat.refusals, heat.raced)
 
@@ -229,6 +232,8 @@ class _Race:
         # Runs of the scene itself, and the one whose error is smallest; None where none is known.
         self.itself = Remembering(scene)
         self.truth: Known | None = None
+        # Methods that were judged and refused, each with the tolerance of its first such run.
+        self.doubted: dict[Method, float] = {}
 
     def turn(self, method: Method) -> int:
         """Place of a method in the order of the race, 0 the first.
@@ -293,7 +298,7 @@ class _Race:
             return True
         enough = AVERAGED_FROM
         if tabled and self.scene.ellipsoid.kind == "triaxial":
-            enough = TABLED_FROM
+            enough = _TABLED_FROM
         if (tabled or not self.segment.raced.whole) and self.steps < enough:
             why = f"a full run takes some {self.steps:.1g} steps: too few to average"
             self._refuse(method, why)
@@ -405,6 +410,18 @@ class _Race:
             if self.entries and self.entries[-1].method == entry.method:
                 return
 
+    def look_again(self) -> None:
+        """Hold runs that were refused by what they state of themselves against a full run that was made since."""
+        if self.truth is None:
+            return
+        for method, tolerance in self.doubted.items():
+            run = self.itself.runs[method, tolerance]
+            error, note = self._stated(run)
+            if error and error.high <= self.error:
+                self.refusals = [each for each in self.refusals if each.method != method]
+                seconds = self.itself.paid(run, self.samples)
+                self._enter(method, tolerance, error, seconds, note, self.raced.of_the_whole())
+
     def search(self, method: Method, tolerance: float, max_steps: int) -> bool:
         """Look for the tolerance of a method by runs of the scene itself; whether they tell anything."""
         runner = self.itself
@@ -449,6 +466,7 @@ class _Race:
             if error.high <= self.error:
                 good = tolerance, error, seconds, note
             else:
+                self.doubted[method] = self.doubted.get(method, tolerance)
                 why = f"errs by up to {scientific(error.high)}: {note}"
                 least = error.high / KNOWN_SHARE
             planned = _planned(method, tolerance, error.high, self.error)
@@ -458,6 +476,7 @@ class _Race:
                 break
             tolerance = planned
         if good:
+            self.doubted.pop(method, None)
             self._enter(method, *good, self.raced.of_the_whole())
         else:
             self._refuse(method, why, least)
