@@ -72,8 +72,9 @@ _USUAL = {"explicit": "cyrk-vern8", "implicit": "cyrk-radau", "splitting": "spli
 _FULL = ("quaternion", "spheroid-axis")
 # Fewer runs fit nothing; an estimate.
 _LEAST_FITTED = 40
-# The upper end over what the runs of a fit show: another set of runs shows a little more. An estimate.
-_FIT_MARGIN = 1.1
+# The upper end over what the runs of a fit show: at 1.1 more than 2.5 % of the errors lay above it for 6 of
+# 40 kinds of another seed (6206), at 1.3 for 3, and more loosens splitting to 15 times its error.
+_FIT_MARGIN = 1.3
 # A page marks rows beyond these limits: the share of runs above the upper end, and the median ratio
 # of the upper end to the true error.
 MOST_MISSED = 0.025

@@ -32,7 +32,7 @@ class Factors(NamedTuple):
 
     low: float  # 2.5 % of the runs lie below it
     middle: float  # the median
-    high: float  # 1.1 times the value that 98.5 % of the runs stay below, or 1.1 times the median if that is larger
+    high: float  # 1.3 times the value that 98.5 % of the runs stay below, or 1.3 times the median if that is larger
 
 
 class Growth(NamedTuple):
