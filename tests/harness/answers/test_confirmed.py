@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from polhode import BodyStart, Ellipsoid, EulerStart, Scene, SceneSolution, pick, solve
-from polhode.harness.answers import runs
+from polhode.harness.answers import confirmed, runs
 from polhode.harness.answers.fitted import factors
 from polhode.harness.answers.statement import UNKNOWN
 from polhode.harness.references.errors import errors
@@ -160,13 +160,27 @@ def test_second_runs_that_end_too_early_confirm_nothing(monkeypatch: pytest.Monk
 
 
 def test_runs_of_the_same_steps_confirm_nothing(monkeypatch: pytest.MonkeyPatch):
-    """A run compared with itself would state no error at all."""
+    """A run compared with itself would state no error at all: one by an implicit solver confirms it."""
     scene = replace(named_scene("paper"), time=1e-3)
+    found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-6)
+    assert found.error.note == "unlike: quaternion by cyrk-radau at 1e-07"
+    monkeypatch.setattr(confirmed, "IMPLICIT", ("cyrk-vern8",))
     found = solve(scene, form="quaternion", solver="cyrk-vern8", tolerance=1e-6)
     assert (found.error.kind, found.error.note) == (
         None,
         "not confirmed: second runs took too similar steps",
     )
+
+
+def test_a_run_whose_steps_stability_sets_is_confirmed_by_an_implicit_one():
+    """After its 40 damping times no tolerance changes the steps of an explicit method by much."""
+    turn = (-0.2892206099472639, 0.0, 0.0, 0.957262471207209)
+    start = BodyStart(turn, (0.0, 0.0, 1.0393279580929797))
+    scene = Scene(Ellipsoid((1.0, 1.0, 0.2272474459080105)), 4.79, start, 251.4)
+    found = solve(scene, error=1.5e-6)
+    assert (found.error.kind, found.error.advice) == ("unlike", "")
+    slow, _ = largest(found, solve(scene, form="quaternion", solver="taylor", tolerance=1e-14))
+    assert slow <= found.error.slow.high <= 1.5e-6
 
 
 def test_a_solver_that_errs_is_confirmed_by_another_one():
