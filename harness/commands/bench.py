@@ -175,7 +175,7 @@ def _object_in(location: str) -> Any:
 def regimes(request: StudyRequest, page_only: bool) -> None:
     """Measure and draw who wins over St and error: one map for the full solution, one for the slow variables."""
     with bad_input(), loading(request.quiet):
-        from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME
+        from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME
         from polhode.harness.pages.regimes import rewrite_page, write_page
         from polhode.harness.studies.runner import Runner
 

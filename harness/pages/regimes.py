@@ -16,7 +16,8 @@ import pandas as pd
 
 from polhode.harness.analysis.frames import frame, read_csv, where, write_runs
 from polhode.harness.analysis.in_full import HYBRID, ran_in_full
-from polhode.harness.analysis.pareto import TIE, Cell, Method, Standing, cells, standings
+from polhode.harness.analysis.pareto import TIE, Method
+from polhode.harness.analysis.regime_map import Cell, Standing, cells, standings
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.machine import made_lines, provenance
 from polhode.harness.common.store import Record
@@ -139,7 +140,7 @@ def _cells_table(maps: Maps) -> pd.DataFrame:
                     "error": error,
                     "St": cell.stokes,
                     "target": cell.target,
-                    "known": cell.known,
+                    "known": cell.resolved,
                     "form": form,
                     "solver": solver,
                     "seconds": cell.seconds,
@@ -192,7 +193,7 @@ def _times(panel: Sequence[Cell]) -> str:
 def _time(cell: Cell) -> str:
     """Time and lead of a cell; "–" if no run gets there, "?" if the reference does not resolve the error."""
     if cell.winner is None:
-        return "–" if cell.known else "?"
+        return "–" if cell.resolved else "?"
     if isnan(cell.lead):
         return duration(cell.seconds)
     return f"{duration(cell.seconds)}, {'tie' if cell.tied else factor(cell.lead)}"
@@ -210,7 +211,7 @@ def read_cells(path: Path) -> Maps:
         cell = Cell(
             stokes=row["St"],
             target=row["target"],
-            known=row["known"],
+            resolved=row["known"],
             winner=winner,
             second=second,
             seconds=row["seconds"],

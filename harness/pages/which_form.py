@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from polhode.harness.analysis.pareto import Cell
+from polhode.harness.analysis.regime_map import Cell
 from polhode.harness.answers.averaging_laws import ORDERS
 from polhode.harness.common.files import write_file
 from polhode.harness.common.text import markdown, short

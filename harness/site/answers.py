@@ -24,16 +24,8 @@ from polhode.harness.analysis.frames import (
     where,
 )
 from polhode.harness.analysis.in_full import ran_in_full
-from polhode.harness.analysis.pareto import (
-    Cell,
-    Method,
-    cost,
-    front,
-    limit_of,
-    methods,
-    pareto_front,
-    usual_form,
-)
+from polhode.harness.analysis.pareto import Method, cost, front, limit_of, methods, pareto_front
+from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.common.files import read_file
 from polhode.harness.common.store import read_export, record_files
 from polhode.harness.common.text import factor, short

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch, Polygon, Rectangle
 
-from polhode.harness.analysis.pareto import Cell, Method, Side, usual_form
+from polhode.harness.analysis.pareto import Method, Side
+from polhode.harness.analysis.regime_map import Cell, usual_form
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
     INK,
@@ -132,7 +133,7 @@ def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
     for i, stokes in enumerate(numbers):
         for j, target in enumerate(targets):
             cell = at[stokes, target]
-            nobody = _NOBODY if cell.known else _UNKNOWN
+            nobody = _NOBODY if cell.resolved else _UNKNOWN
             color = colour(cell.winner.label) if cell.winner else nobody
             axes.add_patch(
                 Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8)
@@ -231,7 +232,7 @@ def _write_in(axes: Axes, cell: Cell, i: int, j: int) -> None:
     """Letters of the winner; a dash or a question mark where there is none."""
     style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": LETTERS}
     if cell.winner is None:
-        axes.text(i + 0.5, j + 0.52, "–" if cell.known else "?", color="0.35", **style)
+        axes.text(i + 0.5, j + 0.52, "–" if cell.resolved else "?", color="0.35", **style)
         return
     label = cell.winner.label
     axes.text(i + 0.42, j + 0.52, CODES.get(label, label[:2]), color=ink_on(colour(label)), **style)

@@ -27,13 +27,8 @@ from matplotlib.transforms import offset_copy
 from scipy.optimize import isotonic_regression
 
 from polhode.harness.analysis.frames import by_scene, by_stokes, where
-from polhode.harness.analysis.pareto import (
-    LEAST_GAIN,
-    MAP_TARGETS as TARGETS,
-    Method,
-    costs,
-    pareto_front,
-)
+from polhode.harness.analysis.pareto import LEAST_GAIN, Method, costs, pareto_front
+from polhode.harness.analysis.regime_map import MAP_TARGETS as TARGETS
 from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import (
     BEHIND,

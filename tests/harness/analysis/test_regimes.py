@@ -11,7 +11,8 @@ from commandline import runner
 from matplotlib.legend import Legend
 
 from polhode.harness.analysis.in_full import planned_in_full, ran_in_full
-from polhode.harness.analysis.pareto import LONGEST_SLOW_TIME, Method, cells, cost, front, standings
+from polhode.harness.analysis.pareto import Method, cost, front
+from polhode.harness.analysis.regime_map import LONGEST_SLOW_TIME, cells, standings
 from polhode.harness.commands.bench import ahead, regimes
 from polhode.harness.common.store import Store
 from polhode.harness.pages.figures.map_picture import CODES, draw, picture
@@ -180,7 +181,7 @@ def test_nobody_wins_where_the_reference_cannot_tell(table: pd.DataFrame):
     found = {(cell.stokes, cell.target): cell for cell in cells(table, "orientation_error")}
     assert found[1e3, 1e-9].winner is not None
     assert found[1e3, 1e-11].winner is None
-    assert not found[1e3, 1e-11].known
+    assert not found[1e3, 1e-11].resolved
     assert found[1e6, 1e-2].winner == Method("quaternion", "taylor")
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from polhode.harness.analysis.pareto import Cell, Method
+from polhode.harness.analysis.pareto import Method
+from polhode.harness.analysis.regime_map import Cell
 from polhode.harness.pages.regimes import read_cells
 from polhode.harness.pages.which_form import BEGIN, END, tables, winner_in_words, with_tables
 
