@@ -1,1 +1,1 @@
-"""Numbers from records: fronts, winners, the regime map, two runs compared; imports `references`."""
+"""Numbers from records: fronts, winners, the regime map, runs compared; imports `references`."""

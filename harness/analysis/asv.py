@@ -1,4 +1,9 @@
-"""Results of the benchmark suite in the files that asv (airspeed velocity) reads, compares and publishes."""
+"""Results of the benchmark suite as files of asv, airspeed velocity, which compares them.
+
+asv keeps a folder for each machine in which each commit has a file, and beside these a list of all
+benchmarks. A benchmark has parameters, here solver and tolerance, and a result for each pair of
+them.
+"""
 
 import json
 import re
@@ -14,67 +19,102 @@ from polhode.harness.common.store import Record
 from polhode.harness.common.text import in_full
 from polhode.solvers.contract import Status
 
-# Versions of asv's file formats.
-_VERSION = 2  # Results and benchmarks.json.
-_MACHINE_VERSION = 1  # machine.json.
-# Version of each benchmark; asv compares results of one version alone.
+_VERSION = 2  # Version of asv's format of results, and of benchmarks.json.
+_MACHINE_VERSION = 1  # Version of asv's format of machine.json.
+# Version of each benchmark: asv compares only results of one version.
 _BENCHMARK_VERSION = "1"
-# Seconds after which asv would stop a benchmark that it runs itself.
+# Seconds after which asv stops a benchmark that it runs itself. It runs none of these.
 _TIMEOUT = 60.0
-# Series that asv shows of the suite: the column of a record, and asv's kind and unit.
+# Series that asv shows of the suite, by name: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
-# Names, by asv, of the values that each result lists in this order.
+# asv's names for the values in a benchmark's list, in their order.
 _COLUMNS = ("result", "params", "version", "started_at")
 
 
 def write_asv(path: Path, folder: Path) -> Path:
-    """Add the JSON of a run of the suite to a folder of asv's results; return the file of the run.
+    """Add the JSON of a run of the suite to a folder of asv's results.
 
-    A scene at an St in a form is a benchmark, with solver and tolerance as its parameters; failed
-    runs are null. `machine.json`, `benchmarks.json` and the run's file are written. ValueError, in
-    one line, if the file is no such JSON, or names no commit.
+    A scene at an St in a form is a benchmark. Failed runs are null. Writes `machine.json`, the list
+    `benchmarks.json`, and the run's file.
+
+    Parameters
+    ----------
+    path
+        The JSON.
+    folder
+        asv's folder; it may be new.
+
+    Returns
+    -------
+    Path
+        The run's file.
+
+    Raises
+    ------
+    ValueError
+        The file is no such JSON, or names no commit. The message has one line.
     """
     contents = json.loads(path.read_text(encoding="utf-8"))
     records = _records(path, contents)
-    commit = contents.get("commit_info", {}).get("id")
-    if not (isinstance(commit, str) and re.fullmatch(r"[0-9a-f]{8,64}", commit)):
-        raise ValueError(f"{path}: got commit {commit!r}, expected the JSON of a run in a clone")
-    moment = contents["commit_info"].get("time") or contents["datetime"]
-    # Since 1970, as asv dates its results.
-    milliseconds = int(1000 * datetime.fromisoformat(moment).timestamp())
-    machine = records[0]["machine"]
-    node = re.sub(r"[^A-Za-z0-9._-]", "-", contents["machine_info"]["node"]) or "machine"
-    described = {
-        "arch": machine["system"].rpartition(" ")[2],
-        "cpu": machine["processor"],
-        "machine": node,
-        "num_cpu": str(machine["cores"]),
-        "os": machine["system"].partition(" ")[0],
-        "ram": "",
-    }
+    commit = _commit(path, contents)
+    milliseconds = _date(contents)
+    machine = _machine(contents["machine_info"]["node"], records[0]["machine"])
+    python = records[0]["machine"]["python"]
+    environment = f"existing-py{python}"
     tables = _tables(records)
-    environment = f"existing-py{machine['python']}"
-    result = {
+    # Each list is in the order of `_COLUMNS`.
+    results = {
+        name: [table["result"], table["params"], _BENCHMARK_VERSION, milliseconds]
+        for name, table in tables.items()
+    }
+    run = {
         "commit_hash": commit,
         "env_name": environment,
         "date": milliseconds,
-        "params": {**described, "python": machine["python"]},
-        "python": machine["python"],
+        "params": {**machine, "python": python},
+        "python": python,
         "requirements": records[0]["versions"],
         "env_vars": {},
         "result_columns": list(_COLUMNS),
-        "results": {
-            name: [table["result"], table["params"], _BENCHMARK_VERSION, milliseconds]
-            for name, table in tables.items()
-        },
+        "results": results,
         "durations": {},
         "version": _VERSION,
     }
+    node_folder = folder / machine["machine"]
     make_folder(folder)
-    make_folder(folder / node)
-    _write(folder / node / "machine.json", {**described, "version": _MACHINE_VERSION})
+    make_folder(node_folder)
+    _write(node_folder / "machine.json", {**machine, "version": _MACHINE_VERSION})
     _write(folder / "benchmarks.json", _benchmarks(folder / "benchmarks.json", tables))
-    return _write(folder / node / f"{commit[:8]}-{environment}.json", result)
+    return _write(node_folder / f"{commit[:8]}-{environment}.json", run)
+
+
+def _commit(path: Path, contents: Any) -> str:
+    """The commit of the run; ValueError, in one line, if the file names none."""
+    commit = contents.get("commit_info", {}).get("id")
+    if isinstance(commit, str) and re.fullmatch(r"[0-9a-f]{8,64}", commit):
+        return commit
+    raise ValueError(f"{path}: got commit {commit!r}, expected the JSON of a run in a clone")
+
+
+def _date(contents: Any) -> int:
+    """The commit's time, or else the run's, as asv dates results: milliseconds since 1970."""
+    moment = contents["commit_info"].get("time") or contents["datetime"]
+    return int(1000 * datetime.fromisoformat(moment).timestamp())
+
+
+def _machine(node: str, machine: Mapping[str, Any]) -> dict[str, str]:
+    """A machine as asv describes it; a folder has its name."""
+    name = re.sub(r"[^A-Za-z0-9._-]", "-", node) or "machine"
+    system, _, _ = machine["system"].partition(" ")
+    _, _, architecture = machine["system"].rpartition(" ")
+    return {
+        "arch": architecture,
+        "cpu": machine["processor"],
+        "machine": name,
+        "num_cpu": str(machine["cores"]),
+        "os": system,
+        "ram": "",
+    }
 
 
 def _records(path: Path, contents: Any) -> list[Record]:
@@ -89,7 +129,10 @@ def _records(path: Path, contents: Any) -> list[Record]:
 
 
 def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
-    """Series by asv's name: kind and unit, parameters, and results in the order of the parameters' product."""
+    """Benchmarks by asv's name, each with parameters, results, kind and unit.
+
+    Results are in the order of the product of the parameters, solvers and tolerances.
+    """
     groups: dict[tuple[str, float, str], list[Record]] = {}
     for record in records:
         key = record["scene_name"], record["scene"]["stokes"], record["form"]
@@ -99,12 +142,10 @@ def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
         solvers = list(dict.fromkeys(run["solver"] for run in runs))
         tolerances = sorted({run["tolerance"] for run in runs}, reverse=True)
         run_of = {(run["solver"], run["tolerance"]): run for run in runs}
+        ordered_runs = [run_of.get(method) for method in product(solvers, tolerances)]
         for series, (column, kind, unit) in _SERIES.items():
-            results = [
-                _value(run_of.get(method), column) for method in product(solvers, tolerances)
-            ]
             tables[f"{scene}.St{in_full(stokes)}.{form}.{series}"] = {
-                "result": results,
+                "result": [_value(run, column) for run in ordered_runs],
                 "params": [list(map(repr, solvers)), list(map(in_full, tolerances))],
                 "type": kind,
                 "unit": unit,
@@ -113,14 +154,14 @@ def _tables(records: Sequence[Record]) -> dict[str, dict[str, Any]]:
 
 
 def _value(record: Record | None, column: str) -> float | None:
-    """A record's value as asv lists it; None, asv's mark of a failure, for a failed or missing run."""
+    """A record's value as asv lists it; None, asv's failure, for a failed or missing run."""
     if record is None or record["status"] != Status.REACHED_END:
         return None
     return record.get(column)
 
 
 def _benchmarks(path: Path, tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The list of benchmarks, with the ones of earlier runs."""
+    """The list of benchmarks in a file, with this run's benchmarks added."""
     earlier = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     new = {
         name: {
@@ -139,4 +180,5 @@ def _benchmarks(path: Path, tables: Mapping[str, Mapping[str, Any]]) -> dict[str
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> Path:
+    """Write JSON."""
     return write_file(path, json.dumps(content, indent=1) + "\n")

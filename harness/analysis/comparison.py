@@ -1,6 +1,7 @@
-"""Two saved runs side by side, whichever way they were made: which cases became slower, less accurate, or failed.
+"""Two saved runs of the same study compared: which cases became slower, less accurate, or failed.
 
-`polhode compare` shows it. The "sentinel" is a fixed piece of arithmetic that is timed beside each case
+`polhode compare` shows it. `read_runs` reads either run, and `compare` matches their cases. The
+"sentinel" is a fixed piece of arithmetic that is timed beside each case
 (`polhode.harness.common.timing`): it takes longer where the machine is slower.
 """
 
@@ -32,13 +33,13 @@ _IDENTITY = [
     "backend",
     "jacobian",
 ]
-# An error below this says nothing, however well the reference is known: it is rounding.
+# Errors up to this one do not count, however well the reference is known: they are rounding.
 _LEAST_ERROR = 1e-13
-# A change in time below this, in seconds, is the clock's; an estimate.
+# Seconds: a smaller change in time is the clock's. An estimate.
 _LEAST_SECONDS = 2e-5
 # Columns of errors, with the words for a regression of each.
 _ERRORS = {"slow_error": "error of L and E", "orientation_error": "orientation error"}
-# Timed cases, at least, of which the median ratio tells how much slower another machine is; an
+# Least number of timed cases whose median ratio tells how much slower another machine is. An
 # estimate.
 _MIN_MACHINE_CASES = 5
 
@@ -47,11 +48,10 @@ _MIN_MACHINE_CASES = 5
 class Comparison:
     """Numbers of cases that two runs share or have alone, and the cases that got worse.
 
-    `drift` is how many times as long the fixed piece of arithmetic took in the second run. Times
-    are compared after division by it, or by what it took beside the case itself if that is more: a
-    slow moment is no regression. On another machine or Python the sentinel does not compare:
-    `drift` is then the median ratio of the cases' times, and 1 where fewer than
-    `_MIN_MACHINE_CASES` are shared.
+    `drift` says how many times as long the second run's machine takes. On the same machine that is
+    the ratio of the sentinel's times; on another machine or Python, where the sentinel does not
+    compare, the median ratio of the cases' times, and 1 if fewer than `_MIN_MACHINE_CASES` are
+    shared.
     """
 
     shared: int
@@ -59,37 +59,48 @@ class Comparison:
     only_after: int
     drift: float
     same_machine: bool
-    regressions: pd.DataFrame  # `_IDENTITY`, `what`, `before` and `after`
+    regressions: pd.DataFrame  # Columns `_IDENTITY`, `what`, `before` and `after`.
 
 
 def compare(
     before: pd.DataFrame, after: pd.DataFrame, *, slower: float, less_accurate: float
 ) -> Comparison:
-    """Compare two frames of records by factors above 1, beyond the scatter of times and what references know.
+    """Compare two frames of records.
 
-    A time that grows by more than `slower`, or an error by more than `less_accurate`, is a regression.
+    A time that grows by a factor of more than `slower` is a regression, and so is an error that
+    grows by more than `less_accurate`. Changes within the scatter of the times, or within what the
+    reference resolves, are none.
     """
     first = _by_identity(before)
     second = _by_identity(after)
+    shared = [case for case in first if case in second]
     same_machine = {*map(_machine, first.values())} == {*map(_machine, second.values())}
-    shared = first.keys() & second.keys()
     if same_machine:
         drift = _sentinel(second) / _sentinel(first)
     else:
-        drift = _ratio([(first[case], second[case]) for case in shared])
-    worse = []
-    for case in first:
-        if case in shared:
-            identity = dict(zip(_IDENTITY, case, strict=False))
-            changes = _changes(first[case], second[case], drift, slower, less_accurate)
-            worse += [{**identity, **change} for change in changes]
-    regressions = pd.DataFrame(worse, columns=pd.Index([*_IDENTITY, "what", "before", "after"]))
-    alone = len(first) - len(shared), len(second) - len(shared)
-    return Comparison(len(shared), *alone, drift, same_machine, regressions)
+        drift = _median_ratio([(first[case], second[case]) for case in shared])
+    rows = []
+    for case in shared:
+        # The last part of a case is its shape and start, which the table does not show.
+        columns = dict(zip(_IDENTITY, case[:-1], strict=True))
+        changes = _changes(first[case], second[case], drift, slower, less_accurate)
+        rows += [{**columns, **change} for change in changes]
+    regressions = pd.DataFrame(rows, columns=pd.Index([*_IDENTITY, "what", "before", "after"]))
+    return Comparison(
+        shared=len(shared),
+        only_before=len(first) - len(shared),
+        only_after=len(second) - len(shared),
+        drift=drift,
+        same_machine=same_machine,
+        regressions=regressions,
+    )
 
 
 def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
-    """Rows by what makes them the same case; of several, as of several versions or repetitions, the last counts."""
+    """Rows by case: the values in `_IDENTITY`, and shape and start.
+
+    The last row of a case counts, if there are several, as of several versions.
+    """
     rows = {}
     for row in rows_of(table):
         identity = (*map(row.get, _IDENTITY), _scene(row))
@@ -98,24 +109,21 @@ def _by_identity(table: pd.DataFrame) -> dict[tuple[Any, ...], Record]:
 
 
 def _scene(row: Record) -> frozenset[tuple[str, Any]]:
-    """Shape and start, which another study may give the same name."""
-    features = [
-        (name, value)
-        for name, value in row.items()
-        if name.startswith("scene.") and value is not None
-    ]
-    return frozenset(
-        (name, tuple(value) if isinstance(value, list) else value) for name, value in features
-    )
+    """Shape and start: another study may give the same name to another scene."""
+    features = []
+    for name, value in row.items():
+        if name.startswith("scene.") and value is not None:
+            features.append((name, tuple(value) if isinstance(value, list) else value))
+    return frozenset(features)
 
 
 def _sentinel(rows: Mapping[Any, Record]) -> float:
-    """Median time of the fixed piece of arithmetic; 1 where nothing was measured."""
+    """Median time of the sentinel, in seconds; 1 where nothing was measured."""
     times = [row["sentinel_seconds"] for row in rows.values() if row.get("sentinel_seconds")]
     return median(times) if times else 1.0
 
 
-def _ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
+def _median_ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
     """Median ratio of the times on two machines; 1 where too few cases have both."""
     ratios = [
         after["seconds"] / before["seconds"]
@@ -128,33 +136,58 @@ def _ratio(pairs: Sequence[tuple[Record, Record]]) -> float:
 def _changes(
     before: Record, after: Record, drift: float, slower: float, less_accurate: float
 ) -> list[Record]:
-    """Changes for the worse in one case."""
-    if before["status"] == Status.REACHED_END != after["status"]:
-        # One that came near its time limit before may miss it by chance.
-        close_to_limit = before["counted_seconds"] * slower * drift > after["max_seconds"]
-        change = {"what": "status", "before": before["status"], "after": after["status"]}
-        return [] if close_to_limit and after["status"] == Status.TIME_LIMIT else [change]
+    """Changes for the worse in one case: what got worse, and its values before and after."""
+    if before["status"] == Status.REACHED_END and after["status"] != Status.REACHED_END:
+        if _missed_limit_by_chance(before, after, drift * slower):
+            return []
+        return [{"what": "status", "before": before["status"], "after": after["status"]}]
+    return [
+        *_slower(before, after, drift, slower),
+        *_less_accurate(before, after, less_accurate),
+    ]
+
+
+def _missed_limit_by_chance(before: Record, after: Record, allowed: float) -> bool:
+    """Whether a run ended at its time limit that came near it before.
+
+    Near is a time that reaches the limit if it grows by the factor `allowed`.
+    """
+    if after["status"] != Status.TIME_LIMIT:
+        return False
+    return before["counted_seconds"] * allowed > after["max_seconds"]
+
+
+def _slower(before: Record, after: Record, drift: float, slower: float) -> list[Record]:
+    """The change in time, if a case became slower by more than its machine did.
+
+    `after` is the time of the second run as the machine of the first would take.
+    """
+    if before.get("seconds") is None or after.get("seconds") is None:
+        return []
+    pace = drift
+    sentinel_before = before.get("sentinel_seconds")
+    sentinel_after = after.get("sentinel_seconds")
+    if sentinel_before and sentinel_after and _machine(before) == _machine(after):
+        # A moment in which the machine was slower than in the whole run is no regression.
+        pace = max(drift, sentinel_after / sentinel_before)
+    first = before["seconds"]
+    second = after["seconds"] / pace
+    noise = _scatter(before) + _scatter(after) / pace
+    if second > slower * first and second - first > max(_LEAST_SECONDS, noise):
+        return [{"what": "seconds", "before": first, "after": second}]
+    return []
+
+
+def _less_accurate(before: Record, after: Record, less_accurate: float) -> list[Record]:
+    """Errors that grew by more than the factor `less_accurate`, and that the reference resolves."""
     changes = []
-    if before.get("seconds") is not None and after.get("seconds") is not None:
-        # How many times as long the sentinel took beside the case itself, where that compares.
-        alone = before.get("sentinel_seconds")
-        beside = after.get("sentinel_seconds")
-        # Times of the second run are divided by `pace`.
-        pace = (
-            max(drift, beside / alone)
-            if alone and beside and _machine(before) == _machine(after)
-            else drift
-        )
-        first = before["seconds"]
-        second = after["seconds"] / pace
-        noise = _scatter(before) + _scatter(after) / pace
-        if second > slower * first and second - first > max(_LEAST_SECONDS, noise):
-            changes.append({"what": "seconds", "before": first, "after": second})
     for error, words in _ERRORS.items():
         first = before.get(error)
         second = after.get(error)
-        floor = max(_LEAST_ERROR, least_known(after.get(uncertainty_of(error)) or 0.0))
-        if first is not None and second is not None and second > max(floor, less_accurate * first):
+        if first is None or second is None:
+            continue
+        resolved = least_known(after.get(uncertainty_of(error)) or 0.0)
+        if second > max(_LEAST_ERROR, resolved, less_accurate * first):
             changes.append({"what": words, "before": first, "after": second})
     return changes
 
@@ -165,24 +198,31 @@ def _machine(row: Record) -> tuple[Any, ...]:
 
 
 def _scatter(row: Record) -> float:
-    """How far repeated runs lie above their shortest, by the median: one disturbed run does not count."""
-    # The records of some pages go without them.
+    """How far the median of the repeated times lies above the shortest, in seconds.
+
+    By the median, one disturbed run does not count. Records without repeated times have no scatter.
+    """
     runs = row.get("seconds_runs") or [0.0]
     return median(runs) - min(runs)
 
 
 def read_runs(path: Path) -> pd.DataFrame:
-    """Records as a frame: of JSON of the benchmark suite or a folder of such, a ``.sqlite`` store, its ``.jsonl``."""
-    # The last run of a case counts: in a folder, failed runs come first and the shortest last.
-    paths = sorted(path.glob("*.json")) if path.is_dir() else [path]
-    records = [*chain.from_iterable(map(_records, paths))]
+    """Records as a frame, from a file or a folder.
+
+    A file is JSON of the benchmark suite, a ``.sqlite`` store, or a store's ``.jsonl`` export; a
+    folder has several files of JSON.
+    """
     if path.is_dir():
+        records = [*chain.from_iterable(map(_records, sorted(path.glob("*.json"))))]
+        # `_by_identity` takes the last run of a case: failed ones come first, the shortest last.
         records.sort(key=lambda record: record.get("seconds") or inf, reverse=True)
+    else:
+        records = _records(path)
     return of_runs(frame(records), path)
 
 
 def _records(path: Path) -> list[Record]:
-    """Records of one file, by its kind; ValueError, in one line, if it is none of them."""
+    """Records of one file, by its kind; ValueError, in one line, if it is of none."""
     if path.suffix == ".sqlite" and path.is_file():
         with Store(path) as store:
             return list(store)
@@ -197,10 +237,12 @@ def _records(path: Path) -> list[Record]:
 
 
 def benchmark_records(contents: dict[str, Any]) -> list[Record]:
-    """Records of the benchmark suite as the store has them; failed runs have no time.
+    """Records of the benchmark suite's JSON, as the store has them; failed runs have no time.
 
-    Rows of other tests are left out. Before 0.2.0 failed runs stood among the others.
+    Rows of other tests are left out.
     """
+    # Older files have the suite's facts in `machine_info`; before 0.2.0 failed runs stood among the
+    # others.
     polhode = contents.get("polhode") or contents["machine_info"]["polhode"]
     surroundings = {name: polhode[name] for name in ("machine", "versions")}
     records = []
@@ -208,15 +250,19 @@ def benchmark_records(contents: dict[str, Any]) -> list[Record]:
         info = benchmark["extra_info"]
         if "case" not in info:
             continue
-        record = {"key": info["key"], **info["case"], **info["result"], **surroundings}
-        record |= {"sentinel_seconds": info["sentinel_seconds"], "date": contents.get("datetime")}
+        record = {
+            "key": info["key"],
+            **info["case"],
+            **info["result"],
+            **surroundings,
+            "sentinel_seconds": info["sentinel_seconds"],
+            "date": contents.get("datetime"),
+        }
         if "seconds_runs" in info:
             shortest = benchmark["stats"]["min"]
             longest = benchmark["stats"]["max"]
-            record |= {
-                "seconds": shortest,
-                "seconds_spread": longest - shortest,
-                "seconds_runs": info["seconds_runs"],
-            }
+            record["seconds"] = shortest
+            record["seconds_spread"] = longest - shortest
+            record["seconds_runs"] = info["seconds_runs"]
         records.append(record)
     return records

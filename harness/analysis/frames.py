@@ -1,7 +1,7 @@
 """Records as pandas frames.
 
-A record is what the store holds of a run, as nested dictionaries (`polhode.harness.studies.case`). A
-frame has a row for each record, and a column for each value, named by its keys with dots between.
+A record is what the store holds of a run, as nested dictionaries (`polhode.harness.studies.case`).
+A frame has a row for each record, and a column for each value, named by its keys with dots between.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -15,7 +15,7 @@ import pandas as pd
 from polhode.harness.common.files import write_file
 from polhode.harness.common.store import Record
 
-# Columns of a run that a reader of its page looks for.
+# Columns of `runs.csv`, in its order: what a reader of its page looks for.
 RUN_COLUMNS = [
     "scene_name",
     "stokes",
@@ -25,15 +25,11 @@ RUN_COLUMNS = [
     "status",
     "slow_error",
     "orientation_error",
-]
-RUN_COLUMNS += [
     "model_slow_error",
     "slow_uncertainty",
     "orientation_uncertainty",
     "seconds",
     "seconds_spread",
-]
-RUN_COLUMNS += [
     "work.rhs_calls",
     "work.steps",
     "sentinel_seconds",
@@ -41,11 +37,11 @@ RUN_COLUMNS += [
     "scene.time",
     "scene.shape.semi_axes",
 ]
+# The column that frames call "stokes", since nearly all that is done with them asks for it.
 _STOKES = "scene.stokes"
-# Columns of every record of a run of a scene.
+# Columns that every record of a run of a scene has.
 NEEDED = ("scene_name", "stokes", "form", "solver", "tolerance", "status")
-# Columns that a failed run lacks: if every run of a study failed, these columns are there, and
-# empty.
+# Columns that a failed run lacks. Frames have them, empty, even where every run failed.
 _OF_SUCCESSES = (
     "slow_error",
     "orientation_error",
@@ -53,10 +49,10 @@ _OF_SUCCESSES = (
     "orientation_uncertainty",
     "seconds",
 )
-
-
-# pandas before 3 reads a number to its last bit only if it is told to; later ones warn of being told.
-_EXACT = {"float_precision": "round_trip"} if int(pd.__version__.partition(".")[0]) < 3 else {}
+# pandas before 3 reads a number to its last bit only if it is told to. Later ones warn of being
+# told.
+_PANDAS = int(pd.__version__.partition(".")[0])
+_EXACT = {"float_precision": "round_trip"} if _PANDAS < 3 else {}
 
 
 def read_csv(source: Any, **options: Any) -> pd.DataFrame:
@@ -65,13 +61,13 @@ def read_csv(source: Any, **options: Any) -> pd.DataFrame:
 
 
 def frame(records: Iterable[Record], columns: Collection[str] = ()) -> pd.DataFrame:
-    """Records as a frame, one row each: nested results as columns `work.steps`, `stokes` of the scene, and so on.
+    """Records as a frame, one row each.
 
-    All of them, or those named, as far as there are any; of the rest of a record nothing is kept
-    then.
+    With `columns` the frame has only these, as far as records have them, and takes less memory.
     """
-    kept = (_picked(record, columns) for record in records) if columns else records
-    table = pd.json_normalize(list(kept)).rename(columns={_STOKES: "stokes"})
+    if columns:
+        records = (_picked(record, columns) for record in records)
+    table = pd.json_normalize(list(records)).rename(columns={_STOKES: "stokes"})
     # pandas before 3 casts infinite numbers to integers while it looks for integers.
     with np.errstate(invalid="ignore"):
         table = table.convert_dtypes(dtype_backend="numpy_nullable")
@@ -85,8 +81,9 @@ def of_runs(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     """The frame of a file's records; ValueError if there are none, or some of another kind."""
     if not len(table):
         raise ValueError(f"{path}: got no records, expected at least one")
-    full = table.dropna(axis="columns").columns
-    if lacking := [name for name in NEEDED if name not in full]:
+    complete = table.dropna(axis="columns").columns
+    lacking = [name for name in NEEDED if name not in complete]
+    if lacking:
         raise ValueError(
             f"{path}: got a record without {lacking[0]!r}, expected those of `polhode bench`"
         )
@@ -99,7 +96,7 @@ def frame_of(kind: type, rows: Sequence[Any]) -> Any:
 
 
 def _picked(record: Record, columns: Collection[str]) -> Record:
-    """The values that go into these columns."""
+    """The values of a record that go into these columns, by their keys with dots between."""
     picked = {}
     for name in columns:
         path = _STOKES if name == "stokes" else name
@@ -118,11 +115,15 @@ def where(table: pd.DataFrame, condition: Any) -> pd.DataFrame:
 
 def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     """Rows of a frame as dictionaries, None where there is nothing."""
-    return table.astype(object).where(table.notna(), None).to_dict("records")  # pyright: ignore[reportReturnType]
+    rows: Any = table.astype(object).where(table.notna(), None).to_dict("records")
+    return rows
 
 
 def by_scene(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
-    """Runs of each scene under its name, in the order of the records; runs of a single scene under none."""
+    """Names of the scenes, each with its runs, in the order of the records.
+
+    A single scene has the name "": pages then do not name it.
+    """
     if "scene_name" not in table or len(set(table["scene_name"])) < 2:
         return [("", table)]
     return [(str(name), runs) for name, runs in table.groupby("scene_name", sort=False)]
