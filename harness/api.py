@@ -160,7 +160,7 @@ def _methods(
         if want == "orientation" and equations.orientation_of(scene) == "none":
             got = f"got 'orientation' for form {FORMS.name_of(equations)!r}, which gives none"
             raise ValueError(f"want: {got}, expected 'slow' or another form")
-    if not tolerance and (want == "slow" or not (equations or method)):
+    if not tolerance:
         check_answerable(scene, error, want)
     if equations or method or tolerance:
         methods = [method_for(scene, equations, method)]

@@ -35,10 +35,11 @@ _CHUNK = 10_000
 # Components up to which every operation is compiled in place; an estimate.
 _MAX_UNROLLED = 50
 # Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
-# the range of double precision, which ends at 308: rates may be faster or slower than the time says.
+# the range of double precision, which ends at 308. The rest is for rates that are faster or slower than
+# the time says, at n = 20 by 5 decades. An estimate.
 _MAX_EXPONENT = 200.0
-# Steps of a chunk in `propagate_paced`, which share one unit of time: rates may change by a factor
-# of 1e8 in this many steps. An estimate.
+# Steps of a chunk in `propagate_paced`, which share one unit of time. Where rates fall in them by more
+# than `_MAX_EXPONENT` allows, the chunk is run again by one step. An estimate.
 _PACED_STEPS = 16
 # A paced run is given up if its chunks have not doubled in length over this many chunks,
 _PACED_CHUNKS = 40
@@ -96,7 +97,11 @@ def taylor_integrator(*key: Any) -> Any:
 
 
 def forget_integrators() -> None:
-    """Let this thread's next runs compile their integrators anew, which puts the code elsewhere in memory."""
+    """Compile integrators anew in the next runs of this thread, and those that no thread has compiled.
+
+    Where the code lies in memory changes its speed by some per cent: a study that times it several
+    times does so over several compilations.
+    """
     _compiled.cache_clear()
     taylor_integrator.cache_clear()
 
@@ -128,6 +133,7 @@ def propagate(
         rows = result[_STATES][1:]
         if states is not None:
             rows = states(rows, grid[1:])
+        # Rows go in order of time: after the first that is not finite none is.
         record.put(rows if reason != outcome.err_nf_state else rows[np.isfinite(rows).all(axis=1)])
         if reason == outcome.time_limit or record.filled == len(record.times):
             return Status.REACHED_END, ""
@@ -274,6 +280,8 @@ def _own_units(
     """The state's size in its units, and the time in which it changes by that size, `most` at most: powers of two."""
     variables = len(units)
     size = float(np.max(np.abs(state[:variables] / units))) or 1.0
+    # Where rates overflow there is no unit of time to be had from them: the most is taken, and the run
+    # ends by a state that is not finite.
     try:
         rates = problem.field(FLOAT)(state.tolist(), problem.parameters)
     except (ArithmeticError, ValueError):
@@ -377,7 +385,7 @@ class Taylor(Solver):
     backends = ("compiled",)
     choices_need: ClassVar[Mapping[str, str]] = {}  # heyoka compiles by itself
     order_by_tolerance = True
-    error_amplification = 1.0
+    error_amplification = 1.0  # The least that the contract allows.
     error_constant = 20.0  # 6 measured
 
     tolerances = ("atol",)
@@ -391,11 +399,13 @@ class Taylor(Solver):
 
         def integrate(record: Record) -> Outcome:
             duration = float(record.times[-1]) - float(record.times[0])
-            # First in the problem's own units; in units that follow the run if that fails, or may. In
-            # units of a long time, coefficients of slow rates vanish, and with them the error that
-            # they show. Coefficients of fast rates overflow, as does a state that becomes infinite.
+            # First in the problem's own units; in units that follow the run if that fails, or may. Where
+            # rates are slow beside the unit of time, coefficients of high order vanish, and with them the
+            # error that they show. Where rates are fast they overflow, as does a state that becomes
+            # infinite.
             outcome = None
-            # Parameters that change, along a track, do so in moderate times.
+            # Parameters that change along a track do so at times in the problem's own unit, and events are
+            # looked for in it: `propagate_paced` knows neither.
             as_it_is = bool(record.events) or record.changed is not None
             in_range = order * log10(duration) < _MAX_EXPONENT
             if as_it_is and not in_range:
@@ -409,6 +419,7 @@ class Taylor(Solver):
                     return outcome
             paced = self._bound(problem, settings, paced=True)
             again = propagate_paced(problem, paced, record)
+            # Where both fail, the first failure tells more, unless the second one is a limit of the user's.
             limited = again[0] in (Status.TIME_LIMIT, Status.STEP_LIMIT)
             return outcome if outcome and not again[0].success and not limited else again
 

@@ -196,6 +196,20 @@ def test_failed_runs_have_no_row_and_stay_in_the_json(saved: Path):
             assert isinstance(each["work"]["rhs_calls"], int)
 
 
+def test_runs_that_all_have_times_have_a_legend_and_name_their_machine(tmp_path: Path):
+    words = ["--polhode-stokes", "100", "--polhode-forms", "averaged", "-k", "paper and 1e-07"]
+    saved = tmp_path / "runs.json"
+    done = run_pytest(
+        *SUITE, *words, "--polhode-solvers", "cyrk-vern8", f"--benchmark-json={saved}"
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "no other run in the table is both as fast and as accurate" in done.stdout
+    assert "Without a time" not in done.stdout
+    contents = json.loads(saved.read_text(encoding="utf-8"))
+    assert contents["polhode"]["failed"] == []
+    assert contents["polhode"]["versions"]["polhode"]
+
+
 def test_saved_runs_are_compared_by_both_commands(saved: Path):
     out = (saved / "second.txt").read_text(encoding="utf-8")
     assert "benchmark 'paper, St = 100': 20 tests" in out

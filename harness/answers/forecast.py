@@ -15,10 +15,11 @@ from polhode.models.scene import Scene
 
 # Rotations of a segment, at least: to race so many takes a few milliseconds. The number is an estimate.
 _LEAST_TURNS = 60.0
-# Ratio of the rotations of a segment and of the run: fifteen runs of it cost less than the run.
+# Share of the run that a segment is, in rotations, unless a limit below changes it: a race makes some
+# fifteen runs of it, which together take less than the run itself. An estimate.
 _SHARE = 0.04
-# Share of a run from which on all of it is raced on: less would be spared than a forecast loses. The
-# share is an estimate.
+# A segment of more than this share of the run would spare little: then the run itself is raced on. An
+# estimate.
 _WHOLE = 0.5
 # Rotations in a damping time from which on the slow motion, and the steps of a rotation, are the same
 # at every St, so that a surrogate stands for the run. The number is an estimate.
@@ -45,7 +46,7 @@ class RacedSegment:
         return self.kind == "scene"
 
     def growth(self, want: str) -> float:
-        """Ratio of the errors of the run and of the segment, for a method at one tolerance.
+        """Ratio of the errors of the run and of the segment, for a full form by a method at one tolerance.
 
         Errors of L and E add up in proportion to the rotations, so their power of `ratio` is 1; in stiff
         scenes, where damping forgets them, it is 0. The orientation has one power more: its phase is
@@ -89,5 +90,8 @@ def beginning_of(scene: Scene) -> RacedSegment:
 
 
 def _least(turns: float) -> float:
-    """Rotations of a segment of a run, at least."""
+    """Rotations of a segment of a run, at least.
+
+    `COMPARED_TURNS` are enough to tell how errors grow, however long the run is.
+    """
     return max(_LEAST_TURNS, min(COMPARED_TURNS, _SHARE * turns))

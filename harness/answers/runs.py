@@ -19,13 +19,15 @@ from polhode.solvers.solve import Interrupted, Solution, solve
 
 Watch = Callable[[Record], None] | None
 
-# Steps that a run may take before anything is known that it could be compared with; an estimate.
+# Steps that the first run of a scene may take; an estimate.
 MAX_STEPS = 300_000
-# Most steps of a second run: those, and this multiple of the steps of the run; an estimate.
+# A second run may take `MAX_STEPS` and this multiple of the steps of the first one; an estimate.
 STEP_RATIO = 30
-# Ratio of the tolerances of a tighter run and of a run: a third more steps at order 8.
+# Ratio of the tolerances of a tighter run and of a run: a third more steps at order 8, and a tenth of
+# the error, so that two runs differ by nine tenths of it. Factors are fitted for it (`fitted.json`).
 TIGHTER = 0.1
-# Times closer than this share of the run count as one: some solvers do not step between them.
+# Times closer than this share of the run count as one: a step between them would be so small that
+# solvers refuse it. An estimate.
 _CLOSE = 1e-9
 
 
@@ -134,7 +136,8 @@ class Runner:
 def turns(scene: Scene, observables: Observables) -> float:
     """Rotations ∫|ω|dt/2π of a run, about: |ω| is 2E/|L| and somewhat more, since 2E = ω·L ≤ |ω||L|.
 
-    The observables are those at the compared times `INNER`, fewer if the run ended early.
+    The observables are those at the compared times `INNER`. Of a run that ended early they are fewer,
+    and the rotations are those until then.
     """
     momentum = observables.angular_momentum
     size = np.sqrt(np.einsum("ij,ij->i", momentum, momentum))

@@ -19,10 +19,11 @@ from polhode.solvers.contract import Solver, Status
 _COUNTS_FILE = "work_counts.json"
 # Counts of work that may be stored; those that a library does not report are not.
 _COUNTS = ("rhs_calls", "steps", "jacobians", "factorizations")
-# Another processor rounds a last bit otherwise, and a step more follows: a count may exceed the
-# stored one by both of these.
-_SLACK = 0.02  # Share of the stored count; an estimate.
-_MORE = 1  # Calls or steps.
+# Another processor may round a last bit otherwise, and a few steps more follow. A count may exceed the
+# stored one by a share of it, and by one, since 2 % of fewer than 50 steps are less than a step. Both
+# numbers are estimates.
+_SLACK = 0.02
+_MORE = 1
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Measured:
     solver : str
     tolerance : float
     status : str
-        "reached_end", or how the run failed (`polhode.solvers.contract.Status`).
+        "reached_end", or how the run failed (`polhode.solvers.contract.Status`), or "refused" if the
+        solver needs a compiled function and this one runs as plain Python.
     message : str
         Why it failed; empty after success.
     error : float or None
@@ -129,7 +131,8 @@ class Measure:
             A function in place of a solver as `WorkPrecision` takes it.
         tolerance : float
         **study
-            Further arguments of `WorkPrecision`: samples, max_seconds, atol, error, reference.
+            Further arguments of `WorkPrecision`: samples, max_seconds, atol, error, reference; not
+            `over`, which would make several runs.
 
         Returns
         -------
@@ -156,6 +159,7 @@ class Measure:
         values = {name: row.get(name) for name in (*names, *_COUNTS)}
         self.benchmark.extra_info["polhode"] = {"problem": problem.name, **values}
         path = self.request.path.with_name(_COUNTS_FILE)
+        # Files of tests in one folder share the counts, so their tests need names of their own.
         test = self.request.node.nodeid.partition("::")[2]
         update = bool(self.request.config.getoption("polhode_update_counts"))
         fields: dict[str, Any] = {**values, "counts": Counts(path, test, update)}

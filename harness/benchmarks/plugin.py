@@ -47,12 +47,12 @@ class Failed:
         return cls(**{name: getattr(benchmark, name) for name in names}, reason=reason)
 
 
-# Key of the failed rows in pytest's config.
+# Key of the failed rows in pytest's config: it is there once a row of the suite has run.
 _FAILED = pytest.StashKey[list[Failed]]()
 
 
 def failed_runs(config: pytest.Config) -> list[Failed]:
-    """Rows without a time, to which the suite adds."""
+    """Rows without a time, to which the suite adds; from the first call on the config holds a list of them."""
     return config.stash.setdefault(_FAILED, [])
 
 
@@ -67,7 +67,11 @@ class _Suite(pytest.Module):
 
 
 def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """Collect the suite's folder and those around it without importing them as packages."""
+    """Collect the suite's folder and those around it without importing them as packages.
+
+    In a checkout they would be imported as `harness` and `harness.benchmarks`, beside the same modules
+    under the names that they are installed by.
+    """
     if _FOLDER.is_relative_to(path) and (path / "__init__.py").is_file():
         return pytest.Dir.from_parent(parent, path=path)
     return None
@@ -152,7 +156,7 @@ def options_of(config: pytest.Config) -> dict[str, Any]:
 
 
 def plain_columns(config: pytest.Config) -> None:
-    """Show few columns of pytest-benchmark's unless its own option names some."""
+    """Show few columns of pytest-benchmark's unless its own option names some; the suite asks for it."""
     session = getattr(config, "_benchmarksession", None)
     if session is not None and not config.getoption("benchmark_columns", None):
         session.columns = _COLUMNS
@@ -171,7 +175,7 @@ def pytest_benchmark_group_stats() -> Generator[None, Any, Any]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_benchmark_update_json(config: pytest.Config, output_json: dict[str, Any]) -> None:
-    """Add the rows without a time, machine and versions, where polhode ran."""
+    """Add the rows without a time, machine and versions, where rows of the suite ran."""
     if _FAILED not in config.stash:
         return
     from polhode.harness.common.machine import surroundings
@@ -180,6 +184,7 @@ def pytest_benchmark_update_json(config: pytest.Config, output_json: dict[str, A
     output_json["polhode"] = {**surroundings(), "failed": failed}
 
 
+# Last, so that the legend stands below pytest-benchmark's table.
 @pytest.hookimpl(trylast=True)
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
@@ -193,6 +198,7 @@ def pytest_terminal_summary(
         )
     failed = failed_runs(config)
     if failed:
+        # A reason is a status, and after a colon the solver's own words. Each such row is a skipped test.
         counts = Counter(run.reason.partition(":")[0] for run in failed).most_common()
         words = ", ".join(f"{count} {status}" for status, count in counts)
         terminalreporter.write_line(f"  Without a time: {words}; -rs says why.")

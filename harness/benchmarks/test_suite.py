@@ -80,8 +80,9 @@ def test_solve(
     benchmark.extra_info |= json.loads(json.dumps(info, default=float))
     benchmark.extra_info["want"] = suite_of(request.config).options.want
     benchmark.extra_info["sentinel_seconds"] = _PATIENCE.steady()
+    failed = failed_runs(request.config)
     if reason:
-        failed_runs(request.config).append(Failed.of(benchmark, reason))
+        failed.append(Failed.of(benchmark, reason))
         pytest.skip(reason)
     seconds = record["counted_seconds"]
 

@@ -50,7 +50,10 @@ _LARGEST_QUICK_STOKES = 1e4
 # Seconds for which calls of each solver are repeated, by `solve` and of the bare library. Estimates.
 _CALL_SECONDS = 2.0
 _QUICK_CALL_SECONDS = 0.2
-_NAME_COLUMNS = 28  # Columns of the names in `polhode paper --list`.
+# Columns of the names in `polhode paper --list`: the longest has 24 characters.
+_NAME_COLUMNS = 28
+# Seconds that a run of the user's problem may take with --quick; an estimate.
+_QUICK_SECONDS = 1.0
 
 
 @command(needs=_PAGE_LIBRARIES)
@@ -131,7 +134,7 @@ def _own_problem(request: StudyRequest, page_only: bool) -> None:
     with bad_input():
         study = _object_in(location)
         if isinstance(study, Problem):
-            settings = {"tolerances": QUICK, "max_seconds": 1.0} if request.quick else {}
+            settings = {"tolerances": QUICK, "max_seconds": _QUICK_SECONDS} if request.quick else {}
             solvers = list(filters["solvers"]) or None
             study = WorkPrecision(study, solvers, quiet=request.quiet, **settings)
         elif not isinstance(study, WorkPrecision):
@@ -156,7 +159,7 @@ def _object_in(location: str) -> Any:
     spec = spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
         raise ValueError(f"{path}: got no module of Python, expected FILE.py:NAME")
-    # The file may import modules beside it.
+    # The file may import modules beside it, and worker processes find its functions by the module's name.
     sys.path.insert(0, str(file.resolve().parent))
     module = sys.modules[file.stem] = module_from_spec(spec)
     try:
@@ -421,6 +424,7 @@ def _random_bodies(
         make_folder(out)
     data = old
     if not page_only:
+        # The cheapest references come first.
         todo = random_study.tasks(random_study.QUICK_BODIES if quick else random_study.BODIES)
         todo = todo[:references]
         with stored(out, resume, what="bodies") as store:
@@ -435,6 +439,7 @@ def _random_bodies(
         if data.references.empty:
             raise RunFailed("--seconds: no body was finished, expected more time")
     assert data is not None
+    # The study grows over several commands: the page names the one that makes all of it.
     laws = random_bodies.write_page(data, out, "polhode accuracy" + " --quick" * quick)
     if fit:
         write_laws(laws)

@@ -23,6 +23,8 @@ _INDENT = 4 * " "
 _FORMATS = (".png", ".svg", ".pdf")
 # Rotations up to the last moment that is drawn, at most: the run takes seconds.
 _MAX_DRAWN_ROTATIONS = 1e5
+# Dots per inch of a drawing; an estimate.
+_DOTS_PER_INCH = 160
 
 
 # Negative numbers are values here, to be refused as such.
@@ -240,15 +242,14 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
             raise ValueError(
                 f"--until: {got}, expected at most {short(_MAX_DRAWN_ROTATIONS)} of them"
             )
-        # 1e-3 rad moves a tip by less than a pixel: a frame is 280 pixels wide at 160 dots per inch. Both
-        # numbers are estimates.
+        # 1e-3 rad moves a tip by less than a pixel: a frame of 1.75 inches is 280 pixels wide.
         solution = solve(
             shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames
         )
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")
         with PartialFile(out, binary=True) as file:
-            tumbling(solution).savefig(file, format=out.suffix[1:], dpi=160)
+            tumbling(solution).savefig(file, format=out.suffix[1:], dpi=_DOTS_PER_INCH)
     flow = solution.scene.flow
     if flow is not None and off_plane(flow, solution.times):
         words = (

@@ -1,4 +1,8 @@
-"""References cached between runs: files with a checksum of key and content, so that none stands for another."""
+"""References, and the digest of the code, cached between runs.
+
+Files have a checksum of key and content, so that none stands for another. A key is a digest in
+hexadecimal digits of all that the arrays follow from: it names the file.
+"""
 
 import hashlib
 import io
@@ -33,14 +37,17 @@ def load(key: str) -> dict[str, np.ndarray] | None:
 
 
 def save(key: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Cache arrays under a key, and return them as `load` does: sums over other strides differ in their last bit."""
-    # A folder that cannot be written is no error, the work is done again next time.
+    """Cache arrays under a key, and return them as `load` would: in C order.
+
+    A sum over an array in another order differs in its last bit.
+    """
     arrays = {name: np.array(array, order="C") for name, array in arrays.items()}
     buffer = io.BytesIO()
     # NumPy 2.0 knows no `allow_pickle` here and would store it as an array.
     np.savez(buffer, **arrays)  # pyright: ignore[reportArgumentType]
     payload = buffer.getvalue()
     path = path_of(key)
+    # A folder that cannot be written is no error, the work is done again next time.
     with suppress(OSError):
         make_private(path.parent)
         write_file(path, _checksum(key, payload) + payload)

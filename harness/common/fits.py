@@ -1,4 +1,4 @@
-"""Fits and confidence intervals, of 95 % everywhere: power laws, means, shares."""
+"""Fits and confidence intervals, of 95 % everywhere: power laws of positive numbers, means, medians, shares."""
 
 from math import sqrt
 from statistics import NormalDist
@@ -22,7 +22,7 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float],
 
 
 def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean and its interval by Student's distribution."""
+    """Mean and its interval by Student's distribution; of equal values, or of one, its ends are NaN."""
     from scipy import stats
 
     mean = float(np.mean(values))
@@ -31,7 +31,10 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Median and its interval between two of the values in order, by the binomial distribution."""
+    """Median and its interval between two of the values in order, by the binomial distribution.
+
+    Of fewer than six values it goes from the least to the largest, and covers less than 95 %.
+    """
     from scipy import stats
 
     ordered = np.sort(values)
@@ -44,7 +47,10 @@ def median_interval(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
-    """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1."""
+    """Wilson's score interval of a share (J. Am. Stat. Assoc. 22 (1927) 209), which holds at 0 and 1.
+
+    Of no cases it is (0, 1).
+    """
     z = NormalDist().inv_cdf((1 + COVERAGE) / 2)
     middle = count + z**2 / 2
     width = z * sqrt(count * (total - count) / max(1, total) + z**2 / 4)

@@ -17,6 +17,7 @@ from polhode.harness.common.text import percent
 from polhode.harness.common.timing import BUSY, HAD, disturbance
 from polhode.models.libraries import version_of
 
+# Packages whose versions pages name: those whose numbers a page shows, and those that make it.
 _PACKAGES = (
     "polhode",
     "numpy",
@@ -29,7 +30,8 @@ _PACKAGES = (
     "pandas",
     "matplotlib",
 )
-# Folders and files of a clone whose changes change numbers: pages may change.
+# Folders and files of a clone whose changes change numbers: pages may change. Files that git does not
+# know yet are not looked at, the digest of the code has them.
 _CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constraints.txt")
 _CHANGED = " with changes"
 _DIGITS_OF_A_COMMIT = 9  # Hexadecimal digits that name a commit on a page.
@@ -84,7 +86,7 @@ def commit() -> str | None:
 
 
 def _git(clone: Path, *words: str) -> str:
-    """The output of git; empty if git fails or is not installed."""
+    """The output of git; empty if git fails, hangs for a minute, or is not installed."""
     try:
         done = subprocess.run(
             ["git", *words], cwd=clone, capture_output=True, text=True, check=True, timeout=60
@@ -195,7 +197,7 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _took(records: Sequence[Mapping[str, Any]]) -> str:
-    """In how many minutes records were made, from the first to the last, pauses left out; nothing below a minute."""
+    """In how many minutes records were made, from the first to the last, pauses left out; from two minutes on."""
     # Some records name a day alone: its beginning stands for it.
     dates = [datetime.fromisoformat(record["date"]) for record in records if record.get("date")]
     times = sorted(date if date.tzinfo else date.replace(tzinfo=UTC) for date in dates)

@@ -30,10 +30,14 @@ _SECTIONS = {"Robust or fast": "Robust or fast", "When averaging pays": "Verdict
 # Names of the pictures of reports/bench whose content the page of costs shows, run by run.
 _ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 # Files that pages of docs link to and a reader wants to see or run.
-_SHOWN_CODE = (".py", ".toml", ".cpp", ".ipynb")
-# Pictures have few colours, which halve a file: red, green and blue are multiples of 17, by which greys stay grey.
+_SHOWN_CODE = (".py", ".toml", ".ipynb")
+# Pictures have few colours, which halve a file. Red, green and blue are multiples of 17, 16 values
+# from 0 to 255 = 15 × 17, so that black and white stay what they are.
 _ROUNDED = [round(value / 17) * 17 for value in range(256)]
-_COLOURS = 128
+# How hard WebP looks for a smaller file of the same pixels, from 0 to 100 and from 0 to 6: more takes
+# longer and gains little. Estimates.
+_EFFORT = 75
+_METHOD = 3
 
 
 def write_sources(
@@ -43,7 +47,10 @@ def write_sources(
     folder: Path,
     say: Callable[[str], None],
 ) -> None:
-    """Write the sources into a folder, in which docs and reports stand beside each other as in a clone."""
+    """Write the sources into a folder, in which docs and reports stand beside each other as in a clone.
+
+    Templates are left out: the pages that are filled from them stand beside them.
+    """
     files = {
         f"docs/{path.stem}": path
         for path in sorted(docs.glob("*.md"))
@@ -75,7 +82,8 @@ def _opening(reports: Path, sources: Path, names: list[str]) -> str:
         path = sources / "reports" / folder / "README.md"
         return path.read_text(encoding="utf-8") if path.is_file() else ""
 
-    # The answer of a page is the first item of its first list.
+    # The answer of a page is the first item of its first list. That of the hard cases, who never failed,
+    # stands beside the answer of the regime map, who is quickest.
     items = (line for line in text_of("hard-cases").splitlines() if line.startswith("- "))
     body, data = question(reports / "regimes", next(items, "").removeprefix("- "))
     page = Page(QUESTION_TITLE, fill("site-question"), body, data, ("verdict.js",))
@@ -139,7 +147,8 @@ def _report(name: str, text: str, names: list[str]) -> str:
     if name == "reports/hard-cases/README":
         text = re.sub(r"^\| ([\w-]+)(?= +\|)", _runs_of, text, flags=re.MULTILINE)
     if folder == "reports":
-        # That pages differ is said in red.
+        # The bold line on top says that pages were made by different code: `{.outdated}`, an attribute of
+        # MyST, makes it red (`site.css`).
         return re.sub(r"^\*\*(.*)\*\*$", r"{.outdated}\n\1", text, count=1, flags=re.MULTILINE)
     if folder == name:
         return text
@@ -152,9 +161,10 @@ def _report(name: str, text: str, names: list[str]) -> str:
 
 
 def _outdated(text: str) -> str:
-    """A warning above a page that other code than today's measured, by the page's own words.
+    """A warning above a page that other code than today's measured; empty if today's did.
 
-    What names no code was not measured by today's, which names itself; its version is said.
+    Pages say which code measured them since 0.2.0. One that names no code was measured by earlier code,
+    and the warning says its version. A warning that stands in the text already is not read as a maker.
     """
     line = re.search(r"^Measured .*", text, re.MULTILINE)
     if line is None:
@@ -183,7 +193,7 @@ def _outdated(text: str) -> str:
 
 
 def _runs_of(cell: re.Match[str]) -> str:
-    """A hard case's name in a table leads to its runs."""
+    """A hard case's name in a table leads to its runs: `cost.js` reads what follows "#", where + is a space."""
     if cell[1] not in SCENES:
         return cell[0]
     return f'| <a href="../../cost.html#scene=hard-cases:+{cell[1]}">{cell[1]}</a>'
@@ -209,8 +219,9 @@ def _picture(source: Path, page: Path, link: re.Match[str]) -> str:
         return words
     copied = BytesIO()
     with Image.open(path) as image:
-        drawn = few_colours(image.convert("RGB").point(_ROUNDED * 3), _COLOURS).convert("RGB")
-    drawn.save(copied, "webp", lossless=True, quality=75, method=3)
+        drawn = few_colours(image.convert("RGB").point(_ROUNDED * 3)).convert("RGB")
+    # Of lossless pictures "quality" is the effort.
+    drawn.save(copied, "webp", lossless=True, quality=_EFFORT, method=_METHOD)
     name = Path(target).with_suffix(".webp").as_posix()
     write_file(page.parent / name, copied.getvalue())
     shown = f"![{words}]({name})"
