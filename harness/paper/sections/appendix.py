@@ -1,16 +1,21 @@
-"""The appendices: the tables of averages, entry by entry against brute force, and the first-order correction.
+"""The appendices: the tables of averages against brute force, and the first-order correction.
 
-The averages are means of products of the rotation matrix over the motion of the free top, by which
-the averaged equations are derived. The correction is `lzsfod2`, the O(1/St) oscillation of L_z.
+The paper derives its averaged equations by tables of averages: means of products of the rotation
+matrix over the motion of the free top. `SpheroidAverages` and `EllipsoidAverages` compute each mean
+from many states of the motion, for random starts. They keep how far the printed formula, and the
+corrected one, is off at most. `appendix_entries.py` has the formulas.
+
+`FirstOrder` tests `lzsfod2`, the O(1/St) oscillation of L_z that the averaged solution lacks.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, pi
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.integrate import cumulative_simpson
 
@@ -39,7 +44,7 @@ from polhode.harness.paper.sections.appendix_entries import (
     mixed_names,
     spheroid_entries,
 )
-from polhode.harness.paper.tables import exponent
+from polhode.harness.paper.tables import Estimate, exponent
 from polhode.models.forms.averaged import mean_squares
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.free_top.torque_free import TorqueFree
@@ -49,16 +54,22 @@ from polhode.models.scenes import PAPER_ELLIPSOID
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.spheroid_correction import CorrectedSpheroid
 
-# Deviation from brute force up to which a formula holds: what rounding makes of sums over states.
+# Largest deviation from brute force of a formula that holds: rounding in sums over states.
 _ROUNDING = 1e-11
-# Deviations below this one are drawn at it, on a logarithmic axis.
+# Smaller deviations, 0 among them, are drawn at this one: their axis is logarithmic.
 _LEAST_DRAWN = 1e-17
-# Entries of a table from which on its figure has two columns.
+# A table of as many entries or more has two columns on its figure.
 _ONE_COLUMN = 12
+# Height of that figure in inches: of an entry, and of what stands above and below all entries.
+_ENTRY_HEIGHT = 0.165
+_MARGIN_HEIGHT = 0.9
 
 
 def frame(momentum: np.ndarray) -> np.ndarray:
-    """α_ij: columns are the axes aligned with L, the third one along it, in space components (`fodij`)."""
+    """Axes aligned with L, as columns in space components, shape (3, 3): α_ij of `fodij`.
+
+    The third one is along L, and the first one in the plane of flow and gradient.
+    """
     third = momentum / np.linalg.norm(momentum)
     first = np.array([third[1], -third[0], 0.0]) / np.hypot(third[0], third[1])
     return np.stack([first, np.cross(third, first), third], axis=1)
@@ -67,19 +78,35 @@ def frame(momentum: np.ndarray) -> np.ndarray:
 def ensemble(
     ellipsoid: Ellipsoid, momentum: np.ndarray, omega: np.ndarray, nodes: int
 ) -> np.ndarray:
-    """Rotations t_ij, shape (n, 3, 3), at equal times of a period T of the Euler top and equal angles of precession.
+    """Rotations t_ij through which the free top passes, over which the paper's averages are means.
 
-    `momentum` gives the direction of L in space, `omega` the angular velocity in body axes at the
-    start, `nodes` the number of times. Means over the rotations are then averages of the paper:
-    equal steps integrate periodic functions to rounding, if there are enough.
+    They are at equal times of the period T of the body's motion about L, and at each of these at
+    equal angles of precession. Equal steps integrate periodic functions to rounding, if there are
+    enough.
+
+    Parameters
+    ----------
+    ellipsoid
+        The body.
+    momentum
+        A vector along L, in space axes.
+    omega
+        Angular velocity at the start, in body axes.
+    nodes
+        Number of times.
+
+    Returns
+    -------
+    ndarray
+        Rotation matrices, shape (8 `nodes`, 3, 3).
     """
     w1, w2, w3 = omega.tolist()
     top = TorqueFree(ellipsoid.inertia, (1.0, 0.0, 0.0, 0.0), (w1, w2, w3))
     quaternion, _ = top.at(top.period * np.arange(nodes) / nodes)
     body = matrix_from_quaternion(quaternion)
     aligned = body @ frame(np.array(ellipsoid.inertia) * omega)
-    # Eight angles are exact for the second and third moments: these are trigonometric polynomials of
-    # degree three in the angle of precession.
+    # Eight angles of precession about L. They are exact for second and third moments, which are
+    # trigonometric polynomials of at most degree three in the angle.
     turns = matrix_from_euler(np.outer(2 * pi * np.arange(8) / 8, (0, 1, 0)))
     return np.einsum("nij,pjk,lk->npil", aligned, turns, frame(momentum)).reshape(-1, 3, 3)
 
@@ -97,40 +124,36 @@ class _Averages(Experiment):
         """Which entries hold."""
 
     def draw(self, data: Data) -> Figure:
-        """The deviations, entry by entry."""
+        """The deviations of the printed and of the corrected formulas, entry by entry."""
         table = data[""]
         columns = 1 if len(table) < _ONE_COLUMN else 2
         count = ceil(len(table) / columns)
-        figure, axes = panels(1, columns, 0.9 + 0.165 * count)
+        figure, axes = panels(1, columns, _MARGIN_HEIGHT + _ENTRY_HEIGHT * count)
         for place, panel in enumerate(axes):
             rows = table[place * count : (place + 1) * count]
-            heights = -np.arange(len(rows))
-            style: dict[str, Any] = {"linestyle": "none"}
-            right = np.maximum(rows.corrected, _LEAST_DRAWN)
-            panel.plot(
-                right, heights, marker="o", color=BLUE, markersize=4, label="corrected", **style
-            )
-            printed = np.maximum(rows.printed, _LEAST_DRAWN)
-            panel.plot(
-                printed,
-                heights,
-                marker="x",
-                color=VERMILLION,
-                markersize=5,
-                label="printed",
-                **style,
-            )
-            panel.set_yticks(heights, rows.entry.tolist(), fontsize=8.5)
+            self._draw_entries(panel, rows)
             panel.set(
                 xlabel="deviation from brute force",
                 ylabel="average of",
                 xscale="log",
                 xlim=(1e-18, 10),
                 xticks=(1e-16, 1) if columns > 1 else (1e-16, 1e-8, 1),
+                # Entries are at 0, -1, …; a shorter last column leaves room below.
                 ylim=(-count + 0.3, 0.7),
             )
         key_above(figure, axes[0])
         return figure
+
+    def _draw_entries(self, axes: Axes, rows: Table) -> None:
+        """Two marks for each entry, the first entry on top."""
+        heights = -np.arange(len(rows))
+        corrected = np.maximum(rows.corrected, _LEAST_DRAWN)
+        printed = np.maximum(rows.printed, _LEAST_DRAWN)
+        dots: dict[str, Any] = {"marker": "o", "markersize": 4, "color": BLUE}
+        crosses: dict[str, Any] = {"marker": "x", "markersize": 5, "color": VERMILLION}
+        axes.plot(corrected, heights, linestyle="none", label="corrected", **dots)
+        axes.plot(printed, heights, linestyle="none", label="printed", **crosses)
+        axes.set_yticks(heights, rows.entry.tolist(), fontsize=8.5)
 
 
 _CAPTION = (
@@ -145,15 +168,20 @@ class SpheroidAverages(_Averages):
     """The averages over the precession of the symmetric top."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Largest deviation of every entry from the mean over the precession, over random L and cones."""
+        """Largest deviation of every entry from the mean over the precession of the axis about L.
+
+        It is the largest over random directions of L, and random cones about it.
+        """
+        # Columns of `worst`: the printed formula, and the corrected one.
         generator = np.random.default_rng(3)
-        # Angles of precession about L: 16 are more than the moments of degree two need.
+        # Angles of precession about L: 16 are more than moments of degree two need.
         angle = 2 * pi * np.arange(16) / 16
         entries = spheroid_entries()
         worst = np.zeros((len(entries), 2))
         for _ in range(grid.of(200, 40)):
             direction = generator.normal(size=3)
             direction /= np.linalg.norm(direction)
+            # The component of the symmetry axis along L, and the radius of its circle about L.
             height = generator.uniform(0.05, 0.95)
             width = np.sqrt(1 - height**2)
             circle = [width * np.sin(angle), -width * np.cos(angle), np.full(16, height)]
@@ -190,7 +218,7 @@ class EllipsoidAverages(_Averages):
     """The second and third moments of the rotation matrix over the Euler top."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Largest deviation of every entry, printed and corrected, from the brute-force mean."""
+        """Largest deviation of every entry from the brute-force mean, over random L and ω."""
         generator = np.random.default_rng(5)
         ellipsoid = Ellipsoid(PAPER_ELLIPSOID)
         entries = ellipsoid_entries()
@@ -200,8 +228,10 @@ class EllipsoidAverages(_Averages):
             omega = generator.normal(size=3)
             direction = generator.normal(size=3)
             direction /= np.linalg.norm(direction)
+            # L² and 2E, on which the mean squares z of the components along L depend.
             momentum2 = float(np.sum((ellipsoid.inertia * omega) ** 2))
             energy2 = float(np.sum(ellipsoid.inertia * omega**2))
+            # 256 times of a period leave rounding alone. t is in space axes, u in axes along L.
             t = ensemble(ellipsoid, direction, omega, 256)
             u = t @ frame(direction)
             z = np.array(means(momentum2, energy2, *ellipsoid.inertia))
@@ -212,59 +242,68 @@ class EllipsoidAverages(_Averages):
     def judge(self, data: Data) -> Verdict:
         """Which entries, and which general formulas, hold as printed."""
         table = data[""]
-        wrong = table.printed > _ROUNDING
-        general = np.array([name.startswith("general") for name in table.entry])
-        failed = int(np.sum(wrong & ~general))
-        mixed = int(np.sum(np.isin(table.entry[wrong], mixed_names())))
+        is_wrong = table.printed > _ROUNDING
+        is_general = np.array([name.startswith("general") for name in table.entry])
+        wrong_entries = int(np.sum(is_wrong & ~is_general))
         wrong_formulas = [
             name.removeprefix("general ")
-            for name in table.entry[wrong & general]
+            for name in table.entry[is_wrong & is_general]
             if MIXED not in name
         ]
-        six = Range(6.0, 6.0, "the correction: the six mixed third moments and no other entry")
         return Verdict(
             Word.CORRECTED,
-            f"{np.sum(~wrong & ~general)} of {np.sum(~general)} entries hold as printed. The "
-            f"{failed} mixed third moments do not: they, and the general formula for {MIXED} above "
-            f"them, lack α₃₃/2. Of the {np.sum(general) - 1} other general formulas those for "
+            f"{np.sum(~is_wrong & ~is_general)} of {np.sum(~is_general)} entries hold as printed. "
+            f"The {wrong_entries} mixed third moments do not: they, and the general formula for "
+            f"{MIXED} above them, lack α₃₃/2. "
+            f"Of the {np.sum(is_general) - 1} other general formulas those for "
             f"{' and '.join(wrong_formulas)} contradict the entries below them, which are right. "
             f"Corrected, all agree to {in_two_digits(table.corrected.max())}.",
             _CAPTION,
-            [
-                Number(
-                    f"largest deviation of the {len(table)} formulas, corrected",
-                    table.corrected.max(),
-                    _HOLDS,
-                ),
-                Number(f"printed entries of {np.sum(~general)} that deviate", failed, six),
-                Number("the same among the mixed third moments", mixed, six),
-                Number(
-                    "general formulas that deviate",
-                    int(np.sum(wrong & general)),
-                    Range(
-                        3.0, 3.0, "the correction: those with δ_i3, without α₃₃/2, without a square"
-                    ),
-                ),
-            ],
+            self._numbers(table, is_wrong, is_general),
         )
+
+    def _numbers(self, table: Table, is_wrong: np.ndarray, is_general: np.ndarray) -> list[Number]:
+        """The largest deviation, and how many entries and general formulas are wrong."""
+        six = Range(6.0, 6.0, "the correction: the six mixed third moments and no other entry")
+        three = Range(3.0, 3.0, "the correction: those with δ_i3, without α₃₃/2, without a square")
+        wrong_and_mixed = np.isin(table.entry[is_wrong], mixed_names())
+        return [
+            Number(
+                f"largest deviation of the {len(table)} formulas, corrected",
+                table.corrected.max(),
+                _HOLDS,
+            ),
+            Number(
+                f"printed entries of {np.sum(~is_general)} that deviate",
+                int(np.sum(is_wrong & ~is_general)),
+                six,
+            ),
+            Number("the same among the mixed third moments", int(np.sum(wrong_and_mixed)), six),
+            Number("general formulas that deviate", int(np.sum(is_wrong & is_general)), three),
+        ]
 
 
 def _deviations(entries: Sequence[Entry], worst: np.ndarray) -> dict[str, Any]:
-    """A table's columns, from the largest deviations of printed and corrected entries, shape (n, 2)."""
+    """Columns of a table of averages.
+
+    `worst` has the largest deviations of each entry as printed and as corrected, shape (n, 2).
+    """
     names = [entry.name for entry in entries]
     return {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}
 
 
-# Runs of the first-order correction.
-_KAPPA = 2.0
-_MOMENTUM = -0.9  # L_z over I_e at the start.
-_THETA = 0.9  # Rad, at the start.
-_PHI = 0.6  # Rad, at the start.
-_SLOW_TIME = 0.04  # Slow time that they are followed.
-# St of the run that is shown.
+# The spheroid and the start of the first-order correction, with L along the vorticity.
+_KAPPA = 2.0  # Ratio of the symmetry axis to the other ones.
+_MOMENTUM = -0.9  # L_z over I_e; the body is prolate, so that I_e is the largest moment of inertia.
+_THETA = 0.9  # Rad.
+_PHI = 0.6  # Rad.
+_SLOW_TIME = 0.04  # Slow time of the runs. An estimate.
+# St of the run that is shown, small enough that the oscillation is seen.
 _SHOWN_STOKES = 200.0
-# Smallest St of the fits.
+# Smallest St of the fits of exponents: above it the errors follow power laws. An estimate.
 _FITTED_STOKES = 900.0
+# Solutions whose errors are compared, with the color and the exponent in St of each, by theory.
+_COMPARED = (("averaged", AVERAGED, -1), ("printed", SKY, -1), ("corrected", ORANGE, -2))
 
 
 @dataclass(frozen=True)
@@ -283,61 +322,67 @@ class FirstOrder(Experiment):
     def judge(self, data: Data) -> Verdict:
         """How the errors fall with St."""
         errors = data["errors"]
-        gain = errors.averaged / errors.printed
         large = errors[errors.stokes >= _FITTED_STOKES]
-        orders = {
-            name: exponent(large.stokes, large[name])
-            for name in ("averaged", "printed", "corrected")
-        }
-        constant = errors.corrected[-1] * errors.stokes[-1] ** 2
-        better = errors.stokes[errors.corrected < errors.printed][0]
-        first = Range.near(-1.0, 0.1, "theory: first order")
+        orders = {name: exponent(large.stokes, large[name]) for name, _, _ in _COMPARED}
         return Verdict(
             Word.SHARPENED,
+            self._sentence(errors, orders),
+            f"κ = {_KAPPA:g}, L along the vorticity, L_z0 = {_MOMENTUM:g} I_e, θ₀ = {_THETA:g}, "
+            f"φ₀ = {_PHI:g}. Left: L_z at St = {_SHOWN_STOKES:g}; right: largest errors up to "
+            f"t₂ = {_SLOW_TIME:g}.",
+            self._numbers(errors, orders),
+        )
+
+    def _sentence(self, errors: Table, orders: Mapping[str, Estimate]) -> str:
+        """The finding in words, from the errors by St and their exponents."""
+        gain = errors.averaged / errors.printed
+        # Smallest St at which the corrected solution is the better one.
+        better = errors.stokes[errors.corrected < errors.printed][0]
+        return (
             f"As printed the error is {gain[0]:.2g} times (St = {errors.stokes[0]:g}) to "
             f"{gain[-1]:.2g} times (St = {short(errors.stokes[-1])}) smaller than that of "
             f"averaging, but of the same order, St^({orders['printed']:.2f}) beside "
             f"St^({orders['averaged']:.2f}): the mean frequency and the unshifted start leave a "
             "part. With the local, signed frequency and a shifted start it is "
-            f"{constant:.4g} I_e/St², smaller than as printed from St = {in_two_digits(better)} "
-            "on.",
-            f"κ = {_KAPPA:g}, L along the vorticity, L_z0 = {_MOMENTUM:g} I_e, θ₀ = {_THETA:g}, "
-            f"φ₀ = {_PHI:g}. Left: L_z at St = {_SHOWN_STOKES:g}; right: largest errors up to "
-            f"t₂ = {_SLOW_TIME:g}.",
-            [
-                Number(
-                    "averaged error over that as printed, smallest",
-                    gain.min(),
-                    Range(1.0, 100.0, "the claim: better; of the same order, so not by any factor"),
-                ),
-                Number(
-                    "order in St of the corrected error",
-                    float(orders["corrected"]),
-                    Range.near(-2.0, 0.1, "theory: second order"),
-                    interval=orders["corrected"].interval,
-                ),
-                Number(
-                    "order of the averaged error",
-                    float(orders["averaged"]),
-                    first,
-                    interval=orders["averaged"].interval,
-                ),
-                Number(
-                    "order with the correction as printed",
-                    float(orders["printed"]),
-                    first,
-                    interval=orders["printed"].interval,
-                ),
-                Number(
-                    "corrected error × St², largest St",
-                    constant,
-                    Range(
-                        10.0, 2e3, "of order (8πY/I)³, the cube of the damping, over the rotation"
-                    ),
-                    "I_e",
-                ),
-            ],
+            f"{_constant(errors):.4g} I_e/St², smaller than as printed from "
+            f"St = {in_two_digits(better)} on."
         )
+
+    def _numbers(self, errors: Table, orders: Mapping[str, Estimate]) -> list[Number]:
+        """The gain by the correction, exponents, and the size of the corrected error."""
+        first_order = Range.near(-1.0, 0.1, "theory: first order")
+        second_order = Range.near(-2.0, 0.1, "theory: second order")
+        return [
+            Number(
+                "averaged error over that as printed, smallest",
+                (errors.averaged / errors.printed).min(),
+                Range(1.0, 100.0, "the claim: better; of the same order, so not by any factor"),
+            ),
+            Number(
+                "order in St of the corrected error",
+                float(orders["corrected"]),
+                second_order,
+                interval=orders["corrected"].interval,
+            ),
+            Number(
+                "order of the averaged error",
+                float(orders["averaged"]),
+                first_order,
+                interval=orders["averaged"].interval,
+            ),
+            Number(
+                "order with the correction as printed",
+                float(orders["printed"]),
+                first_order,
+                interval=orders["printed"].interval,
+            ),
+            Number(
+                "corrected error × St², largest St",
+                _constant(errors),
+                Range(10.0, 2e3, "of order (8πY/I)³, the cube of the damping, over the rotation"),
+                "I_e",
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """L_z at one St; errors against St."""
@@ -350,11 +395,7 @@ class FirstOrder(Experiment):
         left.plot(table.t2, table.corrected, color=ORANGE, linestyle="--", label=text)
         left.set(xlabel="slow time $t_2$", ylabel="$L_z/I_e$", title=f"St = {_SHOWN_STOKES:g}")
         key_of(left)
-        for name, color, slope in (
-            ("averaged", AVERAGED, -1),
-            ("printed", SKY, -1),
-            ("corrected", ORANGE, -2),
-        ):
+        for name, color, slope in _COMPARED:
             self._draw_errors(right, errors, name, color, slope)
         right.set(
             xlabel="Stokes number St",
@@ -366,29 +407,37 @@ class FirstOrder(Experiment):
         key_of(right)
         return figure
 
-    def _draw_errors(self, axes: Any, errors: Table, name: str, color: str, slope: int) -> None:
-        """Errors of one solution, and the power law that they follow."""
+    def _draw_errors(self, axes: Axes, errors: Table, name: str, color: str, slope: int) -> None:
+        """Errors of one solution, and the power law of theory through the last of them."""
         values = errors[name]
         axes.plot(errors.stokes, values, marker="o", color=color, markersize=3.5, label=name)
         draw_power(axes, errors.stokes, values[-1], slope, color=color)
 
 
-def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
-    """L_z/I_e of the full and the averaged run, with the correction as printed, and corrected.
+def _constant(errors: Table) -> float:
+    """The corrected error times St², over I_e, at the largest St."""
+    return errors.corrected[-1] * errors.stokes[-1] ** 2
 
-    The printed correction subtracts an oscillation at twice the angle of precession, for which it
-    takes the mean of L_z since the start. `polhode.models.theory.spheroid_correction` derives the
-    corrected one. Arrays have `points` values, at equal slow times.
+
+def _first_order(stokes: float, points: int) -> dict[str, np.ndarray]:
+    """L_z/I_e by four solutions, at `points` equal slow times.
+
+    "full" and "averaged" are runs of the two forms. "printed" subtracts from the averaged one the
+    oscillation as the paper prints it, at twice the angle of precession, for which it takes the
+    mean of L_z since the start. "corrected" is derived by
+    `polhode.models.theory.spheroid_correction`.
     """
     shape = Spheroid.of(spheroid(_KAPPA))
     scene = aligned_scene(spheroid(_KAPPA), stokes, _MOMENTUM, _THETA, _SLOW_TIME, _PHI)
     slow_times = np.linspace(0.0, _SLOW_TIME, points)
     averaged = averaged_run(scene, slow_times)
+    # The state is (L_x, L_y, L_z, η), over I_e, with the spin η about the axis.
     momentum = averaged.states[:, 2]
     spin = averaged.states[:, 3]
     phase = cumulative_simpson(momentum, x=slow_times, initial=0.0)
     # At the start the mean is L_z itself.
     mean = np.concatenate([momentum[:1], phase[1:] / slow_times[1:]])
+    # sin² of the angle between the symmetry axis and L.
     tilt = 1 - (shape.inertia_ratio * spin / momentum) ** 2
     amplitude = shape.equatorial_damping * shape.anisotropy * tilt / 4
     oscillation = amplitude / mean * np.sin(2 * (stokes * phase + _PHI)) / stokes
