@@ -59,8 +59,8 @@ def half_turn(ellipsoid: Ellipsoid) -> float:
 def chaos_border(turns: float) -> float:
     """Logarithm of the stretching above which an orbit is chaotic, after a number of half turns.
 
-    The tangent of a regular orbit grows about linearly, so that the logarithm is about log(turns). The
-    tangent of a chaotic orbit grows exponentially. The factor 3 between both is an estimate.
+    The tangent of a regular orbit grows about linearly, so that the logarithm is about log(turns).
+    The tangent of a chaotic orbit grows exponentially. The factor 3 between both is an estimate.
     """
     return 3 * float(np.log(turns))
 
@@ -228,9 +228,8 @@ def _librates(theta: np.ndarray) -> bool:
 def saddle_growth(ellipsoid: Ellipsoid) -> float:
     """Exponent of the saddle (π/2, π/2) of the section, per half turn."""
     # The map next to it has determinant one and, by the reversal φ → -φ, equal diagonal elements
-    # cosh λ.
-    # So the first section point from ψ = π/2 - δ lies at a distance of δ cosh λ. It comes after about
-    # one half turn, within the 1.5 that are followed.
+    # cosh λ. So the first section point from ψ = π/2 - δ lies at a distance of δ cosh λ. It comes
+    # after about one half turn, within the 1.5 that are followed.
     start = (pi / 2, 0.0, pi / 2 - _TINY)
     ((_, psi),) = section_points(ellipsoid, [start], 1.5 * half_turn(ellipsoid))
     return acosh((pi / 2 - abs(float(psi[0]))) / _TINY)

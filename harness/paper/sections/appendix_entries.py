@@ -1,9 +1,9 @@
 """The appendices' tables of averages, in their order: means over rotations, and the formulas printed for them.
 
-A formula is a function of n and z: n = L/|L| in space axes, and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩) has the mean squares
-of z_i, the component of body axis i along L. In names of entries, x'1 x'2 y'3 are the components t_11, t_21,
-t_32; without a stroke they are components in axes along L. `polhode.harness.paper.sections.appendix` compares
-the formulas with the means.
+A formula is a function of n and z: n = L/|L| in space axes, and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩) has the
+mean squares of z_i, the component of body axis i along L. In names of entries, x'1 x'2 y'3 are the
+components t_11, t_21, t_32; without a stroke they are components in axes along L.
+`polhode.harness.paper.sections.appendix` compares the formulas with the means.
 """
 
 from collections.abc import Callable
@@ -75,8 +75,8 @@ def _mean(value: Callable[[np.ndarray], np.ndarray], axis: np.ndarray) -> float:
 def spheroid_entries() -> list[Entry]:
     """The eight entries of the spheroid's table.
 
-    Here `t` holds the symmetry axis p = (sin θ sin φ, -sin θ cos φ, cos θ), shape (3, n), `u` is not used, and
-    z is (h²,). h is the cosine of the angle between p and L.
+    Here `t` holds the symmetry axis p = (sin θ sin φ, -sin θ cos φ, cos θ), shape (3, n), `u` is
+    not used, and z is (h²,). h is the cosine of the angle between p and L.
     """
     return [
         Entry("cos θ", lambda t, u: _mean(lambda p: p[2], t), lambda n, z: n[2] * z[0] ** 0.5),
@@ -267,9 +267,10 @@ def _second_space_entries() -> list[Entry]:
     ]
 
 
-# The general formulas: a function for the mean, of shape (n, 3, 3) rotations, and one or two for the
-# formula, all moments at once in an array of equal shape. Third moments have a row for each of `_ROWS`,
-# the body axes (i, j, k) of the three factors, and a column for each choice of the other axes.
+# The general formulas: a function for the mean, of shape (n, 3, 3) rotations, and one or two for
+# the formula, all moments at once in an array of equal shape. Third moments have a row for each of
+# `_ROWS`, the body axes (i, j, k) of the three factors, and a column for each choice of the other
+# axes.
 
 
 def _mean_second_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -1,11 +1,12 @@
 """Questions beyond the paper: averaging's error with and without a crossing of L² = 2EI₂, the saddle, basins.
 
-All are of the paper's ellipsoid (1, 0.8, 0.5). A crossing is the passage of a run from wobbling about
-the longest axis (L² < 2EI₂) to wobbling about the shortest, over the separatrix of the free top. The
-first item answers the paper's remark on resonances. The node is the stable fixed point of the
-averaged equations, the saddle the rotation about the longest axis.
+All are of the paper's ellipsoid (1, 0.8, 0.5). A crossing is the passage of a run from wobbling
+about the longest axis (L² < 2EI₂) to wobbling about the shortest, over the separatrix of the free
+top. The first item answers the paper's remark on resonances. The node is the stable fixed point of
+the averaged equations, the saddle the rotation about the longest axis.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from math import pi, sqrt
@@ -69,7 +70,8 @@ _ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
 _SIDES = ("short", "long")
 # Slow time up to which the order of averaging is measured.
 _ORDER_TIME = 0.1
-# Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂ either.
+# Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂
+# either.
 _FAST_SOLVER = "cyrk-vern8"
 # Smallest St of the fits of the order: just below the third one that is computed.
 _ASYMPTOTIC = 9e4
@@ -101,7 +103,8 @@ def same_slow_start(start: BodyStart | EulerStart, generator: np.random.Generato
     precession are what they do not know.
     """
     top = TorqueFree(_ELLIPSOID.inertia, start.quaternion, start.angular_velocity)
-    # Inverse shear rates: long against the periods of both phases, so that these come out evenly spread.
+    # Inverse shear rates: long against the periods of both phases, so that these come out evenly
+    # spread.
     quaternion, omega = top.at([generator.uniform(50.0, 500.0)])
     return BodyStart(tuple(quaternion[0].tolist()), tuple(omega[0].tolist()))
 
@@ -170,64 +173,68 @@ class AveragingOrder(Experiment):
     def judge(self, data: Data) -> Verdict:
         """The exponent without a crossing, and the two laws with one."""
         laws = Laws.of(data[""])
-        low, high = laws.free.interval
         return Verdict(
             Word.MEASURED,
             laws.sentence(),
             f"Largest error of L and E of the averaged form up to t₂ = {_ORDER_TIME:g}; "
             f"{len(laws.single)} random starts without and {laws.starts} with a crossing, "
             "|ω| = 0.8. Two laws: √((a/St)² + b²/St).",
-            [
-                Number(
-                    "exponent without a crossing",
-                    float(laws.free),
-                    Range.near(-1.0, 0.1, "theory: first order"),
-                    interval=(low, high),
-                ),
-                Number(
-                    "slowest fall of a single start, without",
-                    laws.single.max(),
-                    Range(-1.2, -0.2, "errors of all starts fall; one may be near a resonance"),
-                ),
-                Number(
-                    "exponent with a crossing between the two smallest St",
-                    float(laws.local[0]),
-                    Range.near(-1.0, 0.15, "theory: the jump, of order 1/St, rules at small St"),
-                    interval=laws.local[0].interval,
-                ),
-                Number(
-                    "the same between the two largest St",
-                    float(laws.local[-1]),
-                    Range.near(float(laws.foreseen[-1]), 0.15, "the two laws"),
-                    interval=laws.local[-1].interval,
-                ),
-                Number(
-                    "largest relative distance of the typical error from the two laws",
-                    laws.misfit,
-                    Range.at_most(0.1, "the scatter of a mean over the starts"),
-                ),
-                Number(
-                    "the same from the best power of St",
-                    laws.straight,
-                    Range(2 * laws.misfit, 1.0, "a single power is the poorer law"),
-                ),
-                Number(
-                    "the two laws fitted without the largest St, off there",
-                    laws.ahead,
-                    Range.at_most(0.2, "twice the misfit allowed"),
-                ),
-                Number(
-                    "b without over b with a crossing",
-                    laws.calm / laws.scattering,
-                    Range(0.0, 0.3, "theory: the scattering belongs to the crossing"),
-                ),
-                Number(
-                    "root mean square with a crossing over St^-½ ln St, last over first St",
-                    laws.growth,
-                    Range(0.0, 1.0, "theory: St^-½ ln St is an upper bound"),
-                ),
-            ],
+            self._numbers(laws),
         )
+
+    def _numbers(self, laws: "Laws") -> list[Number]:
+        """Exponents, and how well the two laws fit."""
+        low, high = laws.free.interval
+        return [
+            Number(
+                "exponent without a crossing",
+                float(laws.free),
+                Range.near(-1.0, 0.1, "theory: first order"),
+                interval=(low, high),
+            ),
+            Number(
+                "slowest fall of a single start, without",
+                laws.single.max(),
+                Range(-1.2, -0.2, "errors of all starts fall; one may be near a resonance"),
+            ),
+            Number(
+                "exponent with a crossing between the two smallest St",
+                float(laws.local[0]),
+                Range.near(-1.0, 0.15, "theory: the jump, of order 1/St, rules at small St"),
+                interval=laws.local[0].interval,
+            ),
+            Number(
+                "the same between the two largest St",
+                float(laws.local[-1]),
+                Range.near(float(laws.foreseen[-1]), 0.15, "the two laws"),
+                interval=laws.local[-1].interval,
+            ),
+            Number(
+                "largest relative distance of the typical error from the two laws",
+                laws.misfit,
+                Range.at_most(0.1, "the scatter of a mean over the starts"),
+            ),
+            Number(
+                "the same from the best power of St",
+                laws.straight,
+                Range(2 * laws.misfit, 1.0, "a single power is the poorer law"),
+            ),
+            Number(
+                "the two laws fitted without the largest St, off there",
+                laws.ahead,
+                Range.at_most(0.2, "twice the misfit allowed"),
+            ),
+            Number(
+                "b without over b with a crossing",
+                laws.calm / laws.scattering,
+                Range(0.0, 0.3, "theory: the scattering belongs to the crossing"),
+            ),
+            Number(
+                "root mean square with a crossing over St^-½ ln St, last over first St",
+                laws.growth,
+                Range(0.0, 1.0, "theory: St^-½ ln St is an upper bound"),
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """Errors of single starts and their means, without and with a crossing."""
@@ -390,8 +397,8 @@ class Laws:
 
 # Slow time of the runs over the crossing.
 _JUMP_TIME = 0.08
-# Windows of slow time, counted from the crossing, over which deviations are averaged: this takes the
-# regular oscillation out. Both are clear of the crossing itself; their places are estimates.
+# Windows of slow time, counted from the crossing, over which deviations are averaged: this takes
+# the regular oscillation out. Both are clear of the crossing itself; their places are estimates.
 _BEFORE_CROSSING = (-0.03, -0.02)
 _AFTER_CROSSING = (0.015, 0.025)
 # Largest St at which resonances are taken not to matter: an estimate.
@@ -403,8 +410,8 @@ SPREAD = np.pi / np.sqrt(12)
 def law(values: np.ndarray) -> np.ndarray:
     """Distribution function of -ln(2 sin πξ), ξ uniform, in units of its standard deviation.
 
-    It is Neishtadt's law of the jump at a separatrix, of which `CrossingJumps.judge` names the
-    source. -ln(2 sin πξ) is no less than -ln 2, and at most x with probability 1 - (2/π) arcsin(e^-x/2).
+    It is Neishtadt's law of the jump at a separatrix, of which `Jumps.sentence` names the source.
+    -ln(2 sin πξ) is no less than -ln 2, and at most x with probability 1 - (2/π) arcsin(e^-x/2).
     """
     return 1 - 2 / np.pi * np.arcsin(np.exp(-np.maximum(SPREAD * values, -np.log(2))) / 2)
 
@@ -413,7 +420,8 @@ def fitted_level(count: int) -> float:
     """5 % level of the distance between the law and `count` of its own values, their mean and deviation fitted.
 
     The distance is Kolmogorov's and Smirnov's. Its tabulated level holds for laws without fitted
-    parameters, so that 4000 simulated samples give the level, as in Lilliefors' test for a normal law.
+    parameters, so that 4000 simulated samples give the level, as in Lilliefors' test for a normal
+    law.
     """
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
     values = np.sort(
@@ -443,6 +451,131 @@ def scatter(part: Table) -> Scatter:
     along = along * np.sign(stats.skew(along)) / along.std()
     size = float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
     return Scatter(size, float(sizes[0] ** 2 / np.sum(sizes**2)), along)
+
+
+@dataclass(frozen=True)
+class Jumps:
+    """How deviations from averaging scatter after a crossing, against the law of the jump.
+
+    Scatters are over starts, and over I_max. Arrays have a value for each St. Distances are the
+    largest Kolmogorov and Smirnov between distribution functions, at the smallest St.
+    """
+
+    stokes: np.ndarray
+    sizes: np.ndarray  # Scatter after the crossing.
+    shares: list[float]  # Share of the scatter's variance along its main direction.
+    ratio: float  # Scatter after the crossing over that before, at the smallest St.
+    along: np.ndarray  # Deviations along the main direction, as of `Scatter`, at the smallest St.
+    distance: float  # Between the distribution of `along` and the law.
+    normal: float  # Between the distribution of `along` and a normal one.
+
+    @classmethod
+    def of(cls, table: Table) -> "Jumps":
+        """The scatters of the item's table."""
+        before, after = _scatters(table)
+        stokes = np.array(list(after))
+        sizes = np.array([scatter.size for scatter in after.values()])
+        first = stokes[0]
+        along = after[first].along
+        return cls(
+            stokes=stokes,
+            sizes=sizes,
+            shares=[scatter.share for scatter in after.values()],
+            ratio=sizes[0] / before[first].size,
+            along=along,
+            distance=float(stats.kstest(along, law).statistic),
+            normal=float(stats.kstest(along, "norm").statistic),
+        )
+
+    @property
+    def critical(self) -> float:
+        """Tabulated 5 % level of a distance from a law without fitted parameters.
+
+        A normal law with fitted mean and deviation has a lower one: what exceeds the tabulated
+        level is rejected all the more.
+        """
+        return float(stats.kstwo.isf(0.05, len(self.along)))
+
+    @property
+    def level(self) -> float:
+        """5 % level of the distance from the law, whose mean and deviation are fitted."""
+        return fitted_level(len(self.along))
+
+    @property
+    def middle(self) -> str:
+        """The largest St up to which the scatter is of order 1/St, in words."""
+        return in_two_digits(self.stokes[self.stokes <= _MIDDLE_STOKES][-1])
+
+    def sentence(self) -> str:
+        """The finding in words."""
+        # Values of the law at even phases ξ, which give its skewness.
+        tail = -np.log(2 * np.sin(np.pi * (np.arange(100_000) + 0.5) / 100_000))
+        return (
+            "Neishtadt (J. Appl. Math. Mech. 51 (1987) 586) and Cary, Escande and Tennyson (Phys. "
+            "Rev. A 34 (1986) 4256) find, for one frequency, a jump of order ε ln(2 sin πξ) with a "
+            "phase ξ that is uniform over starts. Scatter × St after the crossing is "
+            f"{joined(self.sizes * self.stokes, '.2g')} I_max at "
+            f"St = {', '.join(map(in_two_digits, self.stokes))}, "
+            f"{self.ratio:.2g} times that before at the first: of order 1/St to "
+            f"St = {self.middle}, as the law has it. At St = {in_two_digits(self.stokes[0])} the "
+            f"deviations of {len(self.along)} starts with the same L and E lie along one direction "
+            f"({self.shares[0]:.3f} of their variance) with the law's one-sided tail "
+            f"(skewness {stats.skew(self.along):.2g}, the law's {stats.skew(tail):.2g}); their "
+            f"distribution is {self.distance:.2g} off the law's, and {self.normal:.2g} off a normal "
+            f"one, which the 5 % level, {self.critical:.2g}, rejects. The law is not rejected: as "
+            "many of its own values, mean and deviation fitted, are more than "
+            f"{self.level:.2g} off in 5 % of cases, because its density has no bound at its edge, so "
+            "that the test is weak. The torque depends on the angle of precession too, a second "
+            "phase that the law does not have; with its resonances one expects what is seen at "
+            "larger St: deviations along more directions (share along one: "
+            f"{joined(self.shares, '.2g')}) and a slower fall than 1/St."
+        )
+
+    def numbers(self) -> list[Number]:
+        """Distances from the law and from a normal law, directions, and exponents in St."""
+        regular = self.stokes <= _MIDDLE_STOKES
+        late = self.stokes >= _MIDDLE_STOKES
+        slope = exponent(self.stokes[regular], self.sizes[regular])
+        later = exponent(self.stokes[late], self.sizes[late])
+        return [
+            Number(
+                f"distance of the distribution from that of ln(2 sin πξ), St = {self.stokes[0]:g}",
+                self.distance,
+                Range(
+                    0.0,
+                    min(self.level, self.normal),
+                    "not rejected at 5 %, and nearer than a normal one",
+                ),
+            ),
+            Number("5 % level of the former, mean and deviation fitted", self.level),
+            Number(
+                "the distance from a normal one",
+                self.normal,
+                Range(self.critical, 1.0, "a normal distribution is rejected at 5 %"),
+            ),
+            Number(
+                f"share of the variance along one direction, St = {self.stokes[0]:g}",
+                self.shares[0],
+                Range(0.9, 1.0, "the law has one phase, and so one direction"),
+                measure=f"the variance over {len(self.along)} random phases of one L and E",
+            ),
+            Number(
+                f"exponent in St of the scatter, up to St = {self.middle}",
+                float(slope),
+                Range.near(-1.0, 0.2, "the law: of order 1/St"),
+                interval=slope.interval,
+            ),
+            Number(
+                f"the same from there to St = {self.stokes[-1]:g}",
+                float(later),
+                Range(-1.0, -0.3, "between 1/St and, but for a logarithm, St^-½"),
+            ),
+            Number(
+                f"scatter after over scatter before the crossing, St = {self.stokes[0]:g}",
+                self.ratio,
+                Range(1.5, 100.0, "the crossing adds to the scatter clearly"),
+            ),
+        ]
 
 
 @dataclass(frozen=True)
@@ -478,85 +611,15 @@ class CrossingJumps(Experiment):
 
     def judge(self, data: Data) -> Verdict:
         """How the scatter falls with St, and whether its distribution is the law's."""
-        before, after = _scatters(data[""])
-        stokes = np.array(list(after))
-        sizes = np.array([scatter.size for scatter in after.values()])
-        shares = [scatter.share for scatter in after.values()]
-        first = stokes[0]
-        regular = stokes <= _MIDDLE_STOKES
-        late = stokes >= _MIDDLE_STOKES
-        middle = in_two_digits(stokes[regular][-1])
-        along = after[first].along
-        distance = float(stats.kstest(along, law).statistic)
-        normal = float(stats.kstest(along, "norm").statistic)
-        # The tabulated 5 % level. A normal law with fitted mean and deviation has a lower one: what exceeds
-        # the tabulated level is rejected all the more.
-        critical = float(stats.kstwo.isf(0.05, len(along)))
-        level = fitted_level(len(along))
-        ratio = sizes[0] / before[first].size
-        # Values of the law at even phases ξ, which give its skewness.
-        tail = -np.log(2 * np.sin(np.pi * (np.arange(100_000) + 0.5) / 100_000))
-        slope = exponent(stokes[regular], sizes[regular])
-        later = exponent(stokes[late], sizes[late])
+        findings = Jumps.of(data[""])
         return Verdict(
             Word.MEASURED,
-            "Neishtadt (J. Appl. Math. Mech. 51 (1987) 586) and Cary, Escande and Tennyson (Phys. "
-            "Rev. A 34 (1986) 4256) find, for one frequency, a jump of order ε ln(2 sin πξ) with a "
-            "phase ξ that is uniform over starts. Scatter × St after the crossing is "
-            f"{joined(sizes * stokes, '.2g')} I_max at St = {', '.join(map(in_two_digits, stokes))}, "
-            f"{ratio:.2g} times that before at the first: of order 1/St to St = {middle}, as the "
-            f"law has it. At St = {in_two_digits(first)} the deviations of {len(along)} starts with "
-            f"the same L and E lie along one direction ({shares[0]:.3f} of their variance) with the "
-            f"law's one-sided tail (skewness {stats.skew(along):.2g}, the law's "
-            f"{stats.skew(tail):.2g}); their distribution is {distance:.2g} off the law's, and "
-            f"{normal:.2g} off a normal one, which the 5 % level, {critical:.2g}, rejects. The law "
-            "is not rejected: as many of its own values, mean and deviation fitted, are more than "
-            f"{level:.2g} off in 5 % of cases, because its density has no bound at its edge, so "
-            "that the test is weak. The torque depends on the angle of precession too, a second "
-            "phase that the law does not have; with its resonances one expects what is seen at "
-            "larger St: deviations along more directions (share along one: "
-            f"{joined(shares, '.2g')}) and a slower fall than 1/St.",
-            f"(1, 0.8, 0.5) from the paper's start at {len(along)} fast phases. Left: distribution "
+            findings.sentence(),
+            f"(1, 0.8, 0.5) from the paper's start at {len(findings.along)} fast phases. Left: distribution "
             "of the deviation from the averaged run, just after the crossing, along its main "
             "direction, in units of its standard deviation, beside the law; right: scatter × St "
             "before and after the crossing.",
-            [
-                Number(
-                    f"distance of the distribution from that of ln(2 sin πξ), St = {first:g}",
-                    distance,
-                    Range(
-                        0.0, min(level, normal), "not rejected at 5 %, and nearer than a normal one"
-                    ),
-                ),
-                Number("5 % level of the former, mean and deviation fitted", level),
-                Number(
-                    "the distance from a normal one",
-                    normal,
-                    Range(critical, 1.0, "a normal distribution is rejected at 5 %"),
-                ),
-                Number(
-                    f"share of the variance along one direction, St = {first:g}",
-                    shares[0],
-                    Range(0.9, 1.0, "the law has one phase, and so one direction"),
-                    measure=f"the variance over {len(along)} random phases of one L and E",
-                ),
-                Number(
-                    f"exponent in St of the scatter, up to St = {middle}",
-                    float(slope),
-                    Range.near(-1.0, 0.2, "the law: of order 1/St"),
-                    interval=slope.interval,
-                ),
-                Number(
-                    f"the same from there to St = {stokes[-1]:g}",
-                    float(later),
-                    Range(-1.0, -0.3, "between 1/St and, but for a logarithm, St^-½"),
-                ),
-                Number(
-                    f"scatter after over scatter before the crossing, St = {first:g}",
-                    ratio,
-                    Range(1.5, 100.0, "the crossing adds to the scatter clearly"),
-                ),
-            ],
+            findings.numbers(),
         )
 
     def draw(self, data: Data) -> Figure:
@@ -608,12 +671,13 @@ def _scatters(table: Table) -> tuple[dict[float, Scatter], dict[float, Scatter]]
     return before, after
 
 
-# Slow time of the runs from next to the saddle: longer than any arrival at the node, which `judge` checks.
+# Slow time of the runs from next to the saddle: longer than any arrival at the node, which `judge`
+# checks.
 _ENDING_TIME = 1.5
 # Ticks of the figure of arrivals: slow times, and their texts.
 _TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
-# Distance from the node, over I_max, at which a run has arrived: an estimate, above what remains of the
-# full runs' oscillation at the smallest St.
+# Distance from the node, over I_max, at which a run has arrived: an estimate, above what remains of
+# the full runs' oscillation at the smallest St.
 _ARRIVED = 0.06
 _ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs.
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
@@ -665,9 +729,9 @@ class SaddleEndings(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Arrival at the node: averaged, and full at several St, with the end of z'.
 
-        A row is a full run. `near` is the spread of the start. `phase` is 0 for the start itself and 1 for
-        another one with its L and E. `averaged` and `full` are slow times of arrival. `up` is 1 if z' ends
-        along +z.
+        A row is a full run. `near` is the spread of the start. `phase` is 0 for the start itself
+        and 1 for another one with its L and E. `averaged` and `full` are slow times of arrival.
+        `up` is 1 if z' ends along +z.
         """
         generator = np.random.default_rng(23)
         slow_times = np.linspace(0.0, _ENDING_TIME, 1501)
@@ -697,6 +761,27 @@ class SaddleEndings(Experiment):
             percentages = [100 * value for value in shares[spread].values()]
             clauses.append(f"{joined(percentages, '.0f')} % from {spread:g} of the saddle")
         named = "; ".join(clauses)
+        return Verdict(
+            Word.MEASURED,
+            "All full runs end at the node, but those that start next to the saddle may reach it "
+            f"at a time more than a fifth off the averaged one. At St = {joined(stokes)} so do "
+            f"{named}. In which of its two mirror images they end, z' up or down, depends on the "
+            "fast phase, which averaging does not know: it differs for "
+            f"{100 * flipped:.0f} % of the pairs of starts with the same L and E at St = "
+            f"{short(last)}.",
+            f"{len(np.unique(table.start))} random starts at each of the distances "
+            f"{joined(_NEAR_SADDLE)} (tilts in rad, and angular velocities) from the rotation of "
+            "(1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: slow time from "
+            f"which L and E stay within {_ARRIVED:g} I_max of the node; right: shares.",
+            self._numbers(table, shares, flipped),
+        )
+
+    def _numbers(
+        self, table: Table, shares: Mapping[float, Mapping[float, Estimate]], flipped: Estimate
+    ) -> list[Number]:
+        """Shares of arrivals that are off, by distance from the saddle, and of the ends."""
+        first, *_, last = by(table, "stokes")
+        farthest = _NEAR_SADDLE[0]
         nearest = _NEAR_SADDLE[-1]
         numbers = []
         for spread in _NEAR_SADDLE:
@@ -707,12 +792,13 @@ class SaddleEndings(Experiment):
             numbers.append(
                 Number(name, float(value), interval=value.interval, measure=_AT_THE_SADDLE)
             )
-        far = float(shares[_NEAR_SADDLE[0]][stokes[0]])
-        numbers += [
-            Number(f"the same at St = {stokes[0]:g}, {_NEAR_SADDLE[0]:g} from it", far),
+        far = float(shares[farthest][first])
+        return [
+            *numbers,
+            Number(f"the same at St = {first:g}, {farthest:g} from it", far),
             Number(
-                f"the same at St = {stokes[0]:g}, {nearest:g} from it",
-                float(shares[nearest][stokes[0]]),
+                f"the same at St = {first:g}, {nearest:g} from it",
+                float(shares[nearest][first]),
                 Range(far, 1.0, "theory: more of those that start nearer to the saddle"),
             ),
             Number(
@@ -734,29 +820,21 @@ class SaddleEndings(Experiment):
                 measure=_AT_THE_SADDLE,
             ),
         ]
-        return Verdict(
-            Word.MEASURED,
-            "All full runs end at the node, but those that start next to the saddle may reach it "
-            f"at a time more than a fifth off the averaged one. At St = {joined(stokes)} so do "
-            f"{named}. In which of its two mirror images they end, z' up or down, depends on the "
-            "fast phase, which averaging does not know: it differs for "
-            f"{100 * flipped:.0f} % of the pairs of starts with the same L and E at St = "
-            f"{short(last)}.",
-            f"{len(np.unique(table.start))} random starts at each of the distances "
-            f"{joined(_NEAR_SADDLE)} (tilts in rad, and angular velocities) from the rotation of "
-            "(1, 0.8, 0.5) about its longest axis, each at two fast phases. Left: slow time from "
-            f"which L and E stay within {_ARRIVED:g} I_max of the node; right: shares.",
-            numbers,
-        )
 
     def draw(self, data: Data) -> Figure:
         """Arrivals of full against averaged runs; shares against St."""
         table = data[""]
         figure, (left, right) = panels(1, 2, 3.4)
+        self._draw_arrivals(left, table)
+        self._draw_shares(right, table)
+        return figure
+
+    def _draw_arrivals(self, axes: Axes, table: Table) -> None:
+        """Arrivals of full runs against arrivals of averaged ones."""
         bounds = [0.9 * min(table.averaged), 1.1 * max(table.full)]
-        left.plot(bounds, bounds, color=AVERAGED, linewidth=0.8, label="equal")
+        axes.plot(bounds, bounds, color=AVERAGED, linewidth=0.8, label="equal")
         draw_each(
-            left,
+            axes,
             table,
             "stokes",
             "averaged",
@@ -766,19 +844,22 @@ class SaddleEndings(Experiment):
             linestyle="none",
             markersize=4,
         )
-        left.set(
+        axes.set(
             xlabel="arrival of the averaged run, slow time",
             ylabel="arrival of the full run, slow time",
             xscale="log",
             yscale="log",
         )
-        for axis in (left.xaxis, left.yaxis):
+        for axis in (axes.xaxis, axes.yaxis):
             axis.set_ticks(*_TICKS)
             axis.set_ticks([], minor=True)
-        square_decades(left, fill=True)
-        key_of(left)
+        square_decades(axes, fill=True)
+        key_of(axes)
+
+    def _draw_shares(self, axes: Axes, table: Table) -> None:
+        """Shares of arrivals that are off, and of ends that the fast phase changes, against St."""
         draw_each(
-            right,
+            axes,
             table,
             "near",
             lambda rows: list(late(rows)),
@@ -794,16 +875,15 @@ class SaddleEndings(Experiment):
             "color": VERMILLION,
             "label": text,
         }
-        right.plot(list(flips), list(flips.values()), **style)
-        right.set(
+        axes.plot(list(flips), list(flips.values()), **style)
+        axes.set(
             xlabel="Stokes number St",
             ylabel="share of starts",
             xscale="log",
             ylim=(-0.03, 1.03),
             title="arrival off by a fifth from",
         )
-        key_of(right)
-        return figure
+        key_of(axes)
 
 
 def _flips(table: Table) -> dict[float, Estimate]:
@@ -832,7 +912,8 @@ class Basins(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
         slow_times = graded(2.0, 1201)
-        # Points along either side of the map of transients (`size`) and of the map of ends (`side`).
+        # Points along either side of the map of transients (`size`) and of the map of ends
+        # (`side`).
         size = grid.of(41, 9)
         side = grid.of(64, 10)
         cosines = np.linspace(-0.999, 0.999, size).tolist()
@@ -881,42 +962,50 @@ class Basins(Experiment):
             f"{_NEAR_NODE:g} I_max of the node, from |L| = I_max/2, L_x = L_y. Right: where z' "
             f"points at t₂ = {_BASIN_TIME:g}, {len(up_map)}×{len(up_map)} starts with the paper's "
             "rates.",
-            [
-                Number(
-                    "median transient, slow time",
-                    median,
-                    Range(0.05, 0.6, "some relaxation times, each some 0.05"),
-                ),
-                Number(
-                    "the same times the slowest rate at the node",
-                    relative,
-                    Range(1.0, 10.0, "an exponential approach to 0.02 takes about four times"),
-                ),
-                Number(
-                    "longest transient of the map, slow time",
-                    transients.t2.max(),
-                    Range(median, 2.0, "the length of the runs"),
-                ),
-                Number(
-                    "share of starts that end with z' up",
-                    up,
-                    Range(0.1, 0.9, "both ends are reached: the equations are mirror symmetric"),
-                    measure=_ON_THE_MAP,
-                ),
-                Number(
-                    "share of neighbours on the map that end differently",
-                    mixed,
-                    Range(0.0, 0.6, "half, and some, were ends random"),
-                    measure="pairs of neighbours on the map of starts even in θ and ψ",
-                ),
-                Number(
-                    "share of full runs with z' within 0.45 rad of the vorticity axis at the end",
-                    float(np.mean(np.abs(ends.z) > _ALIGNED)),
-                    Range(0.8, 1.0, "the node attracts all; some are still on their way"),
-                    measure=_ON_THE_MAP,
-                ),
-            ],
+            self._numbers(data, median, relative, up, mixed),
         )
+
+    def _numbers(
+        self, data: Data, median: float, relative: float, up: float, mixed: float
+    ) -> list[Number]:
+        """Lengths of the transients, and shares of the map of ends."""
+        transients = data["transients"]
+        ends = data["ends"]
+        return [
+            Number(
+                "median transient, slow time",
+                median,
+                Range(0.05, 0.6, "some relaxation times, each some 0.05"),
+            ),
+            Number(
+                "the same times the slowest rate at the node",
+                relative,
+                Range(1.0, 10.0, "an exponential approach to 0.02 takes about four times"),
+            ),
+            Number(
+                "longest transient of the map, slow time",
+                transients.t2.max(),
+                Range(median, 2.0, "the length of the runs"),
+            ),
+            Number(
+                "share of starts that end with z' up",
+                up,
+                Range(0.1, 0.9, "both ends are reached: the equations are mirror symmetric"),
+                measure=_ON_THE_MAP,
+            ),
+            Number(
+                "share of neighbours on the map that end differently",
+                mixed,
+                Range(0.0, 0.6, "half, and some, were ends random"),
+                measure="pairs of neighbours on the map of starts even in θ and ψ",
+            ),
+            Number(
+                "share of full runs with z' within 0.45 rad of the vorticity axis at the end",
+                float(np.mean(np.abs(ends.z) > _ALIGNED)),
+                Range(0.8, 1.0, "the node attracts all; some are still on their way"),
+                measure=_ON_THE_MAP,
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """Both maps."""

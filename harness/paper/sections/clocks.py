@@ -52,7 +52,8 @@ _BODIES = tuple(
         (1.0, 0.95, 0.5),
     )
 )
-# St of the full runs that decay to the stable rotation: so large that they follow the averaged rates.
+# St of the full runs that decay to the stable rotation: so large that they follow the averaged
+# rates.
 _DECAY_STOKES = 1e5
 # Distance of their starts from the rotation: a tilt in rad, or an angular velocity in shear rates.
 _START_OFFSET = 0.03
@@ -60,8 +61,8 @@ _START_OFFSET = 0.03
 _LARGE = 800.0
 _LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
-# The modes in which a start is off the rotation, in the order of `eigenvalues`: L tilted to x or to y,
-# faster, wobbling.
+# The modes in which a start is off the rotation, in the order of `eigenvalues`: L tilted to x or to
+# y, faster, wobbling.
 _MODES = ("$L_x$", "$L_y$", "$L_z$", "wobble")
 _TILTED_TO_X = 0
 _FASTER = 2
@@ -72,7 +73,8 @@ def displaced(body: Ellipsoid, mode: int) -> BodyStart | EulerStart:
     """Rotation about z' along the vorticity, off in one of the four modes: L tilted to x or y, faster, or wobbling."""
     if mode == _WOBBLE:
         return aligned_start(body, -body.inertia[2] / 2, _START_OFFSET)
-    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0; ψ = 0.3 is any.
+    # z' = (sin θ sin φ, -sin θ cos φ, cos θ) is tilted to x by φ = π/2, and to y by φ = 0; ψ = 0.3
+    # is any.
     tilt = 0.0 if mode == _FASTER else _START_OFFSET
     azimuth = pi / 2 if mode == _TILTED_TO_X else 0.0
     spin = -0.5 - (_START_OFFSET if mode == _FASTER else 0.0)
@@ -315,7 +317,8 @@ _STOKES_STAR = 2.071  # Effective Stokes number St* = I_a St/(8πX_c) of all of 
 _MOMENTUM = -1.0  # L_z over I_max at the start.
 _ENERGY = 0.6  # E over I_max at the start.
 _COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
-# Scaled times t/St*: after the first one the curves should have become one, and runs last to the second.
+# Scaled times t/St*: after the first one the curves should have become one, and runs last to the
+# second.
 _LATE = 6.0
 _END = 12.0
 # Oscillation of L_z/I_max below which a spheroid counts as at rest by then.
@@ -331,8 +334,8 @@ def collapse_start(kappa: float) -> tuple[Ellipsoid, float, BodyStart]:
     energy = _ENERGY * largest
     axial = shape.axial_inertia
     equatorial = shape.equatorial_inertia
-    # The square of the spin ω_a about the axis, from 2E = I_a ω_a² + (L² - I_a² ω_a²)/I_e. The part of L
-    # along the axis, I_a ω_a, is |L| times the cosine of the angle between the two.
+    # The square of the spin ω_a about the axis, from 2E = I_a ω_a² + (L² - I_a² ω_a²)/I_e. The part
+    # of L along the axis, I_a ω_a, is |L| times the cosine of the angle between the two.
     spin2 = (momentum**2 - 2 * equatorial * energy) / (axial * (axial - equatorial))
     theta = float(np.arccos(np.sqrt(spin2) * axial / momentum))
     start = aligned_start(ellipsoid, momentum, theta)
@@ -380,33 +383,6 @@ class Collapse(Experiment):
         apart = worst(late[prolate[0]] - late[prolate[1]])
         oblate = max(wave for kappa, wave in waves.items() if kappa < 1)
         prolate_waves = [waves[kappa] for kappa in prolate]
-        visible = Range(0.05, 1.0, "far above the oblate ones' rest, to be seen in the figure")
-        numbers = [
-            Number(
-                "largest over smallest relaxation rate of L_z at the node, per St*",
-                star,
-                Range(1.3, plain, "the correction: no collapse, though nearer to one than per St"),
-            ),
-            Number("the same per St", plain),
-            Number(
-                f"oscillation of L_z after t/St* = {_LATE:g}, prolate",
-                min(prolate_waves),
-                visible,
-                "I_max",
-            ),
-            Number("difference of the two prolate curves there", apart, visible, "I_max"),
-            Number(
-                "oscillation there, oblate",
-                oblate,
-                Range(0.0, _CALM, "a spheroid that spins along the vorticity does not oscillate"),
-                "I_max",
-            ),
-        ]
-        for kappa, rows in groups(table, "path"):
-            if kappa > 1:
-                twice = Range.near(1.0, 0.1, "twice the angular velocity of the node, one half")
-                name = f"frequency of that oscillation, κ = {kappa:g}"
-                numbers.append(Number(name, frequency(rows), twice, "γ̇"))
         return Verdict(
             Word.CORRECTED,
             "The relaxation rates of L_z at the node differ by a factor of "
@@ -420,8 +396,42 @@ class Collapse(Experiment):
             f"E = {_ENERGY:g} I_max; I_max is I_e for prolate and I_a for oblate ones. The figure's "
             f"caption gives one St* and no St: with these St = {joined(rates.stokes, '.4g')} for "
             f"κ = {joined(rates.kappa)}.",
-            numbers,
+            self._numbers(data, min(prolate_waves), oblate, apart),
         )
+
+    def _numbers(self, data: Data, prolate: float, oblate: float, apart: float) -> list[Number]:
+        """Spreads of the rates, and late oscillations: their sizes, over I_max, and frequencies."""
+        rates = data["rates"]
+        plain = spread(rates.t2)
+        star = spread(rates.star)
+        visible = Range(0.05, 1.0, "far above the oblate ones' rest, to be seen in the figure")
+        numbers = [
+            Number(
+                "largest over smallest relaxation rate of L_z at the node, per St*",
+                star,
+                Range(1.3, plain, "the correction: no collapse, though nearer to one than per St"),
+            ),
+            Number("the same per St", plain),
+            Number(
+                f"oscillation of L_z after t/St* = {_LATE:g}, prolate",
+                prolate,
+                visible,
+                "I_max",
+            ),
+            Number("difference of the two prolate curves there", apart, visible, "I_max"),
+            Number(
+                "oscillation there, oblate",
+                oblate,
+                Range(0.0, _CALM, "a spheroid that spins along the vorticity does not oscillate"),
+                "I_max",
+            ),
+        ]
+        for kappa, rows in groups(data[""], "path"):
+            if kappa > 1:
+                twice = Range.near(1.0, 0.1, "twice the angular velocity of the node, one half")
+                name = f"frequency of that oscillation, κ = {kappa:g}"
+                numbers.append(Number(name, frequency(rows), twice, "γ̇"))
+        return numbers
 
     def draw(self, data: Data) -> Figure:
         """L_z and E on the clock t/St*."""

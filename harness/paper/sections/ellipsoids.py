@@ -2,10 +2,9 @@
 
 The singular fixed point is the rotation about the middle axis, L_z = -I₂/2. "Local" is the solution
 next to it, by `polhode.models.theory.separatrix`, which defines y and L_z' = L_z + I₂/2 ("shift").
-I₁ < I₂ < I₃ are the moments of inertia, and X₁, X₂, X₃ the resistances, from the longest axis to the
-shortest.
-"Critical" is the one trajectory on each side of L² = 2EI₂ that meets the point. Tables number the
-sides: 0 is long, L² < 2EI₂, before the point, 1 is short, after it.
+I₁ < I₂ < I₃ are the moments of inertia, and X₁, X₂, X₃ the resistances, from the longest axis to
+the shortest. "Critical" is the one trajectory on each side of L² = 2EI₂ that meets the point.
+Tables number the sides: 0 is long, L² < 2EI₂, before the point, 1 is short, after it.
 """
 
 from dataclasses import dataclass
@@ -63,10 +62,12 @@ _MIDDLE = sorted(_ELLIPSOID.inertia)[1] / _UNIT  # The middle moment of inertia 
 _SIDES: tuple[Side, Side] = ("long", "short")
 # Complementary parameter y = μ'δ up to which local and averaged rates are compared.
 _NEAR_Y = 1e-3
-# Largest y of the passage through the singular point: there the local solution is good to some 10 %.
+# Largest y of the passage through the singular point: there the local solution is good to some 10
+# %.
 _PASSAGE_Y = 0.1
-# Slow time for which the averaged passage is followed, over the time by the local solution. The averaged
-# passage takes longer by the relative order y: 1.2 covers y = 0.1, with a margin that is an estimate.
+# Slow time for which the averaged passage is followed, over the time by the local solution. The
+# averaged passage takes longer by the relative order y: 1.2 covers y = 0.1, with a margin that is
+# an estimate.
 _PASSAGE_LONGER = 1.2
 
 
@@ -104,9 +105,9 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
     rates = np.array(problem.field(FLOAT)(problem.start, problem.parameters))
     _, _, momentum, energy = state
     _, _, momentum_rate, energy_rate = rates
-    # By `complement_of` y is `scale` times the quotient of L² - 2EI₂ and L² - 2EI, I of the opposite axis.
-    # The rates of both are exact, and the rule for quotients gives the rate of y. A difference of two values
-    # of y would lose its digits, as y is small.
+    # By `complement_of` y is `scale` times the quotient of L² - 2EI₂ and L² - 2EI, I of the
+    # opposite axis. The rates of both are exact, and the rule for quotients gives the rate of y. A
+    # difference of two values of y would lose its digits, as y is small.
     encircled, middle, opposite = _moments(local.side)
     upper = momentum**2 - 2 * energy * middle
     lower = momentum**2 - 2 * energy * opposite
@@ -120,13 +121,14 @@ def _averaged_rates(local: Separatrix, complement: float, shift: float) -> tuple
 def critical_start(complement: float, points: int) -> tuple[list[float], float]:
     """Start of the averaged trajectory that meets the singular point, at y on the long side, and when it meets it.
 
-    A bisection of L_z' at the start finds it: trajectories that start with more pass the point with more.
-    The start is in units of I_max, the time slow. Runs have `points` rows. The last row before the point is
-    compared with the critical L_z' at the same y; the local solution adds the remaining time.
+    A bisection of L_z' at the start finds it: trajectories that start with more pass the point with
+    more. The start is in units of I_max, the time slow. Runs have `points` rows. The last row
+    before the point is compared with the critical L_z' at the same y; the local solution adds the
+    remaining time.
     """
     local = Separatrix(_ELLIPSOID, "long")
-    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). From y > 0.3, where the
-    # local time says little, the passage takes less than 0.3 of slow time (an estimate).
+    # The averaged passage takes longer than the local one (`_PASSAGE_LONGER`). From y > 0.3, where
+    # the local time says little, the passage takes less than 0.3 of slow time (an estimate).
     times = np.linspace(0.0, 0.3 if complement > 0.3 else -1.2 * local.time(complement), points)
 
     def before_point(shift: float) -> tuple[float, float, float]:
@@ -142,8 +144,8 @@ def critical_start(complement: float, points: int) -> tuple[list[float], float]:
         _, left, momentum = before_point(shift)
         return momentum <= local.critical(left) / _UNIT
 
-    # The ends, L_z' = -1.5 and 0.3 I_max, lie far on either side of the critical start. 45 halvings narrow
-    # the 1.8 I_max between them down to 5e-14.
+    # The ends, L_z' = -1.5 and 0.3 I_max, lie far on either side of the critical start. 45 halvings
+    # narrow the 1.8 I_max between them down to 5e-14.
     shift = bisected(meets_below, -1.5 * _UNIT, 0.3 * _UNIT, 45)
     time, left, _ = before_point(shift)
     return state_of(local, complement, shift), time - local.time(left)
@@ -184,8 +186,8 @@ def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
     if local.side == "long":
         # Without 0: at the singular point itself the averaged equations are singular.
         times_left = duration * np.linspace(1.0, 0.0, points)[:-1]
-        # The averaged passage from `_PASSAGE_Y` takes longer than the local one, so that every time left
-        # lies within it. Tenfold rows bring the last one before the point close to it.
+        # The averaged passage from `_PASSAGE_Y` takes longer than the local one, so that every time
+        # left lies within it. Tenfold rows bring the last one before the point close to it.
         slow = critical_before(_PASSAGE_Y, 10 * points, times_left)
         times = -times_left
     else:
@@ -206,8 +208,8 @@ def _passage(local: Separatrix, points: int) -> dict[str, np.ndarray]:
 class SingularPoint(Experiment):
     """The passage through the rotation about the middle axis, local solution and averaged equations.
 
-    Columns `local_…` and `averaged_…` are by the two of them: in "rates" of the rates of y and of L_z'
-    ("shift"), in "trajectory" of y and L_z' themselves along the critical trajectory.
+    Columns `local_…` and `averaged_…` are by the two of them: in "rates" of the rates of y and of
+    L_z' ("shift"), in "trajectory" of y and L_z' themselves along the critical trajectory.
     """
 
     def compute(self, grid: Grid) -> Computed:
@@ -235,15 +237,10 @@ class SingularPoint(Experiment):
     def judge(self, data: Data) -> Verdict:
         """How local and averaged solution compare, and how long the passage takes."""
         rates = data["rates"]
-        trajectory = data["trajectory"]
         arriving, leaving = data["times"].averaged
         local = float(data["times"].local[0])
         smallest = rates.y.min()
         slowest = np.abs(rates.averaged_y[rates.y == smallest]).min()
-        close_rates = rates[rates.y <= _NEAR_Y]
-        passage = Range.near(
-            local, 0.1 * local, "the local solution, good to the relative order y = 0.1"
-        )
         return Verdict(
             Word.CORRECTED,
             f"By the averaged equations the point is reached in t₂ = {arriving:.3g} from y = 0.1 "
@@ -254,36 +251,48 @@ class SingularPoint(Experiment):
             "The ellipsoid (1, 0.8, 0.5) near the rotation about its middle axis: above, the "
             "critical trajectory before and after the singular point; below, the rates along it. "
             "Dotted: local solution; lines: averaged equations.",
-            [
-                Number(
-                    f"local over averaged rate of y, worst, y ≤ {_NEAR_Y:g}",
-                    worst(close_rates.local_y / close_rates.averaged_y - 1),
-                    Range.at_most(1e-2, "the next term is of relative order y log(16/y)"),
-                ),
-                Number("slow time from y = 0.1 to the singular point", arriving, passage),
-                Number("slow time from the singular point to y = 0.1", leaving, passage),
-                Number(
-                    "local against averaged y along the passage",
-                    worst(trajectory.local_y - trajectory.averaged_y),
-                    Range.at_most(1e-2, "relative order y = 0.1 of y = 0.1"),
-                ),
-                Number(
-                    "local against averaged L_z' along the passage",
-                    worst(trajectory.local_shift - trajectory.averaged_shift),
-                    Range.at_most(1e-3, "relative order y = 0.1 of a shift of 1e-2"),
-                    "I_max",
-                ),
-                Number(
-                    f"rate of y at y = {in_two_digits(smallest)}, smaller side",
-                    slowest,
-                    Range(
-                        1.0,
-                        100.0,
-                        "an inverse logarithm: no more than twenty times below the rate at 0.1",
-                    ),
-                ),
-            ],
+            self._numbers(data, smallest, slowest),
         )
+
+    def _numbers(self, data: Data, smallest: float, slowest: float) -> list[Number]:
+        """Rates, times and paths of the passage, local against averaged."""
+        rates = data["rates"]
+        trajectory = data["trajectory"]
+        arriving, leaving = data["times"].averaged
+        local = float(data["times"].local[0])
+        close_rates = rates[rates.y <= _NEAR_Y]
+        passage = Range.near(
+            local, 0.1 * local, "the local solution, good to the relative order y = 0.1"
+        )
+        return [
+            Number(
+                f"local over averaged rate of y, worst, y ≤ {_NEAR_Y:g}",
+                worst(close_rates.local_y / close_rates.averaged_y - 1),
+                Range.at_most(1e-2, "the next term is of relative order y log(16/y)"),
+            ),
+            Number("slow time from y = 0.1 to the singular point", arriving, passage),
+            Number("slow time from the singular point to y = 0.1", leaving, passage),
+            Number(
+                "local against averaged y along the passage",
+                worst(trajectory.local_y - trajectory.averaged_y),
+                Range.at_most(1e-2, "relative order y = 0.1 of y = 0.1"),
+            ),
+            Number(
+                "local against averaged L_z' along the passage",
+                worst(trajectory.local_shift - trajectory.averaged_shift),
+                Range.at_most(1e-3, "relative order y = 0.1 of a shift of 1e-2"),
+                "I_max",
+            ),
+            Number(
+                f"rate of y at y = {in_two_digits(smallest)}, smaller side",
+                slowest,
+                Range(
+                    1.0,
+                    100.0,
+                    "an inverse logarithm: no more than twenty times below the rate at 0.1",
+                ),
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """The passage above, the rates below."""
@@ -325,8 +334,8 @@ def _draw_sides(
     draw_each(axes, table, "side", x, lambda rows: size(rows[local]), **style)
 
 
-# Runs that measure the irregularity of the oscillation: their St, and the slow time that they are followed.
-# Both are estimates.
+# Runs that measure the irregularity of the oscillation: their St, and the slow time that they are
+# followed. Both are estimates.
 _IRREGULAR_STOKES = 500.0
 _IRREGULAR_SLOW_TIME = 0.1
 # Errors after L² = 2EI₂ over those before, up to which passing it has little effect: an estimate.
@@ -403,11 +412,11 @@ def _scatter(values: np.ndarray) -> float:
     return float(np.median(np.abs(np.log(swings[2:] / swings[:-2]))))
 
 
-# Distance along L_z, over I_max, from the singular point where critical trajectories are compared: half of
-# the magnified view. An estimate.
+# Distance along L_z, over I_max, from the singular point where critical trajectories are compared:
+# half of the magnified view. An estimate.
 _CLOSE_TO_POINT = 2e-3
-# Slow time for which the trajectory on the upper parabola is followed: later, rounding carries it off. An
-# estimate.
+# Slow time for which the trajectory on the upper parabola is followed: later, rounding carries it
+# off. An estimate.
 _ON_EDGE = 0.25
 # Half sizes along L_z and E of the magnified view of the singular point, over I_max; estimates.
 _WINDOW = (0.004, 0.0016)
@@ -419,10 +428,10 @@ class Plane(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories, and the critical one: local and averaged, on both sides of the singular point."""
-        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds: from next to
-        # the lower parabola to next to the upper one; the last start lies on the upper one. -1.1 is beyond the
-        # fixed points of L_z < 0, the farthest of which is at -0.5, and -0.08 between them and the pinch
-        # point. The values are estimates.
+        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds: from
+        # next to the lower parabola to next to the upper one; the last start lies on the upper one.
+        # -1.1 is beyond the fixed points of L_z < 0, the farthest of which is at -0.5, and -0.08
+        # between them and the pinch point. The values are estimates.
         shares = (0.001, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.08, 1.1), shares)]
         starts.append((-1.1, 1.0))
@@ -433,8 +442,9 @@ class Plane(Experiment):
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             # Kind 0 is the local solution, kind 1 below the averaged one.
             yield "critical", {"kind": 0, "side": number, "Lz": states[:, 2], "E": states[:, 3]}
-        # The averaged one starts far from the point, at y = 0.8, an estimate. Squares of even steps make its rows dense
-        # near the point, where both are compared; the start and the point itself are left out.
+        # The averaged one starts far from the point, at y = 0.8, an estimate. Squares of even steps
+        # make its rows dense near the point, where both are compared; the start and the point
+        # itself are left out.
         _, arrival = critical_start(0.8, 4001)
         before = critical_before(0.8, 4001, arrival * np.linspace(1.0, 0.0, 1001)[1:-1] ** 2)
         for number, slow in enumerate((before, critical_after(graded(0.5, 401)))):
@@ -442,20 +452,11 @@ class Plane(Experiment):
 
     def judge(self, data: Data) -> Verdict:
         """Ends of the trajectories; the error of the local critical one."""
-        ends = data["ends"]
-        left = (ends.Lz0 < 0) & (ends.share < 1.0)
-        pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
         paths = by(data[""], "path")
-        on_edge = paths[float(np.argmax(ends.share == 1.0))]
-        saddle = planes.fixed_point(_ELLIPSOID, "saddle")
-        off_saddle = np.hypot(on_edge.Lz[-1] - saddle[0], on_edge.E[-1] - saddle[1])
         before = misfits(data["critical"], 0.0)
         after = misfits(data["critical"], 1.0)
         close_misfit = max(before.close, after.close)
         far_misfit = max(before.at_end, after.at_end)
-        small = Range.at_most(
-            2e-3, "relative order y ≤ 0.1 of a distance of 2e-3, tenfold for log(16/y)"
-        )
         return Verdict(
             Word.CORRECTED,
             "All starts with L_z < 0 off the upper parabola reach the node, passing the singular "
@@ -465,40 +466,55 @@ class Plane(Experiment):
             f"of the point, and is off by {far_misfit:.1g} I_max at y = 0.5.",
             f"L_z–E plane of the ellipsoid (1, 0.8, 0.5) with {len(paths)} slow trajectories of "
             "L_x = L_y = 0; right, around the singular point.",
-            [
-                Number(
-                    f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
-                    float(np.mean(ends.distance[left] < planes.REACHED)),
-                    REACHES_NODE,
-                    measure="a grid of starts, not of random ones",
-                ),
-                Number(
-                    "distance from the saddle where a start on the upper parabola ends",
-                    off_saddle,
-                    Range.at_most(5e-3, "what is left of the approach when the run ends"),
-                    "I_max",
-                ),
-                Number(
-                    "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
-                    pinch,
-                    Range(0.0, 1.0, "no torque along L is weaker than that of the smallest X"),
-                ),
-                Number(
-                    "local against averaged critical trajectory, before the point",
-                    before.close,
-                    small,
-                    "I_max",
-                ),
-                Number("the same after the point", after.close, small, "I_max"),
-                # The local trajectory of `compute` ends at y = 0.5.
-                Number(
-                    "the same at the end of the local one, y = 0.5, worse side",
-                    far_misfit,
-                    Range(1e-3, 1e-1, "y = 0.5 is no small parameter"),
-                    "I_max",
-                ),
-            ],
+            self._numbers(data, before, after),
         )
+
+    def _numbers(self, data: Data, before: "Misfit", after: "Misfit") -> list[Number]:
+        """The ends of trajectories, and the error of the local critical one."""
+        ends = data["ends"]
+        left = (ends.Lz0 < 0) & (ends.share < 1.0)
+        pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
+        paths = by(data[""], "path")
+        on_edge = paths[float(np.argmax(ends.share == 1.0))]
+        saddle = planes.fixed_point(_ELLIPSOID, "saddle")
+        off_saddle = np.hypot(on_edge.Lz[-1] - saddle[0], on_edge.E[-1] - saddle[1])
+        far_misfit = max(before.at_end, after.at_end)
+        small = Range.at_most(
+            2e-3, "relative order y ≤ 0.1 of a distance of 2e-3, tenfold for log(16/y)"
+        )
+        return [
+            Number(
+                f"share of the {np.sum(left)} starts with L_z < 0 that reach the node",
+                float(np.mean(ends.distance[left] < planes.REACHED)),
+                REACHES_NODE,
+                measure="a grid of starts, not of random ones",
+            ),
+            Number(
+                "distance from the saddle where a start on the upper parabola ends",
+                off_saddle,
+                Range.at_most(5e-3, "what is left of the approach when the run ends"),
+                "I_max",
+            ),
+            Number(
+                "slow time to the pinch point from L_z > 0, over L_z/(4π min X), longest",
+                pinch,
+                Range(0.0, 1.0, "no torque along L is weaker than that of the smallest X"),
+            ),
+            Number(
+                "local against averaged critical trajectory, before the point",
+                before.close,
+                small,
+                "I_max",
+            ),
+            Number("the same after the point", after.close, small, "I_max"),
+            # The local trajectory of `compute` ends at y = 0.5.
+            Number(
+                "the same at the end of the local one, y = 0.5, worse side",
+                far_misfit,
+                Range(1e-3, 1e-1, "y = 0.5 is no small parameter"),
+                "I_max",
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """The plane, and the neighbourhood of the singular point."""
@@ -617,8 +633,8 @@ class Space(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """One slow trajectory with L_x = 0 throughout and one with L_y = 0."""
         slow_times = graded(1.0, grid.of(401, 101))
-        # `zero` is the place, in (L_x, L_y, L_z, E), of the component that is 0: 1 for L_y, then 0 for L_x.
-        # The start has |L| = 1 and L_z = -0.2 I_max.
+        # `zero` is the place, in (L_x, L_y, L_z, E), of the component that is 0: 1 for L_y, then 0
+        # for L_x. The start has |L| = 1 and L_z = -0.2 I_max.
         for zero in (1, 0):
             slow = np.array([0.0, 0.0, -0.2, planes.energy_at(_ELLIPSOID, 1.0, 0.7)])
             slow[1 - zero] = sqrt(1 - 0.2**2)
@@ -671,7 +687,8 @@ class Space(Experiment):
         paraboloid = (horizontal**2 + vertical**2) / 2
         space.plot_wireframe(horizontal, vertical, paraboloid, color=BOUND, linewidth=0.4)
         space.plot(rows[name], rows.Lz, rows.E, color=BLUE, linewidth=1.6)
-        # Projections: on the paraboloid, on the plane where the component is 0, and on the wall of L_z.
+        # Projections: on the paraboloid, on the plane where the component is 0, and on the wall of
+        # L_z.
         thin = {"color": BLACK, "linewidth": 0.8}
         space.plot(rows[name], rows.Lz, (rows[name] ** 2 + rows.Lz**2) / 2, **thin)
         space.plot(0 * rows.E, rows.Lz, rows.E, **thin)

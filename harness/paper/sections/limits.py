@@ -55,17 +55,17 @@ _ABOUT = 3.0  # About the separatrix, at ψ = 0.
 # Starts next to the saddle.
 _BESIDE_PSI = 1.57  # ψ in rad: 8e-4 from the saddle at π/2.
 _BESIDE_OFFSETS = (1e-3, 5e-3, 2e-2)  # Rad: distances from the saddle along θ.
-# Starts about the separatrix: their distances from it along θ, over the separatrix' own distance from
-# θ = π/2. They grow like squares, so that starts are densest next to the separatrix.
+# Starts about the separatrix: their distances from it along θ, over the separatrix' own distance
+# from θ = π/2. They grow like squares, so that starts are densest next to the separatrix.
 _STEPS_OFF = (-16e-4, -9e-4, -4e-4, -1e-4, 0.0, 1e-4, 4e-4, 9e-4, 16e-4)
-# A start that lies nearer than this, in rad, to the middle of the layer is the one of step 0: the others
-# lie farther off, and eight digits of the tables blur the difference less.
+# A start that lies nearer than this, in rad, to the middle of the layer is the one of step 0: the
+# others lie farther off, and eight digits of the tables blur the difference less.
 _IN_THE_MIDDLE = 1e-6
 # Width, in rad, that rounding alone gives a separatrix.
 _ROUNDING = 1e-12
 _ACROSS = 1000  # Orbits that start across a layer.
-# Half of their window over the layer's width by the search for its ends: the edges are frayed, and an
-# estimate says by how much.
+# Half of their window over the layer's width by the search for its ends: the edges are frayed, and
+# an estimate says by how much.
 _WINDOW = 2.5
 # Chaotic orbits from which on the median of their exponents is given: an estimate.
 _FEW = 30
@@ -125,7 +125,8 @@ class _Sections(Experiment):
         offsets = _BESIDE_OFFSETS[: grid.of(3, 1)]
         starts += [Start(_BESIDE, pi / 2 + offset, _BESIDE_PSI) for offset in offsets]
         if layers:
-            # Distances from θ = π/2, in rad, of the layer's ends over the largest number of half turns.
+            # Distances from θ = π/2, in rad, of the layer's ends over the largest number of half
+            # turns.
             librating, circulating = layers[-1]
             middle = (librating + circulating) / 2
             steps = _STEPS_OFF[:: grid.of(1, 2)]
@@ -582,7 +583,8 @@ class SymmetricTop(_Top):
 def measured_period(path: Table) -> float:
     """Time in which z' goes once about L, from a table with the columns t, x, y, z.
 
-    The path is a circle: three of its points give its normal, and the azimuth about it grows evenly.
+    The path is a circle: three of its points give its normal, and the azimuth about it grows
+    evenly.
     """
     axis = np.column_stack([path.x, path.y, path.z])
     # Any two further points do that are not at the place of the first one.

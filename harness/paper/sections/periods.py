@@ -1,8 +1,8 @@
 """Spheroids at finite St: the period of tumbling, the drift of spinning ones, planar flows that stop them.
 
 The paper has the change of the period at small St (`vivtp`), the figure of the period, the drift in
-its introduction, and planar flows in its discussion. `polhode.models.theory.tumbling_period` finds limit
-cycles and their periods; all times are in inverse shear rates.
+its introduction, and planar flows in its discussion. `polhode.models.theory.tumbling_period` finds
+limit cycles and their periods; all times are in inverse shear rates.
 """
 
 from dataclasses import dataclass
@@ -57,7 +57,8 @@ from polhode.solvers.compile import exact_jacobian
 _PERIOD_KAPPAS = (2.0, 4.0, 8.0, 16.0)
 # A tumbler turns about an equatorial axis.
 _TUMBLING_AXIS = 0
-# Share by which the law of order St² (`vivtp`) is off where it counts as lost: the paper names none, an estimate.
+# Share by which the law of order St² (`vivtp`) is off where it counts as lost: the paper names
+# none, an estimate.
 _LAW_LOST = 0.1
 
 
@@ -191,8 +192,8 @@ def _integrated_period(kappa: float, stokes: float) -> float:
     It is a check of `tumbling_period`, which finds the limit cycle without following it in time.
     """
     ellipsoid = spheroid(kappa)
-    # Forty relaxation times leave e^-40 of the transient; 60κ are some nine Jeffery periods, 2πκ each,
-    # of a slender spheroid.
+    # Forty relaxation times leave e^-40 of the transient; 60κ are some nine Jeffery periods, 2πκ
+    # each, of a slender spheroid.
     settled = 40 * stokes / ellipsoid.damping[_TUMBLING_AXIS]
     start = BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0))
     scene = Scene(ellipsoid, stokes, start, settled + 60 * kappa)
@@ -295,8 +296,8 @@ class Period(Experiment):
 
 # Aspect ratios of the spheroids that spin about the vorticity.
 _DRIFT_KAPPAS = (0.3, 0.5, 2.0, 4.0)
-# The state of `spheroid-axis` is (L_x, L_y, L_z, p_x, p_y, p_z), p the symmetry axis: places of the components
-# across the vorticity.
+# The state of `spheroid-axis` is (L_x, L_y, L_z, p_x, p_y, p_z), p the symmetry axis: places of the
+# components across the vorticity.
 _ACROSS = [0, 1, 3, 4]
 # A run in time gives the growth at one St too.
 _FOLLOWED_STOKES = 0.02
@@ -366,23 +367,8 @@ class SpinDrift(Experiment):
     def judge(self, data: Data) -> Verdict:
         """Exponents at both ends, the sign, and the rates that are printed."""
         curves = by(data[""], "kappa")
-        runs = data["runs"]
         peaks = data["peaks"]
-        slow = [
-            exponent(rows.stokes[rows.stokes < 1e-2], np.abs(rows.growth[rows.stokes < 1e-2]))
-            for rows in curves.values()
-        ]
-        fast = [
-            exponent(rows.stokes[rows.stokes > 1e5], np.abs(rows.growth[rows.stokes > 1e5]))
-            for rows in curves.values()
-        ]
         small = [rows.growth[0] / rows.stokes[0] for rows in curves.values()]
-        large = [
-            rows.growth[-1] * rows.stokes[-1] / printed_growth(kappa) - 1
-            for kappa, rows in curves.items()
-        ]
-        signs = [np.sign(rows.growth[0]) == np.sign(kappa - 1) for kappa, rows in curves.items()]
-        at_grid = [np.max(np.abs(rows.growth)) for rows in curves.values()]
         return Verdict(
             Word.SHARPENED,
             "A small tilt of the axis from the vorticity grows (κ > 1) or decays (κ < 1) at "
@@ -393,42 +379,63 @@ class SpinDrift(Experiment):
             "Rate at which the tilt of a spheroid that spins about its axis, along the vorticity, "
             "grows or decays: the largest real part of the equations linearized about it; dots: "
             "its largest size.",
-            [
-                Number(
-                    "exponent in St below St = 0.01, off 1, worst κ",
-                    worst([slope - 1 for slope in slow]),
-                    Range.at_most(1e-2, "the claim's O(1/St) time; corrections are of order St"),
-                    floor=1e-7,
-                ),
-                Number(
-                    "share of κ with the sign of the claim at small St",
-                    float(np.mean(signs)),
-                    Range(1.0, 1.0, "the claim: prolate ones leave the axis, oblate ones return"),
-                    measure="four chosen κ",
-                ),
-                Number(
-                    f"the rate against a run in time, St = {_FOLLOWED_STOKES:g}, relative, worst κ",
-                    worst(runs.followed / runs.growth - 1),
-                    Range.at_most(1e-2, "the tilt's square, and what is left of the start"),
-                    floor=1e-5,
-                ),
-                Number(
-                    "largest rate over the largest at the grid's points, least of all κ",
-                    float(np.min(np.abs(peaks.growth) / np.array(at_grid))),
-                    Range(1.0, 1.05, "a peak lies above the grid's points, and near one of them"),
-                ),
-                Number(
-                    "exponent above St = 1e5, off -1, worst κ",
-                    worst([slope + 1 for slope in fast]),
-                    Range.at_most(2e-2, "corrections are of order 1/St"),
-                ),
-                Number(
-                    "rate × St at St = 1e6 over the printed eigenvalues', less one, worst κ",
-                    worst(large),
-                    Range.at_most(1e-3, "corrections are of order 1/St"),
-                ),
-            ],
+            self._numbers(data),
         )
+
+    def _numbers(self, data: Data) -> list[Number]:
+        """Exponents at both ends, signs, and rates against two other computations."""
+        curves = by(data[""], "kappa")
+        runs = data["runs"]
+        peaks = data["peaks"]
+        slow = [
+            exponent(rows.stokes[rows.stokes < 1e-2], np.abs(rows.growth[rows.stokes < 1e-2]))
+            for rows in curves.values()
+        ]
+        fast = [
+            exponent(rows.stokes[rows.stokes > 1e5], np.abs(rows.growth[rows.stokes > 1e5]))
+            for rows in curves.values()
+        ]
+        large = [
+            rows.growth[-1] * rows.stokes[-1] / printed_growth(kappa) - 1
+            for kappa, rows in curves.items()
+        ]
+        signs = [np.sign(rows.growth[0]) == np.sign(kappa - 1) for kappa, rows in curves.items()]
+        at_grid = [np.max(np.abs(rows.growth)) for rows in curves.values()]
+        return [
+            Number(
+                "exponent in St below St = 0.01, off 1, worst κ",
+                worst([slope - 1 for slope in slow]),
+                Range.at_most(1e-2, "the claim's O(1/St) time; corrections are of order St"),
+                floor=1e-7,
+            ),
+            Number(
+                "share of κ with the sign of the claim at small St",
+                float(np.mean(signs)),
+                Range(1.0, 1.0, "the claim: prolate ones leave the axis, oblate ones return"),
+                measure="four chosen κ",
+            ),
+            Number(
+                f"the rate against a run in time, St = {_FOLLOWED_STOKES:g}, relative, worst κ",
+                worst(runs.followed / runs.growth - 1),
+                Range.at_most(1e-2, "the tilt's square, and what is left of the start"),
+                floor=1e-5,
+            ),
+            Number(
+                "largest rate over the largest at the grid's points, least of all κ",
+                float(np.min(np.abs(peaks.growth) / np.array(at_grid))),
+                Range(1.0, 1.05, "a peak lies above the grid's points, and near one of them"),
+            ),
+            Number(
+                "exponent above St = 1e5, off -1, worst κ",
+                worst([slope + 1 for slope in fast]),
+                Range.at_most(2e-2, "corrections are of order 1/St"),
+            ),
+            Number(
+                "rate × St at St = 1e6 over the printed eigenvalues', less one, worst κ",
+                worst(large),
+                Range.at_most(1e-3, "corrections are of order 1/St"),
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """The rate against St, with both power laws."""
@@ -473,8 +480,8 @@ _PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
 def turns(kappa: float, stokes: float, alpha: float) -> bool:
     """Whether an axis in the plane of the flow u = y x̂ + αx ŷ goes on turning; with inertia it starts at full speed."""
-    # The axis has the angle χ in the plane, and Λ = (κ² - 1)/(κ² + 1). Without inertia χ changes at the
-    # rate (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, the rate relaxes to this one.
+    # The axis has the angle χ in the plane, and Λ = (κ² - 1)/(κ² + 1). Without inertia χ changes at
+    # the rate (α - 1)/2 + Λ(1 + α)/2 cos 2χ; with it, the rate relaxes to this one.
     body = spheroid(kappa)
     slope = (kappa**2 - 1) / (kappa**2 + 1) * (1 + alpha) / 2
 

@@ -1,9 +1,9 @@
 """Full and slow trajectories of spheroids at the pinch point L = 0.
 
-A run that starts with L along the vorticity and L_z > 0 slows down, and passes L = 0 on its way to the
-node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory
-ends. The item measures how near full runs come to it, by their smallest |L| against St. The theory
-of its exponent stands in `growth_exponent` and `pinch_exponent`.
+A run that starts with L along the vorticity and L_z > 0 slows down, and passes L = 0 on its way to
+the node at L_z < 0. In the averaged equations L = 0 is singular: there the aligned trajectory ends.
+The item measures how near full runs come to it, by their smallest |L| against St. The theory of its
+exponent stands in `growth_exponent` and `pinch_exponent`.
 """
 
 from dataclasses import dataclass
@@ -90,9 +90,10 @@ class Pinch(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Paths past the pinch point; the smallest |L| of full runs against St.
 
-        Tables "aligned" and "tilted" have paths, named by their St, ∞ for the averaged one. "end" has the slow
-        time at which the aligned averaged run ends. "crossing" has the smallest |L|/I_max by κ, St and azimuth
-        φ₀ of the start, "compared" the same by `hybrid` and by a full run.
+        Tables "aligned" and "tilted" have paths, named by their St, ∞ for the averaged one. "end"
+        has the slow time at which the aligned averaged run ends. "crossing" has the smallest
+        |L|/I_max by κ, St and azimuth φ₀ of the start, "compared" the same by `hybrid` and by a
+        full run.
         """
         slow_times = np.linspace(0.0, _SLOW_TIME, grid.of(1201, 601))
         ends, pinch = _slow_to_pinch(_KAPPA, slow_times)
@@ -104,8 +105,8 @@ class Pinch(Experiment):
                 yield table, path(stokes, slow_times, full_run(scene, stokes * slow_times).slow)
         yield "end", {"t2": pinch}
         count = grid.of(8, 2)
-        # Azimuths of the start over half a circle. By the quarter of a step no two are mirror images,
-        # φ and π - φ, and none is 0.
+        # Azimuths of the start over half a circle. By the quarter of a step no two are mirror
+        # images, φ and π - φ, and none is 0.
         phases = ((np.arange(count) + 0.25) * pi / count).tolist()
         for kappa in _WIDTH_KAPPAS:
             _, met_at = _slow_to_pinch(kappa, slow_times)
@@ -120,7 +121,6 @@ class Pinch(Experiment):
     def judge(self, data: Data) -> Verdict:
         """How the smallest |L| scales with St, and what the aligned and the tilted runs do."""
         crossing = data["crossing"]
-        compared = data["compared"]
         largest = crossing.stokes.max()
         curves = by(crossing, "kappa")
         first = _WIDTH_KAPPAS[0]
@@ -130,6 +130,18 @@ class Pinch(Experiment):
             for kappa, rows in curves.items()
         }
         whole = local_exponent(curves[first], 1e4, largest)
+        return Verdict(
+            Word.CORRECTED,
+            self._sentence(data, last, whole),
+            self._caption(data),
+            self._numbers(data, last),
+        )
+
+    def _numbers(self, data: Data, last: dict[float, float]) -> list[Number]:
+        """Exponents by κ over the last decade of St, and what the runs at the pinch point do."""
+        compared = data["compared"]
+        largest = data["crossing"].stokes.max()
+        first = _WIDTH_KAPPAS[0]
         shown = max(_SHOWN_STOKES)
         turned = by(data["tilted"], "path")
         agreement = worst(turned[shown].Lz - turned[np.inf].Lz)
@@ -182,9 +194,7 @@ class Pinch(Experiment):
                 "I_max",
             ),
         ]
-        return Verdict(
-            Word.CORRECTED, self._sentence(data, last, whole), self._caption(data), numbers
-        )
+        return numbers
 
     def _sentence(self, data: Data, last: dict[float, float], whole: Estimate) -> str:
         """The finding in words."""
@@ -301,18 +311,19 @@ def _least_momentum(
 ) -> float:
     """Smallest |L|/I_max of a run that starts with L along the vorticity.
 
-    The averaged run meets the pinch point at `slow_time`. The smallest |L| is looked for from a half window
-    before it to two half windows after it.
+    The averaged run meets the pinch point at `slow_time`. The smallest |L| is looked for from a
+    half window before it to two half windows after it.
     """
-    # The half window is `_WINDOW` of L_z/I_max at the mean speed, or ten times the paper's St^-1/2 if that is
-    # more. At the most it reaches back to the start of the run: 0.999 leaves it out, as times have to increase.
+    # The half window is `_WINDOW` of L_z/I_max at the mean speed, or ten times the paper's St^-1/2
+    # if that is more. At the most it reaches back to the start of the run: 0.999 leaves it out, as
+    # times have to increase.
     speed = _MOMENTUM / slow_time
     half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
     times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
     run = run_form(find_form(form), _scene(kappa, stokes, phi, times[-1] / stokes), times, 1e-10)
     squares = np.sum(run.slow[:, :3] ** 2, axis=1)
-    # L moves on a straight line where |L| is smallest, so that |L|² lies on a parabola. Its vertex, between
-    # samples, is the smallest value.
+    # L moves on a straight line where |L| is smallest, so that |L|² lies on a parabola. Its vertex,
+    # between samples, is the smallest value.
     place = int(np.clip(np.argmin(squares), 1, len(squares) - 2))
     before, least, after = squares[place - 1 : place + 2]
     return sqrt(max(0.0, least - (after - before) ** 2 / (8 * (before - 2 * least + after))))

@@ -50,9 +50,9 @@ def plane_tables(
 ) -> Computed:
     """Slow trajectories from L_z/I_max and shares as of `energy_at`, and where they end.
 
-    Each is thinned to the points that `chosen` names. One on the upper parabola, share 1, is followed
-    up to the slow time `on_edge`: later, rounding carries it off. The table "ends" has the `distance`
-    of each end from the node, the slow time of the `end`, and for L_z > 0 its `bound`.
+    Each is thinned to the points that `chosen` names. One on the upper parabola, share 1, is
+    followed up to the slow time `on_edge`: later, rounding carries it off. The table "ends" has the
+    `distance` of each end from the node, the slow time of the `end`, and for L_z > 0 its `bound`.
     """
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):

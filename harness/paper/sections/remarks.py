@@ -1,7 +1,7 @@
 """Remarks of the paper in passing: drift of nearly circular bodies, frequencies, St* of spheroids.
 
-They stand in the paper's sections `asympcase` and `numress`. `polhode.harness.paper.jeffery_top` says what
-passages of φ = nπ and half turns are, and computes them.
+They stand in the paper's sections `asympcase` and `numress`. `polhode.harness.paper.jeffery_top`
+says what passages of φ = nπ and half turns are, and computes them.
 """
 
 from dataclasses import dataclass
@@ -77,7 +77,6 @@ class Drift(Experiment):
             for _, rows in groups(bodies[_NEARLY_CIRCULAR], "orbit")
         ]
         words = "; ".join(f"{low:.2f} … {high:.2f}" for low, high in limits)
-        share = float(np.mean(crossing))
         return Verdict(
             Word.SHARPENED,
             f"With equatorial axes in the ratio {_NEARLY_CIRCULAR:g} the angle θ at successive "
@@ -89,29 +88,34 @@ class Drift(Experiment):
             f"θ at the passages of φ = nπ of a body without inertia, semi-axes (0.5, "
             f"{0.5 * _NEARLY_CIRCULAR:g}, 1), from ψ = 0.3; dotted: the spheroid (0.5, 0.5, 1); "
             "dashed: the flow–gradient plane.",
-            [
-                Number(
-                    "period of the drift, in half turns, median of the orbits",
-                    float(np.median(periods)),
-                    Range(10.0, 1e3, "the claim: well separated, an order of magnitude or more"),
-                ),
-                Number(
-                    "share of the orbits that cross the flow–gradient plane",
-                    share,
-                    Range(0.1, 0.9, "the claim: certain subsets, neither none nor all"),
-                    measure=f"{len(_DRIFT_STARTS)} chosen starts",
-                ),
-                Number(
-                    "change of θ between passages, spheroid, largest",
-                    steady,
-                    Range.at_most(
-                        1e-3,
-                        "Jeffery orbits are closed; passages are interpolated, steps 0.4 apart",
-                    ),
-                    "rad",
-                ),
-            ],
+            self._numbers(periods, crossing, steady),
         )
+
+    def _numbers(self, periods: list[float], crossing: list[bool], steady: float) -> list[Number]:
+        """Period of the drift, crossings, and the spheroid beside it."""
+        share = float(np.mean(crossing))
+        return [
+            Number(
+                "period of the drift, in half turns, median of the orbits",
+                float(np.median(periods)),
+                Range(10.0, 1e3, "the claim: well separated, an order of magnitude or more"),
+            ),
+            Number(
+                "share of the orbits that cross the flow–gradient plane",
+                share,
+                Range(0.1, 0.9, "the claim: certain subsets, neither none nor all"),
+                measure=f"{len(_DRIFT_STARTS)} chosen starts",
+            ),
+            Number(
+                "change of θ between passages, spheroid, largest",
+                steady,
+                Range.at_most(
+                    1e-3,
+                    "Jeffery orbits are closed; passages are interpolated, steps 0.4 apart",
+                ),
+                "rad",
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """θ against the number of half turns."""

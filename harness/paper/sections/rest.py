@@ -50,7 +50,7 @@ from polhode.harness.paper.item import (
 )
 from polhode.harness.paper.runs import Run, axes_of, full_run, run_form, spheroid
 from polhode.harness.paper.sections.slow_motion import SLOW_LABELS
-from polhode.harness.paper.tables import by, exponent, maxima, spread, worst
+from polhode.harness.paper.tables import Estimate, by, exponent, maxima, spread, worst
 from polhode.models.catalogue import form as find_form
 from polhode.models.flow import jeffery_spin
 from polhode.models.observables import angular_velocity
@@ -61,7 +61,8 @@ from polhode.models.shape import Ellipsoid
 _OFF_ORBIT = 0.1
 # Rotation, in rad, of a particle since its start that marks the onset of inertia.
 _ONSET = 1.0
-# Share of the largest torque by which a weakest one stands out: smaller maxima do not count as wiggles.
+# Share of the largest torque by which a weakest one stands out: smaller maxima do not count as
+# wiggles.
 _WIGGLE = 0.02
 # Smallest St of the fits of the transient.
 _LARGE_STOKES = 5e5
@@ -205,41 +206,47 @@ class Sphere(Experiment):
             f"Axis z' of {axes_of(self.ellipsoid)} from rest at (θ, φ) = ({angles}), St = 1000, on "
             "the sphere up to three times the change of the turns, right up to "
             f"t = {self.time:g}; green: the Jeffery orbit of the same orientation; dot: start.",
-            [
-                Number("time at which the turns change", change.time, unit="1/γ̇"),
-                Number(
-                    "the same over √St",
-                    change.time / self.stokes**0.5,
-                    Range(0.1, 10.0, "theory: of order √St"),
-                ),
-                Number(
-                    "share of the whole change of duration, in its logarithm, in one turn",
-                    change.share,
-                    Range(0.5, 1.0, "the claim: abrupt, more than half of it at once"),
-                    measure="the logarithm of the first turn's duration over the last one's",
-                ),
-                Number(
-                    "time of the first turn over that of the Jeffery orbit",
-                    first,
-                    Range.near(1.0, 0.2, "the claim: turns like Jeffery orbits, but for a fifth"),
-                ),
-                Number(
-                    "time of the last turn over that of the free top at -1/2, 4π",
-                    last,
-                    Range.near(1.0, 0.2, "the settled rotation at St = 1000 is near its limit"),
-                ),
-                Number(
-                    "|z| of the axis at the end, largest",
-                    tilt,
-                    Range.at_most(0.1, "the claim: the axis ends in the plane of the flow"),
-                ),
-                Number(
-                    "share of the time after the change in which the viscous term is the larger",
-                    viscous,
-                    measure=f"the time up to t = {self.time:g}",
-                ),
-            ],
+            self._numbers(change, first, last, tilt, viscous),
         )
+
+    def _numbers(
+        self, change: Change, first: float, last: float, tilt: float, viscous: float
+    ) -> list[Number]:
+        """When and how the turns change, and how the particle ends."""
+        return [
+            Number("time at which the turns change", change.time, unit="1/γ̇"),
+            Number(
+                "the same over √St",
+                change.time / self.stokes**0.5,
+                Range(0.1, 10.0, "theory: of order √St"),
+            ),
+            Number(
+                "share of the whole change of duration, in its logarithm, in one turn",
+                change.share,
+                Range(0.5, 1.0, "the claim: abrupt, more than half of it at once"),
+                measure="the logarithm of the first turn's duration over the last one's",
+            ),
+            Number(
+                "time of the first turn over that of the Jeffery orbit",
+                first,
+                Range.near(1.0, 0.2, "the claim: turns like Jeffery orbits, but for a fifth"),
+            ),
+            Number(
+                "time of the last turn over that of the free top at -1/2, 4π",
+                last,
+                Range.near(1.0, 0.2, "the settled rotation at St = 1000 is near its limit"),
+            ),
+            Number(
+                "|z| of the axis at the end, largest",
+                tilt,
+                Range.at_most(0.1, "the claim: the axis ends in the plane of the flow"),
+            ),
+            Number(
+                "share of the time after the change in which the viscous term is the larger",
+                viscous,
+                measure=f"the time up to t = {self.time:g}",
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """The path on the sphere, and z against time."""
@@ -313,15 +320,11 @@ class Transient(Experiment):
         """How onset times and speeds scale with St."""
         onset = data["onset"]
         large = onset[onset.stokes >= _LARGE_STOKES]
-        root = large.stokes**0.5
         last = onset[-1]
         shown = onset[onset.stokes <= self.stokes[-1]]
         speed = exponent(large.stokes, large.speed)
-        turned = exponent(large.stokes, large.turned * root)
-        wiggle = exponent(large.stokes, large.wiggle * root)
         angles = ", ".join(f"{angle:g}" for angle in self.start.angles)
         between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
-        same = Range(1.0, 2.0, "the claim: the same for all St; a factor of two over four decades")
         return Verdict(
             Word.SHARPENED,
             f"At large St the particle has turned by one radian at t = {last.turned:.2f} √St, and "
@@ -335,49 +338,61 @@ class Transient(Experiment):
             "against t/√St; last three panels: early and scaled by √St and St, from St = 5000 on; dotted, "
             "where the particle has turned by one radian at the largest St; dashed, where the "
             "torque along the vorticity is weakest for the first time; fifth panel: both against St.",
-            [
-                Number(
-                    f"exponent in St of the time of the first radian, St ≥ {_LARGE_STOKES:g}",
-                    float(turned),
-                    Range.near(0.5, 0.02, "the claim: √St; corrections are of order 1/√St"),
-                    interval=turned.interval,
-                ),
-                Number(
-                    "exponent of the time of the first wiggle",
-                    float(wiggle),
-                    Range.near(0.5, 0.05, "the claim: √St; the wiggle is read off rows"),
-                    interval=wiggle.interval,
-                ),
-                Number(
-                    "exponent of the angular velocity at t = √St",
-                    float(speed),
-                    Range.near(-0.5, 0.05, "the claim: O(St^-½)"),
-                    interval=speed.interval,
-                ),
-                Number(
-                    "time of the first radian over √St, largest St",
-                    last.turned,
-                    Range(0.1, 10.0, "a number of order one"),
-                    "1/γ̇",
-                ),
-                Number(
-                    "time of the first wiggle over √St, largest St",
-                    last.wiggle,
-                    Range(0.1, 10.0, "a number of order one"),
-                    "1/γ̇",
-                ),
-                Number(
-                    f"latest over earliest first radian, over √St, {between}",
-                    spread(shown.turned),
-                    same,
-                ),
-                Number(
-                    f"latest over earliest first wiggle, over √St, {between}",
-                    spread(shown.wiggle),
-                    same,
-                ),
-            ],
+            self._numbers(onset, speed),
         )
+
+    def _numbers(self, onset: Table, speed: Estimate) -> list[Number]:
+        """Exponents of the onset in St, and its times."""
+        large = onset[onset.stokes >= _LARGE_STOKES]
+        root = large.stokes**0.5
+        last = onset[-1]
+        shown = onset[onset.stokes <= self.stokes[-1]]
+        turned = exponent(large.stokes, large.turned * root)
+        wiggle = exponent(large.stokes, large.wiggle * root)
+        between = f"from St = {self.stokes[0]:g} to {self.stokes[-1]:g}"
+        same = Range(1.0, 2.0, "the claim: the same for all St; a factor of two over four decades")
+        return [
+            Number(
+                f"exponent in St of the time of the first radian, St ≥ {_LARGE_STOKES:g}",
+                float(turned),
+                Range.near(0.5, 0.02, "the claim: √St; corrections are of order 1/√St"),
+                interval=turned.interval,
+            ),
+            Number(
+                "exponent of the time of the first wiggle",
+                float(wiggle),
+                Range.near(0.5, 0.05, "the claim: √St; the wiggle is read off rows"),
+                interval=wiggle.interval,
+            ),
+            Number(
+                "exponent of the angular velocity at t = √St",
+                float(speed),
+                Range.near(-0.5, 0.05, "the claim: O(St^-½)"),
+                interval=speed.interval,
+            ),
+            Number(
+                "time of the first radian over √St, largest St",
+                last.turned,
+                Range(0.1, 10.0, "a number of order one"),
+                "1/γ̇",
+            ),
+            Number(
+                "time of the first wiggle over √St, largest St",
+                last.wiggle,
+                Range(0.1, 10.0, "a number of order one"),
+                "1/γ̇",
+            ),
+            Number(
+                f"latest over earliest first radian, over √St, {between}",
+                spread(shown.turned),
+                same,
+            ),
+            Number(
+                f"latest over earliest first wiggle, over √St, {between}",
+                spread(shown.wiggle),
+                same,
+            ),
+        ]
 
     def draw(self, data: Data) -> Figure:
         """Slow variables on the scaled time; onset times against St."""
@@ -469,7 +484,8 @@ class Short(Experiment):
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
         distance = distance_from(points(jeffery), axis)
-        # The length of the path is interpolated between the rows before and after it has left the orbit.
+        # The length of the path is interpolated between the rows before and after it has left the
+        # orbit.
         first_off = int(np.argmax(distance > _OFF_ORBIT))
         around = slice(first_off - 1, first_off + 1)
         left = np.interp(_OFF_ORBIT, distance[around], arc_length(axis)[around])

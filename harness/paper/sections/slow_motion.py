@@ -1,7 +1,7 @@
 """Slow variables in time, full against averaged: one start at several Stokes numbers.
 
-Slow variables are (L_x, L_y, L_z, E) over the largest moment of inertia I_max: constant for the free
-top, they change in the slow time t₂ = t/St. Items of the sections on spheroids (`lsds`) and on
+Slow variables are (L_x, L_y, L_z, E) over the largest moment of inertia I_max: constant for the
+free top, they change in the slow time t₂ = t/St. Items of the sections on spheroids (`lsds`) and on
 ellipsoids use this experiment.
 """
 
@@ -78,10 +78,10 @@ class SlowMotion(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Runs of the figure, and the largest error at each St.
 
-        Tables: "" has the paths that are drawn, named by their St, ∞ for the averaged one. "errors" has the
-        largest error of L and E over I_max by St, also before and after L² = 2EI₂, and the distance of the
-        `end` from the node. "averaged" has the distance of the averaged run's `end` from the node, and the
-        slow time of its `crossing` of L² = 2EI₂.
+        Tables: "" has the paths that are drawn, named by their St, ∞ for the averaged one. "errors"
+        has the largest error of L and E over I_max by St, also before and after L² = 2EI₂, and the
+        distance of the `end` from the node. "averaged" has the distance of the averaged run's `end`
+        from the node, and the slow time of its `crossing` of L² = 2EI₂.
         """
         # Errors are taken at `dense` times as many points as are drawn.
         points = grid.of(601, 201)

@@ -1,8 +1,8 @@
 """Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes.
 
-The claims stand in the paper's section `lsds`. I_a is the moment of inertia about the symmetry axis, I_e
-the one about an equatorial axis. The plane's lower and upper parabola are E = L²/2I_max and
-E = L²/2I_min; the node is on the lower one, the saddle on the upper one.
+The claims stand in the paper's section `lsds`. I_a is the moment of inertia about the symmetry
+axis, I_e the one about an equatorial axis. The plane's lower and upper parabola are E = L²/2I_max
+and E = L²/2I_min; the node is on the lower one, the saddle on the upper one.
 """
 
 from dataclasses import dataclass
@@ -59,8 +59,8 @@ class Plane(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
-        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds; the last two lie
-        # on the upper parabola.
+        # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds; the
+        # last two lie on the upper parabola.
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.06, 1.1), shares)]
         starts += [(-1.1, 1.0), (-0.06, 1.0)]
@@ -152,8 +152,8 @@ class SpheroidPlanes(PlanesOfBodies):
         ]
 
 
-# Energies of the starts of the projections, over I_e: the lower bound L²/2I_e = 2/9, and about a quarter and
-# three quarters of the way to the upper one, L²/2I_a.
+# Energies of the starts of the projections, over I_e: the lower bound L²/2I_e = 2/9, and about a
+# quarter and three quarters of the way to the upper one, L²/2I_a.
 _ENERGIES = (2 / 9, 0.305, 0.472)
 _PROJECTED_MOMENTUM = 2 / 3  # |L| of these starts, over I_e.
 # Azimuths of L in degrees: the figure shows the first; paths of _BETWEEN are compared with the two
@@ -288,8 +288,8 @@ class LPlanes(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign.
 
-        `zero` is the place of the component that is zero: 0 for L_x, 1 for L_y. `energy_at` says what a
-        `share` is.
+        `zero` is the place of the component that is zero: 0 for L_x, 1 for L_y. `energy_at` says
+        what a `share` is.
         """
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
