@@ -54,7 +54,7 @@ from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import FormNotValidError
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
-from polhode.solvers.contract import UNLIMITED, SolverNotValidError
+from polhode.solvers.contract import SolverNotValidError
 
 # A method is cut that costs more than this times the best one so far: the held-out test counts a
 # first choice as near the best up to the same factor (`heldout.NEAR`).
@@ -76,6 +76,8 @@ _FEW_STEPS = 60_000
 # done: they take an explicit method about a second. Estimates.
 _MAX_SETTLED = 2
 _SETTLED_STEPS = 2_000_000
+# Steps of a run in such a search, at most: its tightest run takes several times as many. An estimate.
+_MOST_STEPS = 10_000_000
 # Damping times from which on implicit methods take part; an estimate.
 _IMPLICIT_FROM = 100.0
 
@@ -265,10 +267,11 @@ class _Race:
         else:
             if self.bare or (_averages(method) and not self.segment.raced.whole):
                 self.judge(method)
-            elif _splits(method) and self.steps <= MAX_STEPS and not self.segment.raced.whole:
+            elif _splits(method) and self.steps <= _SETTLED_STEPS and not self.segment.raced.whole:
                 # The beginning of a run by splitting takes more steps a rotation.
                 first = first_tolerance(self.scene, method, self.error, self.want)
-                if not self.search(method, first, self.limit(method, pace(method, first), 1.0)):
+                limit = self.limit(method, pace(method, first), 1.0, most=_MOST_STEPS)
+                if not self.search(method, first, limit):
                     self._refuse(method, f"costs more than {_CUT:g} times the best, or fails")
             else:
                 self.follow(method, self.segment_of(method))
@@ -310,12 +313,15 @@ class _Race:
         """Seconds of the quickest method that meets the error."""
         return min((entry.seconds.predicted for entry in self.entries), default=inf)
 
-    def limit(self, method: Method, cost: Pace, ratio: float) -> int:
-        """Steps that a run of a segment may take, whose rotations are 1/`ratio` of the scene's, without being cut."""
+    def limit(self, method: Method, cost: Pace, ratio: float, most: int = MAX_STEPS) -> int:
+        """Steps, `most` at most, that a run of a segment may take without being cut.
+
+        The segment's rotations are 1/`ratio` of the scene's.
+        """
         if self.best == inf or cost.step == 0 or method in self.uncut or method.form.averaged:
-            return MAX_STEPS
+            return most
         left = _CUT * self.best - cost.start - cost.row * self.samples
-        return int(min(MAX_STEPS, max(1.0, left / cost.step / ratio)))
+        return int(min(most, max(1.0, left / cost.step / ratio)))
 
     def closed_form(self, method: Method) -> None:
         """Enter a method that evaluates a closed form."""
@@ -404,7 +410,7 @@ class _Race:
             if entry.seconds.low > self.best or entry.forecast > _SETTLED_STEPS:
                 return
             self.entries.remove(entry)
-            if not self.search(entry.method, entry.tolerance, UNLIMITED):
+            if not self.search(entry.method, entry.tolerance, _MOST_STEPS):
                 self.entries.append(entry)
                 return
             if self.entries and self.entries[-1].method == entry.method:
