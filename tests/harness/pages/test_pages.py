@@ -85,7 +85,8 @@ def test_commands_keep_within_a_terminal_of_80_columns():
     lists = (["shape", "1", "0.8", "0.5"], ["forms"], ["scenes"], ["solvers"], ["doctor"])
     printed = on_narrow_terminal(pick, ["solve", "paper"], *lists)
     assert [line for line in printed.splitlines() if len(line) > 80] == []
-    assert printed.startswith("Run quaternion by ")
+    # Which method is the quickest depends on the machine: several take 0.4 ms.
+    assert printed.startswith("Run ")
     header = next(line for line in printed.splitlines() if line.startswith("form "))
     assert header.split() == [
         "form",

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from polhode.harness.analysis.frames import frame
-from polhode.harness.analysis.pareto import cells
+from polhode.harness.analysis.regime_map import cells
 from polhode.harness.references.uncertainty import known, least_known
 
 ROWS = [
@@ -50,4 +50,4 @@ def test_the_regime_map_goes_by_the_same_limit(uncertainty: float):
     table = pd.DataFrame(errors)
     at = dict(zip(table["slow_error"], known(table, "slow_error"), strict=True))
     targets = tuple(at)
-    assert {cell.target: cell.known for cell in cells(table, "slow_error", targets)} == at
+    assert {cell.target: cell.resolved for cell in cells(table, "slow_error", targets)} == at
