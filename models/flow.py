@@ -26,13 +26,16 @@ from polhode.models.shape import Ellipsoid, require_numbers
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
 
-# A trace up to this share of the gradient's norm is rounding.
+# A trace up to this share of the gradient's norm is rounding. An estimate: entries that are written
+# with 13 digits stay below it. What is left of a trace turns nothing.
 _TRACE_ROUNDING = 1e-12
-# A track covers a run that exceeds it by this share of its length: times are rounded.
+# A track covers a run that exceeds it by this share of its length: times are rounded, as entries are.
 _TIME_ROUNDING = 1e-12
-# Neighbouring gaps between knots may differ by this ratio: a cubic through closer ones is rounding.
+# Neighbouring gaps between knots may differ by this ratio. An estimate: of the slope over a gap that is
+# so short beside the other one, rounding leaves seven digits.
 _LEAST_GAP_RATIO = 1e-9
-# The largest entry of a gradient, in units of the reference rate: nothing computed of it overflows.
+# The largest entry of a gradient, in units of the reference rate, as `scene` has it for angular
+# velocities: nothing that is computed of it overflows.
 _LARGEST_ENTRY = 1e30
 
 
@@ -113,7 +116,7 @@ class Flow:
 
     @property
     def words(self) -> str:
-        """It in words, for messages."""
+        """The flow in words, for messages."""
         if self.varies:
             return f"the track of {len(self.knots)} gradients"
         return f"the flow {[list(row) for row in self.gradient]}"
@@ -148,7 +151,7 @@ class Flow:
     segment = Former("interval")
 
     def interval(self, time: float) -> int:
-        """Index of the knot from which a time's cubic begins."""
+        """Index of the knot from which a time's cubic begins; the outermost cubics go on beyond the ends."""
         return min(max(bisect_right(self.knots, time) - 1, 0), len(self.knots) - 2)
 
     def numbers_at(self, times: np.ndarray) -> Sequence[Any]:
@@ -361,8 +364,8 @@ def dissipation(
 ) -> np.ndarray:
     """St dE/dt = -8π Σ X_j (ω_j - ω_jJ) ω_j (`vispow`), shape (n,), positive where the flow drives the body.
 
-    Of matrices t_ij, shape (n, 3, 3), body angular velocities, shape (n, 3), and the flow as in
-    `jeffery_spin`; in units of E times the shear rate.
+    `rotation` are matrices t_ij, shape (n, 3, 3), `angular_velocity` is in body axes, shape (n, 3), and
+    `numbers` are the flow's as in `jeffery_spin`. The power is in units of E times the shear rate.
     """
     driven = torque(ellipsoid, rotation, angular_velocity, numbers)
     return np.sum(driven * angular_velocity, axis=1)

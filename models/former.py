@@ -9,7 +9,7 @@ Class = TypeVar("Class", bound=type)
 
 
 def warn(former: str, name: str, stacklevel: int = 3) -> None:
-    """Warn that a name has changed, at the line of the caller's caller."""
+    """Warn that a name has changed, by default at the line of the caller's caller; level 1 is this function."""
     text = f"{former} is now {name}; the former name goes with the next version"
     warnings.warn(text, DeprecationWarning, stacklevel)
 
@@ -58,6 +58,7 @@ def rename_former(cls: type, **names: str) -> None:
     """Take over what a derived class sets by former names: for ``__init_subclass__`` of its base."""
     for former, name in names.items():
         if former in vars(cls):
+            # The third caller up is the class statement, behind this function and `__init_subclass__`.
             warn(f"{cls.__name__}.{former}", name, stacklevel=4)
             setattr(cls, name, vars(cls)[former])
 

@@ -9,14 +9,16 @@ import numpy as np
 
 from polhode.models.structure import Structure
 
-# Components up to which a mass matrix may be other than diagonal: its inverse is full, 2 MB here.
+# Components up to which a mass matrix may be other than diagonal. An estimate that bounds memory and
+# time: its inverse is full, 2 MB here.
 _MAX_FULL_MASS = 500
 
 
 def mass_of(matrix: Any, dimension: int) -> np.ndarray | None:
     """A mass matrix checked: its diagonal, shape (d,), if it has no more, else (d, d).
 
-    None if there is none.
+    None if there is none. Raises ValueError for another shape, for numbers that are not finite, for
+    zeros alone, and for a matrix other than diagonal above `_MAX_FULL_MASS` components.
     """
     if matrix is None:
         return None

@@ -14,9 +14,10 @@ class Observables:
     Parameters
     ----------
     angular_momentum : ndarray, shape (n, 3)
-        L in space axes, in units of (density) l⁵ (shear rate), without St.
+        L in space axes, in units of (density) l⁵ (shear rate), without St; l is the longest
+        semi-axis.
     energy : ndarray, shape (n,)
-        Rotational kinetic energy E = ½ Σ I_i ω_i², without St.
+        Rotational kinetic energy E = ½ Σ I_i ω_i², in units of (density) l⁵ (shear rate)², without St.
     rotation : ndarray, shape (n, 3, 3)
         t_ij: row i is body axis i in space components; NaN in rows that the form does not know.
     """

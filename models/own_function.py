@@ -18,16 +18,19 @@ from polhode.models.recording import Recording, UntraceableError, line_of, numbe
 from polhode.models.shape import require_numbers
 from polhode.models.structure import Structure, structure_of
 
-# Components up to which a function is recorded: each operation becomes a line of machine code, and
-# these take 0.3 s to compile.
+# The next two are estimates that bound the wait before a first run; docs/own-ode.md has the times of
+# compilation that were measured.
+#
+# Components up to which a function is recorded: each operation becomes a line of machine code.
 MAX_RECORDED = 200
-# Components up to which the exact Jacobian is compiled, entry by entry: 0.3 s. Beyond, solvers that
-# can call Python do.
+# Components up to which the exact Jacobian is compiled, entry by entry. Beyond, solvers that can call
+# Python do.
 MAX_EXACT_JACOBIAN = 50
 # Advice in messages about arguments that are no numbers.
 INTO_A_CLOSURE = "what is no number goes into a closure: lambda t, y: f(t, y, table)"
-# Largest relative deviation of a recording's rates from the function's, at the start; a recording
-# that deviates more is not used.
+# Largest deviation of a recording's rates from the function's, over the largest rate, at the start; a
+# recording that deviates more is not used. An estimate, far above rounding and far below a rate that
+# means something else.
 _SAME_RATES = 1e-9
 
 
@@ -339,7 +342,7 @@ def _numbers(name: str, values: Sequence[float]) -> tuple[float, ...]:
 
 
 def in_one_line(value: Any) -> str:
-    """A value, shortened, for messages."""
+    """A value for messages, cut to 60 characters, which leave room on a line."""
     return " ".join(repr(value).split())[:60]
 
 

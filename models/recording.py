@@ -252,7 +252,7 @@ _NUMPY_NAMES = NUMPY_NAMES | {
 class _Protocols:
     """NumPy's protocols, of a number as of an array of them."""
 
-    # Arrays on the left leave their operators to the number on the right.
+    # Arrays on the left, of priority 0, leave their operators to a number on the right of any higher one.
     __array_priority__ = 1000.0
     __hash__ = None  # pyright: ignore[reportAssignmentType]
 

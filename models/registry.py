@@ -13,9 +13,11 @@ from weakref import WeakSet
 from polhode.models.spent import spent_on
 
 T = TypeVar("T")
-# A shorter word is a part of too much; less alike (`difflib`, from 0 to 1), a word is another one.
-# Both are estimates.
+# The next two are estimates. They decide no more than whether a message ends with a guess.
+#
+# Least letters of a word that is looked for as a part of names: a shorter one is a part of too many.
 _SHORTEST_PART = 3
+# Least likeness of a word to the name it means, from 0 to 1 as `difflib` counts it.
 _ALIKE = 0.7
 
 

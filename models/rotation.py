@@ -15,7 +15,7 @@ from polhode.models.shape import Triple
 Array = np.ndarray
 Quaternion = tuple[float, float, float, float]
 
-# Entries whose squares are numbers of full precision are larger, and smaller than its inverse.
+# Squares of numbers between this one and its inverse neither underflow nor overflow.
 _SMALLEST_SIZE = 1e-140
 
 

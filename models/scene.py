@@ -19,15 +19,20 @@ from polhode.models.operations import FLOAT
 from polhode.models.rotation import Quaternion, Triple
 from polhode.models.shape import Ellipsoid, require_numbers
 
-# Bounds within which nothing that is computed of a scene, such as L²E, leaves the range of
-# floating-point numbers: of each number of a start but its energy, of St above 0 and the duration,
-# and of the energy.
+# Within the next three bounds nothing that is computed of a scene, such as L²E, leaves the range of
+# floating-point numbers, 1e-308 to 1e308.
+#
+# Largest number of a start, but for its energy: of angles in rad, rates in shear rates, and L.
 _LARGEST = 1e30
+# Least St above 0, and least duration, in inverse shear rates.
 _LEAST = 1e-60
+# Largest energy of a start: energies go like the squares of angular velocities.
 MAX_NUMBER = 1e60
-# Distance from 1 within which a norm is 1: that of a quotient by its norm lies within it.
+# Distance from 1 within which a norm is 1, some four roundings: a quaternion that was divided by its
+# norm once lies within it.
 _NORM_ROUNDING = 1e-15
-# L² / 2E of a start may lie outside what the shape can have by this share: roundoff.
+# L² / 2E of a start may lie outside what the shape can have by this share. An estimate: rounding makes
+# some 1e-16, numbers written with 14 digits make up to 2e-13.
 _SLACK = 1e-12
 
 
@@ -98,6 +103,7 @@ class SlowStart:
 
 
 def _require_finite(name: str, numbers: tuple[float, ...], length: int) -> None:
+    """Raise ValueError unless these are `length` numbers of at most `_LARGEST` in size."""
     require_numbers(name, numbers, length)
     if not all(abs(number) <= _LARGEST for number in numbers):
         raise ValueError(

@@ -23,7 +23,10 @@ class NamedScene:
 def aligned_start(
     ellipsoid: Ellipsoid, momentum: float, theta: float, phi: float = 0.0
 ) -> EulerStart:
-    """Start with L = `momentum` ẑ: θ = theta, φ = phi, ψ = π/2."""
+    """Start with L = `momentum` ẑ, in units of `Ellipsoid.inertia` times the shear rate: θ = theta, φ = phi, ψ = π/2.
+
+    Angles are in rad.
+    """
     # With ψ = π/2 the axis x' stands in the plane of z' and ẑ: φ̇₀ = L_z/I₁ and ψ̇₀ = L_z cos θ₀
     # (1/I₃ - 1/I₁), so that θ₀ from 0 to π/2 covers all energies. The captions of the paper print
     # these rates with ψ₀ = 0, to which I₂ belongs, and for spheroids the other sign of ψ̇₀.

@@ -9,8 +9,8 @@ import numpy as np
 
 from polhode.models.libraries import IMPORTS
 
-# Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded;
-# an estimate.
+# Diagonals over the entries of the fullest row, above which a pattern counts as sparse, not banded. An
+# estimate: another one changes what a linear system costs, not what it gives.
 _MAX_DIAGONALS = 4
 
 
@@ -57,6 +57,7 @@ class Structure:
         if pattern is None:
             return None
         rows = pattern.indices.astype(int)
+        # Row less column of each entry: how far it lies below the main diagonal.
         below = rows - np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
         lower = max(0, int(below.max(initial=0)))
         upper = max(0, -int(below.min(initial=0)))
@@ -67,7 +68,11 @@ class Structure:
 def structure_of(
     jacobian: Any, sparsity: Any, lower: Any, upper: Any, dimension: int
 ) -> Structure | None:
-    """The structure given, checked; None if nothing is given."""
+    """The structure that is given, checked; None if nothing is given.
+
+    Of `lower` and `upper` one alone may be given: the other one is then 0. Raises ValueError, in one
+    line, for a matrix that is not of shape (`dimension`, `dimension`), or bands out of range.
+    """
     if jacobian is None and sparsity is None and lower is None and upper is None:
         return None
     shape = (dimension, dimension)
@@ -107,7 +112,11 @@ def in_run_time(
     time_at: Callable[[float], float],
     sign: float,
 ) -> Any:
-    """The Jacobian as ``(t, y)`` of a run's time, or the matrix it is; `sign` is -1 backwards."""
+    """The Jacobian of a run's rates: a function ``(t, y)`` of the run's time, or a constant matrix.
+
+    None if no Jacobian is given. `time_at` gives the user's time at a time of the run; `sign` is -1
+    where the user's time goes backwards, else 1.
+    """
     jacobian = structure.jacobian
     if jacobian is None:
         return None

@@ -1,4 +1,7 @@
-"""Numbers cached on disk under a key, for those who would compute them anew: made lately, whole, or not at all."""
+"""Numbers cached on disk under a key, for modules that would compute them anew, and the folder of all caches.
+
+A file is read whole, or not at all; the oldest files are removed.
+"""
 
 import os
 import stat
@@ -13,7 +16,8 @@ import numpy as np
 
 # Environment variable that names the folder for caches.
 CACHE_VARIABLE = "POLHODE_CACHE"
-# Files that may lie in the folder; the oldest half goes when there are more.
+# Files that may lie in the folder; the oldest half is removed when there are more. An estimate: a
+# triaxial shape takes up to six files, and a fraction of a second if its files are gone.
 _MAX_FILES = 200
 # Bytes of the checksum that a file begins with: SHA-256.
 _SUM_BYTES = 32

@@ -37,6 +37,7 @@ def read_track(path: Path) -> Flow:
 
 
 def _numbers(path: Path, line: int, row: list[str]) -> list[float]:
+    """The numbers of a row; raises ValueError, with the file and the line, if it has others."""
     if len(row) != len(TRACK_COLUMNS):
         raise ValueError(
             f"flow.track: {path}:{line}: got {len(row)} columns, expected {len(TRACK_COLUMNS)}"
