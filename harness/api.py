@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness import DEFAULT_ERROR, DEFAULT_SAMPLES
 from polhode.harness.answers.confirmed import advised, confirm, meet
 from polhode.harness.answers.pick import pick as recommend
 from polhode.harness.answers.recommendation import Recommendation
@@ -37,15 +37,16 @@ SolverLike = str | Solver | None
 
 @dataclass(frozen=True)
 class Plan:
-    """A run with nothing against it: what `solve` does, here and on the command line."""
+    """A run whose arguments are checked: what `solve` does, here and on the command line."""
 
     scene: Scene
-    methods: tuple[Method, ...]  # One, or what is tried in turn until one meets the error.
+    methods: tuple[Method, ...]  # One, or those tried in turn until one meets the error.
     tolerance: float  # The one given, or the first one that is tried.
-    times: np.ndarray  # Of the output, in units of the inverse shear rate.
-    requested: tuple[float, str] | None  # Error and what it is of, where no tolerance was given.
-    estimate: bool = True  # Whether a second run confirms it.
-    problems: Mapping[Form, Problem] = field(default_factory=dict)  # Those made already.
+    times: np.ndarray  # Of the output, shape (n,), in units of the inverse shear rate.
+    # The error and what it is of, "slow" or "orientation"; None where a tolerance was given.
+    requested: tuple[float, str] | None
+    estimate: bool = True  # Whether a second run confirms the run.
+    problems: Mapping[Form, Problem] = field(default_factory=dict)  # Made while it was checked.
 
     @property
     def form(self) -> Form:
@@ -59,13 +60,17 @@ class Plan:
 
     @property
     def _times(self) -> np.ndarray:
-        """Times of the run: of the output, after the start."""
+        """Times of the run: the start, and the times of the output."""
         return self.times if self.times[0] == 0 else np.concatenate([[0.0], self.times])
 
     def run(
         self, watch: Callable[[Record], None] | None = None, events: Sequence[Event] = ()
     ) -> SceneSolution:
-        """Solve the problem, and look for events; raises `polhode.solvers.solve.Interrupted` on Ctrl-C."""
+        """Solve the problem, and look for events.
+
+        `watch` gets the record of each segment before it is integrated. Raises ValueError for a mistake in an
+        event, and `polhode.solvers.solve.Interrupted` on Ctrl-C.
+        """
         runner = Runner(self.scene, self._times, self.problems)
         self._check(runner, events)
         if self.requested:
@@ -79,10 +84,11 @@ class Plan:
             stated = answer.error
         solution = self.observed(answer.solution, answer.method.form)
         solution = replace(solution, error=stated.at(solution.times / self.scene.time))
-        # Before the first time of the output, too.
+        # Events are looked for from the start on, which the requested times may leave out.
         solution = with_events(solution, events) if events else solution
         if self.times[0] == 0 or len(solution.times) == 1:
             return solution
+        # The row of the start was not requested.
         return solution.rows(slice(1, None))
 
     def _check(self, runner: Runner, events: Sequence[Event]) -> None:
@@ -91,15 +97,26 @@ class Plan:
             return
         form, solver = self.methods[0]
         problem = runner.problem(form)
-        head = problem, solver, solver.settings(self.tolerance), np.zeros(1)
-        states = np.array([problem.start])
-        start = Solution(*head, states, Status.REACHED_END, "", Work(), 0.0)
+        start = Solution(
+            problem,
+            solver,
+            solver.settings(self.tolerance),
+            times=np.zeros(1),
+            states=np.array([problem.start]),
+            status=Status.REACHED_END,
+            message="",
+            work=Work(),
+            seconds=0.0,
+        )
         start_solution = self.observed(start, form)
         for event in events:
             event.values(start_solution)
 
     def observed(self, solution: Solution, form: Form | None = None) -> SceneSolution:
-        """The motion of the scene that a solution of the problem of a form stands for."""
+        """The motion of the scene that a solution of the problem of a form stands for.
+
+        Without `form`, the problem's name tells the form.
+        """
         names = {method.form.name: method.form for method in self.methods}
         form = form or names.get(solution.problem.name, self.form)
         observables = form.observe(self.scene, solution.states)
@@ -119,7 +136,7 @@ def plan(
     estimate: bool = True,
     times: Sequence[float] | np.ndarray | None = None,
 ) -> Plan:
-    """The runs that `solve` will make; arguments and refusals as there."""
+    """The runs that `solve` will make; arguments, and the ValueErrors that refuse them, as there."""
     checked_scene = as_scene(scene)
     check_samples(samples)
     if times is not None and samples != DEFAULT_SAMPLES:
@@ -186,7 +203,7 @@ def solve(
     form: FormLike = None,
     solver: SolverLike = None,
     tolerance: float | None = None,
-    error: float = 1e-6,
+    error: float = DEFAULT_ERROR,
     want: str = "slow",
     samples: int = DEFAULT_SAMPLES,
     estimate: bool = True,
@@ -248,7 +265,7 @@ def solve(
 
 def pick(
     scene: SceneLike,
-    error: float = 1e-6,
+    error: float = DEFAULT_ERROR,
     want: str = "slow",
     samples: int = DEFAULT_SAMPLES,
     *,
@@ -265,6 +282,7 @@ def pick(
     error : float
         Largest error allowed along the run.
     want : {"slow", "orientation"}
+        Whether that error is of L and E over I_max, or of the orientation in rad.
     samples : int
         Equispaced times of the output.
     form, solver : str, Form or Solver, optional

@@ -77,7 +77,7 @@ _EXPECTED = {
     errno.EPERM: ", expected one that you may read and write",
     errno.EROFS: ", expected a place that can be written",
 }
-# A full disk is nobody's bad input.
+# A full disk says nothing against the input: it is reported as a failed run.
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 
 
@@ -107,7 +107,7 @@ def command(
     The command is refused if one of the libraries that it needs is missing; `how` goes to click.
     """
 
-    def made(function: Callable[..., None]) -> click.Command:
+    def as_command(function: Callable[..., None]) -> click.Command:
         words = COMMANDS[function.__name__.replace("_", "-")]
         text = f"{function.__doc__}\n\n{words.more}"
 
@@ -120,7 +120,7 @@ def command(
             words.name, cls=_Command, help=text, epilog=f"Example: {words.example}", **how
         )(checked)
 
-    return made
+    return as_command
 
 
 class _Command(click.Command):
@@ -197,8 +197,11 @@ def polhode() -> None:
 def complaint(error: click.ClickException) -> str:
     """One line about what the command line cannot take: the command, click's words, and what was expected."""
     message = " ".join(error.format_message().split())
-    # Signs that a terminal would obey, such as the escapes of a file's content, are written out.
-    message = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in message)
+    # A terminal would obey control characters, such as those in a file's content: `ascii` writes them as
+    # escapes, between quotes that are cut off.
+    message = "".join(
+        character if character.isprintable() else ascii(character)[1:-1] for character in message
+    )
     if not isinstance(error, click.UsageError) or error.ctx is None:
         return f"polhode: {message}"
     command = error.ctx.command
@@ -230,10 +233,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     prepare_streams()
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, _terminated)
-    # Extreme input overflows; what comes of it is a status of the run.
+    # Extreme input overflows, which NumPy warns of: the run's status says so already.
     warnings.filterwarnings("ignore", category=RuntimeWarning)
     warnings.filterwarnings("always", category=Question)
     warnings.showwarning = lambda message, *where, **more: click.echo(f"note: {message}", err=True)
+    # The code of all that is caught below, but for bad input.
     code = 1
     said = ""
     try:
@@ -253,6 +257,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except MemoryError:
         said = "polhode: out of memory, expected a smaller problem: fewer samples, a shorter time"
     except OSError as error:
+        # A disk is full, or standard output is closed; `bad_input` has turned all else into bad input.
         where = error.filename or "standard output"
         reason = "closed" if error.errno == errno.EBADF else error.strerror or error
         said = f"polhode: {where}: {reason}, expected a place to write and room for it"

@@ -17,26 +17,50 @@ from polhode.models.own_function import place_of
 from polhode.models.registry import hint
 from polhode.models.theory.fixed_points import attractors
 
-# Evaluations of the function: per step of the run, least number between two rows, and most in all.
+# Looks, per step of the run on the average. An estimate: half as many miss pairs of passages that are
+# twice as far apart, twice as many take twice the time.
 _LOOKS_PER_STEP = 16
+# Looks between two rows at least, where rows are closer than steps. An estimate, as before.
 _LOOKS_PER_ROW = 4
-_MOST_LOOKS = 1_000_000
+# Looks in all: a state of ten numbers at each takes 80 MB.
+_MAX_LOOKS = 1_000_000
 # Relative tolerance of the time of an event: the least that SciPy's `brentq` takes.
 _RTOL = np.float64(4 * np.finfo(float).eps)
-# Share of the largest value: values of one row that differ by more differ by more than the order of
-# sums.
-_SAME = 1e-9
-# Distance in L and E, over I_max, within which a particle has arrived.
+# Absolute tolerance of that time: `brentq` asks for a positive one, and the relative one is to decide.
+_XTOL = 1e-300
+# Steps of `brentq`: a thousand halvings reach 1e-301 of an interval that begins at t = 0, and between
+# two halvings it may try an interpolation.
+_MAX_BRENTQ_STEPS = 2000
+# Largest difference, over the event's largest value, between the values of one row alone and among
+# others. An estimate: rounding, which depends on the order of sums, stays far below it.
+_SAME_VALUE = 1e-9
+# Distance in L and E, over I_max, within which a particle has arrived; `Ensemble.radius` is the same.
+# An estimate: the approach is exponential, so half of it delays the arrival by log 2 over the slowest rate.
 ARRIVED = 0.05
 
 
 @dataclass(frozen=True)
 class Event:
-    """A function of a solution of n times that returns n values, each of its own row alone, followed through zero.
+    """A function of a solution that is followed through zero.
 
-    It happens only where the function rises if `direction` is positive, where it falls if negative;
-    the solution ends there if it is `terminal`, at the n-th time if that is a number. Any function
-    will do in its place, with SciPy's attributes of these names if need be.
+    Any function will do in its place, with SciPy's attributes `direction` and `terminal` if need be.
+
+    Parameters
+    ----------
+    name : str
+        The event's key in a solution's `events`.
+    function : callable
+        ``function(solution) -> values``, shape (n,) for a solution of n times. Each value follows
+        from its own row alone.
+    direction : float
+        Positive: the event happens only where the function rises; negative: where it falls; 0: both.
+    terminal : bool or int
+        Whether the solution ends where the event happens; a number k: where it happens the k-th time.
+
+    Raises
+    ------
+    ValueError
+        If `terminal` is no bool and no whole number from 0 on.
     """
 
     name: str
@@ -50,7 +74,10 @@ class Event:
             raise ValueError(f"{got}, expected True, False or a positive whole number")
 
     def values(self, solution: Any) -> np.ndarray:
-        """Its values along a solution; raises ValueError, in one line, where there is not one for each time."""
+        """Its values along a solution, shape (n,).
+
+        Raises ValueError, in one line, if the function raises, its shape is another, or no value is a number.
+        """
         try:
             values = np.asarray(self.function(solution), dtype=float)
         except Exception as error:
@@ -67,7 +94,11 @@ class Event:
         return values
 
     def ends(self, happened: Any) -> Any:
-        """The time at which it ends a solution in which it happened like this: one time, or none."""
+        """The time at which it ends a solution, shape (1,), or (0,) if it does not.
+
+        `happened` is the solution at the times at which the event happens.
+        """
+        # True counts as 1: the first time.
         return happened.t[self.terminal - 1 : self.terminal] if self.terminal else happened.t[:0]
 
 
@@ -75,7 +106,10 @@ EventLike = str | Event | Callable[[Any], Any]
 
 
 def separatrix(solution: SceneSolution) -> np.ndarray:
-    """L² - 2EI₂, I₂ the middle moment of inertia: positive while the particle spins about its shortest axis."""
+    """L² - 2EI₂, shape (n,), I₂ the middle moment of inertia; ValueError unless the ellipsoid is triaxial.
+
+    It is positive while the particle spins about its shortest axis.
+    """
     if (kind := solution.scene.ellipsoid.kind) != "triaxial":
         raise ValueError(
             f"event 'separatrix': got the kind {kind!r}, expected a triaxial ellipsoid"
@@ -85,7 +119,10 @@ def separatrix(solution: SceneSolution) -> np.ndarray:
 
 
 def distance_to_settled(solution: SceneSolution) -> np.ndarray:
-    """Distance of L and E, over I_max, from the nearest stable state, less that within which it counts as arrived."""
+    """Distance of L and E, over I_max, from the nearest stable state, less that of an arrival; shape (n,).
+
+    Raises ValueError in a flow other than simple shear, or if no stable state is known.
+    """
     scene = solution.scene
     form = solution.equations
     if scene.flow is not None:
@@ -104,8 +141,9 @@ def distance_to_settled(solution: SceneSolution) -> np.ndarray:
 
 
 _LZ = Event("lz", lambda solution: solution.angular_momentum[:, 2])
-_KNOWN = Event("separatrix", separatrix), _LZ, Event("settled", distance_to_settled, -1.0)
-EVENTS = {event.name: event for event in _KNOWN}
+# A particle settles where the distance falls through zero.
+_SETTLED = Event("settled", distance_to_settled, direction=-1.0)
+EVENTS = {event.name: event for event in (Event("separatrix", separatrix), _LZ, _SETTLED)}
 
 
 def as_events(events: Iterable[EventLike] | EventLike) -> list[Event]:
@@ -134,9 +172,11 @@ def as_events(events: Iterable[EventLike] | EventLike) -> list[Event]:
 
 
 def happened(solution: Any, event: Event) -> Any:
-    """The solution at the times at which an event happens, to some rounding errors of these times."""
-    # Between the looks (sixteen for a step of the run, on the average) an even number of passages
-    # goes unseen.
+    """The solution at the times at which an event happens, to some rounding errors of these times.
+
+    An even number of passages between two looks goes unseen. Raises ValueError as `Event.values` does, and
+    if a value depends on other rows than its own.
+    """
     with IMPORTS:
         from scipy.optimize import brentq
 
@@ -145,12 +185,12 @@ def happened(solution: Any, event: Event) -> Any:
 
     def value(t: float) -> float:
         """The event's value at a time; at a look it must be that among all looks."""
-        # From the look before t: a step or two.
+        # The first look that is not before t.
         i = np.searchsorted(looked.times, t)
         alone = float(event.values(looked(t))[0])
         if t < looked.times[i]:
             return alone
-        if abs(alone - values[i]) > _SAME * np.nanmax(np.abs(values)):
+        if abs(alone - values[i]) > _SAME_VALUE * np.nanmax(np.abs(values)):
             got = f"got {alone:g} at t = {t:g} alone, {values[i]:g} among others"
             raise ValueError(
                 f"event {event.name!r}: {got}, expected values that depend on their own row alone"
@@ -160,6 +200,7 @@ def happened(solution: Any, event: Event) -> Any:
     # An event lies between look i and the next if the sign changes; one that starts at zero is none.
     sign = np.sign(values)
     times = []
+    # 1 where the value rises to the next look, -1 where it falls.
     rising = np.where(sign[1:] != 0, sign[1:], -sign[:-1])
     passed = (sign[1:] != sign[:-1]) & (np.abs(sign[:-1]) == 1) & (event.direction * rising >= 0)
     for i in np.flatnonzero(passed).tolist():
@@ -167,13 +208,16 @@ def happened(solution: Any, event: Event) -> Any:
         times.append(
             high
             if values[i + 1] == 0
-            else brentq(value, low, high, xtol=1e-300, rtol=_RTOL, maxiter=2000)
+            else brentq(value, low, high, xtol=_XTOL, rtol=_RTOL, maxiter=_MAX_BRENTQ_STEPS)
         )
     return looked(np.array(times))
 
 
 def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSolution:
-    """The solution with what happened, and no further than to the first event that ends it."""
+    """The solution with its `events`, and no further than to the first event that ends it.
+
+    Raises ValueError as `happened` does.
+    """
     occurrences = {event.name: happened(solution, event) for event in events}
     ends = []
     for event in events:
@@ -191,8 +235,12 @@ def with_events(solution: SceneSolution, events: Iterable[Event]) -> SceneSoluti
 
 
 def _looks(solution: Any) -> np.ndarray:
-    """The solution's times and equispaced ones between each two of them."""
+    """The solution's times and equispaced ones between each two of them; shape (k,).
+
+    The total follows from steps or rows, whichever asks for more, and every interval gets the same number.
+    """
     rows = len(solution.times) - 1
     looks = max(_LOOKS_PER_ROW * rows, _LOOKS_PER_STEP * (solution.work.steps or rows))
-    between = max(1, -(-min(looks, _MOST_LOOKS) // max(rows, 1)))
+    # Rounded up.
+    between = max(1, -(-min(looks, _MAX_LOOKS) // max(rows, 1)))
     return np.interp(np.arange(rows * between + 1) / between, np.arange(rows + 1), solution.times)

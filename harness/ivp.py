@@ -30,12 +30,14 @@ from polhode.solvers.structure import bands_of
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-# Components up to which Python finds the largest in less time than NumPy.
-_FEW = 20
-# A table of more rows would hold gigabytes.
-_MOST_SAMPLES = 10_000_000
-
-
+# Components up to which Python finds the largest in less time than NumPy. An estimate: either takes
+# some microseconds here.
+_FEW_COMPONENTS = 20
+# Rows of an output. A row of a scene has 15 doubles: these rows take 1.2 GB.
+_MAX_SAMPLES = 10_000_000
+# Relative tolerance where none is given. A convention: SciPy's is 1e-3, which is loose for a solver of
+# order 8 as the one by default.
+_DEFAULT_RTOL = 1e-6
 # The catalogue's names of SciPy's methods, by SciPy's own.
 _SCIPYS_NAMES = {name: name.lower() for name in ("RK45", "DOP853", "Radau", "BDF", "LSODA")}
 
@@ -49,7 +51,7 @@ def solve_ivp(
     *,
     events: Sequence[Callable[..., float]] | Callable[..., float] | None = None,
     args: Sequence[float] | None = None,
-    rtol: float | Sequence[float] = 1e-6,
+    rtol: float | Sequence[float] = _DEFAULT_RTOL,
     atol: float | Sequence[float] | None = None,
     max_step: float = inf,
     first_step: float | None = None,
@@ -69,9 +71,14 @@ def solve_ivp(
     Parameters
     ----------
     fun : callable
-        As `Problem.from_function` takes it: compiled where it can be, else called as it is.
-    t_span, y0, args : sequence of float
-        The end may lie before the start.
+        ``fun(t, y, *args)`` of a state y of shape (d,), as `Problem.from_function` takes it: compiled
+        where it can be, else called as it is.
+    t_span : pair of float
+        Start and end; the end may lie before the start.
+    y0 : sequence of float, length d
+        The state at the start.
+    args : sequence of float, optional
+        Further arguments of `fun`, of events and of the Jacobian.
     method : str or Solver
         A catalogue name (`polhode solvers`), SciPy's of the same method (``"RK45"``),
         ``"module:class"``, or a solver. By default
@@ -79,8 +86,8 @@ def solve_ivp(
         the Jacobian `bdf`, or `cvode-bdf` if it has few diagonals; `ida` where equations are
         algebraic.
     t_eval : sequence of float, optional
-        Times of the output, from start to end. By default 201 equispaced ones; of a function in
-        plain Python by SciPy's methods the solver's own steps.
+        Times of the output, shape (n,), from start to end. By default 201 equispaced ones; of a
+        function in plain Python by SciPy's methods the solver's own steps.
     events : callable or sequence of callables, optional
         ``event(t, y, *args)``, a number or a condition, with SciPy's attributes `direction` and
         `terminal` if need be.
@@ -111,8 +118,10 @@ def solve_ivp(
     Returns
     -------
     scipy.optimize.OptimizeResult
-        With the fields of SciPy's result: t, y, sol (always there), t_events, y_events, nfev, njev,
-        status, message, success. The message says if the function ran as plain Python, if
+        With the fields of SciPy's result: t, shape (n,), y, shape (d, n), sol (always there),
+        t_events, y_events, nfev, njev, status, message, success. An event that happened k times has
+        states of shape (k, d) in `y_events`; SciPy's status is 0 at the end, 1 after a terminal event,
+        -1 after a failure. The message says if the function ran as plain Python, if
         algebraic equations moved the start, and if rtol allows errors as large as the solution.
 
     Raises
@@ -161,11 +170,11 @@ def solve_ivp(
         t_eval, began, end, problem.end, count=2 if every_step else DEFAULT_SAMPLES
     )
     # A run has its start and its end besides; they are cut off again below.
-    before = bool(requested[0] > 0)
-    behind = bool(requested[-1] < problem.end)
+    start_added = bool(requested[0] > 0)
+    end_added = bool(requested[-1] < problem.end)
     times = requested
-    if before or behind:
-        times = np.concatenate([[0.0] * before, requested, [problem.end] * behind])
+    if start_added or end_added:
+        times = np.concatenate([[0.0] * start_added, requested, [problem.end] * end_added])
     notes = [_on_rtol(rtol)]
     if atol is None and "atol" in solver.tolerances:
         atol, note = atol_of(rtol, y0)
@@ -174,15 +183,15 @@ def solve_ivp(
     steps = {"max_step": max_step, "first_step": first_step}
     d = len(y0)
     sought = _sought(events, partial(_value, began, direction, d, tuple(args)))
-    # Plain Python counts its calls anyhow.
+    # A count of calls is asked for where the function is compiled; plain Python counts them anyhow.
     how = {"count": not problem.plain, "events": sought, "every_step": every_step}
     run = solve(problem, solver, rtol, times, atol=atol, **how, **limits, **steps)
     ended = any(event.terminal and len(event.times) >= event.terminal for event in sought)
-    extra = behind and len(run.times) == len(times)
+    last_is_extra = end_added and len(run.times) == len(times)
     if ended:
         # By default the event is the last row, as in SciPy.
-        extra = t_eval is not None and run.times[-1] not in requested
-    shown = slice(int(before), -1 if extra else None)
+        last_is_extra = t_eval is not None and run.times[-1] not in requested
+    shown = slice(int(start_added), -1 if last_is_extra else None)
     notes.append(moved_start(problem, run.states, rtol, 0.0 if atol is None else atol))
     message = "a terminal event happened" if ended else _words(run)
     message = "; ".join(filter(None, [message, *notes]))
@@ -204,7 +213,7 @@ def solve_ivp(
 
 
 def _numbers_of(args: Any) -> tuple[float, ...]:
-    """The arguments of `solve_ivp`; ValueError, with the way out, if one is no number."""
+    """The arguments of `solve_ivp`; ValueError, which says what to do instead, if one is no number."""
     numbers = args if np.iterable(args) and not isinstance(args, str | dict) else [args]
     for number in numbers:
         if not isinstance(number, Real):
@@ -215,6 +224,7 @@ def _numbers_of(args: Any) -> tuple[float, ...]:
 def _default_method(problem: Problem) -> str:
     """The solver where none is named."""
     field = problem.field
+    # Algebraic equations: there is no explicit form.
     if problem.parameters is None:
         return "ida"
     if isinstance(field, OwnField) and field.structure is not None:
@@ -225,7 +235,7 @@ def _default_method(problem: Problem) -> str:
 def _requested_times(
     t_eval: Any, began: float, end: float, duration: float, *, count: int
 ) -> np.ndarray:
-    """Requested times of a run, increasing; `count` of them by default."""
+    """Requested times of a run, which begins at 0, increasing; `count` equispaced ones by default."""
     if t_eval is None:
         return np.linspace(0.0, duration, count) if count > 2 else np.array([0.0, duration])
     if end > began:
@@ -259,7 +269,7 @@ def _value(
     t: float,
     y: np.ndarray,
 ) -> Any:
-    """An event of the user's time and state."""
+    """The value of a user's event at the time t and the state y of a run."""
     return event(began + direction * t, y[:d], *args)
 
 
@@ -269,7 +279,7 @@ def _states_of(event: SoughtEvent, d: int) -> np.ndarray:
 
 
 def _sol(run: Solution, began: float, direction: float, d: int, t: Any) -> np.ndarray:
-    """SciPy's `sol`: states at t, shape (d,) or (d, k)."""
+    """SciPy's `sol`: states at the user's times t, shape (d,) for a number and (d, k) for k of them."""
     return run.sol(direction * (np.asarray(t) - began))[:d]
 
 
@@ -280,14 +290,18 @@ def _words(run: Solution) -> str:
 
 
 def _on_rtol(rtol: float | Sequence[float]) -> str:
-    """The warning about a relative tolerance that allows anything; else empty."""
+    """The warning about a relative tolerance that allows errors as large as the solution; else empty."""
     largest = float(np.max(rtol))
     return f"rtol = {largest:g} allows errors as large as the solution" if largest >= 1 else ""
 
 
 def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, str]:
-    """The absolute tolerance where none is given, and what is to be said of it."""
-    size = max(map(abs, y0)) if len(y0) < _FEW else np.max(np.abs(y0))
+    """The absolute tolerance where none is given, and what is to be said of it.
+
+    It is the least relative tolerance times the largest component of the start, or that tolerance itself
+    if the start is 0.
+    """
+    size = max(map(abs, y0)) if len(y0) < _FEW_COMPONENTS else np.max(np.abs(y0))
     size = float(size)
     least = float(np.min(rtol))
     if size > 0:
@@ -297,7 +311,7 @@ def atol_of(rtol: float | Sequence[float], y0: Sequence[float]) -> tuple[float, 
 
 def check_tolerance(name: str, value: Any) -> None:
     """Raise ValueError unless it is a finite positive number or several."""
-    # NumPy would take a few microseconds to say so.
+    # The usual case, without the microseconds of an array.
     if isinstance(value, float) and 0 < value < inf:
         return
     try:
@@ -310,15 +324,15 @@ def check_tolerance(name: str, value: Any) -> None:
 
 
 def check_samples(samples: int) -> None:
-    """Raise ValueError for what is no number of output times."""
-    if not (isinstance(samples, Integral) and 2 <= samples <= _MOST_SAMPLES):
+    """Raise ValueError unless `samples` is a number of output times, start and end included."""
+    if not (isinstance(samples, Integral) and 2 <= samples <= _MAX_SAMPLES):
         raise ValueError(
-            f"samples: got {samples!r}, expected a whole number from 2 to {_MOST_SAMPLES}"
+            f"samples: got {samples!r}, expected a whole number from 2 to {_MAX_SAMPLES}"
         )
 
 
 def increasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
-    """Times as an array; ValueError unless they are increasing numbers within a run."""
+    """Times as an array, shape (n,); ValueError unless they increase and lie within a run from `begin` to `end`."""
     times = _times(values)
     if not (_rise(times) and begin <= times[0] and times[-1] <= end):
         expected = f"increasing numbers from {in_full(begin)} to {in_full(end)}"
@@ -327,7 +341,7 @@ def increasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
 
 
 def decreasing(name: str, values: Any, begin: float, end: float) -> np.ndarray:
-    """Times as an array; ValueError unless they are decreasing numbers within a run backwards."""
+    """Times as an array, shape (n,); ValueError unless they decrease and lie within a run backwards."""
     times = _times(values)
     if not (_rise(-times) and end <= times[-1] and times[0] <= begin):
         expected = f"decreasing numbers from {in_full(begin)} to {in_full(end)}"
@@ -339,6 +353,7 @@ def _times(values: Any) -> np.ndarray:
     """Times as an array, empty if they are no numbers."""
     try:
         array = np.array(values)
+        # Booleans, whole and real numbers, and objects that may be numbers; no text and no complex numbers.
         return array.astype(float) if array.dtype.kind in "biufO" else np.empty(0)
     except (TypeError, ValueError, OverflowError):
         return np.empty(0)

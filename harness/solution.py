@@ -32,14 +32,17 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
-# Rows between two notes on how much is written.
-_ROWS = 10_000
+# Rows that `write_csv` writes between two reports of its progress. An estimate: fewer
+# rows only report more often.
+_ROWS_PER_NOTE = 10_000
 # Columns of CSV files and frames: the time, the slow time, L and E in space axes, and the rotation
 # matrix, whose rows are body axes in space.
 COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E"]
 COLUMNS += [f"R{i}{j}" for i, j in product((1, 2, 3), repeat=2)]
 # On demand: ω in space axes.
 OMEGA = ["wx", "wy", "wz"]
+# Lines about segments in a printed solution: an estimate of what is still read.
+_SHOWN_SEGMENTS = 8
 
 
 @dataclass(frozen=True)
@@ -52,10 +55,21 @@ class SceneSolution(LikeSolveIvp):
     result too: `t`, `y` (the form's own state, shape (d, n)), `sol`, `nfev`, `njev`, `status`,
     `message`, `success`.
 
-    `times`, shape (n,), are in units of the inverse shear rate; `observables` are L, E and the
-    rotation matrix there; `run`, of the form's problem, has states, status and work. `error`
-    is estimated for this very run: `slow` and `orientation`. `events` has by name the motion at the
-    times at which a requested event happened.
+    Parameters
+    ----------
+    scene : Scene
+    equations : Form
+        The form that was solved.
+    run : Solution
+        Of the form's problem, in the problem's own time: states, status, work.
+    times : ndarray, shape (n,)
+        In units of the inverse shear rate.
+    observables : Observables
+        L, E and the rotation matrix at these times.
+    error : RunError
+        Estimated for this very run: `slow`, of L and E over I_max, and `orientation`, in rad.
+    events : dict
+        By name, the motion at the times at which a requested event happened.
     """
 
     scene: Scene
@@ -67,26 +81,29 @@ class SceneSolution(LikeSolveIvp):
     events: Mapping[str, "SceneSolution"] = field(default_factory=dict)
 
     def __call__(self, t: "ArrayLike") -> "SceneSolution":
-        """The motion at other times of the run."""
+        """The motion at other times of the run, shape (k,) or a number; ValueError if one lies outside the run."""
         times = times_within(self, t)
-        # At times of the run the motion is the run's to the last bit.
+        # `interp` gives the run's own time at a row exactly, so that the motion there is the row's.
         return self.at(times, self.run(np.interp(times, self.times, self.run.times)))
 
     def at(self, times: np.ndarray, run: Solution) -> "SceneSolution":
-        """The motion that other rows of the run stand for."""
+        """The motion for a run with other rows, whose times, shape (k,), are given in the scene's unit."""
         observables = self.equations.observe(self.scene, run.states)
         error = self.error.at(times / self.scene.time)
         return replace(self, times=times, run=run, observables=observables, error=error)
 
     def rows(self, which: slice | np.ndarray) -> "SceneSolution":
-        """Some of the rows."""
+        """The motion at some of the rows: a slice, or an array of indices or of booleans."""
         return self.at(
             self.times[which],
             replace(self.run, times=self.run.times[which], states=self.states[which]),
         )
 
     def until(self, end: "SceneSolution") -> "SceneSolution":
-        """The motion up to the one row of `end`, with which it counts as finished, unless it is known to be wrong."""
+        """The motion up to the one row of `end`, with which it counts as finished.
+
+        A run that is known to be wrong stays a false success.
+        """
         before = self.times < end.times[0]
         states = np.vstack([self.states[before], end.states])
         times = np.append(self.run.times[before], end.run.times)
@@ -114,15 +131,16 @@ class SceneSolution(LikeSolveIvp):
 
     @property
     def segments(self) -> tuple[SolvedSegment, ...]:
-        """Segments of a run of several: their begin and end in slow time, reason, expected error, steps; else none."""
+        """Segments of a run of several, with begin and end in slow time; empty if the run has one alone."""
+        # The run's unit of time in units of the slow time.
         unit = self.run.problem.time_unit / self.scene.stokes if self.run.segments else 1.0
         return tuple(
             replace(segment, begin=unit * segment.begin, end=unit * segment.end)
             for segment in self.run.segments
         )
 
-    def segments_in_words(self, most: int = 8) -> list[str]:
-        """The segments, one a line, the first ones if there are many."""
+    def segments_in_words(self, most: int = _SHOWN_SEGMENTS) -> list[str]:
+        """The segments, one a line, in `most` lines; the last one counts those that are left out."""
         lines = [
             f"t₂ = {segment.begin:.3g} to {segment.end:.3g}: {segment.reason}"
             f"{'' if segment.averaged else ', full equations'}, error below {scientific(segment.error)}"
@@ -175,7 +193,7 @@ class SceneSolution(LikeSolveIvp):
         return angular_velocity(self.scene.ellipsoid, self.observables)
 
     def table(self, omega: bool = False) -> np.ndarray:
-        """`frame` as an array, shape (n, 15), or (n, 18)."""
+        """`frame` as an array of its columns, shape (n, 15), or (n, 18) with the angular velocity."""
         rotation = self.rotation.reshape(len(self.times), 9)
         more = [self.angular_velocity] if omega else []
         return np.column_stack(
@@ -212,12 +230,12 @@ class SceneSolution(LikeSolveIvp):
         }
 
     def to_parquet(self, path: "str | PathLike[str]", omega: bool = False) -> None:
-        """Write `frame` as Parquet, where pyarrow is installed."""
+        """Write `frame` as Parquet; `MissingLibraryError` without pyarrow."""
         need("to_parquet", "pyarrow")
         self.frame(omega).to_parquet(path)
 
     def to_xarray(self) -> "xr.Dataset":
-        """L, E, rotation matrix and ω over t, where xarray is installed; body axes count from 1."""
+        """L, E, rotation matrix and ω over t; body axes count from 1. `MissingLibraryError` without xarray."""
         need("to_xarray", "xarray")
         import xarray as xr
 
@@ -259,8 +277,8 @@ class SceneSolution(LikeSolveIvp):
 
         Notes
         -----
-        A form that knows the symmetry axis alone leaves the angle about it open, which the motion
-        does not depend on.
+        The motion of a spheroid does not depend on the angle about its symmetry axis: a form that
+        knows that axis alone leaves the angle open.
         """
         last = float(self.times[-1]) if t is None else t
         require_numbers("t", last)
@@ -270,15 +288,18 @@ class SceneSolution(LikeSolveIvp):
 
 
 def write_csv(file: IO[str], table: np.ndarray, advance: Callable[[float], None]) -> None:
-    """Write `COLUMNS`, and `OMEGA` if the table has them; `advance` hears how much is done, from 0 to 1."""
-    # In 17 significant digits, NaN as an empty cell.
+    """Write a table, shape (n, 15) or (n, 18), under `COLUMNS` and, if it has them, `OMEGA`.
+
+    `advance` hears which share of the rows is written, from 0 to 1.
+    """
     file.write(",".join([*COLUMNS, *OMEGA][: table.shape[1]]) + "\n")
-    for first in range(0, len(table), _ROWS):
-        rows = table[first : first + _ROWS].tolist()
+    for first in range(0, len(table), _ROWS_PER_NOTE):
+        rows = table[first : first + _ROWS_PER_NOTE].tolist()
         file.writelines(map(_line, rows))
         advance(first / len(table))
 
 
 def _line(row: list[float]) -> str:
     """One line of CSV, NaN as an empty cell."""
+    # 17 significant digits are as many as give a double back to the last bit.
     return ",".join("" if x != x else f"{x:.17g}" for x in row) + "\n"

@@ -21,13 +21,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from polhode.harness import DEFAULT_ERROR
 from polhode.harness.analysis.equal_error import best_of_families
 from polhode.harness.analysis.frames import rows_of
 from polhode.harness.common.files import digest, dumps, write_file
 from polhode.harness.common.machine import surroundings, surroundings_of, versions
 from polhode.harness.common.progress import Progress, Steps
 from polhode.harness.common.store import Record, Store
-from polhode.harness.common.timing import Timing, collector_off, within
+from polhode.harness.common.timing import BUDGET, Timing, collector_off, within
 from polhode.harness.common.worker import Failure, KilledFromOutsideError, Worker
 from polhode.harness.ivp import atol_of, check_samples
 from polhode.harness.references.any_problem import OwnReference, reference_of
@@ -52,19 +53,33 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Tolerances of the classical problems.
-_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
-QUICK = (1e-4, 1e-7, 1e-10)  # Tolerances of a first look.
+# Relative tolerances of the classical problems, one a decade: from SciPy's default, 1e-3, to the last one
+# above rounding (`polhode.models.problem.ROUNDING`).
+_CLASSICAL_TOLERANCES = tuple(10.0**-k for k in range(3, 13))
+# Relative tolerances of a first look: three of them, far apart.
+QUICK = (1e-4, 1e-7, 1e-10)
+# Time limit of one run of a classical problem, in seconds, and with `quick`; estimates. A larger limit
+# adds slow runs at tight tolerances to the table, and time to the study.
+_CLASSICAL_SECONDS = 3.0
+_QUICK_CLASSICAL_SECONDS = 0.3
+# What a study measures unless it is told otherwise: every second decade of tolerances, 100 equal intervals,
+# and seconds for a run. Estimates: each only sets how long a study takes and how much of it is seen.
+_DEFAULT_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
+_STUDY_SAMPLES = 101
+_STUDY_SECONDS = 10.0
 # Errors by name: the largest at any sample, the one at the end, the root of the mean square.
 _ERRORS = ("max", "final", "L2")
 # Status of solvers that do not take a function in plain Python, and what rows of others say then.
 _REFUSED = "refused"
 _PLAIN_PYTHON = "plain Python"
-# An error above this share of the state's size is no accuracy: it is not known, and no success.
+# An error above this share of the state's size is no accuracy: it is not known, and the run no success.
+# An estimate: from 0.1 on, an error no longer falls in proportion to the tolerance.
 _NO_ACCURACY = 0.1
-# Uncertainty of a reference, in the measure of the errors, from which on it contradicts no run: it is
-# a tenth of the error that it would have to judge.
-_SURE = 0.01
+# Uncertainty of a reference, in the measure of the errors, from which on it contradicts no run: a tenth
+# of `_NO_ACCURACY`, the error that it would have to judge.
+_UNSURE_REFERENCE = 0.01
+# Seconds after which a run stops that is only to be prepared: it stops at its first step.
+_NO_SECONDS = 1e-9
 
 Atol = float | Sequence[float] | Callable[[float], float | Sequence[float]] | None
 
@@ -72,14 +87,17 @@ Atol = float | Sequence[float] | Callable[[float], float | Sequence[float]] | No
 class WorkPrecision:
     """A work-precision study of one problem: `frame` holds the rows, `plot` draws them, `write` makes a page.
 
-    A row is a solver at a relative tolerance. `seconds` is the fastest warm run, the integration
-    alone, as in `solve(...).seconds`; `compile_seconds` is what preparing the solver took, nothing
-    once that is cached; `trace_seconds` what tracing the function took, once for all rows. `error`
-    is measured against `reference`, whose `uncertainty` is in the same measure. `known` marks errors
-    above ten times that and not above 0.1. A run that is off by more than 0.1 of the state's size is
-    a `false_success`. `runs_as` says whether the right-hand side was "compiled" or "plain Python";
-    solvers that take compiled ones alone then have one row, of status `refused`, with the reason. Rows
-    of solvers that are functions say "function": they may compile it or not.
+    A row is a solver at a relative tolerance. Its columns, with times in seconds:
+
+    - `seconds`: the fastest warm run, the integration alone, as in `solve(...).seconds`;
+    - `compile_seconds`: what preparing the solver took, nothing once that is cached;
+    - `trace_seconds`: what tracing the function took, once for all rows;
+    - `error`: measured against `reference`, whose `uncertainty` is in the same measure;
+    - `known`: whether the error is above ten times that uncertainty and not above 0.1;
+    - `status`: `false_success` for a run that is off by more than 0.1 of the state's size;
+    - `runs_as`: whether the right-hand side was "compiled" or "plain Python". Solvers that take compiled
+      ones alone then have one row, of status `refused`, with the reason. Rows of solvers that are functions
+      say "function": they may compile it or not.
 
     Parameters
     ----------
@@ -117,16 +135,22 @@ class WorkPrecision:
         d), or a solution with `sol`. Taken as exact.
     over : dict, optional
         A parameter of the function by name, and its values: the study is made for all of them, and
-        `frame` has a column for the parameter.
+        `frame` has a column for the parameter. Several parameters are combined in all ways.
+
+    Raises
+    ------
+    ValueError
+        In one line, what is wrong with an argument, and what was expected; solvers and reference are
+        looked at when `frame` is first read.
     """
 
     def __init__(
         self,
         problem: Problem | Callable[..., Problem],
         solvers: Any = None,
-        tolerances: Sequence[float] = (1e-4, 1e-6, 1e-8, 1e-10),
-        samples: int = 101,
-        max_seconds: float = 10.0,
+        tolerances: Sequence[float] = _DEFAULT_TOLERANCES,
+        samples: int = _STUDY_SAMPLES,
+        max_seconds: float = _STUDY_SECONDS,
         quiet: bool = False,
         classical: Classical | None = None,
         *,
@@ -173,7 +197,7 @@ class WorkPrecision:
 
     @property
     def one(self) -> Problem:
-        """The problem, of a study of one; ValueError of one over a parameter, whose `studies` have one each."""
+        """The problem; ValueError in a study over a parameter, which has one for each of its `studies`."""
         if self.over or not isinstance(self.problem, Problem):
             raise ValueError(
                 f"over: got {', '.join(self.over)}, expected `studies`: one for each value"
@@ -182,7 +206,7 @@ class WorkPrecision:
 
     @cached_property
     def studies(self) -> list[tuple[dict[str, float], "WorkPrecision"]]:
-        """The studies that this one consists of, each with its values of the parameters in `over`."""
+        """The studies that this one consists of, each with its values of the parameters in `over`, by name."""
         points = [
             dict(zip(self.over, values, strict=True)) for values in product(*self.over.values())
         ]
@@ -193,15 +217,19 @@ class WorkPrecision:
     def _at(self, point: dict[str, float]) -> "WorkPrecision":
         """The study at one point: a value for each parameter in `over`, by name."""
         base = self.problem
-        one = isinstance(base, Problem)
-        problem = _with_parameters(base, point) if one else base(**point)
+        is_problem = isinstance(base, Problem)
+        problem = _with_parameters(base, point) if is_problem else base(**point)
         reference = self.own_reference
         if callable(reference) and not hasattr(reference, "sol"):
             reference = _at_point(reference, point)
         words = ", ".join(f"{name} = {value:g}" for name, value in point.items())
         return WorkPrecision(
             replace(problem, name=f"{problem.name}, {words}"),
-            *(self.solvers, self.tolerances, self.samples, self.max_seconds, self.quiet),
+            solvers=self.solvers,
+            tolerances=self.tolerances,
+            samples=self.samples,
+            max_seconds=self.max_seconds,
+            quiet=self.quiet,
             atol=self.atol,
             error=self.error,
             relative=self.relative,
@@ -223,7 +251,7 @@ class WorkPrecision:
         """The published end of a classical problem, the reference that was given, or a computed one."""
         problem = self.one
         if self.classical:
-            # The reference at the end is part of the test problem.
+            # The published state at the end is part of the test problem; it counts as exact.
             ends = np.array([problem.start, self.classical.reference])
             return OwnReference(ends, 0.0, self.classical.source)
         if self.own_reference is not None:
@@ -236,9 +264,10 @@ class WorkPrecision:
         times = self.times
         states: np.ndarray
         if hasattr(reference, "sol") and callable(reference.sol):
-            dense_solution = isinstance(getattr(reference, "problem", None), Problem)
+            # The harness's own solutions count time as the problem does, SciPy's as the user does.
+            in_problem_time = isinstance(getattr(reference, "problem", None), Problem)
             states = np.asarray(
-                reference.sol(times if dense_solution else users_times(problem, times))
+                reference.sol(times if in_problem_time else users_times(problem, times))
             ).T
         elif callable(reference):
             own_times = users_times(problem, times).tolist()
@@ -260,12 +289,12 @@ class WorkPrecision:
 
     @property
     def _components(self) -> int:
-        """Components of the state but for a time."""
+        """Components of the user's state: those of the problem's but for a time."""
         return self.one.dimension - self.one.timed
 
     @property
     def times(self) -> np.ndarray:
-        """Sample times in the problem's own time."""
+        """Sample times in the problem's own time, shape (samples,)."""
         return np.linspace(0.0, self.one.end, self.samples)
 
     @cached_property
@@ -282,17 +311,18 @@ class WorkPrecision:
             check_jacobian(self.one)
         with Progress(self.quiet) as progress:
             loosest = max(self.tolerances)
-            compiled = [
+            # Before the reference, which may use a solver that is timed here.
+            compile_seconds = [
                 _prepared(one, self.one, loosest, self._atol_of(one, loosest)) for one in setups
             ]
             progress.begin(f"{self.name}: reference")
             exact = None
             uncertainty = None
-            missing = ""
+            no_reference = ""
             try:
                 exact, uncertainty = self.reference
             except ReferenceFailedError as error:
-                missing = str(error)
+                no_reference = str(error)
             for i, setup in enumerate(setups):
                 progress.begin(f"{self.name}: {setup.label}, {i + 1} of {len(setups)} solvers")
                 if reason := self._refusal(setup):
@@ -300,9 +330,9 @@ class WorkPrecision:
                     continue
                 for tolerance in sorted(self.tolerances, reverse=True):
                     row = self._measure(setup, tolerance, exact, uncertainty)
-                    if tolerance == loosest and compiled[i] is not None:
-                        row["compile_seconds"] = compiled[i]
-                    rows.append({**row, "message": row["message"] or missing})
+                    if tolerance == loosest and compile_seconds[i] is not None:
+                        row["compile_seconds"] = compile_seconds[i]
+                    rows.append({**row, "message": row["message"] or no_reference})
                     if row["status"] == Status.TIME_LIMIT:
                         break
         return pd.DataFrame(rows)
@@ -319,13 +349,13 @@ class WorkPrecision:
 
     def _refused_row(self, setup: Setup, tolerance: float, reason: str) -> dict[str, Any]:
         """The one row of a solver that does not take the problem."""
-        nothing = ("atol", "error", "seconds", "spread", "compile_seconds", "uncertainty")
+        not_measured = ("atol", "error", "seconds", "spread", "compile_seconds", "uncertainty")
         return {
             "solver": setup.label,
             "tolerance": tolerance,
             "status": _REFUSED,
             "message": reason,
-            **dict.fromkeys(nothing),
+            **dict.fromkeys(not_measured),
             "trace_seconds": self.trace_seconds,
             "family": setup.family,
             "implicit": setup.implicit,
@@ -346,7 +376,7 @@ class WorkPrecision:
 
         frame = self.best() if best else self.frame
         if self.over:
-            return own_problem.draw_over(axes, frame, self, reach or 1e-6)
+            return own_problem.draw_over(axes, frame, self, reach or DEFAULT_ERROR)
         return own_problem.draw(axes, frame, self)
 
     def best(self) -> pd.DataFrame:
@@ -385,7 +415,7 @@ class WorkPrecision:
         return own_problem.write_page(self, Path(folder), command)
 
     def error_of(self, states: np.ndarray, exact: np.ndarray) -> float:
-        """The error of states of shape (samples, d), as `error` and `relative` say."""
+        """The error of states against exact ones, both of shape (samples, d), as `error` and `relative` say."""
         if self.classical:
             return self.classical.error(states[-1])
         components = self._components
@@ -437,8 +467,9 @@ class WorkPrecision:
     def _measure(
         self, setup: Setup, tolerance: float, exact: np.ndarray | None, uncertainty: float | None
     ) -> dict[str, Any]:
-        """The row of a setup at a tolerance; `exact` and `uncertainty` are the reference, if there is one.
+        """The row of a setup at a tolerance.
 
+        `exact`, shape (samples, d), and `uncertainty` are the reference; both are None if there is none.
         The first run counts right-hand sides, and gives status and error. Times are those of further
         runs, which count nothing; a run that failed or was too slow has none.
         """
@@ -455,7 +486,7 @@ class WorkPrecision:
         error = self.error_of(first.states, exact) if first.success and exact is not None else None
         if error is not None and exact is not None:
             apart = self._apart(first.states, exact)
-            if apart > _NO_ACCURACY and uncertainty is not None and uncertainty < _SURE:
+            if apart > _NO_ACCURACY and uncertainty is not None and uncertainty < _UNSURE_REFERENCE:
                 status = Status.FALSE_SUCCESS
                 error = None
                 message = f"off by {apart:.2g} of the state's size"
@@ -489,7 +520,10 @@ class WorkPrecision:
         }
 
     def _apart(self, states: np.ndarray, exact: np.ndarray) -> float:
-        """The largest deviation of any component over the size of the whole state."""
+        """The largest deviation of any component over the largest component of the exact states.
+
+        Of a classical problem, `exact` has the start and the end alone.
+        """
         components = self._components
         exact = exact[:, :components]
         off = (states[[0, -1]] if self.classical else states)[:, :components] - exact
@@ -517,13 +551,16 @@ def _timed(run: Callable[[], Any]) -> Timing:
 
 
 def _prepared(setup: Setup, problem: Problem, tolerance: float, atol: Any) -> float | None:
-    """Seconds that preparing a solver takes, imports left out; None of a plain function. Its run says what is wrong."""
+    """Seconds that preparing a solver takes, imports left out; None of a plain function or a missing library.
+
+    Errors are left to the runs that are measured, whose rows tell them.
+    """
     if setup.solver is None or not setup.solver.available:
         return None
     before = SPENT.seconds["compilation"]
     with suppress(Exception):
         # A run that ends at its first step.
-        limits = {"max_steps": 1, "max_seconds": 1e-9, "doubt": False}
+        limits = {"max_steps": 1, "max_seconds": _NO_SECONDS, "doubt": False}
         solve(problem, setup.solver, tolerance, **{**setup.options, "atol": atol, **limits})
     return SPENT.seconds["compilation"] - before
 
@@ -537,7 +574,7 @@ def _source(study: WorkPrecision) -> str:
 
 
 def _at_point(reference: Callable[..., Any], point: dict[str, float]) -> Callable[[float], Any]:
-    """A reference of time alone: one that takes the parameters besides gets them."""
+    """A reference as a function of time alone; the parameters are bound if it takes them by name."""
     names = inspect.signature(reference).parameters
     if not all(name in names for name in point):
         return reference
@@ -545,7 +582,7 @@ def _at_point(reference: Callable[..., Any], point: dict[str, float]) -> Callabl
 
 
 def _with_parameters(problem: Problem, point: dict[str, float]) -> Problem:
-    """A problem of one's own function with some parameters changed; ValueError by other names."""
+    """A problem of one's own function with some parameters changed; ValueError if it has none of that name."""
     if not isinstance(problem.field, OwnField):
         expected = "a Problem.from_function, or a function of the parameters that returns a Problem"
         raise ValueError(f"over: got {', '.join(point)} of {problem.name!r}, expected {expected}")
@@ -562,7 +599,7 @@ def _with_parameters(problem: Problem, point: dict[str, float]) -> Problem:
 
 
 def side_by_side(studies: Sequence[WorkPrecision], *, best: bool = False) -> "Figure":
-    """A figure with one panel for each study, with one legend."""
+    """A figure with one panel for each study, and one legend; `best` as in `WorkPrecision.plot`."""
     need("side_by_side", "matplotlib")
     from polhode.harness.pages import own_problem
 
@@ -574,10 +611,17 @@ def side_by_side(studies: Sequence[WorkPrecision], *, best: bool = False) -> "Fi
 def measured(
     name: str, solver: str, tolerances: Sequence[float], max_seconds: float
 ) -> list[Record]:
-    """Rows of one classical problem by one solver, in a worker process; the samples are start and end."""
+    """Rows of one classical problem by one solver, in a worker process."""
     one = PROBLEMS[name]
     study = WorkPrecision(
-        one.problem, [solver], tolerances, 2, max_seconds, quiet=True, classical=one
+        one.problem,
+        [solver],
+        tolerances,
+        # Start and end: the error is that of the end.
+        samples=2,
+        max_seconds=max_seconds,
+        quiet=True,
+        classical=one,
     )
     return rows_of(study.frame)
 
@@ -590,8 +634,15 @@ def run_problems(
     quick: bool = False,
     quiet: bool = False,
 ) -> list[Record]:
-    """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date."""
-    settings = {"tolerances": QUICK if quick else _TOLERANCES, "max_seconds": 0.3 if quick else 3.0}
+    """Measure what the store lacks; return the rows of all, each with problem, machine, versions and date.
+
+    Problems and solvers are named as `pairs_of` takes them. Raises KilledFromOutsideError if something
+    else, such as a system without memory, kills the worker process again and again.
+    """
+    settings = {
+        "tolerances": QUICK if quick else _CLASSICAL_TOLERANCES,
+        "max_seconds": _QUICK_CLASSICAL_SECONDS if quick else _CLASSICAL_SECONDS,
+    }
     pairs = pairs_of(names, solvers)
     cases = (
         {"problem": name, "solver": solver, **settings, "versions": versions()}
@@ -600,9 +651,9 @@ def run_problems(
     cases_by_key = {digest(case): case for case in cases}
     stored_keys = store.keys()
     all_rows = []
-    # Seconds of a case: compilation, and for each tolerance the first run and some two seconds for the
-    # runs that are timed.
-    limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2.0)
+    # Seconds of a case: compilation, and for each tolerance the first run and those that are timed, the last
+    # of which may begin just before their budget is spent. The worker is killed at twice the sum.
+    limit = COMPILATION + len(settings["tolerances"]) * (settings["max_seconds"] + 2 * BUDGET)
     progress = Steps("problems", len(cases_by_key), "cases", quiet)
     with Worker() as worker, progress:
         for key, case in cases_by_key.items():
@@ -611,15 +662,21 @@ def run_problems(
                 continue
             progress.detail(f"{case['problem']} {case['solver']}")
             reply = worker.run(
-                measured, case["problem"], case["solver"], *settings.values(), limit=limit
+                measured,
+                case["problem"],
+                case["solver"],
+                settings["tolerances"],
+                settings["max_seconds"],
+                limit=limit,
             )
             if reply.failure is Failure.LOST:
                 raise KilledFromOutsideError(
                     f"{case['problem']} by {case['solver']}: {reply.message}"
                 )
-            nothing = {"solver": case["solver"], "tolerance": None}
+            # A failed process tells nothing of single tolerances: one row stands for all.
+            failed_row = {"solver": case["solver"], "tolerance": None}
             rows = (
-                [nothing | how_failed(reply.failure, reply.message)]
+                [failed_row | how_failed(reply.failure, reply.message)]
                 if reply.failure
                 else reply.value
             )
@@ -631,14 +688,17 @@ def run_problems(
             progress.advance()
     for record in store:
         if record["key"] in cases_by_key:
-            kept = {name: record.get(name) for name in ("problem", "date")}
-            kept |= surroundings_of(record)
-            all_rows += [{**row, **kept} for row in record["rows"]]
+            common = {name: record.get(name) for name in ("problem", "date")}
+            common |= surroundings_of(record)
+            all_rows += [{**row, **common} for row in record["rows"]]
     return all_rows
 
 
 def pairs_of(names: Sequence[str], solvers: Sequence[str]) -> list[tuple[str, str]]:
-    """Problems, all unless named, each with every solver that takes it; ValueError by other names, or if none does."""
+    """Pairs of a problem and a solver that takes it; all problems and all solvers unless they are named.
+
+    Raises ValueError if a problem has another name, or no solver takes one of them.
+    """
     for name in names:
         if name not in PROBLEMS:
             raise ValueError(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness import DEFAULT_ERROR, DEFAULT_SAMPLES
 from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands._study_options import (
@@ -34,8 +34,9 @@ from polhode.solvers.catalogue import SOLVERS
 if TYPE_CHECKING:
     from polhode.harness.answers.recommendation import Recommendation
 
-# Rows shown unless --all is given, and their columns.
+# Rows shown unless --all is given. An estimate: with the words around them they fit on a terminal of 24 lines.
 FEW = 8
+# Columns by title: the fields of `recommendation.RankedRun`, and their formats (`harness.common.text.cells`).
 _ROWS = {
     "form": "{form}",
     "solver": "{solver}",
@@ -45,13 +46,18 @@ _ROWS = {
     "interval": "{seconds.low:time} … {seconds.high:time}",
     "first run": "{first_run_seconds:time}",
 }
-# The seed of the held-out scenes, unless --seed gives another.
+# The seed of the held-out scenes, unless --seed gives another. Any seed would do that no fit was made with.
 _HELD_OUT_SEED = 4001
+# Held-out scenes unless --scenes gives another number. An estimate: a share of them is then known to 3.5 %
+# at most, one standard deviation; half as many make that 5 %.
+_HELD_OUT_SCENES = 200
 
 
 @command()
 @click.argument("scene", shell_complete=setup.scene_names)
-@click.option("--error", type=float, default=1e-6, help="Largest error allowed along the run.")
+@click.option(
+    "--error", type=float, default=DEFAULT_ERROR, help="Largest error allowed along the run."
+)
 @click.option(
     "--want",
     default="slow",
@@ -114,7 +120,7 @@ def pick(
 
 
 def _racing(seconds: float) -> str:
-    """Words of the progress line once a question takes longer than some seconds."""
+    """Words of the progress line after so many seconds of the race."""
     return f"methods have raced on the scene for {duration(seconds)}"
 
 
@@ -125,10 +131,11 @@ def pick_page(recommendation: "Recommendation", everything: bool, why: bool = Fa
         [*texts, "tied" * row.tied] for texts, row in zip(cells(shown, _ROWS), shown, strict=True)
     ]
     notes = _notes(recommendation, len(shown), why or everything)
-    # The interval is what a narrow terminal goes without.
+    # A narrow terminal goes without the interval of the time.
+    interval = list(_ROWS).index("interval")
     parts = [
         fitting(recommendation.summary),
-        on_terminal([*_ROWS, ""], rows, spare=(5,)),
+        on_terminal([*_ROWS, ""], rows, spare=(interval,)),
         *filter(None, [fitting(notes)]),
     ]
     header = ["excluded", "solvers", "why"] if everything else ["excluded", "why"]
@@ -138,7 +145,9 @@ def pick_page(recommendation: "Recommendation", everything: bool, why: bool = Fa
 
 
 def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
-    """Notes below the table."""
+    """Notes below the table, one a line; `shown` is the number of its rows."""
+    from polhode.harness.answers.recommendation import TIED
+
     first = recommendation.ranking[0]
     notes = []
     if why:
@@ -146,7 +155,7 @@ def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
         notes.append(f"the run is of {size}\n{first.form} by {first.solver}: {first.reason}")
     if first.tied:
         notes.append(
-            "tied: within 1.2 times the first one's time, so that either may be the faster"
+            f"tied: within {TIED:g} times the first one's time, so that either may be the faster"
         )
     if more := len(recommendation.ranking) - shown:
         notes.append(f"{more} more {'row' if more == 1 else 'rows'}, not cheaper: --all")
@@ -154,7 +163,11 @@ def _notes(recommendation: "Recommendation", shown: int, why: bool) -> str:
 
 
 def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
-    """Excluded methods, a row for each form and reason; or only the forms that will not do at all, and why."""
+    """Rows of the table of excluded methods.
+
+    With `everything`: form, solvers and reason, a row for each form and reason. Else form and reason, for the
+    forms alone that no row of the ranking has.
+    """
     groups: dict[tuple[str, str], list[str]] = {}
     for row in recommendation.excluded:
         groups.setdefault((row.form, row.reason), []).append(row.solver)
@@ -164,7 +177,7 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
             for (form, reason), solvers in groups.items()
         ]
     ranked = {row.form for row in recommendation.ranking}
-    # The reason that most solvers share.
+    # The reason that most solvers share: it comes last, and replaces the others of its form.
     shared = {
         form: reason
         for (form, reason), _ in sorted(groups.items(), key=lambda group: len(group[1]))
@@ -174,7 +187,9 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
 
 @command(needs=("pandas", "matplotlib"))
 @out_folder("reports/pick")
-@click.option("--scenes", type=click.IntRange(min=1), default=200, help="Held-out scenes.")
+@click.option(
+    "--scenes", type=click.IntRange(min=1), default=_HELD_OUT_SCENES, help="Held-out scenes."
+)
 @click.option(
     "--seed", type=click.IntRange(min=0), default=_HELD_OUT_SEED, help="What they are drawn from."
 )
@@ -249,7 +264,10 @@ def validate(
 
 
 def _validate_times(out: Path, scenes: int, seed: int, load: int, quiet: bool) -> None:
-    """Time `solve` against plain practice, and write the page."""
+    """Time `solve` against what a careful user does without it, and write the page.
+
+    `load` is the number of other processes that keep the processors busy meanwhile.
+    """
     from polhode.harness import api
     from polhode.harness.answers.timed import TIMED_ROWS, busy, study
     from polhode.harness.pages.answer_time import write_page
@@ -257,6 +275,7 @@ def _validate_times(out: Path, scenes: int, seed: int, load: int, quiet: bool) -
     from polhode.models.scene import Scene
 
     def ask(scene: Scene, error: float, want: str) -> tuple[Observables | None, float | None, str]:
+        """The motion and the bound on its error, None where there is none, and the method or a refusal."""
         try:
             solution = api.solve(scene, error=error, want=want, samples=TIMED_ROWS)
         except ValueError as refusal:
