@@ -14,19 +14,22 @@ import numpy as np
 from polhode.harness.common.files import write_file
 from polhode.models.files.cached import cache_folder, make_private, say
 
-# Hexadecimal digits of the checksum at the head of a file.
-_CHECKSUM = 64
+# Hexadecimal digits of the checksum, a SHA-256, at the head of a file.
+_CHECKSUM_DIGITS = 64
 
 
 def load(key: str) -> dict[str, np.ndarray] | None:
-    """Arrays cached under a key; None if there are none, or if the file is damaged or another one's, and removed."""
+    """Arrays cached under a key; None if there are none.
+
+    A file that is damaged, or has another key, is removed, and counts as none.
+    """
     path = path_of(key)
     try:
         content = path.read_bytes()
     except OSError:
         return None
-    checksum = content[:_CHECKSUM]
-    payload = content[_CHECKSUM:]
+    checksum = content[:_CHECKSUM_DIGITS]
+    payload = content[_CHECKSUM_DIGITS:]
     if _checksum(key, payload) != checksum:
         say(f"{path}: damaged, or another one renamed; computed anew")
         with suppress(OSError):

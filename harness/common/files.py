@@ -5,6 +5,7 @@ them, which `sha256sum --check` reads too. JSON is such as every reader takes: n
 no sign for are words.
 """
 
+import errno
 import fcntl
 import json
 import os
@@ -16,9 +17,14 @@ from math import inf, isfinite, nan
 from pathlib import Path
 from typing import IO, Any
 
-_STANDARD_OUTPUT = Path("-"), Path("/dev/stdout")
+_STANDARD_OUTPUT = (Path("-"), Path("/dev/stdout"))
+# The number that the system gives standard output.
+_STANDARD_OUTPUT_NUMBER = 1
 SUMS = "SHA256SUMS"
+# The words that stand in JSON for numbers that it has no sign for.
 _WORDS = {"Infinity": inf, "-Infinity": -inf, "NaN": nan}
+# Random bytes in the private name of a file that is being written: no two runs share one.
+_PRIVATE_BYTES = 8
 
 
 class PartialFile:
@@ -26,16 +32,30 @@ class PartialFile:
 
     If the block fails, what was written is left as FILE.partial. Devices and pipes, which cannot be
     renamed, are written to at once (not `atomic`). A link stays, and what it points to is replaced;
-    ``-`` is standard output. Text is UTF-8, with line ends as written. The checksum of
-    a `summed` file is kept beside it, so that `read_file` notices damage. Raises OSError at once if the
-    path is a folder or lies in none.
+    ``-`` is standard output. Text is UTF-8, with line ends as written.
+
+    Parameters
+    ----------
+    path : Path
+    binary : bool
+        Whether bytes are written, not text.
+    summed : bool
+        Whether the file's checksum is kept beside it, so that `read_file` notices damage.
+
+    Raises
+    ------
+    OSError
+        At once if the path is a folder or lies in none; later if the file cannot be written.
     """
 
     def __init__(self, path: Path, *, binary: bool = False, summed: bool = False) -> None:
         if path.is_dir():
-            raise IsADirectoryError(21, "is a folder, expected a file name", str(path))
+            raise IsADirectoryError(errno.EISDIR, "is a folder, expected a file name", str(path))
         if not path.parent.is_dir():
-            raise FileNotFoundError(2, "no such folder, expected an existing one", str(path.parent))
+            raise FileNotFoundError(
+                errno.ENOENT, "no such folder, expected an existing one", str(path.parent)
+            )
+        # Devices and pipes lie in /dev and /proc; /dev/shm holds ordinary files.
         top, *under = path.absolute().parts[1:3]
         device = path in _STANDARD_OUTPUT or (top in ("dev", "proc") and under != ["shm"])
         self.path = path.resolve() if path.is_symlink() and not device else path
@@ -43,7 +63,8 @@ class PartialFile:
         self.partial = (
             self.path.with_name(self.path.name + ".partial") if self.atomic else self.path
         )
-        self._private = self.path.with_name(f".{self.path.name}.{secrets.token_hex(8)}.partial")
+        token = secrets.token_hex(_PRIVATE_BYTES)
+        self._private = self.path.with_name(f".{self.path.name}.{token}.partial")
         self._how: dict[str, Any] = {} if binary else {"encoding": "utf-8", "newline": ""}
         self._binary = "b" * binary
         self._summed = summed and self.atomic
@@ -54,11 +75,12 @@ class PartialFile:
         if self._file is None:
             # By its number, standard output is what the caller redirected it to, and goes on from
             # there.
-            in_place = 1 if self.path in _STANDARD_OUTPUT else self.path
+            to_output = self.path in _STANDARD_OUTPUT
+            in_place = _STANDARD_OUTPUT_NUMBER if to_output else self.path
             where = self._private if self.atomic else in_place
-            how = ("x" if self.atomic else "w") + self._binary
+            mode = ("x" if self.atomic else "w") + self._binary
             try:
-                self._file = open(where, how, closefd=where != 1, **self._how)  # noqa: SIM115
+                self._file = open(where, mode, closefd=not to_output, **self._how)  # noqa: SIM115
             except OSError as error:
                 error.filename = str(self.path)
                 raise
@@ -83,7 +105,7 @@ class PartialFile:
     def _close(self, failure: BaseException | None) -> None:
         """Give the file its name, or the name of a partial file if the block failed."""
         file = self.open()
-        kept = self.partial
+        final_path = self.partial
         try:
             # On a full disk, closing fails as flushing did.
             with file:
@@ -92,16 +114,17 @@ class PartialFile:
                     os.fsync(file.fileno())
                     if self._summed:
                         _expect(self.path, self._private)
-                    kept = self.path
+                    final_path = self.path
         finally:
             if self.atomic:
-                os.replace(self._private, kept)
-                if self._summed and kept is self.path:
+                os.replace(self._private, final_path)
+                if self._summed and final_path is self.path:
                     _expect(self.path)
 
 
 def make_folder(folder: Path) -> None:
     """Make a folder if there is none; raises OSError if no page can be written in it."""
+    # A trial file is opened and removed again: rights alone do not tell.
     folder.mkdir(parents=True, exist_ok=True)
     trial = PartialFile(folder / "README.md")
     trial.open().close()
@@ -130,8 +153,8 @@ def remove_file(path: Path) -> None:
 
 
 def open_file(path: Path) -> IO[bytes]:
-    """Open a file; ValueError if it is not what was written, as far as a checksum of it is kept."""
-    # Once more, if it was replaced between the two.
+    """Open a file to read bytes; ValueError if it fails a checksum that is kept of it, OSError if there is no file."""
+    # Another process may replace the file between opening it and reading its checksum: one more try.
     for _ in range(2):
         file = path.open("rb")
         sums = _sums(path.parent).get(path.name)
@@ -143,13 +166,13 @@ def open_file(path: Path) -> IO[bytes]:
 
 
 def read_file(path: Path) -> bytes:
-    """Content of a file, if it is what was written."""
+    """Content of a file; raises as `open_file` does."""
     with open_file(path) as file:
         return file.read()
 
 
 def _sums(folder: Path) -> dict[str, list[str]]:
-    """Checksums by file name."""
+    """Checksums by file name: two of a file while it is replaced, see `_expect`."""
     sums: dict[str, list[str]] = {}
     with suppress(OSError):
         for line in (folder / SUMS).read_text(encoding="utf-8", errors="replace").splitlines():
@@ -187,9 +210,10 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def dumps(value: Any, *, sort_keys: bool = True, **how: Any) -> str:
-    """One line of JSON, keys in order unless they are to stay in their own."""
+    """One line of JSON, keys sorted unless `sort_keys` is false; `how` goes to `json.dumps`."""
 
     def word(value: Any) -> Any:
+        # `json.dumps` alone writes Infinity, -Infinity and NaN, the keys of `_WORDS`.
         return json.dumps(value) if isinstance(value, float) and not isfinite(value) else value
 
     return json.dumps(_with(word, value), sort_keys=sort_keys, allow_nan=False, **how)

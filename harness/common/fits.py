@@ -9,8 +9,10 @@ COVERAGE = 0.95  # Of all intervals.
 
 
 def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float], float]:
-    """Exponent of y = c x^exponent by least squares of logarithms, its interval by Student's t, and log₁₀ c."""
-    # With two points the interval is infinite.
+    """Exponent of y = c x^exponent by least squares of logarithms, its interval by Student's t, and log₁₀ c.
+
+    x and y are positive, shape (n,). With two points the interval is infinite.
+    """
     from scipy import stats
 
     fit = stats.linregress(np.log10(x), np.log10(y))
@@ -22,7 +24,7 @@ def power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, tuple[float, float],
 
 
 def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean and its interval by Student's distribution; of equal values, or of one, its ends are NaN."""
+    """Mean, lower and upper end of its interval by Student's distribution; of equal values, or of one, NaN ends."""
     from scipy import stats
 
     mean = float(np.mean(values))
@@ -31,7 +33,7 @@ def mean_interval(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def median_interval(values: np.ndarray) -> tuple[float, float, float]:
-    """Median and its interval between two of the values in order, by the binomial distribution.
+    """Median, lower and upper end of its interval: two of the values in order, by the binomial distribution.
 
     Of fewer than six values it goes from the least to the largest, and covers less than 95 %.
     """

@@ -34,9 +34,14 @@ _PACKAGES = (
 # know yet are not looked at, the digest of the code has them.
 _CODE = ("models", "solvers", "harness", "polhode", "pyproject.toml", "constraints.txt")
 _CHANGED = " with changes"
-_DIGITS_OF_A_COMMIT = 9  # Hexadecimal digits that name a commit on a page.
+# Hexadecimal digits that name a commit on a page. An estimate: of 1,000,000 commits, none other is likely
+# to begin with the same ones (1 in 70,000); git writes more where they do not tell commits apart.
+_DIGITS_OF_A_COMMIT = 9
+# Seconds after which git is given up, as on a file system that hangs. An estimate: it takes milliseconds.
+_GIT_SECONDS = 60
 _UNKNOWN_VERSION = "of an unknown version"
 _NOT_KEPT = "not kept"
+# What `Maker` writes. Git's short names have 7 digits at least, whole ones 40.
 _MAKER = re.compile(
     rf"polhode (\d[\w.+]*|{_UNKNOWN_VERSION}), commit ([0-9a-f]{{7,40}}(?:{_CHANGED})?|{_NOT_KEPT})"
     r"(?:, code ([0-9a-f]+))?,"
@@ -46,6 +51,8 @@ OVERWRITTEN = "Do not edit: the next run overwrites this page."
 # Seconds between two records beyond which a study stood still, as when it was interrupted and
 # resumed: it does not count as time that the study took. An estimate.
 _PAUSE = 600.0
+# Minutes from which on a page says how long its study took; rounded, this is the first plural.
+_LEAST_MINUTES = 1.5
 
 
 def machine() -> dict[str, str | int]:
@@ -86,10 +93,15 @@ def commit() -> str | None:
 
 
 def _git(clone: Path, *words: str) -> str:
-    """The output of git; empty if git fails, hangs for a minute, or is not installed."""
+    """The output of git; empty if git fails, hangs for `_GIT_SECONDS`, or is not installed."""
     try:
         done = subprocess.run(
-            ["git", *words], cwd=clone, capture_output=True, text=True, check=True, timeout=60
+            ["git", *words],
+            cwd=clone,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=_GIT_SECONDS,
         )
     except (OSError, subprocess.SubprocessError):
         return ""
@@ -187,6 +199,7 @@ def versions_and_commits(makers: Sequence[Maker]) -> tuple[str, str]:
 
 def dates(records: Sequence[Mapping[str, Any]]) -> str:
     """The day, or the first and the last one, on which records were measured; some may have no date."""
+    # An ISO date begins with the ten characters of the day.
     days = sorted({record["date"][:10] for record in records if record.get("date")})
     if not days:
         return "on an unknown date"
@@ -197,16 +210,17 @@ def dates(records: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _took(records: Sequence[Mapping[str, Any]]) -> str:
-    """In how many minutes records were made, from the first to the last, pauses left out; from two minutes on."""
+    """Words on the minutes from the first record to the last, pauses left out; empty below two minutes."""
     # Some records name a day alone: its beginning stands for it.
     dates = [datetime.fromisoformat(record["date"]) for record in records if record.get("date")]
     times = sorted(date if date.tzinfo else date.replace(tzinfo=UTC) for date in dates)
     gaps = [(later - earlier).total_seconds() for earlier, later in pairwise(times)]
     minutes = sum(gap for gap in gaps if gap < _PAUSE) / 60
-    return f", made in {minutes:.0f} minutes" if minutes >= 1.5 else ""
+    return f", made in {minutes:.0f} minutes" if minutes >= _LEAST_MINUTES else ""
 
 
 def _place(record: Mapping[str, Any]) -> str:
+    """Machine and versions of a record, in words."""
     machine = record["machine"]
     versions = record["versions"].items()
     packages = ", ".join(f"{name} {number}" for name, number in versions if name != "polhode")
@@ -220,9 +234,10 @@ def _maker(record: Mapping[str, Any]) -> Maker:
 
 
 def _processor() -> str:
+    """The processor's name as Linux tells it; elsewhere its architecture."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
-    # Not the bare name that `system` gives too.
+    # `machine` gives the bare architecture already, as part of `system`.
     return f"{platform.machine()} processor"

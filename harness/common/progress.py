@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 T = TypeVar("T")
+# The numbers below are estimates: they set when messages appear, and change nothing that is computed.
 PATIENCE = 1.0  # Seconds before `Progress` shows anything on a terminal.
 INTERVAL = 0.2  # Seconds between two looks.
 NOTE_AFTER = 3.0  # Seconds after which a note tells of a long run.
@@ -26,7 +27,8 @@ _LINE_EVERY = 60.0  # Seconds between two lines of `Steps` off a terminal.
 _LEAST_BAR = 10  # Columns that the bar of `Steps` has at least.
 _GROWTH = 3  # Columns by which the counts and the time remaining may yet grow.
 _LEAST_DETAIL = 8  # Columns below which words on the present step are left out.
-# Share of the work done below which nothing is said about the rest. An estimate.
+_COLUMNS = 80  # Columns of a terminal that does not tell its width: a terminal's usual ones.
+# Share of the work done below which nothing is said about the rest.
 _TOO_EARLY = 1e-3
 # Options of tqdm: the bar is as wide as the whole work, 1, and is written anew at every look; the time
 # remaining follows the mean speed since the start.
@@ -46,7 +48,7 @@ _STEPS_WITHOUT_TOTAL = "{desc}: {n_fmt} {unit}, {elapsed}{postfix}"
 
 
 def expectation(done: float, seconds: float) -> str:
-    """Words on the duration of a run whose share `done` took `seconds`; empty if that is not long."""
+    """Words on the duration of a run whose share `done`, from 0 to 1, took `seconds`; empty if that is not long."""
     if not done > 0:
         return f"it has hardly begun after {duration(seconds)}"
     expected = seconds / done
@@ -54,7 +56,7 @@ def expectation(done: float, seconds: float) -> str:
 
 
 def _is_terminal(stream: IO[str] | None) -> bool:
-    # A stream may be closed already, or none of a file.
+    # A stream may be closed already (ValueError), or be no file (AttributeError).
     with suppress(AttributeError, ValueError):
         return stream is not None and stream.isatty()
     return False
@@ -96,6 +98,7 @@ class Progress:
         self._done = done
 
     def _watch(self) -> None:
+        """Look at the task again and again: write the note of a long run, and on a terminal keep its line."""
         shown = bar = None
         noted = False
         while not self._stop.wait(INTERVAL):
@@ -229,7 +232,7 @@ class Steps:
         state = self._bar.format_dict
         without_bar = {"bar_format": state["bar_format"].replace("{bar}", ""), "ncols": None}
         line = self._bar.format_meter(**{**state, **without_bar, "postfix": ""})
-        room = (state["ncols"] or 80) - len(line) - len(", ") - _LEAST_BAR - _GROWTH
+        room = (state["ncols"] or _COLUMNS) - len(line) - len(", ") - _LEAST_BAR - _GROWTH
         if room < _LEAST_DETAIL:
             return ""
         return words if len(words) <= room else words[: room - 1] + "…"

@@ -16,7 +16,7 @@ from dataclasses import MISSING, astuple, fields
 from io import StringIO, TextIOWrapper
 from itertools import islice
 from pathlib import Path
-from typing import IO, Any, TypeVar, cast, get_type_hints
+from typing import IO, Any, NamedTuple, TypeVar, cast, get_type_hints
 
 from polhode.harness.common.files import (
     PartialFile,
@@ -36,8 +36,11 @@ Entry = TypeVar("Entry")
 # Marks of a file of ours, which SQLite keeps in its head: "plhd", and the version of the table.
 _APPLICATION = 0x706C6864
 _VERSION = 2
-# Bytes of a store that is checked as a whole when it is opened, which takes 0.1 s or so.
-_MOST_CHECKED_AT_ONCE = 100_000_000
+# Bytes up to which a store is checked as a whole when it is opened. An estimate: that takes 0.1 s or so;
+# rows of larger ones are checked as they are read.
+_MAX_CHECKED_AT_ONCE = 100_000_000
+# Seconds that a statement waits while another process writes. An estimate: a write takes milliseconds.
+_LOCK_SECONDS = 60.0
 # Names of files of records end so: compressed, as reports hold them, and plain.
 _RECORD_ENDINGS = (".jsonl.gz", ".jsonl")
 # The first bytes of a file of gzip, whatever its name.
@@ -51,18 +54,31 @@ _ROW = 'SELECT key, "case", result, written, digest FROM cases '
 _PUT = "INSERT INTO cases VALUES (?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING"
 
 
+class _Row(NamedTuple):
+    """A row of the table: case and result are JSON, `written` is a date, `digest` one of all before it."""
+
+    key: str
+    case: str
+    result: str
+    written: str
+    digest: str
+
+
 class DamagedStoreError(ValueError):
     """The file is not a store, or a damaged one; its contents are left as they are."""
 
 
 class Store(AbstractContextManager["Store"]):
-    """A store file, made if it does not exist, never overwritten; two runs may share one. It raises as `_readable`."""
+    """A store file, made if it does not exist, never overwritten; two runs may share one.
+
+    Its methods raise DamagedStoreError if the file is no readable store, OSError if it cannot be opened or written.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         with self._readable():
-            self._connection = sqlite3.connect(path, timeout=60.0)
+            self._connection = sqlite3.connect(path, timeout=_LOCK_SECONDS)
             try:
                 self._prepare()
             except BaseException:
@@ -70,13 +86,13 @@ class Store(AbstractContextManager["Store"]):
                 raise
 
     def _prepare(self) -> None:
+        """Check the file, and make the table if it has none."""
         run = self._connection.execute
         # This statement alone does not wait while another process does the same, but fails. In WAL mode
         # readers do not wait for a writer.
         with alone(self.path.parent):
             run("PRAGMA journal_mode=WAL")
-        # Larger stores are checked row by row as they are read.
-        small = self.path.stat().st_size <= _MOST_CHECKED_AT_ONCE
+        small = self.path.stat().st_size <= _MAX_CHECKED_AT_ONCE
         if small and run("PRAGMA quick_check").fetchone()[0] != "ok":
             raise DamagedStoreError(f"{self.path}: the store is damaged")
         with self._connection:
@@ -119,16 +135,17 @@ class Store(AbstractContextManager["Store"]):
         """Result of one case; None if the store does not hold it."""
         with self._readable():
             row = self._connection.execute(_ROW + "WHERE key = ?", (key,)).fetchone()
-            return None if row is None else json.loads(self._sound(row)[2])
+            return None if row is None else json.loads(self._sound(row).result)
 
     def put(self, key: str, case: Record, result: Record) -> None:
         """Write a case once; a second writer of the same key changes nothing."""
-        row = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True), now()
+        content = key, json.dumps(case, sort_keys=True), json.dumps(result, sort_keys=True), now()
+        row = _Row(*content, digest(content))
         with self._readable(), self._connection:
-            self._connection.execute(_PUT, (*row, digest(row)))
+            self._connection.execute(_PUT, row)
 
     def drop(self, keys: Iterable[str]) -> None:
-        """Forget cases."""
+        """Forget the cases of some keys."""
         with self._readable(), self._connection:
             self._connection.executemany(
                 "DELETE FROM cases WHERE key = ?", ((key,) for key in keys)
@@ -139,15 +156,17 @@ class Store(AbstractContextManager["Store"]):
         # A result without a date has the date of its writing.
         with self._readable():
             for row in self._connection.execute(_ROW + "ORDER BY rowid"):
-                key, case, result, written, _ = self._sound(row)
-                yield {"key": key, "date": written, **json.loads(case), **json.loads(result)}
+                sound = self._sound(row)
+                head = {"key": sound.key, "date": sound.written}
+                yield {**head, **json.loads(sound.case), **json.loads(sound.result)}
 
-    def _sound(self, row: tuple[str, ...]) -> tuple[str, ...]:
+    def _sound(self, columns: tuple[str, ...]) -> _Row:
         """The row, once its digest has been checked against its content."""
-        if digest(row[:4]) != row[4]:
+        row = _Row(*columns)
+        if digest(row[:-1]) != row.digest:
             expected = "expected what was written; take an undamaged copy, or delete that row"
             raise DamagedStoreError(
-                f"{self.path}: the store is damaged: case {row[0]} fails its checksum, {expected}"
+                f"{self.path}: the store is damaged: case {row.key} fails its checksum, {expected}"
             )
         return row
 
@@ -157,8 +176,8 @@ class Store(AbstractContextManager["Store"]):
         try:
             yield
         except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
-            # About the place, unless it names a table or a column: then about the contents, as all
-            # others are.
+            # An OperationalError is about the place, such as a full disk, unless it names a table or a
+            # column; all other errors are about the contents.
             contents = any(word in str(error) for word in ("table", "column", "malformed"))
             if isinstance(error, sqlite3.OperationalError) and not contents:
                 raise OSError(
@@ -169,6 +188,7 @@ class Store(AbstractContextManager["Store"]):
 
 def set_aside(path: Path, to: Path) -> None:
     """Rename a store, with all that SQLite has put beside it; OSError if a run is writing it."""
+    # A run that writes is noticed at once, without waiting for its lock.
     with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=0.0)) as connection:
         try:
             # It takes the file for itself alone, and moves what stands beside it into the file.
@@ -210,6 +230,7 @@ def record_lines(records: Iterable[Record]) -> Iterator[str]:
 
 
 def _write_compressed(records: Iterable[Record], file: IO[bytes]) -> None:
+    """Write records as JSON Lines, compressed: the same bytes for the same records."""
     # Neither the time nor the private name of the file may be among its bytes.
     with (
         gzip.GzipFile(filename="", mode="wb", fileobj=file, mtime=0) as compressed,
@@ -219,8 +240,9 @@ def _write_compressed(records: Iterable[Record], file: IO[bytes]) -> None:
 
 
 def _export_csv(records: Iterable[Record], path: Path) -> None:
-    # They are read twice: the columns of a CSV are known only after the last record. Records of a store
-    # are read from it again, an iterator is kept as a list.
+    """Write records as CSV with a column for every key that one of them has."""
+    # They are read twice: the columns are known only after the last record. Records of a store are read from
+    # it again, an iterator is kept as a list.
     records = list(records) if iter(records) is records else records
     with PartialFile(path, summed=True) as file:
         columns = dict[str, None]()
@@ -301,7 +323,7 @@ def is_record_file(path: Path) -> bool:
 
 
 def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
-    """Write rows in full precision, columns named as the fields."""
+    """Write rows, which are objects of the dataclass `kind`, in full precision; columns are named as its fields."""
     with PartialFile(path, summed=True) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow([field.name for field in fields(kind)])
@@ -309,7 +331,7 @@ def write_table(path: Path, kind: type, rows: Iterable[Any]) -> None:
 
 
 def read_table(path: Path, kind: type[Entry]) -> list[Entry]:
-    """Rows as `write_table` wrote them; raises ValueError if the file is missing, damaged, or has others.
+    """Rows as `write_table` wrote them; ValueError if the file is missing or damaged, or has other columns.
 
     A table written before columns with defaults were added takes these.
     """

@@ -15,8 +15,15 @@ from shutil import get_terminal_size
 from string import Formatter
 from typing import IO, Any
 
-# Least width, in letters, to which a column is narrowed so that its cells are wrapped.
+# Least width, in letters, to which a column is narrowed so that its cells are wrapped. An estimate: it
+# holds the longest names, and some three words.
 _NARROWEST = 24
+# Blanks between two columns on a terminal.
+_GAP = "  "
+# Dashes that Markdown asks for at least below each cell of a header.
+_LEAST_RULE = 3
+# Numbers below this have a digit behind the point; larger ones round to two digits without it.
+_TWO_DIGITS_FROM = 9.95
 _UNITS = ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs"), (1e-9, "ns"))
 # Numbers outside these bounds are written with an exponent.
 _PLAIN_FROM = Decimal("1e-3")
@@ -24,28 +31,31 @@ _PLAIN_BELOW = Decimal("1e5")
 
 
 def aligned(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table for the terminal: columns aligned, two spaces between them."""
+    """A table for the terminal: columns aligned to the left, two blanks between them."""
     cells = _as_text(header, rows)
     widths = _widths(cells)
-    lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
+    lines = [_GAP.join(map(str.ljust, row, widths)).rstrip() for row in cells]
     return "\n".join(lines)
 
 
 def on_terminal(
     header: Sequence[str], rows: Sequence[Sequence[Any]], spare: Sequence[int] = ()
 ) -> str:
-    """As `aligned`, and no wider than the standard output, if that is a terminal."""
-    # While it is too wide it goes without the columns `spare`, one by one; then wide columns are
-    # wrapped.
+    """As `aligned`, and no wider than the standard output, if that is a terminal.
+
+    While the table is too wide, the columns with the indices `spare` are left out one by one; then wide
+    columns are wrapped.
+    """
     cells = _as_text(header, rows)
-    # Each column counts with the two blanks before it; the first one has none.
-    room = get_terminal_size().columns + 2 if sys.stdout.isatty() else inf
+    # Each column counts with the gap before it; the first one has none.
+    gap = len(_GAP)
+    room = get_terminal_size().columns + gap if sys.stdout.isatty() else inf
     for i in sorted(spare, reverse=True):
-        if sum(2 + width for width in _widths(cells)) > room:
+        if sum(gap + width for width in _widths(cells)) > room:
             cells = [row[:i] + row[i + 1 :] for row in cells]
     widths = _widths(cells)
     # The widest column gives one place at a time, so that two wide ones share the room.
-    while sum(2 + width for width in widths) > room and max(widths) > _NARROWEST:
+    while sum(gap + width for width in widths) > room and max(widths) > _NARROWEST:
         widths[widths.index(max(widths))] -= 1
     wrap = partial(textwrap.wrap, break_on_hyphens=False)
     lines = []
@@ -61,6 +71,7 @@ def _as_text(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[list[
 
 
 def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
+    """The width of each column, in letters."""
     return [max(map(len, column)) for column in zip(*cells, strict=True)]
 
 
@@ -95,7 +106,7 @@ def markdown(
 ) -> str:
     """A Markdown table, columns aligned in the source too; `right` are the indices of right-aligned columns."""
     cells = _as_text(header, rows)
-    widths = [max(3, width) for width in _widths(cells)]
+    widths = [max(_LEAST_RULE, width) for width in _widths(cells)]
     sides = [str.rjust if i in right else str.ljust for i in range(len(widths))]
 
     def line(row: Sequence[str]) -> str:
@@ -142,13 +153,13 @@ def _plain(number: str) -> str:
 
 
 def percent(share: float, spec: str = ".0%") -> str:
-    """A share in per cent: 98.3 %."""
+    """A share in per cent: 98 %, or 98.3 % by the format ".1%"."""
     return format(share, spec).replace("%", " %")
 
 
 def factor(value: float) -> str:
     """How many times as much: ×1.2, ×34."""
-    return f"×{value:.{1 if value < 9.95 else 0}f}"
+    return f"×{value:.{1 if value < _TWO_DIGITS_FROM else 0}f}"
 
 
 def duration(seconds: float | None) -> str:
@@ -160,9 +171,9 @@ def duration(seconds: float | None) -> str:
     # A value that rounds to 1000 of a unit is written as 1.0 of the next.
     size, unit = next((entry for entry in _UNITS if seconds >= 0.9995 * entry[0]), _UNITS[-1])
     value = seconds / size
-    return (
-        f"{scientific(value) if value >= _PLAIN_BELOW else f'{value:.{int(value < 9.95)}f}'} {unit}"
-    )
+    if value >= _PLAIN_BELOW:
+        return f"{scientific(value)} {unit}"
+    return f"{value:.{1 if value < _TWO_DIGITS_FROM else 0}f} {unit}"
 
 
 # Formats of fields beside Python's own.
@@ -193,7 +204,11 @@ WORDING = Wording()
 
 
 def cells(rows: Iterable[Any], columns: Mapping[str, str]) -> list[list[str]]:
-    """The text of every cell; rows are mappings, or have attributes."""
+    """The text of every cell, row by row.
+
+    Rows are mappings, or have attributes; `columns` gives the text of a cell by its column's title, with fields as in
+    ``"{seconds:time}"``.
+    """
 
     def texts(row: Any) -> list[str]:
         return [WORDING.vformat(text, (), row) for text in columns.values()]

@@ -23,6 +23,8 @@ MOST_RUNS = 5
 BUDGET = 1.0  # Seconds of all its runs.
 # Rounds of the loop of `sentinel`: some 0.7 ms for all of them, on a machine of 2026.
 _SENTINEL_ROUNDS = 20_000
+# Loops of which the shortest counts: an interrupt lengthens one of them.
+_SENTINEL_LOOPS = 3
 # A machine is steady while the sentinel takes at most this many times its quickest.
 _NEAR = 1.15
 _PAUSE = 0.02  # Seconds before an unsteady machine is looked at again.
@@ -56,7 +58,10 @@ class Timing:
 
     @property
     def wants_more(self) -> bool:
-        """Whether a further run is due: up to five runs or one second, twice that while the fastest is disturbed."""
+        """Whether a further run is due: up to `MOST_RUNS` runs or `BUDGET` seconds.
+
+        While the fastest run is disturbed, twice that.
+        """
         effort = 1 + self.disturbed
         return len(self.runs) < effort * MOST_RUNS and sum(self.runs) < effort * BUDGET
 
@@ -110,10 +115,13 @@ def with_processor(function: Callable[[], T]) -> tuple[T, float, float]:
 
 
 def within(limit: float, run: Callable[[float], T], stopped: Callable[[T], bool]) -> tuple[T, bool]:
-    """The value of a run that stops by itself after `limit` seconds, and whether other work stopped it."""
+    """The value of a run that stops by itself after `limit` seconds, and whether other work stopped it.
+
+    `run(limit)` gives the value, and `stopped(value)` whether the limit stopped the run.
+    """
     # `had` is the time without waiting. A run that was stopped while it had to wait for the processor is
-    # run again. The new limit is the old one x wall/`had` x 1.5; `had` counts as at least limit/4, so that
-    # the factor stays finite.
+    # run again. The new limit is the old one × wall/`had` × `_MORE`; `had` counts as at least limit/4, so that
+    # a run that hardly had the processor gets no limit without end.
     value, seconds, had = with_processor(lambda: run(limit))
     for _ in range(AGAIN):
         if not stopped(value) or had >= HAD * limit:
@@ -134,7 +142,8 @@ def time_runs(function: Callable[[], object]) -> Timing:
 def sentinel() -> float:
     """Wall time, in seconds, of a fixed piece of arithmetic: the same on a steady machine, whatever else changes.
 
-    The arithmetic is a loop in plain Python, whose steps depend on each other. The least of three counts.
+    The arithmetic is a loop in plain Python, whose steps depend on each other: the logistic map, which neither
+    settles nor overflows with these numbers. The least of `_SENTINEL_LOOPS` loops counts.
     """
 
     def kernel() -> float:
@@ -143,7 +152,7 @@ def sentinel() -> float:
             x = 3.9 * x * (1.0 - x)
         return x
 
-    return min(seconds_of(kernel) for _ in range(3))
+    return min(seconds_of(kernel) for _ in range(_SENTINEL_LOOPS))
 
 
 @dataclass

@@ -20,12 +20,13 @@ from threading import Thread
 from time import perf_counter
 from typing import Any
 
-# A call is killed after twice its limit and these seconds more: a slow machine alone does not kill it.
-# The factor 2 and the seconds are estimates.
+# A call is killed after twice its limit and GRACE seconds more: a slow machine alone does not kill it.
+# Both are estimates: less kills calls that would have ended, more lets a call that hangs take longer.
 _LIMITS = 2
 GRACE = 0.5
-_STARTUP = 120.0  # Seconds that a process may take to start; an estimate.
-# Some 23 days: no system call waits longer at once.
+# Seconds that a process may take to start; an estimate: imports from a slow disk take seconds.
+_STARTUP = 120.0
+# Seconds, some 23 days: the system call `poll` takes at most 2^31 ms, or 25 days.
 _LONGEST = 2e6
 # A call whose process is killed from outside this many times is given up; an estimate.
 ATTEMPTS = 3
@@ -73,8 +74,11 @@ class Worker(AbstractContextManager["Worker"]):
         return None if self._process is None else self._process.pid
 
     def run(self, function: Callable[..., Any], *arguments: Any, limit: float) -> Reply:
-        """Call a function in the process; whatever happens is a reply, but Ctrl-C and a process that cannot start."""
-        # The call should stop by itself within `limit` seconds.
+        """Call a function in the process; it should stop by itself within `limit` seconds.
+
+        Whatever happens is a reply. Raises KeyboardInterrupt on Ctrl-C, and TimeoutError or OSError if no process
+        can be started.
+        """
         reply = Reply(None, Failure.LOST, "stopped", 0.0)
         for _ in range(ATTEMPTS):
             if reply.failure is not Failure.LOST or self._stopped:
@@ -94,6 +98,7 @@ class Worker(AbstractContextManager["Worker"]):
     def _once(
         self, function: Callable[..., Any], arguments: tuple[Any, ...], limit: float
     ) -> Reply:
+        """One attempt at a call; a process that is started for it does not count to its time."""
         value = None
         failure = None
         began = perf_counter()
@@ -128,6 +133,7 @@ class Worker(AbstractContextManager["Worker"]):
         self._process = self._connection = None
 
     def _start(self) -> Any:
+        """Start a process, and return the connection to it once it has said that it is ready."""
         # Forked processes inherit the locks of threads that they do not inherit.
         context = multiprocessing.get_context("spawn")
         self._connection, remote = context.Pipe()
@@ -142,6 +148,7 @@ class Worker(AbstractContextManager["Worker"]):
     def _cause(self) -> tuple[Failure, str]:
         """How the process ended by itself, or was ended."""
         self._process.join()
+        # Minus the signal's number if a signal ended it.
         code = self._process.exitcode
         self.close()
         if code >= 0:
