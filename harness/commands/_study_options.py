@@ -27,12 +27,14 @@ _KINDS = {
     "forms": ("--form", "Only this form; may be given several times."),
     "solvers": ("--solver", "Only this solver; may be given several times."),
 }
-# Share of disturbed times above which earlier results are not replaced. An estimate.
-_MOST_DISTURBED = 0.1
-# The share is of this number of runs at least: chance rules fewer. With 0.1, five may be disturbed.
+# Share of disturbed times above which earlier results are not replaced. An estimate: half of it asks for a
+# quieter machine, twice of it lets every fifth time be too long.
+_MAX_DISTURBED_SHARE = 0.1
+# The share is of this number of runs at least: chance rules fewer. With a share of 0.1, five may be
+# disturbed.
 FEW_TIMED_RUNS = 50
-# Options that change nothing in what is measured.
-_ASIDE = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
+# Options that change nothing in what is measured: `command_line` leaves them out.
+_NOT_MEASURED = ("out", "resume", "quiet", "as_json", "page_only", "disturbed")
 quick = click.option(
     "--quick",
     is_flag=True,
@@ -72,13 +74,13 @@ def out_folder(default: str) -> Callable[..., Any]:
 
 
 def usual(folder: str, quick: bool) -> Path:
-    """The folder of a command; for a quick look one beside it: a look takes no result's place."""
+    """The folder of a command; for a quick look one beside it, so that a look replaces no result."""
     return Path(folder + "-quick" * quick)
 
 
 @dataclass(frozen=True)
 class StudyRequest:
-    """Options of a command that runs a study."""
+    """Options of a command that runs a study, as their help says."""
 
     study_file: Path | None
     out: Path | None
@@ -86,10 +88,13 @@ class StudyRequest:
     resume: bool
     quiet: bool
     disturbed: bool
-    filters: dict[str, tuple[str, ...]]
+    filters: dict[str, tuple[str, ...]]  # the values of each option of `_KINDS`, by its key there
 
     def study(self, default: str = "bench") -> "Study":
-        """The requested part of the study, under a name of its own; raises ValueError if nothing is left."""
+        """The requested part of the study, under a name of its own; raises ValueError if nothing is left.
+
+        `default` names the study that is read where no file is given.
+        """
         from polhode.harness.studies.study import read_study
 
         study = read_study(self.study_file, default)
@@ -131,18 +136,20 @@ def study_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def steady(records: Sequence[Mapping[str, Any]], page: Path, anyway: bool) -> None:
-    """Say so if other work disturbed too many times; RunFailed if they would replace a page of this machine.
+    """Say so if other work disturbed too many times of the records.
 
-    `anyway` is the option --disturbed: the times are taken all the same.
+    Raises RunFailed if `page` stands there already and was measured on this machine. With `anyway`, the option
+    --disturbed, the times are taken all the same.
     """
     from polhode.harness.common.machine import machine
     from polhode.harness.common.text import percent
     from polhode.harness.common.timing import disturbance
 
     count, judged = disturbance(records)
-    if anyway or count <= _MOST_DISTURBED * max(judged, FEW_TIMED_RUNS):
+    if anyway or count <= _MAX_DISTURBED_SHARE * max(judged, FEW_TIMED_RUNS):
         return
-    disturbed = f"other work disturbed {count} of {judged} timed runs, expected at most {percent(_MOST_DISTURBED)}"
+    most = percent(_MAX_DISTURBED_SHARE)
+    disturbed = f"other work disturbed {count} of {judged} timed runs, expected at most {most}"
     again = "run it anew on a quiet machine"
     # Times of another machine say nothing of this one.
     if page.exists() and str(machine()["processor"]) in page.read_text(encoding="utf-8"):
@@ -158,7 +165,7 @@ def command_line() -> str:
     words = context.command_path.split()
     for parameter in context.command.params:
         name = parameter.name or ""
-        if name in _ASIDE or context.get_parameter_source(name) is ParameterSource.DEFAULT:
+        if name in _NOT_MEASURED or context.get_parameter_source(name) is ParameterSource.DEFAULT:
             continue
         value = context.params[name]
         option = parameter.opts[:1] if isinstance(parameter, click.Option) else []
@@ -171,8 +178,11 @@ def command_line() -> str:
 def stored(
     folder: Path, resume: bool, name: str = "store", what: str = "cases"
 ) -> Iterator["Store"]:
-    """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside."""
-    # An error is reported in one line, with the way to go on.
+    """FOLDER/NAME.sqlite, made with its folder, open; a run that starts afresh moves the last one's aside.
+
+    Errors in the block become RunFailed or BadInput: one line, with how to go on. `what` names there what is
+    finished.
+    """
     from polhode.harness.common.store import DamagedStoreError, Store, set_aside
     from polhode.harness.common.worker import KilledFromOutsideError
 

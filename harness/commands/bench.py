@@ -44,10 +44,12 @@ _PAGES = {
 ACCURACY_PARTS = {"all": (), "2": ("orders", "resonances", "cost"), "hybrid": ("errors", "speed")}
 # Folder of the page of each order, unless --out names one.
 _FOLDERS = {"all": "reports/accuracy", "2": "reports/second-order", "hybrid": "reports/hybrid"}
-# St between which the quick map of regimes lies: beyond, single runs take long.
+# St between which the quick map of regimes lies: beyond, single runs take long. Estimates: a wider range
+# only takes more time.
 _LEAST_QUICK_STOKES = 0.1
 _LARGEST_QUICK_STOKES = 1e4
-# Seconds for which calls of each solver are repeated, by `solve` and of the bare library. Estimates.
+# Seconds for which calls of each solver are repeated, by `solve` and of the bare library. Estimates: the
+# fastest of many calls counts.
 _CALL_SECONDS = 2.0
 _QUICK_CALL_SECONDS = 0.2
 # Columns of the names in `polhode paper --list`: the longest has 24 characters.
@@ -574,7 +576,10 @@ def _cores() -> int:
 
 
 def _engine(workers: int | None, address: str | None) -> Any:
-    """The engine that runs the tasks of a sweep: this process, processes, or a Dask cluster at an address."""
+    """The engine that runs the tasks of a sweep: this process, processes, or a Dask cluster at an address.
+
+    Raises BadInput for both, ValueError if no scheduler answers.
+    """
     from polhode.harness.ensembles.engines import check_dask, dask, processes, serial
 
     if address is not None:

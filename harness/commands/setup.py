@@ -20,11 +20,16 @@ from polhode.models.registry import imported
 _REPORTS = Path("reports")
 _HERE = Path(__file__).parent
 _ABOVE_ONE = click.FloatRange(min=1.0, min_open=True)
-# Seconds over which the sentinel (`polhode.harness.common.timing`) is watched.
+# Seconds over which the sentinel (`polhode.harness.common.timing`) is watched. An estimate: some hundred of
+# its times, so that one interruption does not decide.
 _WATCH = 1.0
 # A machine is fit for timing up to these values, which are estimates.
 _STEADY = 1.05  # Median over minimum of the sentinel's times.
 _BUSY = 0.5  # Processes that wait for each core.
+# What `compare` calls a regression, as factors. Estimates: a smaller factor in time tells of a busy machine more
+# often, and errors differ by some factor wherever a method takes other steps.
+_SLOWER = 1.5
+_LESS_ACCURATE = 3.0
 
 
 def scene_names(
@@ -113,7 +118,10 @@ def examine() -> dict[str, Any]:
 
 
 def look(name: str, folder: Path) -> dict[str, Any]:
-    """Content of a cache; a folder that does not exist yet counts as writable if it could be made."""
+    """Content of a cache: number of files and their size in bytes.
+
+    A folder that does not exist yet counts as writable if it could be made.
+    """
     sizes = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     above = next((path for path in (folder, *folder.parents) if path.exists()), Path("/"))
     writable = above.is_dir() and os.access(above, os.W_OK)
@@ -127,7 +135,7 @@ def look(name: str, folder: Path) -> dict[str, Any]:
 
 
 def cold_start() -> dict[str, float]:
-    """Seconds that `polhode solve paper` takes in a process of its own, by piece of work."""
+    """Seconds that `polhode solve paper` takes in a process of its own, by kind of work, and "in all"."""
     import subprocess
 
     began = perf_counter()
@@ -151,7 +159,10 @@ print(json.dumps(SPENT.seconds))
 
 
 def watch_sentinel(seconds: float) -> dict[str, float | None]:
-    """A fixed piece of arithmetic, repeated for some seconds: its minimum, median over minimum, load per core."""
+    """The sentinel's times over some seconds: `seconds`, the least; `ratio`, median over least; `load` per core.
+
+    The load is None where the system does not tell it.
+    """
     from statistics import median
 
     from polhode.harness.common.timing import sentinel
@@ -161,6 +172,7 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
     while perf_counter() < until:
         times.append(sentinel())
     try:
+        # The mean over the last minute, of the three that the system gives.
         load = os.getloadavg()[0] / (os.cpu_count() or 1)
     except OSError:
         load = None
@@ -168,11 +180,12 @@ def watch_sentinel(seconds: float) -> dict[str, float | None]:
 
 
 def steady(steadiness: dict[str, float | None]) -> bool:
-    """Whether times measured now mean something."""
+    """Whether times measured now mean something, by what `watch_sentinel` returned."""
     return (steadiness["ratio"] or 1.0) <= _STEADY and (steadiness["load"] or 0.0) <= _BUSY
 
 
 def _page(state: dict[str, Any]) -> str:
+    """The page of `polhode doctor`, of what `examine` found."""
     from polhode.harness.pages.tables import templates
 
     def mark(good: bool, yes: str, no: str) -> str:
@@ -220,8 +233,15 @@ def export(store: Path, out: Path, asv: bool) -> None:
 @command(needs=("pandas",))
 @click.argument("before", type=click.Path(path_type=Path))
 @click.argument("after", type=click.Path(path_type=Path))
-@click.option("--slower", type=_ABOVE_ONE, default=1.5, help="Factor in time that is a regression.")
-@click.option("--less-accurate", type=_ABOVE_ONE, default=3.0, help="The same for the errors.")
+@click.option(
+    "--slower", type=_ABOVE_ONE, default=_SLOWER, help="Factor in time that is a regression."
+)
+@click.option(
+    "--less-accurate",
+    type=_ABOVE_ONE,
+    default=_LESS_ACCURATE,
+    help="The same for the errors.",
+)
 @as_json
 def compare(before: Path, after: Path, slower: float, less_accurate: float, as_json: bool) -> None:
     """Compare two saved runs; fail if a case of AFTER is slower or less accurate than in BEFORE, or failed."""

@@ -21,10 +21,16 @@ from polhode.harness.common.text import aligned, fitting, on_terminal, scientifi
 _INDENT = 4 * " "
 # Endings of pictures.
 _FORMATS = (".png", ".svg", ".pdf")
-# Rotations up to the last moment that is drawn, at most: the run takes seconds.
+# Rotations up to the last moment that is drawn, at most. An estimate: the run takes seconds.
 _MAX_DRAWN_ROTATIONS = 1e5
-# Dots per inch of a drawing; an estimate.
+# Dots per inch of a drawing. An estimate: a frame of 1.75 inches (`harness.pages.figures.motion`) is then 280
+# pixels wide.
 _DOTS_PER_INCH = 160
+# Error of the orientation that is drawn, in rad: it moves a tip by less than a pixel.
+_DRAWN_ERROR = 1e-3
+# Moments that are drawn: by default, and at most. Estimates: 24 frames make a picture of 42 inches.
+_FRAMES = 6
+_MAX_FRAMES = 24
 
 
 # Negative numbers are values here, to be refused as such.
@@ -84,7 +90,7 @@ def scenes(scene: str | None, as_json: bool) -> None:
         if as_json:
             click.echo(to_json(table))
         else:
-            # It ends in a newline already.
+            # The text ends in a newline already.
             click.echo(scene_text(table, written_slow_time(scene)), nl=False)
         return
     rows = []
@@ -119,6 +125,7 @@ def _scene_list(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _widest(text: str) -> int:
+    """The length of the longest line."""
     return max(map(len, text.splitlines()))
 
 
@@ -145,7 +152,7 @@ def forms(as_json: bool) -> None:
     lines = []
     for name in FORMS:
         equations = form(name)
-        # Every form is available: the key stands here since the rows of solvers have it.
+        # Every form is available: the keys stand here since the rows of solvers have them.
         rows.append(
             {
                 "name": name,
@@ -203,9 +210,11 @@ def schema(kind: str) -> None:
     help="Picture to write: PNG, SVG or PDF.",
 )
 @click.option("--until", type=float, help="Last time shown; by default that of one rotation.")
-# At most 24 frames, each 1.75 inches wide: an estimate of what is still of use.
 @click.option(
-    "--frames", type=click.IntRange(2, 24), default=6, help="Moments, first and last included."
+    "--frames",
+    type=click.IntRange(2, _MAX_FRAMES),
+    default=_FRAMES,
+    help="Moments, first and last included.",
 )
 def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
     """Draw the particle of SCENE at equispaced moments, between arrows of the flow."""
@@ -242,9 +251,8 @@ def draw(scene: str, out: Path, until: float | None, frames: int) -> None:
             raise ValueError(
                 f"--until: {got}, expected at most {short(_MAX_DRAWN_ROTATIONS)} of them"
             )
-        # 1e-3 rad moves a tip by less than a pixel: a frame of 1.75 inches is 280 pixels wide.
         solution = solve(
-            shown, form=simplest(shown), error=1e-3, want="orientation", samples=frames
+            shown, form=simplest(shown), error=_DRAWN_ERROR, want="orientation", samples=frames
         )
         if not solution.success:
             raise RunFailed(f"{solution.form} by {solution.solver}: {solution.status}")

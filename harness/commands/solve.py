@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from polhode.harness import DEFAULT_SAMPLES
+from polhode.harness import DEFAULT_ERROR, DEFAULT_SAMPLES
 from polhode.harness.cli import RunFailed, bad_input, command
 from polhode.harness.commands import setup
 from polhode.harness.commands.show import scene_text
@@ -25,10 +25,11 @@ if TYPE_CHECKING:
     from polhode.harness.solution import SceneSolution
     from polhode.solvers.contract import Record
 
-# Rows of the table on the terminal, spread over the run, and its columns, the CSV's first ones: the orientation is for
-# files.
-_FEW = 11
-_SHOWN = ["t", "t2", "Lx", "Ly", "Lz", "E"]
+# Rows of the table on the terminal, spread over the run. An estimate: with the words below they fit on a
+# terminal of 24 lines.
+_SHOWN_ROWS = 11
+# Its columns are the CSV's first ones: the orientation is for files.
+_SHOWN_COLUMNS = ["t", "t2", "Lx", "Ly", "Lz", "E"]
 _WANTS = click.Choice(["slow", "orientation"])
 _FILE = click.Path(path_type=Path)
 
@@ -53,7 +54,7 @@ _FILE = click.Path(path_type=Path)
 @click.option(
     "--error",
     type=float,
-    default=1e-6,
+    default=DEFAULT_ERROR,
     help="Error to meet, where no tolerance is given; exit code 1 if it is not confirmed.",
 )
 @click.option(
@@ -92,7 +93,7 @@ def solve(
         if not quiet:
             click.echo(fitting(words, sys.stderr), err=True)
 
-    # Processor time of all that came before this.
+    # The processor time so far went into imports.
     SPENT.seconds["import"] = process_time()
     with Progress(quiet) as progress:
         with bad_input():
@@ -148,6 +149,7 @@ def solve(
 
 def _check_track(planned: "Plan", restart: Path | None) -> None:
     """ValueError unless a track goes on for another run, where `--restart` writes that."""
+    # A track is a flow that changes along the way.
     flow = planned.scene.flow
     end = 2 * planned.scene.time
     if restart and flow is not None and not flow.covers(end):
@@ -167,6 +169,7 @@ def _keep_apart(scene: Path, out: Path | None, beside: Path | None, restart: Pat
 
 
 def _say_times() -> None:
+    """Write the seconds of each kind of work, and of all, to standard error."""
     rows = [(work, duration(seconds)) for work, seconds in SPENT.seconds.items()]
     click.echo(
         aligned(["time", ""], [*rows, ("in all", duration(sum(SPENT.seconds.values())))]), err=True
@@ -212,7 +215,11 @@ def _run(
     progress: Progress,
     omega: bool,
 ) -> "SceneSolution":
-    """Solve, and write what is finished; RunFailed if the run fails or is interrupted, or the disk is full."""
+    """Solve, and write what is finished.
+
+    RunFailed if the run fails or is interrupted, the error cannot be attained, or the disk is full.
+    `beside` is the JSON file that says where the rows come from.
+    """
     from polhode.harness.answers.request import NotAttainableError
     from polhode.harness.solution import write_csv
     from polhode.solvers.solve import Interrupted
@@ -258,7 +265,7 @@ def _run(
     except NotAttainableError as error:
         raise RunFailed(str(error)) from None
     except BrokenPipeError:
-        # Who reads has seen enough.
+        # The reader of the pipe has closed it: no failure of the disk.
         raise
     except OSError as full:
         place = full.filename or (target.path if target else "-")
@@ -275,7 +282,7 @@ def _remedy(planned: "Plan", solution: "SceneSolution") -> str:
     stopped = str(solution.status) == "interrupted"
     if stopped or planned.requested or _given("form") or _given("solver"):
         return ""
-    tighter = first_tolerance(planned.scene, planned.methods[0], 1e-6, "slow")
+    tighter = first_tolerance(planned.scene, planned.methods[0], DEFAULT_ERROR, "slow")
     return f"do: --tolerance {short(tighter)}" if tighter < planned.tolerance else ""
 
 
@@ -283,8 +290,8 @@ def _table(solution: "SceneSolution") -> str:
     """Some of the rows for the terminal, the first and the last among them, and where the others are."""
     import numpy as np
 
-    table = solution.table()[:, : len(_SHOWN)]
-    places = np.linspace(0, len(table) - 1, min(_FEW, len(table))).round().astype(int)
+    table = solution.table()[:, : len(_SHOWN_COLUMNS)]
+    places = np.linspace(0, len(table) - 1, min(_SHOWN_ROWS, len(table))).round().astype(int)
     rows = []
     for t, t2, *slow in table[places].tolist():
         rows.append([_cell(t), _cell(t2), *(_cell(value, " ") for value in slow)])
@@ -295,7 +302,7 @@ def _table(solution: "SceneSolution") -> str:
         f"its longest semi-axis l; t2 = t/St. I_max = {largest:.6g} ρ l⁵."
     )
     note = f"{len(rows)} of {len(table)} rows; --out FILE.csv writes all, in full and with the rotation matrix"
-    return f"{aligned(_SHOWN, rows)}\n\n{fitting(units)}\n{fitting(note)}"
+    return f"{aligned(_SHOWN_COLUMNS, rows)}\n\n{fitting(units)}\n{fitting(note)}"
 
 
 def _cell(value: float, sign: str = "") -> str:
