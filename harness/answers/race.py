@@ -52,6 +52,7 @@ from polhode.harness.common.text import scientific, short
 from polhode.harness.references.rotations import damping_times
 from polhode.models.catalogue import FORMS, form as find_form
 from polhode.models.form import FormNotValidError
+from polhode.models.hybrid.plan import ERROR_PER_TOLERANCE, foreseen
 from polhode.models.scene import Scene, SlowStart
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import SolverNotValidError
@@ -437,15 +438,17 @@ class _Race:
             return False
         if self.truth is None or found.tightest.error < self.truth.error:
             self.truth = found.tightest
-        run, error = found.chosen
-        words = f"its run at {short(run.tolerance)} errs by about {scientific(error)}"
+        error = found.error
+        how = "errs" if found.made else "would err"
+        words = f"its run at {short(found.tolerance)} {how} by about {scientific(error)}"
         if error > self.error:
             self._refuse(method, words, error / KNOWN_SHARE)
         else:
-            spread = self.raced.of_the_whole().spread
+            whole = self.raced.of_the_whole()
+            spread = whole.spread
             interval = Interval(error, error / spread, min(self.error, error * spread))
-            seconds = pace(method, run.tolerance).seconds(steps_in(run.solution), self.samples)
-            self._enter(method, run.tolerance, interval, seconds, words, self.raced.of_the_whole())
+            seconds = pace(method, found.tolerance).seconds(found.steps, self.samples)
+            self._enter(method, found.tolerance, interval, seconds, words, whole)
         return True
 
     def judge(self, method: Method) -> None:
@@ -455,6 +458,11 @@ class _Race:
         tolerance, `_MAX_RUNS` times at most. The error of averaging does not depend on it.
         """
         tolerance = rounded(method, first_tolerance(self.scene, method, self.error, self.want))
+        hybrid = method.form.name == "hybrid" and method not in self.uncut
+        if hybrid and _in_full(self.scene, tolerance) > 1 / _CUT:
+            # A run by the full equations is near the best then.
+            self._refuse(method, "runs nearly all of the scene by the full equations")
+            return
         follows = method.solver.many_periods or method.form.name == "hybrid"
         good: tuple[float, Interval, float, str] | None = None
         why = ""
@@ -475,6 +483,9 @@ class _Race:
                 self.doubted[method] = self.doubted.get(method, tolerance)
                 why = f"errs by up to {scientific(error.high)}: {note}"
                 least = error.high / KNOWN_SHARE
+                if seconds >= self.best:
+                    # A tighter run costs more.
+                    break
             planned = _planned(method, tolerance, error.high, self.error)
             close = _LEAST_SHARE * self.error <= error.high <= self.error
             hopeless = error.high > _HOPELESS * self.error
@@ -529,6 +540,13 @@ class _Race:
         # Callers divide the error that a run had by `KNOWN_SHARE`: an error requested must be larger than
         # that, since part of it goes to the reference.
         self.refusals.append(Refusal(method, reason, least))
+
+
+def _in_full(scene: Scene, tolerance: float) -> float:
+    """The share of a run by `hybrid` that its plan leaves to the full equations."""
+    segments = foreseen(scene, ERROR_PER_TOLERANCE * tolerance)
+    full = sum(segment.end - segment.start for segment in segments if not segment.second_order)
+    return full / scene.slow_time
 
 
 def _planned(method: Method, tolerance: float, error: float, budget: float) -> float:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from polhode.harness.answers.confirmed import LOOSER, MAX_STRIDE, sharpens
 from polhode.harness.answers.fitted import steps_per_turn
+from polhode.harness.answers.pace import steps_in
 from polhode.harness.answers.rules import LOOSEST, Method, rounded
 from polhode.harness.answers.runs import Run, Runner
 from polhode.harness.answers.statement import difference
@@ -36,16 +37,19 @@ class Known(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The run that was looked for, and the tightest of all that were made."""
+    """The tolerance that was looked for, and the tightest of all runs that were made."""
 
-    chosen: Known
+    tolerance: float
+    error: float  # of a run at this tolerance, about
+    steps: float  # of such a run
+    made: bool  # whether it was made, or its error and steps follow from those of two other runs
     tightest: Known
 
 
 def loosest(
     runner: Runner, method: Method, tolerance: float, error: float, want: str, max_steps: int
 ) -> Found | None:
-    """The run of the loosest tolerance, of few, that meets an error, or the one that comes nearest to it.
+    """The loosest tolerance that meets an error, from few runs, or the one that comes nearest to it.
 
     None where nothing is known of errors: a run failed, or the tolerance does not set the steps.
 
@@ -79,9 +83,11 @@ def loosest(
         looser = _errors(runner, runs, tightest, want)
         between = rounded(method, LOOSER * tightest.tolerance)
         if not looser:
-            # There is one run alone, or steps hardly changed.
-            tighter = rounded(method, tightest.tolerance / LOOSER)
-            tolerance = tighter if between in tried else between
+            # There is one run alone, or steps hardly changed: then the next run is far tighter.
+            if len(runs) == 1 and between not in tried:
+                tolerance = between
+            else:
+                tolerance = rounded(method, tightest.tolerance / LOOSER ** min(2, len(runs)))
             continue
         nearest = min(looser, key=_error)
         power = _power(nearest.run, tightest)
@@ -93,14 +99,35 @@ def loosest(
         chosen = max(meeting, key=lambda known: known.run.tolerance, default=nearest)
         if not meeting and believed and expected <= _PLANNED_SHARE * error:
             chosen = last
-        found = Found(chosen, last)
+        found = _made(chosen, last)
         close = _LEAST_SHARE * error <= chosen.error <= _MOST_SHARE * error
         if close or (chosen.error <= error and chosen.run.tolerance >= LOOSEST):
             break
         tolerance = _planned(method, nearest, error, power)
+        near = nearest.run.tolerance <= _FAR * tightest.tolerance
+        if near and tightest.tolerance < tolerance < nearest.run.tolerance:
+            # Both ends are known: a run between them would tell little more.
+            return _between(nearest, last, tolerance, power)
         if tolerance in tried and not believed:
             tolerance = between
     return found
+
+
+def _made(known: Known, tightest: Known) -> Found:
+    """A run that was made."""
+    run = known.run
+    return Found(run.tolerance, known.error, steps_in(run.solution), True, tightest)
+
+
+def _between(looser: Known, tighter: Known, tolerance: float, power: float) -> Found:
+    """A run at a tolerance between those of two runs; steps are taken to follow a power of it."""
+    error = looser.error * (tolerance / looser.run.tolerance) ** power
+    many = steps_in(tighter.run.solution)
+    few = steps_in(looser.run.solution)
+    share = log(tolerance / tighter.run.tolerance) / log(
+        looser.run.tolerance / tighter.run.tolerance
+    )
+    return Found(tolerance, error, many * (few / many) ** share, False, tighter)
 
 
 def _tolerance(run: Run) -> float:
