@@ -16,8 +16,9 @@ from polhode.models.shape import Ellipsoid
 # Six steps of the arithmetic-geometric mean, the first aside, leave 1e-22 at 1 - m = 1e-20, hardly
 # above 0 in long double, and less elsewhere.
 _AGM_STEPS = 6
-# Starts nearer than this to L² = 2EI₂ are moved so far off it, whose rates are its own on either
-# side.
+# Starts whose energy is nearer than this share to L² = 2EI₂ are moved so far off it: on it the sum of
+# `mean_squares` does not converge. An estimate, far above rounding: a run leaves so narrow a layer at once.
+# A start with a smaller share of L² off the middle axis rotates about that axis.
 _SEPARATRIX_WIDTH = 1e-12
 
 

@@ -123,7 +123,8 @@ def field_in_any_flow(ops: Operations) -> Field:
     return _field(ops, _slip_in_any_flow)
 
 
-# Largest angle of `rotation`, in rad: half a turn, and a little more.
+# Largest angle of `rotation`, in rad: half a turn, and a little more. The polynomials below are made for
+# it; with a larger one they would need more terms.
 _REACH = 3.4
 # sin θ/θ and (1 - cos θ)/θ² as polynomials of x = θ², lowest power first, nearest to them for
 # 0 <= x <= _REACH²: within 2.2e-16 there. They are close to Taylor's, 1/(2k + 1)! and 1/(2k + 2)!

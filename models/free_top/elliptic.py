@@ -19,7 +19,7 @@ LONG_EPSILON = np.finfo(Long).eps
 # The arithmetic-geometric means below converge quadratically: two numbers of this relative
 # difference d have a mean that is good to the last bit, as the next difference is d²/8.
 _CLOSE = np.sqrt(LONG_EPSILON) / 8
-# Stands for a sine of 0: its reciprocal and products with it do not overflow.
+# Stands for a sine of 0 in `jacobi`: even the square of its reciprocal does not overflow.
 _TINY = np.finfo(Long).tiny ** Long(0.25)
 # exp(−_NEGLIGIBLE), a 148th of the rounding, adds nothing to a sum of order one.
 _NEGLIGIBLE = 5 - np.log(LONG_EPSILON)

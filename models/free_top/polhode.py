@@ -13,9 +13,10 @@ from polhode.models.shape import Ellipsoid
 
 Rationals = tuple[Fraction, Fraction, Fraction]
 
-# Nodes of the midpoint rule over a quarter of a polhode: 1e-6 relative off the separatrix.
+# Nodes of the midpoint rule over a quarter of a polhode: 1e-6 relative off the separatrix, as
+# tests/models/free_top/test_polhode.py checks.
 _QUARTER_NODES = 32
-# Least square that is divided by, where a body is at rest.
+# Least square that is divided by, where a body is at rest: keeps 0/0 away.
 _TINY = 1e-300
 # Largest parameter m of SciPy's elliptic functions, for K(m) is infinite at 1.
 _LARGEST_PARAMETER = 1 - 1e-15

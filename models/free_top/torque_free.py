@@ -75,8 +75,8 @@ class TorqueFree:
     def at(self, times: ArrayLike, *, dtype: DTypeLike = np.float64) -> tuple[NDArray, NDArray]:
         """Unit quaternions, shape (n, 4), and body angular velocities, shape (n, 3).
 
-        Quaternions are continuous from the start. At finite times since the start, shape (n,), of
-        either sign; rounded from long double to `dtype`.
+        The times are finite, since the start, shape (n,), and of either sign. Quaternions are
+        continuous from the start. Results are rounded from long double to `dtype`.
         """
         t = np.asarray(times, dtype=Long)
         turn, omega = self._permanent(t) if self.is_permanent else self._wobbling(t)

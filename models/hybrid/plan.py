@@ -21,25 +21,33 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Error of L and E over the tolerance that stands for it; chosen by trial.
+# What is chosen by trial here was tried on random starts, other ones than those of reports/hybrid.
+# Its page counts how many runs stay within the error that they were asked for, and within the one
+# that they state.
+#
+# Error of L and E, over I_max, that a tolerance requests of the whole run, over the tolerance; by trial.
 ERROR_PER_TOLERANCE = 100.0
-# Share of that error that segments of the full equations may take; chosen by trial.
+# Share of that error that segments of the full equations may take, by trial: averaging may take as
+# much (`outline`).
 FULL_SHARE = 0.5
 # Error of L and E over the tolerance of the full equations, per radian that a body turns with
-# |L||ω| below I_max, by trial; solvers that err by more are run at tighter tolerances.
+# |L||ω| below I_max, by trial. Solvers that err by more are run at tighter tolerances.
 PER_RADIAN = 2e-2
-# Tolerance of averaged segments, which cost next to nothing.
+# Tolerance of averaged segments, far below any error that is asked for: they cost next to nothing.
 _AVERAGED_TOLERANCE = 1e-12
-# Tolerances of the full equations: a short list, as some solvers compile for each tolerance anew.
+# Tolerances of the full equations, two in a decade: a short list, as some solvers compile for each
+# tolerance anew.
 _FULL_TOLERANCES = 1e-8, 3e-9, 1e-9, 3e-10, 1e-10, 3e-11, 1e-11, 3e-12, 1e-12, 3e-13, ROUNDING
-# A run of fewer turns costs less than to look ahead.
+# Least turns of the body for which the plan looks ahead. An estimate: a run of fewer turns costs less
+# than the look.
 _SHORT = 1000
-# Turns by which a segment of the full equations is lengthened where no slow state belongs to its end, chosen by trial.
+# Turns by which a segment of the full equations is lengthened where no slow state belongs to its end; by
+# trial. With fewer the plan asks for a slow state more often, with more it runs longer in full.
 _MORE = 50
 
 
 def foreseen(scene: Scene, error: float) -> tuple[PlannedSegment, ...]:
-    """Segments of a run for a requested error."""
+    """Segments of a run for a requested error of L and E, over I_max."""
     if speed(scene) * scene.time < 2 * np.pi * _SHORT:
         return (
             PlannedSegment(
@@ -116,6 +124,8 @@ class HybridPlan:
     def _looked_ahead(self, time: float, state: Array, tolerance: float) -> "HybridPlan":
         """The plan with the segments from here on, for the error that is left."""
         error = ERROR_PER_TOLERANCE * tolerance
+        # A tenth of the error stays, by estimate, where segments have taken more than all of it: the run
+        # goes on, and states what it costs.
         left = max(error - self.spent, error / 10)
         segments = foreseen(self.remaining(time, state), left)
         return replace(self, since=time, segments=segments, carried=self.spent)
@@ -189,6 +199,7 @@ def full_tolerance(
     first = ahead[0]
     error = FULL_SHARE * ERROR_PER_TOLERANCE * tolerance
     lasting = sum(later.end - later.start for later in ahead if not later.second_order)
+    # As in `_looked_ahead`, a tenth stays where the share is spent.
     share = (
         (error - spent_full if spent_full < error else error / 10)
         * (first.end - first.start)

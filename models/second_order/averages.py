@@ -35,7 +35,8 @@ Array = np.ndarray
 # Number of polhode phases times ln(1/nome) that resolves second-order averages to 1e-9: Fourier
 # coefficients of a polhode fall like powers of the nome of its elliptic functions.
 _PHASES = 90.0
-# Least number of phases of a polhode; an estimate.
+# Least number of phases of a polhode. An estimate: fewer cost accuracy near a principal axis, which
+# tests/models/second_order/test_triaxial.py checks; more cost time.
 _LEAST_PHASES = 24
 # Numbers of phases differ by multiples of this, so that many polhodes share one.
 _STEP_OF_PHASES = 8
@@ -47,7 +48,8 @@ _ROTATIONS = _ROTATIONS / np.array([[[3]], [[7]]])
 _EVERY_FRAME = np.repeat(_ROTATIONS, 2, axis=0)
 # |L| of the poses, shape (poses,).
 _SIZES = np.tile([1.0, 2.0], len(_ROTATIONS))
-# Largest k₁ of modes (-k₁, k₂), k₂ = 1, 2, 3, whose strength is returned.
+# Largest k₁ of modes (-k₁, k₂), k₂ = 1, 2, 3, whose strength is returned. An estimate: resonances of
+# higher ones are passed over.
 MODES = 24
 
 
@@ -211,6 +213,7 @@ def fitted(parts: Iterable[tuple[Sequence[Array], Array]]) -> tuple[list[Array],
     for columns, values in parts:
         matrix = np.stack([column.ravel() for column in columns], axis=1)
         right_side = values.reshape(columns[0].size, -1)
+        # A column that depends on the others would show as a singular value of rounding, far below 1e-10.
         solution = np.linalg.lstsq(matrix, right_side, rcond=1e-10)[0]
         factors += list(solution)
         misfit = max(misfit, float(np.abs(matrix @ solution - right_side).max()))

@@ -29,9 +29,11 @@ COEFFICIENTS = (*_FIRST, *SECOND_ORDER, "nu1", "nu2")
 # Numbers in front of the series in p.
 _HEAD = 2
 _SERIES = len(COEFFICIENTS)
-# Chebyshev terms of each series.
+# Chebyshev terms of each series. An estimate: with them tables have the functions of first order to
+# 1e-10 and those of second order to 1e-5 in the median (tests/models/second_order/test_triaxial.py).
 NODES = 32
-# Resonances whose poles the field has room for.
+# Resonances whose poles the field has room for. An estimate: of more, those of the largest residues
+# are taken (`tables.made`).
 POLES = 8
 # Numbers of each pole.
 POLE = 2 + 2 * len(SECOND_ORDER)
@@ -107,7 +109,7 @@ def regular(x: Any, square: Any) -> tuple[Any, Any]:
 
 
 def series(t: Any, p: Any) -> list[Any]:
-    """The Chebyshev series at t."""
+    """The Chebyshev series at t, from -1 at a² = 0 to 1 at the table's end, in the order of `COEFFICIENTS`."""
     sums = []
     terms = polynomials(t, NODES)
     for first in range(_HEAD, _HEAD + _SERIES * NODES, NODES):

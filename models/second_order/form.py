@@ -21,14 +21,16 @@ from polhode.models.second_order import (
 )
 from polhode.models.second_order.outline import Outline, outline
 
-# The slow start x solves x = z - u(x)/St; each pass gains a factor of the correction's size.
+# Most passes by which the slow start x solves x = z - u(x)/St. Each pass gains a factor of the
+# correction's size: these reach rounding where a pass gains a factor of 1.8 or more.
 _START_PASSES = 60
-# Passes diverge if a component becomes this many times the largest one of z; an estimate.
+# Passes diverge if a component becomes this many times the largest one of z. An estimate: components
+# that grow at all soon exceed any such number.
 _START_DIVERGED = 1e3
 # Residual of that equation, over |L|, at which passes end: rounding.
 _START_CLOSE = 1e-15
 # Shares of the time to the first segment of the full equations at which a run is tried to be stopped,
-# the longest first: estimates.
+# the longest first. Estimates: smaller ones stop a run earlier than it need be, and are taken more often.
 STOPS = (0.98, 0.9)
 # Above this estimated error of L and E, over I_max, the expansion in 1/St means nothing.
 _MEANINGLESS = 1.0

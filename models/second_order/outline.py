@@ -22,7 +22,12 @@ from polhode.models.second_order.tables import Kick
 
 Array = np.ndarray
 
-# Largest rho at which a run is averaged: beyond it the expansion in 1/St means nothing.
+# What stands here by trial was tried on random starts. reports/hybrid and reports/second-order have
+# other starts, and count how many runs stay within the errors that they were asked for and that they
+# state. Estimates decide what a run costs, not what it states.
+#
+# Largest rho at which a run is averaged. An estimate: third-order terms exceed those of second order
+# there, as `path._MARGIN` has them, so that the expansion in 1/St means nothing.
 _MAX_RHO = 0.35
 # The highest harmonic of the torque in a phase: an error φ of the phase, in rad, makes an error of
 # this many φ rho |L| in what the generator puts back.
@@ -36,10 +41,10 @@ _SHARE_OF_ONE_KICK = 0.15
 # In 97.5 % of runs kicks of random phases stay below this multiple of the root of the sum of their
 # squares: 2.5/√2, as a walk's largest distance exceeds a bound at most twice as often as its last.
 _RANDOM_PHASES = 1.77
-# Least turns of the body in an averaged segment: a shorter one costs more than it saves.
+# Least turns of the body in an averaged segment: a shorter one costs more than it saves. An estimate.
 _LEAST_TURNS = 300
 # A full segment is cut where this share of its `PlannedSegment.turned` is left, if more than twice
-# that share of its turns is left: its later part is solved to a looser tolerance.
+# that share of its turns is left: its later part is solved to a looser tolerance. An estimate.
 _CUT_AT = 0.1
 # Errors are forgotten at this share of the slowest damping rate; by trial.
 _FORGETTING = 0.15
@@ -48,10 +53,11 @@ _MAX_FORGETTING = 600.0
 # `gains` above a level become full segments. The level falls by this ratio until the rest is within
 # the allowed error; by trial.
 _LEVEL_RATIO = 0.53
-# Least level over the highest one; below it the level is 0, and every gain a full segment.
+# Least level over the highest one; below it the level is 0, and every gain a full segment. An estimate:
+# a lower one costs more rounds.
 _LEAST_LEVEL = 1e-8
 # Times at which errors in the full segment of a kick are estimated, in half widths from the kick:
-# nine inside, and one just beyond either end.
+# nine inside, the outermost of them at 1e-9 from the ends, and one just beyond either end.
 _HALF_WIDTHS = np.concatenate([[-1.01], np.linspace(-1, 1, 9) * (1 - 1e-9), [1.01]])
 
 # Reasons not to average, by number; resonances follow. Behind a segment of either of the first two

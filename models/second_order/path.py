@@ -26,11 +26,16 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Tolerance of the solver that follows a path: an error of the path shifts the times of kicks.
+# What stands here by trial was tried on random starts. reports/hybrid and reports/second-order have
+# other starts, and count how many runs stay within the errors that they state.
+#
+# Tolerance of the solver that follows a path: an error of the path shifts the times of kicks. An
+# estimate: the path's own error, of order 1/St, is larger up to St = 1e8.
 _PATH_TOLERANCE = 1e-8
-# Points of a triaxial ellipsoid's path, which has kicks.
+# Least points of a triaxial ellipsoid's path, which has kicks. An estimate: between two points rates are
+# taken as straight, and a path that turns back across a resonance between them shows no kick.
 _KICKED = 240
-# Points of a spheroid's path, which has none.
+# Least points of a spheroid's path, which has none; an estimate.
 _SMOOTH = 100
 # |L| over I_max below which a body does not rotate.
 TINY = 1e-12
@@ -38,19 +43,18 @@ TINY = 1e-12
 _CLOSE = 1e-12
 # |L| over I_max that is divided by where |L| is 0.
 _NO_SIZE = 1e-300
-# Depth a² at which tables end, less the error of a first-order path.
+# Depth a² at which tables end, less what a first-order path may be off by; an estimate.
 _DEEPEST = tables.MAX_A2 - 0.2
-# Third-order terms over rho times the second-order ones, such that estimates bound most runs;
-# chosen by trial.
-_MARGIN = 3.6
-# Third-order terms over first-order ones times the square of the damping in a radian; chosen by
+# Third-order terms over rho times the second-order ones, such that estimates bound most runs; by
 # trial.
+_MARGIN = 3.6
+# Third-order terms over first-order ones times the square of the damping in a radian; by trial.
 _DAMPED = 0.05
 # Error beside a resonance over the product of the mode's swing and the share by which it changes the mode's
 # frequency: 4 to 7 in random bodies. The slow start misses as much as the swing does later, and directions of L
 # swing more than |L|.
 _BESIDE = 5.0
-# Least speed at which the shear turns a body, in rad per unit of time.
+# Least speed at which the shear turns a body, in rad per unit of time: half its rate.
 LEAST_SPEED = 0.5
 # Jump of a phase at L² = 2EI₂: E changes by ln(2 sin α)/(4K) of what a polhode takes, the mean
 # square of cot α being this over 97.5 % of the phases α (Neishtadt, Sov. J. Plasma Phys. 12, 1986).
@@ -66,9 +70,9 @@ class Path:
     """The first-order solution of a scene, and the size of averaging and its errors along it."""
 
     ellipsoid: Ellipsoid
-    torque_factor: float
-    times: Array
-    slow: Array
+    torque_factor: float  # 1/St
+    times: Array  # slow times, shape (m,)
+    slow: Array  # (L, E), shape (m, 4)
 
     @classmethod
     def of(cls, scene: Scene) -> "Path":
@@ -446,6 +450,7 @@ class Path:
         return ~(np.exp(-self.a2) > exp(-tables.MAX_A2) + moved)
 
 
+# 16 paths: an estimate. A scene is asked for again at once, with other budgets.
 @once(size=16)
 def path_of(scene: Scene) -> Path:
     """The path of a scene, cached for outlines with other budgets."""

@@ -46,6 +46,7 @@ class SidedBody:
         longest = bool(squares.sum() < (squares / ellipsoid.inertia).sum() * middle)
         return cls._of(ellipsoid, longest, bool(momentum[ellipsoid.order[0 if longest else 2]] < 0))
 
+    # 256 sides: an estimate. One takes little memory, and is soon made anew.
     @classmethod
     @lru_cache(maxsize=256)
     def _of(cls, ellipsoid: Ellipsoid, longest: bool, below: bool) -> "SidedBody":

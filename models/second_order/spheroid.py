@@ -30,11 +30,13 @@ Polynomial = tuple[float, ...]
 
 # The components of a vector, numbers or arrays.
 Triple = Sequence[Any]
-# Up to this many rows Python's floats are faster than arrays.
+# Up to this many rows Python's floats are faster than arrays. The rows are the same either way, up to
+# rounding.
 _FEW = 6
 # How many of the parameters are of first order; they stand first.
 _FIRST = 12
-# Turns about L, in rad, at which the size of the transformation is taken, shape (6, 1).
+# Turns about L, in rad, at which the size of the transformation is taken, shape (6, 1): the torque has
+# harmonics up to 2, of which six turns miss no extreme by much.
 _SAMPLED_TURNS = pi / 3 * np.arange(6)[:, None]
 # Keeps 0/0 away where p is along L.
 _TINY = 1e-300

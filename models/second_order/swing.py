@@ -29,9 +29,12 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Changes whenever the numbers of a series do.
+# Version of the numbers of a series, in the key under which they are cached: it is raised when they
+# change.
 VERSION = 4
-# Chebyshev nodes in a, from 0 to the end of the tables. This number and the next two are estimates.
+# Chebyshev nodes in a, from 0 to the end of the tables. This number and the next two are estimates. With
+# them the transformation is right to 1e-9 of itself near a principal axis and to 1e-4 at the end of the
+# tables, at least (tests/models/second_order/test_swing.py).
 _NODES = 40
 # Polhode phases at each node.
 _PHASES = 96
@@ -43,12 +46,15 @@ _ANGLES = pi * (_NODES - 0.5 - np.arange(_NODES)) / _NODES
 DEPTHS = 0.5 * sqrt(MAX_A2) * (1 + np.cos(_ANGLES))
 # Terms are left out below this share of the largest one, times St: over St they are rounding.
 _FAINT = 1e-14
-# Least and largest share below which terms are left out.
+# Least and largest share below which terms are left out. The largest is the error of an output, over the
+# transformation, that docs/second-order.md allows.
 LEAST_FAINT = 1e-11
 MOST_FAINT = 1e-6
-# Share of the largest below which terms of χ and of the change of n per y are left out.
+# Share of the largest below which terms of χ and of the change of n per y are left out: they stay
+# near rounding, as angles are told to it.
 _ROUNDING = 1e-12
-# Change of a divisor over its square above which its asymptotic series fails.
+# Change of a divisor over its square up to which four terms of its asymptotic series do: the first one
+# left out is 945 u⁴ at most, 1e-5 of the sum.
 _CLOSE = 0.01
 # Added where a divisor may be 0, to keep 1/0 away.
 _TINY = 1e-100

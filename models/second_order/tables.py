@@ -30,9 +30,10 @@ from polhode.models.shape import Ellipsoid
 
 Array = np.ndarray
 
-# Changes whenever the numbers of a table do.
+# Version of the numbers of a table, in the key under which they are cached: it is raised when they change.
 _VERSION = 3
-# Tables reach from a² = 0 to this a²: 1 - x = 0.0025.
+# Tables reach from a² = 0 to this a²: 1 - x = 0.0025. An estimate: nearer to L² = 2EI₂ the full equations
+# take over, and a longer table would need more nodes.
 MAX_A2 = 6.0
 # Angles of the Chebyshev points, in rad, and the a² there.
 _ANGLES = pi * (np.arange(NODES) + 0.5) / NODES
@@ -42,40 +43,45 @@ _SCALES = dict.fromkeys(COEFFICIENTS, 3) | dict.fromkeys(("f2", "g2", "r1", "r2"
 _SCALES |= {"f0": 0, "g0": 0, "a1": 2, "b1": 2, "p1": 2, "p2": 2, "nu1": -1, "nu2": -1}
 # The functions of second order among all.
 _SECOND = slice(COEFFICIENTS.index("a1"), COEFFICIENTS.index("nu1"))
-# Modes of a smaller share of the torque are no resonances.
+# Modes of a smaller share of the torque are no resonances. An estimate: their kicks are as much smaller.
 _FAINT = 1e-8
 # Keeps the logarithm of a strength of 0 away.
 _NO_STRENGTH = 1e-30
 # Resonances are searched between these values of t, which is -1 at a² = 0 and 1 at `MAX_A2`: somewhat
-# beyond the table, where they still have a part in its functions. An estimate.
+# beyond the table, where they still have a part in its functions. An estimate: poles of resonances
+# farther away are left to the series.
 _SEARCHED = (-1.1, 1.2)
 # Points of that search: resonances of one mode closer than 0.02 in a² would be missed. An estimate.
 _SEARCH_POINTS = 400
 # Step in t of the differences of Newton's method.
 _NEWTON_STEP = 1e-5
-# Steps of Newton's method; an estimate.
+# Steps of Newton's method. An estimate: the straight line between two points of the search is off by
+# some 1e-5, and each step squares that.
 _NEWTON_STEPS = 2
 # Numbers of a resonance, a row of `Table.resonances`.
 _RESONANCE = 6
 # Columns of `Table.poles` behind a² and dD/da²: residues of second and of first order.
 _OF_SECOND_ORDER = slice(2, 2 + len(SECOND_ORDER))
 _OF_FIRST_ORDER = slice(2 + len(SECOND_ORDER), POLE)
-# Averages at a divisor below this share of ν₂ weigh less in the table; an estimate.
+# Averages at a divisor below this share of ν₂ weigh less in the table. An estimate: next to a pole the
+# difference of two large numbers is rounding.
 _NEAR = 0.02
-# The fit has this many terms fewer than nodes, as some nodes weigh little.
+# The fit has this many terms fewer than nodes, as some nodes weigh little. An estimate.
 _SPARE = 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24
-# Distance in a² from a pole at which the averages tell its residues; an estimate.
+# Distance in a² from a pole at which the averages tell its residues. An estimate: farther away what is
+# smooth has a part in them, nearer the rounding of the divisor.
 _BESIDE = 5e-4
 # Least distance in time from a kick.
 _TINY = 1e-300
 # The a² of rows without a pole: far beyond the table.
 _FAR = 1e3
 # Square of the width in a² within which poles end where the size of second order is estimated: a
-# width of 0.1; an estimate.
+# width of 0.1. An estimate: a smaller one raises the size next to resonances.
 _POLE_WIDTH_SQUARED = 0.01
-# Least and largest half length of a resonance's full segment, in √(|dD/dt|/St) of the divisor D.
+# Least and largest half length of a resonance's full segment, in widths √(1/(St |dD/dt₂|)) of it, D being
+# the divisor; by trial on random starts, other ones than those of reports/hybrid.
 _WIDTHS = (4.0, 40.0)
 
 
@@ -118,7 +124,10 @@ class Kick:
         return self.width * min(largest, max(least, by_bend, by_tail))
 
     def missed(self, times: Array) -> Array:
-        """Largest part of the change that the transformation misses at times outside a full segment."""
+        """Largest part of the change that the transformation misses at times outside a full segment.
+
+        `docs/second-order.md`, section 7, has the formula, in numbers of widths.
+        """
         closeness = np.minimum(1, self.width / np.maximum(np.abs(times - self.time), _TINY))
         return self.size * closeness**2 * (self.bend * closeness + 1.5 * self.bend**2 + self.drift)
 
@@ -230,6 +239,7 @@ def _poles(side: SidedBody, resonances: Array) -> Array:
 
 def _fitted(values: Array, weight: Array) -> Array:
     """Chebyshev series, shape (k, NODES), of values at the Chebyshev points, by their weights."""
+    # Below rounding, `rcond`, a singular value counts as 0.
     terms = NODES - _SPARE
     basis = weight[:, None] * np.cos(np.outer(_ANGLES, np.arange(terms)))
     series = np.zeros((len(values), NODES))

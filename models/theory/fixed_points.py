@@ -115,6 +115,7 @@ def attractors(
         return ()
     unit = max(ellipsoid.inertia)
     points = fixed_points(ellipsoid)
+    # At L_z = -I/2 the energy is I/8, a quarter of |L_z|.
     states: dict[Rotation, np.ndarray] = {
         point.rotation: np.array([0.0, 0.0, point.state[2], -point.state[2] / 4]) / unit
         for point in points

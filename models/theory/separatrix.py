@@ -74,7 +74,8 @@ class Separatrix:
     def complement(self, time: float) -> float:
         """The y at a slow time since the separatrix, the inverse of `time`.
 
-        By Lambert's function (DLMF 4.13).
+        It is found by Lambert's function (DLMF 4.13).
+
         Raises ValueError if the time has the wrong sign for the side, or lies beyond y = 1.
         """
         with IMPORTS:
@@ -99,6 +100,9 @@ class Separatrix:
         # Over the rate of y, the equation of L_z' is dL_z'/dy = -rate ln(16/y) L_z' - Ŵ/2W. As
         # ln(16/y) is the derivative of y ln(16/y) + y, exp(rate (y ln(16/y) + y)) is the integrating
         # factor.
+        #
+        # The integrand is positive, so that the error is asked for relative to the integral: to 1e-13,
+        # some ten times the least that `quad` takes.
         rate = self.decay / self.growth
         exponent_end = _passed(complement)
         integral = quad(

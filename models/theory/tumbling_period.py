@@ -19,14 +19,15 @@ from polhode.models.shape import Ellipsoid
 # The last resolves ratios a/b up to 1000 in seconds.
 _FIRST_NODES = 32
 _MOST_NODES = 2048
-# Newton's method converges quadratically from the marched guess: more steps would not help.
+# Steps of Newton's method. It converges quadratically from the marched guess: more would not help.
 _MOST_STEPS = 20
-# Largest step of Newton's method, over w: w stays positive.
+# Largest step of Newton's method, over w: w stays positive, as it does for any share below 1.
 _MOST_CHANGE = 0.5
 # Newton's method ends when no w changes by more than this, relative: as it converges quadratically,
 # the square of it, far below rounding, is left.
 _CONVERGED = 1e-9
-# Relative difference of two periods, over √nodes, that counts as rounding.
+# Relative difference of two periods, over √nodes, that counts as rounding: some 45 roundings of a
+# number. An estimate: with half of it, some runs would take twice the nodes for the same digits.
 _ROUNDOFF = 1e-14
 # Rate w at which any body turns if St is large: that of the fluid, half the shear rate.
 _RATE_OF_FLUID = 0.5
