@@ -28,17 +28,18 @@ UNLIMITED = 10**9
 # Seconds before its deadline from which on a run looks at the clock more often. A solver's usual
 # chunk of steps takes some 0.02 to 0.1 s, so that a short time limit would pass within one.
 _NEAR = 0.05
-# By this factor chunks are shorter then; by estimate.
+# By this factor chunks are shorter then: some 1 to 6 ms. An estimate: a run passes its limit by as much.
 _OFTEN = 16
 
 # A run crawls if its steps are shorter than this share of the steps before, and if more than
 # `_MAX_STEPS_AHEAD` are left: minutes of compiled code. Relaxation oscillations shrink their steps
-# as far, for a few steps. The share is an estimate.
+# as far, for a few steps. The share is an estimate: with the other bound beside it, no run is stopped
+# that would end within minutes.
 _CRAWLING = 1e-3
 _MAX_STEPS_AHEAD = 1e8
 # Steps count as shrunk below this share of the steps before, by estimate. A run of a user's
 # function with such steps is examined: it may have stepped over a singularity
-# (`solvers.singularity.jumped`).
+# (`solvers.singularity.jumped`). A larger share costs more runs that time.
 _SHRUNK = 0.1
 
 # Libraries that a choice of back end or Jacobian needs besides the solver's own.

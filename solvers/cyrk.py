@@ -54,11 +54,13 @@ from polhode.solvers.machine_code.underflow import FlushedToZero
 # Deadline and Ctrl-C are looked at once per this many steps: a tenth of a second at most.
 _CHUNK = 20_000
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
-# estimate.
+# estimate: a terminal event soon after the start costs as many steps.
 _FIRST_LOOK = 256
-# Shares of the steps of a chunk that failed, up to which it is run again; estimates.
+# Shares of the steps of a chunk that failed, up to which it is run again. Estimates: behind the share
+# that succeeds, events are placed on straight lines.
 _SHARES = (1.0, 0.98, 0.9, 0.5)
-# Steps after which a solution that is looked at beforehand is given up; an estimate.
+# Steps after which the path in `followed` ends. An estimate: averaged equations take far fewer, and where
+# they do not, averaging breaks down.
 _MOST_STEPS = 2000
 # Memory that a run may take, in MB: the library's own default.
 _MAX_RAM_MB = 2000

@@ -24,7 +24,7 @@ _PLACE = np.float64(4 * np.finfo(float).eps)
 # 53 bits.
 _MAX_ITERATIONS = 300
 # Looks within a step, where its interpolation costs next to nothing: a step of high order is
-# longer than a half period of what it follows. An estimate.
+# longer than a half period of what it follows. An estimate: two passages between two looks are missed.
 _LOOKS_WITHIN_STEP = 8
 # Solvers that run many steps in one call look after few of them at first; the number grows by this
 # factor each time: a terminal event soon after the start costs no more than a few steps. An

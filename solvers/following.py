@@ -9,16 +9,16 @@ from polhode.solvers.catalogue import solver
 from polhode.solvers.compile import array_callback, parameter_array
 from polhode.solvers.contract import installed
 
-# Steps after which such a solution is given up; by estimate.
+# Steps after which the path ends, as in `cyrk`; by estimate. Averaged equations take far fewer: where
+# they do not, averaging breaks down.
 _MAX_STEPS = 2000
 
 
 def followed(problem: Problem, tolerance: float, points: int) -> tuple[np.ndarray, np.ndarray]:
     """At least `points` times of a solution, dense where its steps are, and the states there.
 
-    They end where the solution does.
-
-    By CyRK's method of order 7, or without it by SciPy's of order 8.
+    They end where the solution does. The solver is CyRK's method of order 7, or without CyRK SciPy's
+    of order 8.
     """
     if solver("cyrk-vern7").available:
         return cyrk.followed(problem, tolerance, points)

@@ -38,7 +38,8 @@ Callback = Callable[[float, np.ndarray], np.ndarray]
 _START_CALLS = 1
 # and `select_initial_step` one more, a trial step later, unless the caller gives the first step.
 _FIRST_STEP_CALLS = 1
-# Steps in a row that do not advance the time, after which a run has stalled; an estimate.
+# Steps in a row that do not advance the time, after which a run has stalled. An estimate: LSODA takes
+# such steps without end, and calls that no error.
 _STALLED = 1000
 # Progress is checked every 5000 steps, so at least once a second.
 _LOOK = 5000

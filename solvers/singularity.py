@@ -18,6 +18,9 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.compile import denominators, frozen
 from polhode.solvers.contract import Status
 
+# The estimates here decide which runs are examined, and how long that takes. A run is called false
+# only if all witnesses fail.
+#
 # Segments between two rows that are run again, at most; by estimate.
 _MAX_SEGMENTS = 3
 # Growth of the largest component from one row to the next that is looked into; by estimate.
@@ -33,7 +36,8 @@ _WITNESSES = ((_RADAU, 1.0), (_RADAU, 1e-3), (("cyrk-dop853", "dop853"), 1e-3))
 _TOLERANCES = (1e-8, 1e-4)
 # Steps of a witness, by estimate. An implicit one that takes more says nothing: the run stands.
 _MAX_STEPS = 20_000
-# A witness may take this long, in seconds, or as long as the run itself.
+# A witness may take this long, in seconds, or as long as the run itself; by estimate. An implicit one
+# that takes longer says nothing.
 _LEAST_SECONDS = 0.5
 # Statuses of a witness that finds no solution.
 _ENDED = (Status.STEP_UNDERFLOW, Status.NON_FINITE)

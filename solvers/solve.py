@@ -34,16 +34,18 @@ from polhode.solvers.singularity import jumped
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-# A success whose invariant drifts by more than a limit counts as false: this many tolerances,
+# A success whose invariant drifts by more than a limit counts as false. The numbers are estimates, so
+# wide that runs that are only inaccurate pass: what the limit catches has left the solutions altogether.
+# The limit is this many tolerances,
 INVARIANT_TOLERANCES = 1e6
-# but at least this drift,
+# but at least this drift, for rounding in long runs,
 INVARIANT_FLOOR = 1e-6
-# and at most this drift,
+# and at most this drift, as of a squared norm of 1.5 in place of 1,
 _INVARIANT_CEILING = 0.5
 # or this many tolerances per step, if that is more: norms of quaternions, which fields divide out,
 # drift by 0.6 in 5000 good steps at 1e-4,
 _INVARIANT_PER_STEP = 3.0
-# but never more than this drift.
+# but never more than this drift, as of a squared norm of 3 in place of 1.
 _INVARIANT_LIMIT = 2.0
 
 

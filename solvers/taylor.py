@@ -30,9 +30,11 @@ _ENDED = 0
 _STEPS = 3
 _SERIES = 4
 _STATES = -1
-# Deadline and Ctrl-C are looked at once per this many steps; an estimate.
+# Deadline and Ctrl-C are looked at once per this many steps. An estimate: they are some 0.02 to 0.1 s
+# (`contract._NEAR`).
 _CHUNK = 10_000
-# Components up to which every operation is compiled in place; an estimate.
+# Components up to which every operation is compiled in place. An estimate: beyond, compilation takes up to
+# half a minute.
 _MAX_UNROLLED = 50
 # Decimal exponent of the n-th power of a time, n the order, beyond which coefficients might leave
 # the range of double precision, which ends at 308. The rest is for rates that are faster or slower than
@@ -43,10 +45,11 @@ _MAX_EXPONENT = 200.0
 _PACED_STEPS = 16
 # A paced run is given up if its chunks have not doubled in length over this many chunks,
 _PACED_CHUNKS = 40
-# and more than this many of the same length are still ahead. Estimates.
+# and more than this many of the same length are still ahead. Estimates: of 16 steps each, these take an
+# hour or so.
 _MAX_CHUNKS_AHEAD = 1e8
 # Steps before the first look for events; from look to look there are more of them, up to `_CHUNK`. An
-# estimate.
+# estimate: a terminal event soon after the start costs as many steps.
 _FIRST_LOOK = 64
 
 

@@ -47,6 +47,9 @@ def _numbers(fractions: Sequence[str]) -> list[float]:
 STAGES = [_numbers(row) for row in _TABLE["stages"]]
 DIFFERENCE = _numbers(_TABLE["difference"])
 BENDS = _numbers(_TABLE["bends"])
+# Estimates here change the number of steps, and thereby the time. What a step may err by follows from
+# the tolerance.
+#
 # Share of the step that the error asks for; an estimate.
 _SAFETY = 0.9
 # Bounds of the factor by which a step changes; estimates.

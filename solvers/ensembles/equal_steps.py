@@ -20,7 +20,9 @@ from polhode.solvers.machine_code.lanes import by_particle
 # Least number of segments of a run. The two runs of a particle are compared after every other segment,
 # or at about this many times if there are more segments.
 MIN_SEGMENTS = 16
-# Numbers that are called estimates here are no results of a recorded measurement.
+# Numbers that are called estimates here are no results of a recorded measurement. They change what an
+# ensemble costs, and how many particles run anew; errors are measured, on the sample and by a check of
+# each particle.
 
 # Share of the sample whose error stays below the one that the chosen steps are to meet; an estimate.
 _BOUNDED_SHARE = 0.98

@@ -16,10 +16,12 @@ from polhode.solvers.parts.schemes import SCHEMES, Scheme, dop853
 
 # Name of the eighth-order pair's method.
 RUNGE_KUTTA = "DOP853"
-# Time of an evaluation of a field over the time of a splitting's slow and fast flow; an estimate.
+# Time of an evaluation of a field over the time of a splitting's slow and fast flow. An estimate, by
+# which `equal_steps.plan` compares methods: a wrong one takes the slower method.
 _EVALUATION = 1.6
 # The difference of two runs, one by steps twice as wide, over the error of the finer one: 2**order
-# - 1 where steps are small. It is hardly ever less than these numbers; estimates.
+# - 1 where steps are small. It is hardly ever less than these numbers. Estimates: smaller ones run more
+# particles anew, larger ones leave more errors above the tolerance.
 _SURE_RUNGE_KUTTA = 2.0**6.5
 _SURE_SPLITTING = 2.0**5
 Array = np.ndarray

@@ -9,7 +9,7 @@ from polhode.solvers.catalogue import available_like
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-# Steps after which a particle is given up; an estimate.
+# Steps after which a particle is given up. An estimate: ten seconds or more of compiled code.
 _MAX_STEPS = 10_000_000
 
 

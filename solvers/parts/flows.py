@@ -23,9 +23,10 @@ from polhode.solvers.machine_code.program import (
 )
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 
-# No scheme has more slow flows in a step: room is made for so many.
+# Slow flows in a step for which room is made: no scheme has more than eight.
 _MAX_STAGES = 16
-# No problem has more parameters: so many stand in where a part's constants are only counted.
+# Parameters that stand in where a part's constants are only counted: no problem with parts has more
+# than fourteen.
 _MAX_PARAMETERS = 64
 
 

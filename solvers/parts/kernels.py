@@ -24,6 +24,9 @@ from polhode.solvers.machine_code.program import (
 from polhode.solvers.machine_code.tracing import OPERATIONS, Number
 from polhode.solvers.parts.flows import Flows, SpreadAt, row_scheme_of, stages_of, weights_of
 
+# The estimates here change how many steps a run takes, and how sharp a check sees: `planning` checks the
+# steps that follow.
+#
 # Step length is kept until the rate of the fast angle has changed by 5 %, an estimate: errors cancel
 # over a turn only if its steps are equal.
 _BAND = 1.05

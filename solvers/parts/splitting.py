@@ -39,14 +39,14 @@ _STRONG = 10.0
 # Share of the reach of a fast flow that steps make use of; what leads to a row a step away may take
 # a tenth more.
 _WIDEST = 0.99
-# Plans are made anew after these shares of a run, as motion settles; estimates.
+# Plans are made anew after these shares of a run, as motion settles. These and the next three are
+# estimates: new plans cost checks, old ones may be too fine or too coarse for what the motion has become.
 _AGAIN = (0.1, 0.4)
-# Least turns before a plan is made anew; an estimate.
+# Least turns before a plan is made anew.
 _LEAST_BETWEEN = 120.0
-# A plan is also made anew where the rate has changed by this factor; an estimate.
+# A plan is also made anew where the rate has changed by this factor.
 _WIDTH = 2.4
-# That factor grows by this one with each plan, so that an oscillating rate needs few plans; an
-# estimate.
+# That factor grows by this one with each plan, so that an oscillating rate needs few plans.
 _WIDER = 1.15
 
 _FAILED: dict[int, Status] = {

@@ -22,7 +22,9 @@ from polhode.solvers.unwarned import UNWARNED
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
-# Right-hand sides between two looks at the time reached; one and the same time twice is a stall.
+# Right-hand sides between two looks at the time reached; one and the same time twice is a stall. An
+# estimate: no step takes so many. Only differences of a full Jacobian of more components than this do, and
+# are taken for a stall: such a problem needs its Jacobian, pattern or bands.
 _LOOK = 1000
 
 # Threads that are within `quiet`, and the lock for entering and leaving it.

@@ -16,12 +16,15 @@ import numpy as np
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
-# Most Newton steps, and the residual over the size of the rates at which they end, by estimate.
+# Most Newton steps, by estimate: where there is a solution near, a few do.
 _MAX_STEPS = 50
+# Residual over one plus the size of the rates at which they end, by estimate: far above rounding, and far
+# below any tolerance of a run.
 _CONVERGED = 1e-12
-# Singular values below this share of the largest one count as zero, by estimate.
+# Singular values below this share of the largest one count as zero, by estimate: rounding of a matrix.
 _ZERO = 1e-12
-# Step of differences, over the size of what is stepped.
+# Step of differences, over one plus the size of what is stepped: near the root of a double's rounding, at
+# which errors of rounding and of truncation are about equal.
 _DIFFERENCE = 1e-7
 
 

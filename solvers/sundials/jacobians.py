@@ -11,10 +11,12 @@ from polhode.solvers.structure import bands_of, dense, jacobian_of, pattern_of
 from polhode.solvers.sundials.consistent import full
 
 # Step of differences over the size of a component: the root of a double's rounding, at which errors
-# of rounding and of truncation are about equal. The least size, by estimate, serves where all components are 0.
+# of rounding and of truncation are about equal.
 _DIFFERENCE = float(np.sqrt(np.finfo(float).eps))
+# The least size of a component, by estimate, which serves where all components are 0.
 _TINY = 1e-30
-# scikit-sundae holds a banded Jacobian of the user's as a full matrix: 8 MB for this many components.
+# Components up to which a banded Jacobian of the user's is handed over. An estimate that bounds memory:
+# scikit-sundae holds it as a full matrix, 8 MB here.
 _MAX_FULL = 1000
 
 

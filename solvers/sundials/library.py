@@ -93,7 +93,7 @@ def _major_version(library: Sundials) -> int:
     """The library's own word; sundials4py leaves that function out, and has the version of its SUNDIALS."""
     if not library.knows("SUNDIALSGetVersionNumber"):
         return int((version_of("sundials4py") or "0").partition(".")[0])
-    # It writes major and minor version, patch, and a label such as "-dev.1".
+    # It writes major and minor version, patch, and a label such as "-dev.1", for which 40 bytes are ample.
     numbers = (ctypes.c_int * 3)()
     label = ctypes.create_string_buffer(40)
     size = ctypes.sizeof(ctypes.c_int)
