@@ -27,10 +27,12 @@ from polhode.solvers.contract import (
 from polhode.solvers.event_search import EventFailedError, EventSearch
 from polhode.solvers.parameter_table import with_parameter_table
 
-# Growth of an angle, in rad, after which it is wrapped: 50 turns, as a tolerance is relative to the
-# angle too, and a segment's start costs some steps. An estimate.
+# Growth of an angle, in rad, after which it is wrapped: 50 turns. An estimate: a tolerance is relative to
+# the angle too, so that with more turns angles err more; with fewer, the starts of segments cost more
+# steps.
 _WRAP_AFTER = 100 * pi
-# Times closer than this share of the run count as the same one.
+# Times closer than this share of the run count as the same one: thousands of roundings of a time, by
+# estimate, as in `solvers.parameter_table`.
 _CLOSE = 1e-12
 
 

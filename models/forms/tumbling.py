@@ -14,8 +14,8 @@ from polhode.models.problem import Problem
 from polhode.models.rotation import matrix_from_euler
 from polhode.models.scene import Scene
 
-# Roundoff of a start meant to be planar, such as cos(π/2), stays below; whatever is larger is taken
-# for meant.
+# Rounding of a start that is meant to be planar, such as cos(π/2) = 6e-17, stays below; whatever is
+# larger is taken for meant. Of components of the body's axes, and of ω in shear rates.
 _PLANAR = 1e-14
 
 
@@ -43,9 +43,9 @@ class Plane:
     """A planar start."""
 
     angle: float  # φ of an in-plane principal axis, in rad
-    rate: float  # φ̇
-    inertia: float  # I_k and 8πX_k/I_k of the rotation about z
-    damping: float
+    rate: float  # φ̇, in shear rates
+    inertia: float  # I_k, of the rotation about z
+    damping: float  # 8πX_k/I_k, in units of (shear rate)/St
     anisotropy: float  # δ of `field`
 
 

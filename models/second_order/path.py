@@ -35,7 +35,7 @@ _PATH_TOLERANCE = 1e-8
 # Least points of a triaxial ellipsoid's path, which has kicks. An estimate: between two points rates are
 # taken as straight, and a path that turns back across a resonance between them shows no kick.
 _KICKED = 240
-# Least points of a spheroid's path, which has none; an estimate.
+# Least points of a spheroid's path, which has none. An estimate: between them only rates are summed.
 _SMOOTH = 100
 # |L| over I_max below which a body does not rotate.
 TINY = 1e-12
@@ -43,7 +43,8 @@ TINY = 1e-12
 _CLOSE = 1e-12
 # |L| over I_max that is divided by where |L| is 0.
 _NO_SIZE = 1e-300
-# Depth a² at which tables end, less what a first-order path may be off by; an estimate.
+# Depth a² at which tables end, less what a first-order path may be off by. An estimate: with less, a run
+# whose path stays inside may leave the tables.
 _DEEPEST = tables.MAX_A2 - 0.2
 # Third-order terms over rho times the second-order ones, such that estimates bound most runs; by
 # trial.

@@ -66,7 +66,8 @@ _OF_FIRST_ORDER = slice(2 + len(SECOND_ORDER), POLE)
 # Averages at a divisor below this share of ν₂ weigh less in the table. An estimate: next to a pole the
 # difference of two large numbers is rounding.
 _NEAR = 0.02
-# The fit has this many terms fewer than nodes, as some nodes weigh little. An estimate.
+# The fit has this many terms fewer than nodes, as some nodes weigh little. An estimate: with as many
+# terms as nodes it would follow the rounding of those.
 _SPARE = 6
 # Nearer to a permanent axis polhodes are taken for this a²; it moves the body by 1e-12 rad.
 FLOOR = 1e-24

@@ -38,7 +38,7 @@ class Separatrix:
 
     @cached_property
     def growth(self) -> float:
-        """Rate 2W of y ln(16/y) + y, per unit of slow time, negative on the long side alone."""
+        """Rate 2W (`muasymp`) of y ln(16/y) + y, per unit of slow time, negative on the long side alone."""
         (i1, i2, i3), (x1, _, x3) = self._sorted
         size = 32 * pi / i2 * (x1 * (i2 - i1) / i1 + x3 * (i3 - i2) / i3)
         return size if self.side == "short" else -size

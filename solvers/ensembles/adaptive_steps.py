@@ -67,7 +67,8 @@ _MOST_STEPS = 16.0
 _STEPS_PER_RELAXATION = 4.0
 # Particles under way at once, whose path of `_STEPS` steps is a megabyte or two; an estimate.
 AT_ONCE = 1024
-# Steps after which particles that have arrived are replaced; an estimate.
+# Steps after which particles that have arrived are replaced; an estimate. A lane that has arrived idles
+# for as many at most.
 _STEPS = 8
 # Square of a relative error that is as good as none: keeps the factor of a step finite.
 _NOTHING = 1e-12

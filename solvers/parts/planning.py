@@ -56,7 +56,8 @@ _MOST_WHOLE_TURNS = 200.0
 _MEAN_TURNS = 5.0
 # These turns, if a check is longer than this many times as many; an estimate.
 _MIN_SPANS = 4
-# Steps of a check's second run over those of its first.
+# Steps of a check's second run over those of its first. An estimate: nearer to 1 the two runs differ by
+# less, and by more of rounding; farther from it the second one costs more.
 _FINER = 0.8
 
 # What a check decides. The plan stands if the estimated error over the one aimed at is within
@@ -79,7 +80,7 @@ _LEAST_ORDER = 4
 _CLEAR = 4.0
 # Another round pays if wider steps cost no more than this share of the present ones,
 _REWARDING = 0.85
-# and if the plans differ by more steps than this, the cost of a check beside its own steps.
+# and if the plans differ by more steps than this, the cost of a check beside its own steps. Estimates.
 _CHECK_COST = 250.0
 # An angle of the fast components, in rad, that may be off per turn, in tolerances; an estimate by
 # which L, which sways with the angle, errs by less than 2 tolerances in runs of 1e5 turns.

@@ -20,7 +20,7 @@ from polhode.solvers.parts.flows import Flows, SpreadAt, fast_share_of, stages_o
 # hundredth of that since the period there is known by the present rate alone; an estimate.
 MAX_TURNS_TO_ROW = 0.505
 # Most trials to find that end of a turn, each of which corrects the guess before; then the row is
-# NaN. An estimate.
+# NaN. An estimate: a guess that converges at all takes far fewer.
 _MAX_TRIALS = 20.0
 # Terms of DOP853's interpolant.
 TERMS = 7

@@ -32,7 +32,8 @@ from polhode.solvers.parts.strobe_kernels import (
     strobe_kernels,
 )
 
-# Where a number is called an estimate, no measurement of it is recorded.
+# Where a number is called an estimate, no measurement of it is recorded. The shares of the tolerance,
+# `MAX_MICRO_STEPS` and `_ROUNDING` decide errors. Any other estimate decides the time alone.
 
 # Runs of fewer turns are left to splitting; an estimate.
 _LEAST_TURNS = 1000
