@@ -329,10 +329,10 @@ class Solver(ABC):
        package that brings it, the family that it is drawn with; whether it is implicit, switches
        between stiff and non-stiff methods, is of so low an order that tight tolerances take forever,
        or evaluates a closed form.
-    7. `error_constant` bounds error / (rotations × tolerance), where the error is that of L, E over
-       I_max and of the rotation matrix's entries, over ordinary scenes that are not stiff and
-       tolerances from 1e-4 to 1e-10. It is about three times what was measured; a tolerance is each
-       library's own, so that constants differ widely.
+    7. `error_constant` bounds error / (rotations × tolerance) over ordinary scenes that are not stiff,
+       at tolerances from 1e-4 to 1e-10. The error is the largest of L and E, over I_max, and of the
+       rotation matrix's entries. The constant is about three times what was measured. A tolerance is
+       each library's own, so that constants differ widely.
     """
 
     # Attributes that a solver from a plug-in must have.

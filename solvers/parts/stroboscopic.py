@@ -105,9 +105,9 @@ class Setting:
 def interpolant() -> np.ndarray:
     """The matrix of DOP853's interpolant in a step, shape (7, 17).
 
-    Its product with the change Δ of the point over the step (column 0) and the step's length times
-    each of the 16 stages (the other columns) gives the interpolant's seven terms F0, F1, ... as
-    `strobe_kernels` adds them up. The first three belong to the cubic through both ends, with the
+    It multiplies a column: first the change Δ of the point over the step, then the step's length times
+    each of the 16 stages. The product is the interpolant's seven terms F0, F1, ... as `strobe_kernels`
+    adds them up. The first three belong to the cubic through both ends, with the
     slopes f and g there, the stages 0 and `_STAGES` - 1 times the length: Δ, f - Δ, 2Δ - f - g.
     """
     table = dop853()
