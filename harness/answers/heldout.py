@@ -103,10 +103,10 @@ def evaluate(store: Store, seed: int, count: int, quiet: bool = False) -> Evalua
 def measured(question: Question) -> Record:
     """The answer of `pick` beside measured runs; a reason alone if there is no reference."""
     try:
-        true = _reference(question)
+        true = reference_of(question)
     except (ReferenceFailedError, ValueError) as reason:
         return {"left_out": str(reason)}
-    track = _Track(question, true)
+    track = Track(question, true)
     answer, refusal, asking = ask(question)
     runs = list(_measure(track))
     good = sorted((row for row in runs if row["met"]), key=lambda row: row["seconds"])
@@ -175,7 +175,7 @@ def _recommended(question: Question) -> tuple[Recommendation | None, str]:
         return None, str(reason)
 
 
-class _Track:
+class Track:
     """Runs of a question, and their true errors."""
 
     def __init__(self, question: Question, true: Observables) -> None:
@@ -241,7 +241,7 @@ class _Track:
         return runs
 
 
-def _measure(track: _Track) -> Iterator[Record]:
+def _measure(track: Track) -> Iterator[Record]:
     """Runs of the listed methods, ever tighter until they meet the error."""
     question = track.question
     decade = floor(log10(question.error) + 0.5)
@@ -277,7 +277,7 @@ def _by_rules(question: Question) -> tuple[str, str, float]:
     return method.form.name, method.solver.name, tolerance
 
 
-def _reference(question: Question) -> Observables:
+def reference_of(question: Question) -> Observables:
     """The true solution; raises where it is not known well enough."""
     scene = question.scene
     solution = reference(scene, reference_form(scene), question.samples, _REFERENCE_SECONDS)

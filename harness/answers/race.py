@@ -7,9 +7,9 @@ scene itself: their error is measured against a full run of it where the race ha
 that of runs of `solve`. At the end the first one of the forecasts runs the scene itself too. No
 decision follows from how long a full run took.
 
-The words: a method *follows* on a segment (`_Race.follow`) if its error is measured there against the
-reference, its tolerance is *searched* (`_Race.search`) by full runs of the scene itself, and it is
-*judged* (`_Race.judge`) if it averages. *Whole* means that the segment is the scene itself. *Apart* is
+The words: a method *follows* on a segment (`Heat.follow`) if its error is measured there against the
+reference, its tolerance is *searched* (`Heat.search`) by full runs of the scene itself, and it is
+*judged* (`Heat.judge`) if it averages. *Whole* means that the segment is the scene itself. *Apart* is
 what two runs differ by.
 """
 
@@ -60,6 +60,8 @@ from polhode.solvers.contract import SolverNotValidError
 # A method is cut that costs more than this times the best one so far: the held-out test counts a
 # first choice as near the best up to the same factor (`heldout.NEAR`).
 _CUT = 1.5
+# A run by `hybrid` of a larger share by the full equations is not made: a full run is near the best then.
+_MOST_IN_FULL = 1 / _CUT
 # Runs of a method in a race, at most; an estimate.
 _MAX_RUNS = 3
 # A method whose error is at least this share of the one requested is not run again at a looser
@@ -196,7 +198,7 @@ def race(
 
     Methods named in `uncut`, by form and solver, are followed whatever they cost.
     """
-    heat = _Race(scene, error, want, samples)
+    heat = Heat(scene, error, want, samples)
     heat.uncut = [Method(find_form(form), find_solver(solver)) for form, solver in uncut]
     for method in sorted(methods, key=heat.turn):
         heat.enter(method)
@@ -210,8 +212,8 @@ def _seconds(entry: Entry) -> float:
     return entry.seconds.predicted
 
 
-class _Race:
-    """The runs of one race, and what came of them."""
+class Heat:
+    """The runs of one race, and what comes of them."""
 
     def __init__(self, scene: Scene, error: float, want: str, samples: int) -> None:
         self.scene = scene
@@ -459,8 +461,7 @@ class _Race:
         """
         tolerance = rounded(method, first_tolerance(self.scene, method, self.error, self.want))
         hybrid = method.form.name == "hybrid" and method not in self.uncut
-        if hybrid and _in_full(self.scene, tolerance) > 1 / _CUT:
-            # A run by the full equations is near the best then.
+        if hybrid and _in_full(self.scene, tolerance) > _MOST_IN_FULL:
             self._refuse(method, "runs nearly all of the scene by the full equations")
             return
         follows = method.solver.many_periods or method.form.name == "hybrid"

@@ -213,6 +213,11 @@ def _why(recommendation: "Recommendation", everything: bool) -> list[list[str]]:
     help="With --time: other processes that keep the processors busy.",
 )
 @click.option(
+    "--ablation",
+    is_flag=True,
+    help="Leave out each part of the race in turn instead, and compare the choices.",
+)
+@click.option(
     "--fit",
     is_flag=True,
     help="With --errors: fit the factors of the statements, first tolerances and steps anew.",
@@ -227,6 +232,7 @@ def validate(
     errors: int,
     times: int,
     load: int,
+    ablation: bool,
     fit: bool,
     page_only: bool,
     resume: bool,
@@ -237,9 +243,9 @@ def validate(
         from polhode.harness.pages.pick import rewrite_page
 
         with bad_input():
-            if errors or times or fit:
+            if errors or times or ablation or fit:
                 raise ValueError(
-                    "--page-only: got --errors, --time or --fit, expected none of them"
+                    "--page-only: got --errors, --time, --ablation or --fit, expected none of them"
                 )
             click.echo(f"{rewrite_page(out)}")
         return
@@ -248,6 +254,9 @@ def validate(
         return
     if times:
         _validate_times(out, times, seed, load, quiet)
+        return
+    if ablation:
+        _validate_parts(out, scenes, seed, resume, quiet)
         return
     with loading(quiet):
         from polhode.harness.answers.heldout import evaluate
@@ -287,6 +296,19 @@ def _validate_times(out: Path, scenes: int, seed: int, load: int, quiet: bool) -
     with busy(load):
         timings = list(study(ask, seed, scenes, quiet))
     page = write_page(out, timings, command_line(), load)
+    click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")
+
+
+def _validate_parts(out: Path, scenes: int, seed: int, resume: bool, quiet: bool) -> None:
+    """Race without each part in turn, and write the page."""
+    from polhode.harness.answers.ablation import study
+    from polhode.harness.pages.ablation import write_page
+
+    with stored(out, resume, "ablation") as store:
+        rows = study(store, seed, scenes, quiet)
+    if not rows:
+        raise RunFailed("no scene has a reference")
+    page = write_page(out, rows, command_line())
     click.echo(f"{page.read_text(encoding='utf-8')}\n{page}")
 
 

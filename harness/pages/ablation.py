@@ -1,0 +1,31 @@
+"""The page on what each part of `pick`'s race buys (`polhode.harness.answers.ablation`)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from polhode.harness.answers import heldout
+from polhode.harness.answers.ablation import WHOLE, compared
+from polhode.harness.common.files import write_file
+from polhode.harness.common.machine import here, provenance
+from polhode.harness.common.store import Record
+from polhode.harness.pages.tables import fill
+
+
+def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
+    """Write `ablation.md` and `ablation.csv` into a folder and return the page's path."""
+    table = pd.DataFrame(rows)
+    text = table.to_csv(index=False, float_format="%.4g")
+    write_file(folder / "ablation.csv", text, summed=True)
+    whole = table[table["without"] == WHOLE]
+    page = fill(
+        "ablation",
+        made=provenance(command, [here()]),
+        limits=heldout,
+        scenes=len(whole),
+        met=int(whole["met"].sum()),
+        asking=float(whole["asking"].median()),
+        rows=compared(table),
+    )
+    return write_file(folder / "ablation.md", page)
