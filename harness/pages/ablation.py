@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -15,7 +16,7 @@ from polhode.harness.pages.tables import fill
 
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     """Write `ablation.md` and `ablation.csv` into a folder and return the page's path."""
-    table = pd.DataFrame(rows)
+    table: Any = pd.DataFrame(rows)
     text = table.to_csv(index=False, float_format="%.4g")
     write_file(folder / "ablation.csv", text, summed=True)
     whole = table[table["without"] == WHOLE]
