@@ -52,6 +52,9 @@ from polhode.models.second_order.form import SecondOrder
 from polhode.models.second_order.outline import outline
 from polhode.models.second_order.path import path_of
 from polhode.solvers.catalogue import available_like, solver as find_solver
+from polhode.solvers.compile import parameter_array
+from polhode.solvers.contract import UNLIMITED, Status
+from polhode.solvers.ensembles.taylor_batch import run_batches
 from polhode.solvers.solve import Solution, solve
 
 # Bodies of each kind by St, at most; the first ones of a kind are measured first. Estimates: more bodies
@@ -122,6 +125,8 @@ FORM_TOLERANCE = 1e-9
 _EXACT_TOLERANCE = 1e-12
 # Steps of an averaged run, at most, so that none goes on without end; an estimate.
 _MAX_STEPS = 300_000
+# Bodies in a batch: the lanes that Taylor's method has with registers of 512 bits, the widest there are.
+_BATCH = 8
 # A task takes about `_ANY_TASK` seconds, and seconds per unit of St: of a triaxial body, of a spheroid,
 # and of a spheroid beyond `_TAYLOR_UP_TO`. These numbers serve the order of tasks alone. They are
 # estimates: no measurement of them is recorded.
@@ -192,8 +197,11 @@ def _turn(task: Task) -> float:
     return seconds**_COST_POWER * (task.body + _HEAD_START)
 
 
-def reference_of(scene: Scene) -> Reference:
-    """The reference of a scene; raises ReferenceFailedError if two methods do not confirm each other."""
+def reference_of(scene: Scene, by_taylor: Array | None = None) -> Reference:
+    """The reference of a scene; raises ReferenceFailedError if two methods do not confirm each other.
+
+    `by_taylor` are the states of its run by Taylor's method, shape (201, d), where that has been made.
+    """
     form = find_form(full_form(scene))
     problem = form.problem(scene)
     times = TIMES * scene.stokes
@@ -206,7 +214,10 @@ def reference_of(scene: Scene) -> Reference:
         method = "long double"
         runs = reference_runs(problem, times, _LONG_DOUBLE)
     elif all(find_solver(name).available for name in names):
-        runs = [_states(problem, solver, tolerance, times) for solver, tolerance in pair]
+        (first, tolerance), (second, other_tolerance) = pair
+        if by_taylor is None or first != _TAYLOR[0]:
+            by_taylor = _states(problem, first, tolerance, times)
+        runs = (by_taylor, _states(problem, second, other_tolerance, times))
     else:
         by_solver = unlike_runs(problem, times)
         method = ", ".join(by_solver)
@@ -247,21 +258,73 @@ def _largest_up_to(values: Array | None) -> list[float]:
     return largest
 
 
-def measure(task: Task, body: Body | None = None) -> Record:
-    """Everything that is measured of a body at one St, as plain data; `failure` where there is no reference."""
+def measure_together(several: Sequence[Task]) -> list[Record]:
+    """The records of tasks at one St; Taylor's method runs their bodies in the lanes of one batch.
+
+    That takes some seventh of the time of runs one by one.
+    """
+    bodies = [drawn(task.kind, task.body) for task in several]
+    runs = dict[int, Array]()
+    seconds = 0.0
+    if _in_batches(several[0]):
+        began = process_time()
+        runs = _by_taylor([body.scene(several[0].stokes) for body in bodies])
+        seconds = (process_time() - began) / max(1, len(runs))
+    return [
+        measure(task, body, runs.get(place), seconds if place in runs else 0.0)
+        for place, (task, body) in enumerate(zip(several, bodies, strict=True))
+    ]
+
+
+def _in_batches(task: Task) -> bool:
+    """Whether Taylor's method in double precision runs the body in a batch."""
+    triaxial = task.kind not in ("prolate", "oblate")
+    return triaxial and task.stokes > LONG_DOUBLE_UP_TO and find_solver(_TAYLOR[0]).available
+
+
+def _by_taylor(scenes: Sequence[Scene]) -> dict[int, Array]:
+    """States by Taylor's method of those scenes, by their place, that are quaternions and reach their end."""
+    form = find_form("quaternion")
+    places = [place for place, scene in enumerate(scenes) if full_form(scene) == form.name]
+    problems = [form.problem(scenes[place]) for place in places]
+    if not problems:
+        return {}
+    starts = np.array([problem.start for problem in problems])
+    parameters = np.array([parameter_array(problem) for problem in problems])
+    times = TIMES * scenes[0].stokes
+    states, statuses = run_batches(
+        problems[0], starts, times, _TAYLOR[1], parameters, max_steps=UNLIMITED
+    )
+    return {
+        place: states[:, i]
+        for i, place in enumerate(places)
+        if statuses[i] == str(Status.REACHED_END)
+    }
+
+
+def measure(
+    task: Task,
+    body: Body | None = None,
+    by_taylor: Array | None = None,
+    taylor_seconds: float = 0.0,
+) -> Record:
+    """Everything that is measured of a body at one St, as plain data; `failure` where there is no reference.
+
+    `by_taylor` is the run of `reference_of` that has been made, in `taylor_seconds` of processor time.
+    """
     body = body or drawn(task.kind, task.body)
     scene = body.scene(task.stokes)
     # Processor time of all threads: what a reference costs. Forms are timed by this thread alone.
     began = process_time()
     head = task._asdict()
     try:
-        reference = reference_of(scene)
+        reference = reference_of(scene, by_taylor)
     except ReferenceFailedError as failure:
         row = {**head, "method": "", "failure": str(failure), "seconds": nan}
         blank = [nan] * len(STUDIED_SLOW_TIMES)
         row |= _columns("slow", blank) | _columns("turned", blank)
         return {"body": asdict(body), "reference": row, "errors": [], "costs": []}
-    seconds = process_time() - began
+    seconds = process_time() - began + taylor_seconds
     row = {**head, "method": reference.method, "failure": "", "seconds": seconds}
     row |= _columns("slow", reference.slow) | _columns("turned", reference.turned)
     with_stated = task.body < STATED_BODIES and task.stokes in _STATED_STOKES
@@ -635,21 +698,36 @@ def first_references(data: Data) -> int | None:
 def _measured(left: Sequence[Task], workers: int, deadline: float) -> Iterator[tuple[Task, Record]]:
     """Tasks with their records, in the order in which they end; none begins after the deadline."""
     if not workers:
-        for task in left:
+        for several in _groups(left):
             if perf_counter() > deadline:
                 return
-            yield task, measure(task)
+            yield from zip(several, measure_together(several), strict=True)
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        # No task waits in the pool: one that waited there would begin after the deadline. A process
-        # gets its next task before the caller sees the last one's record.
-        queue = iter(left)
+        # No tasks wait in the pool: those that waited there would begin after the deadline. A process
+        # gets its next tasks before the caller sees the last ones' records.
+        queue = _groups(left)
         first_tasks = islice(queue, workers if perf_counter() <= deadline else 0)
-        running = {pool.submit(measure, task): task for task in first_tasks}
+        running = {pool.submit(measure_together, several): several for several in first_tasks}
         while running:
             finished, _ = wait(running, return_when=FIRST_COMPLETED)
             ended = [(running.pop(future), future) for future in finished]
             if perf_counter() <= deadline:
-                running |= {pool.submit(measure, task): task for task in islice(queue, len(ended))}
-            for task, future in ended:
-                yield task, future.result()
+                more = islice(queue, len(ended))
+                running |= {pool.submit(measure_together, several): several for several in more}
+            for several, future in ended:
+                yield from zip(several, future.result(), strict=True)
+
+
+def _groups(left: Iterable[Task]) -> Iterator[list[Task]]:
+    """Tasks one by one, or in groups of one St that fill a batch; the last groups may be smaller."""
+    gathered = dict[float, list[Task]]()
+    for task in left:
+        if not _in_batches(task):
+            yield [task]
+            continue
+        several = gathered.setdefault(task.stokes, [])
+        several.append(task)
+        if len(several) == _BATCH:
+            yield gathered.pop(task.stokes)
+    yield from gathered.values()

@@ -24,9 +24,17 @@ _ENDED = 0
 
 
 def run_batches(
-    problem: Problem, starts: np.ndarray, times: np.ndarray, tolerance: float
+    problem: Problem,
+    starts: np.ndarray,
+    times: np.ndarray,
+    tolerance: float,
+    own_parameters: np.ndarray | None = None,
+    max_steps: int = _MOST_STEPS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve a problem from starts, shape (n, d): states, shape (m, n, d), and statuses.
+
+    Particles may have parameters of their own, shape (n, p), in the order of the problem's; without heyoka
+    they may not (ValueError).
 
     States of a particle that failed are NaN. Particles of like speed share a batch, so that no lane
     waits long for the others. The problem has no periodic components, whose angles would need
@@ -34,20 +42,24 @@ def run_batches(
     the particles run one by one.
     """
     if not installed("heyoka"):
+        if own_parameters is not None:
+            raise ValueError("own_parameters: got an array without heyoka, expected None")
         states, statuses = run_one_by_one(problem, starts, times, tolerance)
         states[:, statuses != str(Status.REACHED_END)] = np.nan
         return states, statuses
-    parameters = parameter_array(problem)
+    parameters = parameter_array(problem)[:, None] if own_parameters is None else own_parameters.T
     integrator = _integrator(problem.field, problem.dimension, len(parameters), tolerance)
     lanes = integrator.batch_size
-    integrator.pars[:] = parameters[:, None]
+    of_all = np.broadcast_to(parameters, (len(parameters), len(starts)))
     grid = np.repeat(times[:, None], lanes, axis=1)
     states = np.empty((len(starts), len(times), starts.shape[1])).swapaxes(0, 1)
     statuses = np.empty(len(starts), dtype=object)
     order = np.argsort(_speed(problem, starts, parameters), kind="stable")
     for first in range(0, len(order), lanes):
         together = order[first : first + lanes]
-        rows = _propagate(integrator, starts[np.resize(together, lanes)], grid)
+        in_lanes = np.resize(together, lanes)
+        integrator.pars[:] = of_all[:, in_lanes]
+        rows = _propagate(integrator, starts[in_lanes], grid, max_steps)
         if np.array_equal(integrator.time, grid[-1]) and np.isfinite(rows[-1]).all():
             states[:, together] = rows[:, : len(together)]
             statuses[together] = str(Status.REACHED_END)
@@ -56,18 +68,19 @@ def run_batches(
         # It fills all lanes, of which the first one counts.
         for particle in together:
             alone = np.tile(starts[particle], (lanes, 1))
-            states[:, particle] = _propagate(integrator, alone, grid)[:, 0]
+            integrator.pars[:] = of_all[:, [particle]]
+            states[:, particle] = _propagate(integrator, alone, grid, max_steps)[:, 0]
             first_lane = integrator.propagate_res[0]
             statuses[particle] = _status(first_lane[_ENDED])
     states[:, statuses != str(Status.REACHED_END)] = np.nan
     return states, statuses
 
 
-def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray) -> np.ndarray:
+def _propagate(integrator: Any, starts: np.ndarray, grid: np.ndarray, max_steps: int) -> np.ndarray:
     """States, shape (m, lanes, d), of one batch."""
     integrator.set_time(0.0)
     integrator.state[:] = starts.T
-    states = integrator.propagate_grid(grid, max_steps=_MOST_STEPS)[_STATES]
+    states = integrator.propagate_grid(grid, max_steps=max_steps)[_STATES]
     return np.moveaxis(states, 2, 1)
 
 
