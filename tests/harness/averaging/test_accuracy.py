@@ -26,8 +26,10 @@ from polhode.harness.averaging.random_study import (
     TIMES,
     Data,
     Task,
+    _groups,
     first_references,
     measure,
+    measure_together,
     read_data,
     reference_of,
     run,
@@ -366,7 +368,7 @@ def test_data_come_back_and_the_page_follows_from_them(tmp_path: Path):
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     measured = []
 
-    def made(task: Task) -> dict:
+    def made(task: Task, *_run: object) -> dict:
         measured.append(task)
         return record(drawn(task.kind, task.body), task.stokes, 1 / task.stokes, 2.0)
 
@@ -396,7 +398,7 @@ def test_tables_name_every_commit_that_measured_them(
     monkeypatch.setattr(
         random_study,
         "measure",
-        lambda task: record(drawn(task.kind, task.body), task.stokes, 1 / task.stokes, 2.0),
+        lambda task, *_run: record(drawn(task.kind, task.body), task.stokes, 1 / task.stokes, 2.0),
     )
     todo = tasks({100.0: 2}, ("prolate", "oblate"))
     with Store(tmp_path / "store.sqlite") as store:
@@ -422,6 +424,35 @@ def test_the_first_references_of_the_study_are_known(monkeypatch: pytest.MonkeyP
         assert first_references(data._replace(references=rows)) == count
 
 
+def test_bodies_in_one_batch_have_the_references_that_each_has_alone():
+    # A body of rest that is a spheroid has other equations, and runs alone.
+    several = [Task("stays", 45, 1e4), Task("resonance", 45, 1e4), Task("rest", 8, 1e4)]
+    together = measure_together(several)
+    for task, record in zip(several, together, strict=True):
+        alone = measure(task)
+        assert record["reference"]["method"] == alone["reference"]["method"]
+        # The two runs of a reference agree as closely.
+        apart = record["reference"]["slow_1"]
+        assert apart == pytest.approx(alone["reference"]["slow_1"], rel=0.5)
+        for one, other in zip(record["errors"], alone["errors"], strict=True):
+            assert one["slow_1"] == pytest.approx(other["slow_1"], abs=2 * apart, nan_ok=True)
+
+
+def test_a_batch_has_bodies_of_one_stokes_number():
+    long_double = [Task("stays", 1, 1000.0)]
+    spheroids = [Task("prolate", 1, 1e4)]
+    batched = [Task(kind, body, 1e4) for body in range(4) for kind in ("stays", "crosses", "rest")]
+    others = [Task("stays", body, 1e5) for body in range(3)]
+    groups = list(_groups([*long_double, *spheroids, *batched[:5], *others, *batched[5:]]))
+    assert groups == [long_double, spheroids, batched[:8], others, batched[8:]] or groups == [
+        long_double,
+        spheroids,
+        batched[:8],
+        batched[8:],
+        others,
+    ]
+
+
 def test_processes_measure_what_one_does(tmp_path: Path):
     todo = [Task("oblate", 45, 10.0), Task("prolate", 45, 10.0)]
     with Store(tmp_path / "store.sqlite") as store:
@@ -442,7 +473,7 @@ def test_no_process_begins_a_task_after_the_deadline(
         def __init__(self, workers: int, mp_context: object) -> None:
             super().__init__(workers)
 
-    def slow(task: Task) -> dict:
+    def slow(task: Task, *_run: object) -> dict:
         begun.append(task)
         sleep(0.5)
         return record(drawn(task.kind, task.body), task.stokes, 1 / task.stokes, 2.0)

@@ -18,6 +18,7 @@ from polhode.models.rotation import matrix_from_quaternion
 from polhode.models.scene import BodyStart, Scene
 from polhode.models.shape import Ellipsoid
 from polhode.models.theory.fixed_points import attractors, circle
+from polhode.solvers.compile import parameter_array
 from polhode.solvers.ensembles.adaptive_steps import BENDS, DIFFERENCE, STAGES, run_adaptive
 from polhode.solvers.ensembles.equal_steps import run
 from polhode.solvers.ensembles.taylor_batch import run_batches
@@ -79,6 +80,31 @@ def test_particles_in_lanes_are_the_same_as_alone_and_one_that_blows_up_leaves_t
     for index in (0, 5, 10):
         alone = solve(replace(problem, start=tuple(starts[index])), "cyrk-vern8", 1e-13, times)
         assert states[:, index] == pytest.approx(alone.states, abs=1e-12)
+
+
+def test_particles_in_lanes_have_parameters_of_their_own(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("polhode.solvers.ensembles.taylor_batch.REGISTERS", 1)
+    drawn = draw("quaternion", 11)
+    scenes = [
+        replace(
+            scene_of("quaternion", drawn, index, 0.1),
+            ellipsoid=Ellipsoid((1.0, 0.8, 0.3 + 0.04 * index)),
+            stokes=10.0 * (1 + index),
+        )
+        for index in range(11)
+    ]
+    problems = [find_form("quaternion").problem(scene) for scene in scenes]
+    starts = np.array([problem.start for problem in problems])
+    parameters = np.array([parameter_array(problem) for problem in problems])
+    times = np.linspace(0, problems[0].end, 6)
+    planted = starts.copy()
+    planted[4] = np.inf
+    states, statuses = run_batches(problems[0], planted, times, 1e-12, parameters)
+    assert statuses[4] == "non_finite"
+    for index in (0, 3, 5, 10):
+        assert statuses[index] == "reached_end"
+        alone = solve(problems[index], "cyrk-vern8", 1e-13, times)
+        assert states[:, index] == pytest.approx(alone.states, abs=1e-11)
 
 
 @pytest.mark.parametrize("form", ["averaged", "averaged-spheroid"])
