@@ -22,10 +22,11 @@ from polhode.solvers.unwarned import UNWARNED
 
 Rates = Callable[[float, np.ndarray, np.ndarray], None]
 
-# Right-hand sides between two looks at the time reached; one and the same time twice is a stall. An
-# estimate: no step takes so many. Only differences of a full Jacobian of more components than this do, and
-# are taken for a stall: such a problem needs its Jacobian, pattern or bands.
+# Right-hand sides between two looks at the time reached; one and the same time twice is a stall. No step
+# takes so many but for the differences of a Jacobian, one right-hand side for each component: for those
+# there are as many for each component. Both are estimates.
 _LOOK = 1000
+_LOOK_PER_COMPONENT = 3
 
 # Threads that are within `quiet`, and the lock for entering and leaving it.
 _quiet_threads: list[int] = []
@@ -91,6 +92,7 @@ class Callbacks:
     def __init__(self, library: type, problem: Problem, settings: Settings, **options: Any) -> None:
         self.implicit = library.__name__ == "IDA"
         self.calls = 0  # of the field in this run
+        self.look = max(_LOOK, _LOOK_PER_COMPONENT * problem.dimension)
         self.last_seen = -np.inf  # the time at the latest look
         self.record: Record | None = None
         self.mass, values = posed(problem, self.implicit)
@@ -131,7 +133,7 @@ class Callbacks:
                 # At every call, as one call may take seconds; to look at the clock takes 0.1 µs.
                 if record.expired:
                     raise _StoppedError(Status.TIME_LIMIT, f"stopped at t = {t!r}")
-                if self.calls % _LOOK == 0:
+                if self.calls % self.look == 0:
                     self._look(record, t)
             rates(t, y, out)
 

@@ -23,7 +23,7 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import solver
 from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.solve import solve
-from polhode.solvers.sundials import compiled, methods
+from polhode.solvers.sundials import callbacks, compiled, methods
 from polhode.solvers.sundials.library import Sundials, _files, load_sundials
 
 NAMES = ["cvode-adams", "cvode-bdf", "ida"]
@@ -190,6 +190,19 @@ def test_a_stall_ends_without_a_word(name: str, capfd: pytest.CaptureFixture[str
         "stalled at t = 0.99",
     )
     assert tuple(capfd.readouterr()) == ("", "")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_differences_of_a_jacobian_of_many_components_are_no_stall(
+    name: str, monkeypatch: pytest.MonkeyPatch
+):
+    """They take a right-hand side for each component, all at one time: more than between two looks."""
+    monkeypatch.setattr(callbacks, "_LOOK", 20)
+    rates = np.linspace(1.0, 1000.0, 100)
+    problem = Problem.from_function(lambda t, y: -rates * y, np.ones(100), 0.01)
+    solution = solve(problem, name, 1e-6)
+    assert solution.success, solution.message
+    assert solution.states[-1] == pytest.approx(np.exp(-0.01 * rates), abs=1e-5)
 
 
 def steep(ops: Operations) -> Field:
