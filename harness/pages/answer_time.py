@@ -20,7 +20,8 @@ from polhode.harness.pages.tables import fill
 def write_page(folder: Path, timings: Sequence[Timing], command: str, load: int = 0) -> Path:
     """Write `time.md` and `times.csv` into a folder and return the page's path.
 
-    They are `time-load8.md` and `times-load8.csv` where 8 other processes were at work.
+    `load` is the number of other processes that kept the processors busy. With 8 of them the files are
+    `time-load8.md` and `times-load8.csv`.
     """
     text = pd.DataFrame(timings).to_csv(index=False, float_format="%.4g")
     suffix = f"-load{load}" if load else ""
@@ -28,7 +29,7 @@ def write_page(folder: Path, timings: Sequence[Timing], command: str, load: int 
     page = fill(
         "answer-time",
         made=provenance(command, [here()]),
-        limits=timed,
+        limits=timed,  # The text reads constants of this module.
         load=load,
         data=f"times{suffix}.csv",
         rows=strata(timings, load),

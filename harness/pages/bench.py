@@ -30,19 +30,28 @@ _FIGURES = {
     "slow": ("slow_error", "error of L and E over $I_{max}$"),
     "orientation": ("orientation_error", "orientation error, rad"),
 }
-# Columns of the table of distances: the number of errors that a method reaches, how often it is the fastest,
-# and the ratio of its time to the time of the fastest.
+# Columns of the table of distances. "reached" counts the St and errors that a method meets, "won" those
+# at which it is the fastest. The last three are of its time over the time of the fastest.
 _DISTANCES = ("method", "reached", "won", "least", "median", "largest")
-# Most ties that a cell names: more would make the table too wide.
-_SHOWN = 2
+# Ties that a cell of the table of winners names; of more it gives the number. A choice: two keep the
+# table's columns about as wide as a winner's own words.
+_MAX_NAMED_TIES = 2
 # Columns of the table of scenes: heading, and column of the runs.
-_SCENES = {"scene": "scene_name", "semi-axes": "scene.shape.semi_axes", "St": "stokes"}
-_SCENES |= {"t": "scene.time", "samples": "samples", "forms": "form"}
+_SCENES = {
+    "scene": "scene_name",
+    "semi-axes": "scene.shape.semi_axes",
+    "St": "stokes",
+    "t": "scene.time",
+    "samples": "samples",
+    "forms": "form",
+}
+# The verdict where no run has a time, and where no averaged form was run.
 _NOTHING = "No run gave a result: how each ended stands in runs.csv."
 _FULL_ALONE = "No form measured averages: the tables show the cheapest runs of the full equations."
-# Factor between two measured St above which it is left open where between them averaging begins to
-# pay: a decade, and some rounding.
-_GAP = 10.0 * (1 + 1e-9)
+# Averaging begins to pay somewhere between two measured St. If they lie further apart than this factor,
+# the verdict says that no St between them was measured. Studies have an St in each decade: 1e-9 is far
+# above the rounding of their quotient, 1e-16.
+_LARGEST_STOKES_STEP = 10.0 * (1 + 1e-9)
 
 
 def write_page(study: Study, records: Sequence[Record], folder: Path, command: str) -> Path:
@@ -68,7 +77,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         verdict=[*verdict(runs), *averaged_costs(runs)]
         or [_FULL_ALONE if len(runs["seconds"].dropna()) else _NOTHING],
         tie=100 * (pareto.TIE - 1),
-        # A single scene has the name "" (`by_scene`): headings leave it out, figures take that of its runs.
+        # `by_scene` calls a single scene "": headings leave the name out, figures take it from the runs.
         scenes=[
             (scene, _figures(scene_runs, scene, i, folder, machine))
             for i, (scene, scene_runs) in enumerate(by_scene(runs))
@@ -101,11 +110,14 @@ def distances(runs: pd.DataFrame) -> list[list[str]]:
     rows = []
     for method in ratios.median().sort_values(kind="stable").index:
         factors: Any = ratios[method].dropna()
-        ends = 3 * ["–"]
+        least_median_largest = 3 * ["–"]
         if len(factors):
-            ends = [_factor(float(factors.quantile(share))) for share in (0.0, 0.5, 1.0)]
+            least_median_largest = [
+                _factor(float(factors.quantile(share))) for share in (0.0, 0.5, 1.0)
+            ]
         won = int((factors == 1.0).sum())
-        rows.append([str(method), f"{reached[method]} of {len(ratios)}", str(won), *ends])
+        of_all = f"{reached[method]} of {len(ratios)}"
+        rows.append([str(method), of_all, str(won), *least_median_largest])
     return rows
 
 
@@ -117,7 +129,11 @@ def _factor(value: float) -> str:
 def _figures(
     runs: pd.DataFrame, scene: str, place: int, folder: Path, machine: str
 ) -> list[dict[str, str]]:
-    """Save the figures of one scene; the error, its label, the file and the table of winners of each."""
+    """Save the figures of one scene, the `place`-th of the page; what `texts/bench.md` says of each.
+
+    `name` is "slow" or "orientation", `label` that of the error's axis, `file` the stem of the picture,
+    `winners` the table of the cheapest runs. An error that no run has gets no figure.
+    """
     figures = []
     for name, (error, label) in _FIGURES.items():
         if len(runs[error].dropna()):
@@ -138,7 +154,7 @@ def _figures(
 
 
 def _listed(values: Iterable[Any]) -> str:
-    """Different values in their order, of lists each as a : b : c."""
+    """The different values in words, in their order; a list of numbers stands as a : b : c."""
     texts = (
         " : ".join(map(short, value)) if isinstance(value, list) else value for value in values
     )
@@ -163,22 +179,31 @@ def _winner(runs: pd.DataFrame, target: float, error: str) -> str:
         method.solver if method.form == form else f"{method.form} by {method.solver}"
         for method in tied_methods
     ]
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    tied = f" = {', '.join(names[:_SHOWN])}{more}" if names else ""
+    unnamed = len(names) - _MAX_NAMED_TIES
+    more = f" and {unnamed} more" if unnamed > 0 else ""
+    tied = f" = {', '.join(names[:_MAX_NAMED_TIES])}{more}" if names else ""
     return (
         f"{form}, {best['solver']}, {short(best['tolerance'])}: {duration(best['seconds'])}{tied}"
     )
 
 
 def when_averaged_wins(records: pd.DataFrame, target: float) -> str | None:
-    """At which of the St measured an averaged form is the cheapest, in words; None if it is not at the largest."""
+    """From which measured St on an averaged form is the cheapest to an error of L and E, in words.
+
+    None if another form is the cheapest at the largest St.
+    """
     start = pareto.averaged_wins_from(records, target)
+    if start is None:
+        return None
     numbers = [stokes for stokes, _ in by_stokes(records)]
-    return None if start is None else fill("bench-from", start=start, numbers=numbers, gap=_GAP)
+    return fill("bench-from", start=start, numbers=numbers, gap=_LARGEST_STOKES_STEP)
 
 
 def verdict(records: pd.DataFrame, targets: Sequence[float] = pareto.TARGETS) -> list[str]:
-    """The St and errors at which averaged forms win, in sentences, scene by scene."""
+    """The St and errors of L and E at which averaged forms win, in sentences, scene by scene.
+
+    Neighbouring errors with the same answer share a sentence.
+    """
     wins = []
     for scene, runs in by_scene(records):
         if pareto.averaged_forms(runs):
@@ -194,5 +219,8 @@ def averaged_costs(records: pd.DataFrame) -> list[str]:
     scene_costs = []
     for scene, runs in by_scene(records):
         names = pareto.averaged_forms(runs)
-        scene_costs += [(scene, name, pareto.cost_over_stokes(runs, name)) for name in names]
-    return lines_of("bench-costs", found=[row for row in scene_costs if row[2]])
+        for name in names:
+            ratios = pareto.cost_over_stokes(runs, name)
+            if ratios:
+                scene_costs.append((scene, name, ratios))
+    return lines_of("bench-costs", costs=scene_costs)

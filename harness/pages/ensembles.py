@@ -29,8 +29,8 @@ from polhode.harness.pages.figures.ensembles import picture, speeds
 from polhode.harness.pages.figures.style import measured, save
 from polhode.harness.pages.tables import fill
 
-# Files beside the page, and the function that makes an ensemble's rows of each; `texts/sweep.md`
-# describes them.
+# Files beside the page, and the function that makes an ensemble's rows of each from the ensemble and its
+# statistics; `texts/sweep.md` describes them.
 _FILES = {
     "moments.csv": summary.moment_rows,
     "voigt.csv": summary.voigt_rows,
@@ -41,28 +41,37 @@ _FILES = {
     "distributions.csv": summary.distribution_rows,
     "arrivals.csv": summary.arrival_rows,
 }
-# A row for each ensemble, from which the page is written anew.
+# A file with a row for each ensemble, from which the page is written anew.
 _ENSEMBLES = "ensembles.json"
 # The tables from which the picture of a shape is drawn.
 _DRAWN = ("moments.csv", "slow.csv", "distributions.csv", "arrivals.csv")
 # Large sweeps whose cost the page predicts.
 _PLANS = tomllib.loads(Path(__file__).with_name("plans.toml").read_text(encoding="utf-8"))["plans"]
-# Particles of one task of such a sweep: the plans assume it.
+# Particles of one task of such a sweep, which a sweep file sets as `block`: as many as `throughput`
+# measures the memory of, 700 MB of a process (reports/sweep/throughput.json). With half as many there are
+# twice as many tasks and mebibytes in the store, in the same hours.
 _BLOCK = 100_000
 
-# Tables by name, as plain data, from `throughput.measure`.
+_BYTES_OF_MIB = 2**20
+
 Throughput = dict[str, Any]
+"""Tables and numbers by name, as plain data, from `polhode.harness.ensembles.throughput.measure`."""
 
 
 def write_results(
     sweep: Sweep, store: Store, folder: Path, command: str
 ) -> tuple[Path, list[dict[str, Any]]]:
-    """Write the page and the CSV files, those with rows; returns the page's path, and a row for each ensemble."""
+    """Write the page, its pictures and the CSV files that have rows into a folder.
+
+    Returns the page's path, and a row of `summary.ensemble_row` for each ensemble.
+    """
     ensembles = []
+    # The stem of each picture's file, and its shape in words.
     pictures = []
     written = dict[str, csv.DictWriter]()
     with ExitStack() as files:
-        # Memory holds one task of the store, and the statistics of one shape.
+        # A sweep may be larger than the memory, which holds one task of the store and the rows of one shape
+        # here. All files are open at once, and grow ensemble by ensemble.
         by_shape = groupby(sweep.ensembles, key=lambda ensemble: ensemble.ellipsoid.semi_axes)
         for _, shape_ensembles in by_shape:
             drawn: dict[str, list[dict[str, object]]] = {name: [] for name in _DRAWN}
@@ -98,8 +107,12 @@ def write_results(
 def redraw(sweep: Sweep, folder: Path) -> Path:
     """Draw the pictures of a sweep, and write its page, anew from the tables in its folder; the page's path.
 
-    Raises ValueError if there are none. The page stays as it is without the table that polhode 0.1
-    did not write.
+    The page stays as it is in a folder of polhode 0.1, which wrote no table of ensembles.
+
+    Raises
+    ------
+    ValueError
+        The folder has no tables of a sweep.
     """
     if not (folder / "distributions.csv").is_file():
         raise ValueError(f"{folder / 'distributions.csv'}: no such file, expected those of a sweep")
@@ -144,9 +157,14 @@ def _page(
     names: list[str],
     pictures: list[tuple[str, str]],
 ) -> str:
-    """The page of a sweep."""
+    """The page of a sweep.
+
+    `made` says how it was made; `ensembles` are rows of `summary.ensemble_row`, `names` the files beside it,
+    `pictures` the stem of each picture's file with its shape in words.
+    """
     rows = []
     for ensemble in ensembles:
+        # By attractor the share of the particles that arrived there, with its interval.
         arrived_at = ensemble["arrived"].items()
         ends = [f"{name}: {_interval(interval, '–')}" for name, interval in arrived_at]
         times = ensemble["transient_time"]
@@ -154,8 +172,7 @@ def _page(
             "shape": _shape(ensemble),
             "failed": sum(ensemble["failures"].values()),
             "ends": "; ".join(ends) or "–",
-            # Median of the time until a particle has arrived; "later" if it lies
-            # beyond the run's end.
+            # The time until half of the particles have arrived; "later" if it lies beyond the run's end.
             "median": _interval(times["0.5"], "later") if times else "–",
             "shares": {
                 name: interval["value"]
@@ -184,13 +201,19 @@ def _shape(row: dict[str, Any]) -> str:
 
 
 def _interval(interval: dict[str, float | None], none: str) -> str:
-    """A value and its interval in words; `none` stands for an end that is unknown."""
+    """A value and its interval in words; `none` stands for what is unknown of it.
+
+    `interval` has the value, the lower end and the upper one, in this order.
+    """
     value, low, high = (none if end is None else f"{end:.4g}" for end in interval.values())
     return f"{value} ({low} to {high})"
 
 
 def read_throughput(folder: Path) -> Throughput:
-    """The numbers that `write_page` wrote into a folder; ValueError if there are none."""
+    """The numbers that `write_page` wrote into a folder.
+
+    Raises ValueError if the folder has no ``throughput.json``.
+    """
     path = folder / "throughput.json"
     if not path.is_file():
         raise ValueError(f"{path}: no such file, expected the numbers of `polhode throughput`")
@@ -198,13 +221,13 @@ def read_throughput(folder: Path) -> Throughput:
 
 
 def write_page(throughput: Throughput, folder: Path) -> Path:
-    """Write ``throughput.json``, a picture of it and ``throughput.md`` into a folder; returns the page's path."""
+    """Write ``throughput.json``, a picture of it and ``throughput.md`` into a folder; the page's path."""
     write_file(folder / "throughput.json", json.dumps(throughput, indent=1) + "\n")
     settings = throughput["settings"]
-    kept = all("slower_per_second" in row for row in throughput["full"])
-    spread = (
-        "Bars reach down to what three turns in four reach." if kept else "The spread was not kept."
-    )
+    has_spread = all("slower_per_second" in row for row in throughput["full"])
+    spread = "The spread was not kept."
+    if has_spread:
+        spread = "Bars reach down to what three turns in four reach."
     note = (
         f"St = {settings['stokes']:g}, t₂ = {settings['slow_time']:g}, isotropic starts; each tolerance "
         "is the loosest that keeps all particles within 1e-4, 1e-6 and 1e-8. Processor time, the "
@@ -215,42 +238,43 @@ def write_page(throughput: Throughput, folder: Path) -> Path:
 
 
 def _made(throughput: Throughput) -> list[str]:
-    """Lines on machine and versions: the measurements stand for a record of their own."""
+    """Lines on machine and versions, which `throughput` holds under the names that records have."""
     return provenance("polhode throughput", [throughput])
 
 
 def page(throughput: Throughput) -> str:
-    """The measured figures as a page."""
-    # Measured whole tasks give the number of tasks, mebibytes in the store and core hours of large sweeps.
-    rows = []
+    """The measured numbers as a page, and what large sweeps take by them."""
+    # The tasks measured give, for each planned sweep, its tasks, mebibytes in the store and core hours.
+    planned = []
     tasks = {(row["shape"], row["equations"]): row for row in throughput["tasks"]}
     for plan in _PLANS:
-        row = tasks[plan["shape"], plan["equations"]]
-        # The number of rotations, and with it the cost of full equations, grows in proportion to
-        # St.
+        task = tasks[plan["shape"], plan["equations"]]
+        # The number of rotations, and with it the cost of full equations, grows in proportion to St.
         slower = 1.0
         if plan["equations"] == "full":
             slower = plan["stokes"] / throughput["settings"]["stokes"]
         count = ceil(plan["particles"] / _BLOCK)
-        mib = count * row["record_bytes"] / 2**20
-        seconds = plan["particles"] / row["per_second"] * slower
-        rows.append(plan | {"tasks": count, "mib": mib, "hours": seconds / 3600})
-    memory_mib = (throughput["memory"]["bytes"] or 0) / 2**20
+        mib = count * task["record_bytes"] / _BYTES_OF_MIB
+        seconds = plan["particles"] / task["per_second"] * slower
+        planned.append(plan | {"tasks": count, "mib": mib, "hours": seconds / 3600})
+    memory_mib = (throughput["memory"]["bytes"] or 0) / _BYTES_OF_MIB
     return fill(
         "throughput",
         made=_made(throughput),
         repeats=_repeats(throughput),
         block=_BLOCK,
-        plan=rows,
+        plan=planned,
         mib=memory_mib,
         **throughput,
     )
 
 
 def _repeats(throughput: Throughput) -> str:
-    """By how much the turns of a measurement differ, or that it was not kept."""
+    """By how much the turns of a measurement differ, in words, or that it was not kept."""
+    # How much longer the slower turns take than the fastest, over the time of the fastest.
     longer = []
     for row in (*throughput["full"], *throughput["long"], *throughput["tasks"]):
+        # Columns of speeds differ in their prefix: a table has some of these.
         for prefix in ("", "taylor_", "end_", "sampled_"):
             if f"{prefix}slower_per_second" in row:
                 ratio = row[f"{prefix}per_second"] / row[f"{prefix}slower_per_second"]

@@ -29,15 +29,17 @@ from polhode.harness.studies.cost import STARTS, FirstRun, Overhead
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Status
 
-# Errors of L and E over I_max at which solvers are compared, and at which forms are compared.
+# Errors of L and E over I_max at which solvers are compared: loose, middle and tight; a choice.
 COMPARED_ERRORS = (1e-4, 1e-6, 1e-8)
+# Errors at which forms are compared, by Taylor's method alone, which gets to tighter ones; a choice.
 _FORMS_ERRORS = (1e-6, 1e-8, 1e-10, 1e-12)
-# Errors of L and E over I_max between which two solvers' times may cross: ten in a decade, from large to small.
+# Errors of L and E over I_max between which two solvers' times may cross: ten in a decade, from large to
+# small. A crossing is thus known to a tenth of a decade. The ends lie beyond all errors measured.
 _CROSSING_ERRORS = np.geomspace(1e-1, 1e-13, 121).tolist()
 # The solvers of which the page says below which error the first is the faster.
 _TAYLOR = "taylor"
 _VERNER = "cyrk-vern8"
-# Libraries whose whole run is machine code: no Python between the steps.
+# Libraries whose whole run is machine code, alone: no Python between the steps.
 _ALONE = ("heyoka", "CyRK", "SUNDIALS")
 # Fields of `Measured` that hold no records; `costs.json` holds them.
 _COSTS = ("overheads", "first_runs", "rhs_costs", "startup")
@@ -63,7 +65,7 @@ class Measured:
 
 
 def write_page(measured: Measured, folder: Path, command: str) -> Path:
-    """Write the page, its figures and its data."""
+    """Write the pages, their figure and their data into a folder; return the path of the first page."""
     saved = {name: getattr(measured, name) for name in _COSTS}
     write_file(
         folder / "costs.json", json.dumps(saved, default=asdict, indent=1) + "\n", summed=True
@@ -83,7 +85,7 @@ def draw(measured: Measured, folder: Path, command: str) -> None:
 
 
 def read_measured(folder: Path) -> Measured:
-    """The measurements that `write_page` wrote into a folder."""
+    """The measurements that `write_page` wrote into a folder; OSError if a file of them is missing."""
     records = {
         name: list(read_export(record_file(folder, name)))
         for name in ("solvers", "spheroid", "backends")
@@ -113,7 +115,7 @@ def _write_pages(measured: Measured, folder: Path, command: str) -> Path:
 
 
 def pages(measured: Measured, command: str) -> dict[str, str]:
-    """The text of each file: the page, and the page of all times."""
+    """The texts of two files, by their names: the page, and the page of all times."""
     solvers, spheroid, backends = (
         frame(getattr(measured, name)) for name in ("solvers", "spheroid", "backends")
     )
@@ -126,11 +128,14 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
         ("spheroid-axis", _TAYLOR),
     )
     claims, worth = _worth(times)
-    # Each overhead with the time that `solve` takes beyond the bare call in µs, and its ratio to the bare call.
-    calls = [
-        (one, {"extra": 1e6 * one.seconds, "share": one.seconds / one.bare})
-        for one in measured.overheads
-    ]
+    overheads = []
+    for overhead in measured.overheads:
+        row = asdict(overhead)
+        # What `solve` takes beyond the bare call: in µs, and over the time of that call.
+        row["extra"] = 1e6 * overhead.seconds
+        row["share"] = overhead.seconds / overhead.bare
+        row["allowed"] = "yes" if overhead.allowed else "no"
+        overheads.append(row)
     page = fill(
         "equal-error",
         made=made,
@@ -144,9 +149,7 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
             ["St", *map(short, _FORMS_ERRORS)],
             [[short(stokes), *row] for stokes, row in forms.iterrows()],
         ),
-        overheads=[
-            asdict(one) | more | {"allowed": "yes" if one.allowed else "no"} for one, more in calls
-        ],
+        overheads=overheads,
         first_runs=[
             {"solver": name, "cold": cold, "warm": warm}
             for name, (cold, warm) in measured.first_runs.items()
@@ -160,23 +163,24 @@ def pages(measured: Measured, command: str) -> dict[str, str]:
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[Any]], words: int = 1) -> str:
-    """A table whose first columns hold words."""
+    """A table in Markdown whose first columns, `words` of them, are left-aligned."""
     return markdown(header, rows, right=range(words, len(header)))
 
 
 def _worth(times: Any) -> tuple[list[str], str]:
-    """How the libraries compare: sentences, and a table with a row for each place.
+    """How the libraries of `_ALONE` compare: sentences, and a table with a row for each place.
 
-    A place is an error and a St. There every library stands with its fastest method.
+    A place is an error and a St. There every library stands with its fastest method. `times` is a table of
+    `costs`.
     """
     rows = []
-    # For each place the ratio of the time of a library's fastest method to the time of the fastest library.
+    # By library, for the places that it reaches: the time of its fastest method over the fastest of all.
     behind = {name: [] for name in _ALONE}
     places = []
     for target in COMPARED_ERRORS:
         places += [(target, *entry) for entry in times.loc[target]["quaternion"].iterrows()]
     for target, stokes, solver_times in places:
-        # Times fall along `ranked`: the fastest method of a library comes last, and stays.
+        # Times fall along `ranked`: of a library's methods the last one, the fastest, stays in the dict.
         ranked = solver_times.dropna().sort_values(ascending=False).items()
         by_library = {
             find_solver(str(solver)).family: (solver, seconds) for solver, seconds in ranked
@@ -195,7 +199,7 @@ def _worth(times: Any) -> tuple[list[str], str]:
 
 
 def _finished(table: pd.DataFrame) -> Any:
-    """Runs that reached their end, with their times and right-hand sides."""
+    """Runs that reached their end, with their seconds and calls of the right-hand side, NaN where unknown."""
     done = where(table, table["status"] == Status.REACHED_END).rename(
         columns={"work.rhs_calls": "calls"}
     )
@@ -204,9 +208,10 @@ def _finished(table: pd.DataFrame) -> Any:
 
 
 def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
-    """Times of an algorithm by the three back ends, and over the time of compiled code alone.
+    """Times of an algorithm by the three back ends, and their ratios to the time of compiled code alone.
 
-    SciPy's method, by Python and by Numba, and CyRK's one, alone, share the name without "cyrk-".
+    An algorithm has one name: that of SciPy's method, which runs in Python and in Numba. CyRK's method, which
+    runs alone, is the same algorithm, and has "cyrk-" before that name.
     """
     done = _finished(table)
     comparable = [*map(_comparable, done["solver"], done["backend"], done["jacobian"])]
@@ -220,7 +225,10 @@ def _interpreter(table: pd.DataFrame) -> list[dict[Any, Any]]:
 
 
 def _comparable(solver: str, backend: str, jacobian: str) -> bool:
-    """Whether a run is one of three by the same algorithm: SciPy's methods run alone as their counterparts in CyRK."""
+    """Whether a run counts for its algorithm and back end in the comparison of back ends.
+
+    Of CyRK the runs alone do, as those of SciPy's methods: SciPy has no such back end.
+    """
     method = find_solver(solver)
     if method.implicit:
         # The one Jacobian that all three back ends of the algorithm have.
@@ -231,7 +239,7 @@ def _comparable(solver: str, backend: str, jacobian: str) -> bool:
 
 
 def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
-    """Runs by exact Jacobians beside those by finite differences."""
+    """Runs by exact Jacobians beside those by finite differences, of the same St, solver and back end."""
     done = _finished(table)
     done["called"] = done["backend"].map(_BACKENDS)
     exact, differences = (where(done, done["jacobian"] == kind) for kind in ("exact", "difference"))
@@ -242,13 +250,17 @@ def _jacobians(table: pd.DataFrame) -> list[dict[Any, Any]]:
 
 
 def _crossings(table: pd.DataFrame, times: Any) -> str:
-    """The error at which Verner's method stops being the faster, as the error falls, and ratios, by St."""
+    """A table by St: the error at which Verner's method stops being the faster one as the error falls, and ratios.
+
+    `times` is a table of `costs` at `COMPARED_ERRORS`, `table` the runs themselves.
+    """
     both = where(table, (table["form"] == "quaternion") & table["solver"].isin([_TAYLOR, _VERNER]))
     falling: Any = costs(by_stokes(both), _CROSSING_ERRORS)["quaternion"]
     all_ratios = _ratios(times, ("quaternion", _TAYLOR), ("quaternion", _VERNER))
     rows = []
     for stokes, ratios in all_ratios.iterrows():
         at_stokes = falling.xs(stokes, level=1).dropna(subset=[_TAYLOR])
+        # A comparison with an unknown time is false.
         ahead = (at_stokes[_VERNER] < at_stokes[_TAYLOR]).to_numpy()
         # Verner's method is ahead at one of these errors, and no more at the next one.
         stops = np.flatnonzero(ahead[:-1] & ~ahead[1:])
@@ -259,7 +271,10 @@ def _crossings(table: pd.DataFrame, times: Any) -> str:
 
 
 def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
-    """Ratio of the times of two forms and solvers, in words: a row for each St, a column for each error."""
+    """Time of the first method over that of the second, in words: a row for each St, a column for each error.
+
+    A method is a pair of form and solver. `times` is a table of `costs`.
+    """
     ratios = times[first] / times[second]
     words = ratios.map(lambda ratio: "–" if isnan(ratio) else f"{ratio:.2f}")
     # `unstack` turns errors, the outer level of the rows, into columns, in their order in `times`.
@@ -267,7 +282,7 @@ def _ratios(times: Any, first: tuple[str, str], second: tuple[str, str]) -> Any:
 
 
 def _times(times: Any) -> dict[float, str]:
-    """Every solver's times by St, a table for each error of L and E."""
+    """Every solver's times by St in the quaternion form: a table in Markdown for each of `COMPARED_ERRORS`."""
     tables = {}
     for target in COMPARED_ERRORS:
         by_solver = times.loc[target]["quaternion"].T.dropna(how="all")

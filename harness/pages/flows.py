@@ -38,10 +38,20 @@ from polhode.harness.pages.figures.style import (
 from polhode.harness.pages.tables import fill
 
 _TITLE = "Linear flows other than simple shear"
+_HEIGHT = 3.7  # Inches of the figure; chosen by eye.
+# Points of a theoretical curve from α = -1 to its threshold: near there the period rises without
+# bound, and fewer points show corners.
+_CURVE_POINTS = 2000
+# Ends of the axes of periods, in 1/γ̇, and of α. They hold the periods and thresholds of
+# `measure._ALPHAS` and `_RATIOS`. Other values ask for other limits: points outside are not shown.
+_PERIODS = (5.0, 100.0)
+_ALPHAS = (-1.0, 0.6)
+# The order of a cubic spline: the power of the spacing of knots by which errors along a track fall.
+_SPLINE_ORDER = 4
 
 
 def write_tables(tables: Mapping[str, Sequence[Record]], timed: Record, folder: Path) -> None:
-    """Write the tables of `polhode.harness.flows.measure`, and what is known of when and where, into a folder."""
+    """Write the tables of `polhode.harness.flows.measure` into a folder; `timed` records machine and versions."""
     for name, rows in tables.items():
         write_file(folder / f"{name}.csv", pd.DataFrame(rows).to_csv(index=False), summed=True)
     write_file(folder / "timed.json", json.dumps(timed, indent=2) + "\n", summed=True)
@@ -90,7 +100,7 @@ def _rows(table: Any) -> list[dict[str, Any]]:
 
 
 def findings(tables: Mapping[str, Any]) -> list[str]:
-    """The findings of the tables, in sentences."""
+    """The findings of the tables, in sentences; `tables` are those of `read_tables`."""
     costs = tables["costs"]
     orbits = tables["orbits"]
     knots = tables["knots"]
@@ -100,11 +110,12 @@ def findings(tables: Mapping[str, Any]) -> list[str]:
     closed = orbits[np.isfinite(orbits["theory"])]
     aligned = orbits[~np.isfinite(orbits["theory"])]
     # The slope of log error against log spacing is the order.
-    spacing, error = np.log(tables["orders"][["spacing", "error"]].to_numpy(float)).T
-    order = np.polyfit(spacing, error, 1)
-    # Solvers that go on over a knot, and others, which start anew at each.
-    cheap = knots[knots["solver"].str.startswith("cyrk") | (knots["solver"] == "taylor")]
-    dear = knots[~knots.index.isin(cheap.index)]
+    log_spacing, log_error = np.log(tables["orders"][["spacing", "error"]].to_numpy(float)).T
+    order, _ = np.polyfit(log_spacing, log_error, 1)
+    # Solvers that go on over a knot, and the others, which start anew at each.
+    goes_on = knots["solver"].str.startswith("cyrk") | (knots["solver"] == "taylor")
+    going_on = knots[goes_on]
+    restarting = knots[~goes_on]
     counts = bounded(tables["stated"])
     runs = counts["runs"].sum()
     return [
@@ -117,10 +128,10 @@ def findings(tables: Mapping[str, Any]) -> list[str]:
         f"{len(closed)} orbits in planar flows close after the period of theory to "
         f"{closed['apart'].max():.1e}; {len(aligned)} axes beyond the threshold align to "
         f"{aligned['apart'].max():.1e} rad.",
-        f"Errors along a track fall like the spacing of its knots to the power {order[0]:.1f}.",
-        f"A knot costs {cheap['knot_us'].min():.0f} to {cheap['knot_us'].max():.0f} µs beyond the run "
-        f"in a constant flow by CyRK's explicit methods and Taylor's, {dear['knot_us'].min():.0f} to "
-        f"{dear['knot_us'].max():.0f} µs by the others, which start anew at each.",
+        f"Errors along a track fall like the spacing of its knots to the power {order:.1f}.",
+        f"A knot costs {going_on['knot_us'].min():.0f} to {going_on['knot_us'].max():.0f} µs beyond the run "
+        f"in a constant flow by CyRK's explicit methods and Taylor's, {restarting['knot_us'].min():.0f} to "
+        f"{restarting['knot_us'].max():.0f} µs by the others, which start anew at each.",
         f"Of {runs} random runs, half of them along tracks, {counts['slow'].sum() / runs:.1%} stay "
         f"within the error of L and E that they state, {counts['angle'].sum() / runs:.1%} within that "
         "of the orientation, held against an integration of its own in long double.",
@@ -132,16 +143,18 @@ def bounded(stated: Any) -> pd.DataFrame:
 
     `slow` (L and E over I_max) and `angle` (of the orientation, rad) are errors against the integration in long
     double. `slow_high` and `angle_high` are the upper ends that the run states, `requested` is the error of L and E.
+    The result counts, under `slow` and `angle`, the runs within the stated errors; `met` counts those within
+    the requested one, `runs` all.
     """
     # A failed run has infinite errors, and states none that hold.
-    own = stated.assign(
+    judged = stated.assign(
         slow=np.isfinite(stated["slow"]) & (stated["slow"] <= stated["slow_high"]),
         angle=np.isfinite(stated["angle"]) & (stated["angle"] <= stated["angle_high"]),
         met=stated["slow"] <= stated["requested"],
         flow=stated["track"].map({True: "track", False: "constant"}),
     )
-    sums = own.groupby(["form", "flow"], sort=False)[["slow", "angle", "met"]].sum()
-    return sums.assign(runs=own.groupby(["form", "flow"], sort=False).size()).reset_index()
+    groups = judged.groupby(["form", "flow"], sort=False)
+    return groups[["slow", "angle", "met"]].sum().assign(runs=groups.size()).reset_index()
 
 
 def _by_ratio(orbits: Any) -> pd.DataFrame:
@@ -151,14 +164,13 @@ def _by_ratio(orbits: Any) -> pd.DataFrame:
     of the axis after a period from its start, `angle` the largest one, in rad, from the direction of theory.
     """
     rows = []
-    for ratio, own in orbits.groupby("ratio"):
-        closed = own[np.isfinite(own["theory"])]
-        aligned = own[~np.isfinite(own["theory"])]
-        anisotropy = abs(measure.anisotropy(float(str(ratio))))
+    for ratio, ratio_orbits in orbits.groupby("ratio"):
+        closed = ratio_orbits[np.isfinite(ratio_orbits["theory"])]
+        aligned = ratio_orbits[~np.isfinite(ratio_orbits["theory"])]
         rows.append(
             {
                 "ratio": ratio,
-                "threshold": (1 - anisotropy) / (1 + anisotropy),
+                "threshold": _threshold(float(str(ratio))),
                 "closed": len(closed),
                 "period": float((closed["period"] / closed["theory"] - 1).abs().max()),
                 "apart": float(closed["apart"].max()),
@@ -169,15 +181,24 @@ def _by_ratio(orbits: Any) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def _threshold(ratio: float) -> float:
+    """The α from which on the axis of a spheroid of that aspect ratio aligns (the module's docstring)."""
+    anisotropy = abs(measure.anisotropy(ratio))
+    return (1 - anisotropy) / (1 + anisotropy)
+
+
 def _with_order(orders: Any) -> pd.DataFrame:
-    """Adds the order: slope of log error against log spacing from the row before."""
+    """The rows with a column `order`: the slope of log error against log spacing from the row before."""
     fall = np.log(orders["error"]).diff() / np.log(orders["spacing"]).diff()
     return orders.assign(order=fall)
 
 
 def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
-    """Periods in planar flows with their theory, and errors along tracks against the spacing of knots."""
-    drawn, grid = panels(1, 2, 3.7, width_ratios=[3, 1])
+    """Periods in planar flows with their theory, and errors along tracks against the spacing of knots.
+
+    `orbits` and `orders` are tables of `read_tables`; `note` stands below.
+    """
+    drawn, grid = panels(1, 2, _HEIGHT, width_ratios=[3, 1])
     _draw_periods(grid[0, 0], orbits)
     _draw_orders(grid[0, 1], orders)
     handles = [
@@ -195,25 +216,22 @@ def figure(orbits: Any, orders: Any, note: str = "") -> Figure:
 def _draw_periods(axes: Axes, orbits: Any) -> None:
     """Measured periods as points on the formula's curve, by aspect ratio, against α."""
     groups = list(orbits.groupby("ratio"))
-    for (ratio, own), shade in zip(groups, ramp(len(groups)), strict=True):
+    for (ratio, ratio_orbits), shade in zip(groups, ramp(len(groups)), strict=True):
         kappa = float(str(ratio))
-        anisotropy = abs(measure.anisotropy(kappa))
-        threshold = (1 - anisotropy) / (1 + anisotropy)
+        threshold = _threshold(kappa)
         # Without the ends: at the threshold the period is infinite. At α = -1 it is 2π for every κ, and the
         # curve begins one point beside it.
-        alphas = np.linspace(-1.0, threshold, 2000)[1:-1]
+        alphas = np.linspace(-1.0, threshold, _CURVE_POINTS)[1:-1]
         theory = [measure.period(float(alpha), kappa) for alpha in alphas]
         axes.plot(alphas, theory, color=shade, linewidth=1.3)
-        closed = own[np.isfinite(own["theory"])]
+        closed = ratio_orbits[np.isfinite(ratio_orbits["theory"])]
         axes.plot(closed["alpha"], closed["period"], "o", color=shade, markersize=4)
         axes.axvline(threshold, color=shade, linewidth=0.8, linestyle=":")
-    # The limits hold the periods and thresholds of `measure._ALPHAS` and `_RATIOS`. Other values ask for
-    # other limits: points outside are not shown.
     axes.set_yscale("log")
-    axes.set_ylim(5.0, 100.0)
+    axes.set_ylim(*_PERIODS)
     axes.set_yticks([5, 10, 20, 50, 100], ["5", "10", "20", "50", "100"])
     axes.minorticks_off()
-    axes.set_xlim(-1.0, 0.6)
+    axes.set_xlim(*_ALPHAS)
     axes.set_xticks([-1, -0.5, 0, 0.5])
     axes.set_xlabel("α of u = (y, αx, 0): -1 rotates, 0 shears")
     axes.set_ylabel("period of the axis, 1/γ̇")
@@ -221,11 +239,11 @@ def _draw_periods(axes: Axes, orbits: Any) -> None:
 
 
 def _draw_orders(axes: Axes, orders: Any) -> None:
-    """Errors as points; the line falls like the fourth power, the order of a cubic spline."""
+    """Errors as points, and a line through the last one that falls with the order of a cubic spline."""
     spacing = orders["spacing"].to_numpy(float)
     error = orders["error"].to_numpy(float)
     axes.loglog(spacing, error, "o", color=ramp(3)[2], markersize=5)
-    prediction = error[-1] * (spacing / spacing[-1]) ** 4
+    prediction = error[-1] * (spacing / spacing[-1]) ** _SPLINE_ORDER
     axes.loglog(spacing, prediction, "-", color=INK, linewidth=1.0)
     axes.set_xlabel("spacing of\nknots, 1/γ̇")
     axes.set_ylabel("error of L over $I_{max}$")

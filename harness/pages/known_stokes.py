@@ -31,26 +31,29 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 from polhode.solvers.solve import solve
 
-# Errors of L and E over I_max, columns of the table.
+# Errors of L and E over I_max, columns of the table: those of `known_stokes.toml`, 1e-6 to 1e-8, and a
+# decade or two on either side. Which ones to show is a choice.
 _ERRORS = (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-# Least ratios set as targets, by scene, St and error of L and E.
+# Least ratios set as targets, by scene, St and error of L and E over I_max.
 _TARGET_ROWS = tomllib.loads(
     Path(__file__).with_name("known_stokes.toml").read_text(encoding="utf-8")
 )["targets"]
 _TARGETS = {(scene, stokes, error): ratio for scene, stokes, error, ratio in _TARGET_ROWS}
 # Solvers of polhode, the ones that know St; all others are rivals.
 _OWN = [name for name in SOLVERS if find_solver(name).family == "polhode"]
-# Limits that stroboscopic averaging has to meet: the error of L and E over I_max, the error of the
-# orientation in rad, and how many times as fast as the best other solver it is. Like the rows of
-# `known_stokes.toml` they are targets that polhode's authors set, and not measured.
-_REACHED = (5e-9, 3e-4, 30.0)
-_STOKES = 1e6  # St of its runs.
-_LARGER = 1e8  # St of the longer run.
-# Factor by which the longer run may take more time, a target: the cost of averaging should hardly
-# depend on St.
-_LONGER = 1.3
+# What `stroboscopic` has to reach. Like the rows of `known_stokes.toml` these are targets that polhode's
+# authors set, and not measured.
+_SLOW_ERROR = 5e-9  # of L and E, over I_max
+_ORIENTATION_ERROR = 3e-4  # rad
+_LEAST_SPEEDUP = 30.0  # time of the fastest rival over its own, to both errors
+# St of these runs, and of the longer run beside them: the cost of averaging should hardly depend on St,
+# and a St a hundred times as large shows whether it does.
+_STOKES = 1e6
+_LARGER_STOKES = 1e8
+# Target: most time of the longer run over the time of the shorter one.
+_MOST_LONGER = 1.3
 # Both runs take turns this often, so that what slows the machine slows both; the fastest of each
-# count. An estimate.
+# count. An estimate: half as many find the fastest less surely, twice as many take twice the time.
 _ROUNDS = 7
 
 
@@ -58,7 +61,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
     """Write the page and its records into a folder and return the page's path."""
     folder.mkdir(parents=True, exist_ok=True)
     write_records(records, folder)
-    of = digest("".join(record_lines(records)))
+    records_digest = digest("".join(record_lines(records)))
     table = frame(records)
     rows, met, ratios = _splitting(table)
     page = fill(
@@ -69,7 +72,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         targets=len(met),
         known=ratios,
         slower=[(ratio, stokes) for ratio, stokes in ratios if ratio < 1],
-        stroboscopic=_stroboscopic(study, table, folder, of),
+        stroboscopic=_stroboscopic(study, table, folder, records_digest),
         ratios=markdown(
             ["scene", "St", *map(short, _ERRORS)], rows, right=range(1, 2 + len(_ERRORS))
         ),
@@ -80,9 +83,15 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 def _splitting(
     table: pd.DataFrame,
 ) -> tuple[list[list[str]], list[bool], list[tuple[float, float]]]:
-    """Rows of the table, which targets are met, and all ratios known with their St.
+    """How `splitting` compares with its rivals.
 
     A ratio is the time of the fastest rival over the time of `splitting` at equal error of L and E.
+
+    Returns
+    -------
+    tuple
+        Rows of the page's table: scene, St and a cell for each of `_ERRORS`; whether each target is
+        met; the ratios known, each with its St.
     """
     rows = []
     met = []
@@ -110,62 +119,64 @@ def _splitting(
     return rows, met, ratios
 
 
-def _stroboscopic(study: Study, table: pd.DataFrame, folder: Path, of: str) -> list[str]:
+def _stroboscopic(
+    study: Study, table: pd.DataFrame, folder: Path, records_digest: str
+) -> list[str]:
     """The time that averaging takes for tight errors of both kinds, and for a longer run, in sentences.
 
-    Without a run of `stroboscopic` that meets both errors there are none.
-    `of` is the digest of the records.
+    There are none without a run of `stroboscopic` that meets both errors.
     """
-    slow, orientation, _ = _REACHED
     runs = where(table, (table["scene_name"] == "spheroid") & (table["stokes"] == _STOKES))
     done = where(runs, runs["seconds"].notna() & (runs["status"] == Status.REACHED_END))
-    good: Any = where(
-        done, (done["slow_error"] <= slow) & (done["orientation_error"] <= orientation)
-    )
-    # The least time of each solver to both errors, the fastest first; then the fastest rival.
+    meets_slow = done["slow_error"] <= _SLOW_ERROR
+    meets_orientation = done["orientation_error"] <= _ORIENTATION_ERROR
+    good: Any = where(done, meets_slow & meets_orientation)
+    # The least time of each solver to both errors, the fastest first.
     best = good.groupby("solver")["seconds"].min().sort_values().to_dict()
-    name = next((solver for solver in best if solver not in _OWN), None)
     if "stroboscopic" not in best:
         return []
-    strobe = where(done, done["solver"] == "stroboscopic")
+    rival = next((solver for solver in best if solver not in _OWN), None)
+    stroboscopic = where(done, done["solver"] == "stroboscopic")
     scene = next(
         scene for name, scene in study.scenes if name == "spheroid" and scene.stokes == _STOKES
     )
-    tolerance = min(strobe["tolerance"].to_numpy(float))
-    longer = _cached_longer(folder, of, scene, tolerance, study.samples)
-    least = min(strobe["slow_error"].to_numpy(float))
-    figures = {"best": best, "other": name, "least": least, "longer": longer}
+    tolerance = min(stroboscopic["tolerance"].to_numpy(float))
     return lines_of(
         "known-stokes-stroboscopic",
-        **figures,
-        reached=_REACHED,
+        best=best,
+        rival=rival,
+        least=min(stroboscopic["slow_error"].to_numpy(float)),
+        longer=_cached_longer(folder, records_digest, scene, tolerance, study.samples),
+        slow_error=_SLOW_ERROR,
+        orientation_error=_ORIENTATION_ERROR,
+        least_speedup=_LEAST_SPEEDUP,
         stokes=_STOKES,
-        larger=_LARGER,
-        most=_LONGER,
+        larger=_LARGER_STOKES,
+        most=_MOST_LONGER,
     )
 
 
-def _cached_longer(folder: Path, of: str, scene: Scene, tolerance: float, samples: int) -> float:
+def _cached_longer(
+    folder: Path, records_digest: str, scene: Scene, tolerance: float, samples: int
+) -> float:
     """`_longer`, measured once for the records of this digest: a page written anew does not run it again."""
     path = folder / "longer.json"
-    if path.exists() and (record := json.loads(read_file(path)))["records"] == of:
+    if path.exists() and (record := json.loads(read_file(path)))["records"] == records_digest:
         return record["ratio"]
     ratio = _longer(scene, tolerance, samples)
-    write_file(path, json.dumps({"records": of, "ratio": ratio}) + "\n", summed=True)
+    write_file(path, json.dumps({"records": records_digest, "ratio": ratio}) + "\n", summed=True)
     return ratio
 
 
 def _longer(scene: Scene, tolerance: float, samples: int) -> float:
-    """Time of a run at the larger St over that at a scene's own, run in turns.
+    """Time of a run by `stroboscopic` at `_LARGER_STOKES` over the time of one at the scene's own St.
 
     The duration grows by the factor of St: both runs go over the same slow time t/St.
     """
     form = find_form("spheroid-axis")
-    factor = _LARGER / scene.stokes
-    problems = [
-        form.problem(replace(scene, stokes=scene.stokes * k, time=scene.time * k))
-        for k in (1.0, factor)
-    ]
+    factor = _LARGER_STOKES / scene.stokes
+    longer_scene = replace(scene, stokes=scene.stokes * factor, time=scene.time * factor)
+    problems = [form.problem(scene), form.problem(longer_scene)]
 
     def seconds(problem: Problem) -> float:
         return seconds_of(

@@ -23,10 +23,11 @@ from polhode.models.files.scene_file import parse_scene
 from polhode.models.scenes import SCENES
 from polhode.solvers.contract import Status
 
-# Solvers with at least this share of the runs that any solver has are compared as to who never
-# fails. A solver for spheroids alone has fewer, and so fewer to fail. An estimate.
-_MOST = 0.9
-# Columns that tell cases apart.
+# Solvers with at least this share of the most runs that a solver has are compared as to who never
+# fails. A solver for spheroids alone has fewer runs, and so fewer to fail. An estimate: in
+# reports/hard-cases a solver has either 0.95 of the most runs or more, or less than 0.1 of them.
+_WIDELY_FROM = 0.9
+# Columns of the rows of `endings` that tell cases apart.
 _CASE = ["scene", "St", "form", "tolerance"]
 # Columns that the shared records leave out, as they do empty ones: there are thousands of records,
 # and `polhode export` writes all columns.
@@ -38,8 +39,9 @@ _LEFT_OUT = (
     "statistics_distance",
     "solver_slow_uncertainty",
 )
-# A run with a larger error against the exact solution of its own form has no digits to trust. The
-# unit is I_max, or the slow variables at the start if those are larger.
+# A run with a larger error of L and E against the exact solution of its own form counts as inaccurate.
+# The unit is I_max, or the slow variables at the start if those are larger. An estimate: half or twice
+# the limit moves about 40 of the 4210 runs of reports/hard-cases to the other side.
 INACCURATE = 1e-3
 # How a run may end: at its end, accurately, inaccurately, or with an error that no reference tells;
 # at a limit of time or steps; or with another failure.
@@ -47,7 +49,7 @@ _KINDS = ("reached", "inaccurate", "unknown", "stopped", "failed")
 
 
 def sentences(endings: Sequence[Mapping[str, Any]], stopped: str) -> list[str]:
-    """Who fails least, and how many runs ended how; `stopped` is the time limit in words."""
+    """Who fails least, and how many runs ended how, from rows of `endings`; `stopped` is the time limit in words."""
     runs = _runs(endings)
     counts = {"sums": Counter(runs["outcome"]), "all": len(runs), "inaccurate": INACCURATE}
     return lines_of("outcomes-sentences", **counts, **_surest(runs), stopped=stopped)
@@ -59,37 +61,36 @@ def _runs(endings: Sequence[Mapping[str, Any]]) -> Any:
 
 
 def _surest(runs: Any) -> dict[str, Any]:
-    """The solvers without a miss, of those that take most cases and of the others; if none of the first, the nearest.
+    """Fields of `texts/outcomes-sentences.md`: the solvers without a miss, and the one that comes nearest to that.
 
-    Every run that did not reach its end accurately is a miss, also one that nobody got through.
+    Every run that did not reach its end accurately is a miss, also one that nobody got through. The solvers
+    without a miss are "sure" if they take most cases, else "few"; each is a list of `_by_size`.
     """
     # A row for each solver: "size" is the number of its runs, "sum" of those that got through.
     taken = runs.groupby("solver", sort=False)["passed"].agg(["size", "sum"])
-    widely = taken["size"] >= _MOST * taken["size"].max()
-    without = taken["size"] == taken["sum"]
-    few = taken[without & ~widely]
-    found = {
-        "sure": _by_size(taken[without & widely]),
-        "few": _by_size(few),
-        "count": int(widely.sum()),
-    }
+    widely = taken["size"] >= _WIDELY_FROM * taken["size"].max()
+    without_a_miss = taken["size"] == taken["sum"]
+    # The solver of the fewest misses, of those that take most cases.
     misses = (taken["size"] - taken["sum"])[widely]
-    name = str(misses.idxmin())
-    own = runs[runs["solver"] == name]
-    kinds = Counter(own["outcome"])
-    lost = own[~own["passed"]]
-    return found | {
-        "nearest": name,
-        "through": int(own["passed"].sum()),
-        "runs": len(own),
+    nearest = str(misses.idxmin())
+    nearest_runs = runs[runs["solver"] == nearest]
+    kinds = Counter(nearest_runs["outcome"])
+    missed_cases = nearest_runs[~nearest_runs["passed"]].set_index(_CASE).index
+    return {
+        "sure": _by_size(taken[without_a_miss & widely]),
+        "few": _by_size(taken[without_a_miss & ~widely]),
+        "count": int(widely.sum()),
+        "nearest": nearest,
+        "through": int(nearest_runs["passed"].sum()),
+        "runs": len(nearest_runs),
         "kinds": [(kinds[kind], kind) for kind in _KINDS[1:] if kinds[kind]],
         # Of the cases that it missed, those that another solver got through.
-        "missed": int(lost.set_index(_CASE).index.isin(_passed_by_somebody(runs)).sum()),
+        "missed": int(missed_cases.isin(_passed_by_somebody(runs)).sum()),
     }
 
 
 def _by_size(taken: Any) -> list[tuple[int, list[str]]]:
-    """Solvers by the number of runs that they take."""
+    """Solvers by the number of runs that they take; `taken` has a row for each, its runs under "size"."""
     return [(number, [*solvers.index]) for number, solvers in taken.groupby("size", sort=False)]
 
 
@@ -115,31 +116,32 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
         pd.DataFrame(outcomes).to_csv(index=False, float_format="%.12g"),
         summed=True,
     )
-    kept = (
+    shared = (
         {name: record[name] for name in record.keys() - _LEFT_OUT if record[name] is not None}
         for record in records
     )
-    write_records(kept, folder)
+    write_records(shared, folder)
     runs = _runs(outcomes)
     stopped = limit(table)
     solvers = sorted(set(table["solver"]), key=rank)
     # By scene and solver: the number of runs that got through, and of all.
     passed = runs.groupby(["scene", "solver"])["passed"].agg(["sum", "size"])
-    shares = [
-        "✓" if met == taken else f"{met}/{taken}" for met, taken in passed.to_numpy().tolist()
+    marks = [
+        "✓" if got_through == total_runs else f"{got_through}/{total_runs}"
+        for got_through, total_runs in passed.to_numpy().tolist()
     ]
     counts = pd.crosstab(runs["solver"], runs["outcome"]).reindex(
         index=solvers, columns=[*_KINDS], fill_value=0
     )
     total: Any = counts.sum(axis=1)
-    share = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
+    percentages = (100 * counts["reached"] / total).sort_values(ascending=False, kind="stable")
     surest = [
         [name, total[name], f"{percentage:.0f} %", *counts.loc[name]]
-        for name, percentage in share.items()
+        for name, percentage in percentages.items()
     ]
     # A row for each scene, a column for each solver; a dot where there is no run.
     by_scene = (
-        pd.Series(shares, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
+        pd.Series(marks, passed.index).unstack().fillna("·").loc[runs["scene"].unique(), solvers]
     )
     page = fill(
         "outcomes",
@@ -158,7 +160,7 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 
 def limits(records: Sequence[Record]) -> dict[str, float]:
-    """Error of L and E, over I_max, beyond which a run counts as inaccurate, by scene."""
+    """Error of L and E, over I_max, beyond which a run counts as inaccurate, by the scene's name."""
     # The first record of a scene's name gives the scene.
     named = {record["scene_name"]: record["scene"] for record in reversed(records)}
     scenes = {name: parse_scene(content) for name, content in named.items()}
@@ -169,7 +171,10 @@ def limits(records: Sequence[Record]) -> dict[str, float]:
 
 
 def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]:
-    """One of `_KINDS`, and the reason in words, of a row of `frames.frame`; `allowed` is one of `limits`."""
+    """How a run ended: one of `_KINDS`, and the reason in words.
+
+    `run` is a row of `frames.frame`, `allowed` one of `limits`.
+    """
     status = str(run["status"])
     if status != Status.REACHED_END:
         meaning = Status(status).meaning if status in set(Status) else ""
@@ -183,25 +188,29 @@ def outcome(run: dict[Any, Any], allowed: float = INACCURATE) -> tuple[str, str]
         return "unknown", f"reached the end, but {failure or 'there is no certified reference'}"
     model = run.get("model_slow_error") or 0.0
     off = f"; the form itself is off by {scientific(model)}" if model > 0 else ""
-    return (
-        "reached" if error <= allowed else "inaccurate"
-    ), f"{took}solver error {scientific(error)}{off}"
+    kind = "reached" if error <= allowed else "inaccurate"
+    return kind, f"{took}solver error {scientific(error)}{off}"
 
 
 def endings(table: pd.DataFrame, allowed: Mapping[str, float]) -> list[dict[str, Any]]:
-    """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason."""
+    """How every run ended: scene, St, duration, tolerance, form, solver, outcome and reason.
+
+    `allowed` are the `limits` by scene. The duration, "time", is in inverse shear rates.
+    """
     outcomes = []
     for run in rows_of(table):
-        row = {
-            "scene": str(run["scene_name"]),
-            "St": float(run["stokes"]),
-            "time": run.get("scene.time"),
-        }
-        row |= {
-            "tolerance": float(run["tolerance"]),
-            "form": str(run["form"]),
-            "solver": str(run["solver"]),
-        }
-        kind, reason = outcome(run, allowed[row["scene"]])
-        outcomes.append({**row, "outcome": kind, "reason": reason})
+        scene = str(run["scene_name"])
+        kind, reason = outcome(run, allowed[scene])
+        outcomes.append(
+            {
+                "scene": scene,
+                "St": float(run["stokes"]),
+                "time": run.get("scene.time"),
+                "tolerance": float(run["tolerance"]),
+                "form": str(run["form"]),
+                "solver": str(run["solver"]),
+                "outcome": kind,
+                "reason": reason,
+            }
+        )
     return outcomes

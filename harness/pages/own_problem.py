@@ -1,7 +1,8 @@
 """The page and the figures of a work-precision study of one's own problem.
 
-A `study` is a `polhode.harness.work_precision.WorkPrecision`, its `frame` a row for each solver and
-tolerance. A study `over` a parameter has a further study for each value of it.
+A `study` is a `polhode.harness.work_precision.WorkPrecision`, its `frame` has a row for each solver and
+tolerance. A study `over` parameters has a further study for each point: a value of each parameter.
+Its `frame` has the rows of them all, with a column for each parameter.
 """
 
 from collections.abc import Sequence
@@ -31,8 +32,19 @@ from polhode.harness.pages.figures.work_precision import (
 from polhode.harness.pages.tables import folded
 from polhode.solvers.contract import Status
 
-# The error of the figure of times over a parameter.
+# The error of the figure of times over a parameter, between the loose and tight ones of `STUDY_TARGETS`,
+# which the tables have. A choice.
 _DRAWN_ERROR = 1e-6
+# Points of the titles of figures, and from a title down to its panel: room for the hollow markers of
+# runs without a result.
+_TITLE = 11
+_TITLE_DISTANCE = 15
+# The figure of times over a parameter, with its legend at the right: inches, and points of its letters.
+# Chosen by eye.
+_OVER_SIZE = (8, 4.5)
+_LEGEND_LETTERS = 8
+# Values of a parameter that span more than this factor are drawn on a logarithmic axis.
+_LOGARITHMIC_FROM = 10
 
 
 def title(study: Any) -> str:
@@ -44,13 +56,13 @@ def title(study: Any) -> str:
 
 
 def _as_scenes(frame: pd.DataFrame) -> pd.DataFrame:
-    """The frame with the columns that runs of scenes have, as the figures read them."""
+    """The frame with the columns that runs of scenes have, as the figures read them; its form has no name."""
     names = {"error": "slow_error", "uncertainty": "slow_uncertainty"}
     return frame.rename(columns=names).assign(form="")
 
 
 def draw(axes: Axes, frame: pd.DataFrame, study: Any) -> Axes:
-    """Wall time against error of a study's rows."""
+    """Draw wall time against error of a study's rows on `axes`, which are returned."""
     work_precision(axes, _as_scenes(frame))
     _name_failures(axes)
     axes.xaxis.set_inverted(True)
@@ -60,12 +72,15 @@ def draw(axes: Axes, frame: pd.DataFrame, study: Any) -> Axes:
         xlabel=f"{words} {kind} error; more accurate to the right",
         ylabel="wall time of a warm run, s",
     )
-    axes.set_title(title(study), fontsize=11, loc="left", pad=15)
+    axes.set_title(title(study), fontsize=_TITLE, loc="left", pad=_TITLE_DISTANCE)
     return axes
 
 
 def _name_failures(axes: Axes) -> None:
-    """Give a legend the hollow marker of each solver that has runs without a result, once."""
+    """Let a legend name the hollow marker of each solver that has runs without a result, once.
+
+    A legend leaves out labels that begin with "_", as those of all hollow markers do.
+    """
     named = set()
     for line in axes.get_lines():
         label = str(line.get_label())
@@ -75,7 +90,13 @@ def _name_failures(axes: Axes) -> None:
 
 
 def draw_over(axes: Axes, frame: pd.DataFrame, study: Any, target: float) -> Axes:
-    """The time of every solver to an error, against the study's parameter."""
+    """Draw the time of every solver to the error `target` against the study's parameter; returns `axes`.
+
+    Raises
+    ------
+    ValueError
+        The study is over several parameters.
+    """
     name, *more_parameters = study.over
     if more_parameters:
         raise ValueError(f"over: got {', '.join(study.over)}, expected one parameter to draw along")
@@ -84,16 +105,19 @@ def draw_over(axes: Axes, frame: pd.DataFrame, study: Any, target: float) -> Axe
         style: dict[str, Any] = {"color": look.colour, "marker": look.marker, "markersize": 5}
         axes.plot(table.index.to_numpy(float), table[solver].to_numpy(float), label=solver, **style)
     values = table.index.to_numpy(float)
-    spread = len(values) > 1 and (values > 0).all() and values.max() > 10 * values.min()
-    axes.set(xscale="log" if spread else "linear", yscale="log", xlabel=name)
+    logarithmic = (
+        len(values) > 1 and (values > 0).all() and values.max() > _LOGARITHMIC_FROM * values.min()
+    )
+    axes.set(xscale="log" if logarithmic else "linear", yscale="log", xlabel=name)
     axes.set_ylabel(f"wall time to an error of {target:g}, s")
     axes.grid(True, which="major", linewidth=0.4, alpha=0.5)
-    axes.set_title(f"{title(study)}, over {name}", fontsize=11, loc="left", pad=15)
+    words = f"{title(study)}, over {name}"
+    axes.set_title(words, fontsize=_TITLE, loc="left", pad=_TITLE_DISTANCE)
     return axes
 
 
 def panels_of(groups: Sequence[tuple[str, pd.DataFrame]], note: str = "") -> Figure:
-    """One panel for each title and frame, with one key; `note` stands below."""
+    """A figure with one panel for each title and frame, and one key; `note` stands below."""
     drawn = [(words, _as_scenes(frame)) for words, frame in groups]
     return panels(drawn, "slow_error", "error", alike=False, note=note)
 
@@ -119,12 +143,15 @@ def write_page(study: Any, folder: Path, command: str) -> Path:
             save(figure, folder, "work-precision")
             lines += ["![Work and precision](work-precision.png)", ""]
     lines += ["## Every run", "", *_runs(frame, list(study.over)), ""]
-    how = [f"- Relative tolerances: {', '.join(f'{one:g}' for one in study.tolerances)}."]
-    how += [f"- Absolute tolerance: {settings['atol']}."]
-    how += [f"- Error: {settings['error']}, at {study.samples} times."]
-    for point, one in study.studies:
+    tolerances = ", ".join(f"{tolerance:g}" for tolerance in study.tolerances)
+    how = [
+        f"- Relative tolerances: {tolerances}.",
+        f"- Absolute tolerance: {settings['atol']}.",
+        f"- Error: {settings['error']}, at {study.samples} times.",
+    ]
+    for point, point_study in study.studies:
         values = ", ".join(f"{name} = {value:g}: " for name, value in point.items())
-        how += [f"- Reference: {values}{_source(one)}."]
+        how.append(f"- Reference: {values}{_source(point_study)}.")
     lines += [folded([*how, "", *made])]
     return write_file(folder / "README.md", "\n".join(lines) + "\n")
 
@@ -139,9 +166,9 @@ def _source(study: Any) -> str:
 
 
 def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> list[str]:
-    """Lines of the page of a study over parameters, whose figures are saved: a panel for each point.
+    """Lines of the page of a study over parameters; saves its figures.
 
-    Times over one parameter are drawn and tabulated too.
+    One figure has a panel for each point. Times over a single parameter have a figure and tables too.
     """
     lines = []
     if len(study.over) == 1:
@@ -155,13 +182,14 @@ def _over_lines(study: Any, frame: pd.DataFrame, folder: Path, note: str) -> lis
             for value, row in zip(table.index, table.to_numpy(float), strict=True):
                 rows.append([f"{value:g}", *map(_time, row)])
             lines += [markdown([name, *table.columns], rows)]
-        figure = plt.figure(figsize=(8, 4.5))
+        figure = plt.figure(figsize=_OVER_SIZE)
         axes = draw_over(figure.gca(), frame, study, _DRAWN_ERROR)
-        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1))
+        # Beside the panel, a hundredth of its width away.
+        axes.legend(fontsize=_LEGEND_LETTERS, loc="upper left", bbox_to_anchor=(1.01, 1))
         figure.tight_layout()
         save(figure, folder, "over")
         lines += ["", "![Time over the parameter](over.png)"]
-    groups = [(title(one), one.frame) for _, one in study.studies]
+    groups = [(title(point_study), point_study.frame) for _, point_study in study.studies]
     save(panels_of(groups, note), folder, "work-precision")
     return [*lines, "", "![Work and precision](work-precision.png)", ""]
 
@@ -172,7 +200,7 @@ def _time(seconds: float) -> str:
 
 
 def _fastest(frame: pd.DataFrame) -> list[str]:
-    """Who is the fastest at each error, and the next one."""
+    """A table of who is the fastest at each error, and the next one; a sentence where nobody reaches any."""
     rows = []
     for target in STUDY_TARGETS:
         ranked = sorted(seconds_to(frame, target).items(), key=itemgetter(1))
@@ -195,28 +223,28 @@ def _runs(frame: pd.DataFrame, over: list[str]) -> list[str]:
     rows = []
     for row in rows_of(frame):
         error = "–" if row["error"] is None else scientific(row["error"])
-        doubtful = row["error"] is not None and not row["known"]
-        status = str(row["status"])
+        if row["error"] is not None and not row["known"]:
+            error += " (not known)"
         times = (
             "–" if row[name] is None else duration(row[name])
             for name in ("seconds", "compile_seconds")
         )
-        values = [f"{row[name]:g}" for name in over]
         calls = "–" if row["rhs_calls"] is None else str(int(row["rhs_calls"]))
-        error += " (not known)" if doubtful else ""
-        values += [str(row["solver"]), f"{row['tolerance']:g}", status, error]
-        rows.append([*values, *times, calls])
+        values = [f"{row[name]:g}" for name in over]
+        run = [str(row["solver"]), f"{row['tolerance']:g}", str(row["status"]), error]
+        rows.append([*values, *run, *times, calls])
     return [markdown(head, rows), *_reasons(frame)]
 
 
 def _reasons(frame: pd.DataFrame) -> list[str]:
     """Why runs failed, each reason once."""
     failed = where(frame, frame["status"] != Status.REACHED_END)
+    # By reason the tolerances at which it stopped a run.
     reasons: dict[str, list[str]] = {}
     for row in rows_of(failed):
         reason = f"{row['solver']}, {row['status']}: {row['message']}"
         reasons.setdefault(reason, []).append(f"{row['tolerance']:g}")
     if not reasons:
         return []
-    lines = (f"- {reason} (rtol {', '.join(at)})" for reason, at in reasons.items())
+    lines = (f"- {reason} (rtol {', '.join(rtols)})" for reason, rtols in reasons.items())
     return ["", "## What failed", "", *lines]

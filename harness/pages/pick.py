@@ -27,6 +27,7 @@ from polhode.harness.pages.figures.style import (
     key,
     measured,
     panels,
+    percent_axis,
     ramp,
     repeats_vary,
     save,
@@ -34,10 +35,12 @@ from polhode.harness.pages.figures.style import (
 from polhode.harness.pages.stated import reasons
 from polhode.harness.pages.tables import fill, lines_of
 
-# Left end of the axis: errors below this share of the one allowed all meet it by far.
-_LEAST_SHARE = 1e-4
-# Times over the best, named on the axis.
+# Left end of the axis of errors over the one allowed. Smaller ones meet it by far: the figure leaves
+# them out, so that there is room for those near 1. Chosen by eye.
+_LEAST_ERROR_RATIO = 1e-4
+# Times over the best, named on the axis: as many as stand beside each other without touching.
 _TICKS = (1, 1.5, 2, 3, 5, 10, 20, 50)
+_FIGURE_HEIGHT = 2.9  # Inches; chosen by eye.
 
 
 def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
@@ -49,10 +52,10 @@ def write_page(folder: Path, evaluation: Evaluation, command: str) -> Path:
 
 
 def _write(folder: Path, evaluation: Evaluation, made: Sequence[str]) -> Path:
-    """Write the page and its figure."""
+    """Write the page and its figure; `made` says how the evaluation was made."""
     processor = measured(made) or "an unknown machine"
     factors = evaluation.scenes["factor"].replace(inf, nan).dropna()
-    low, middle, high = (f"{factors.quantile(share):.3g}" for share in (0.25, 0.5, 0.75))
+    low, middle, high = (f"{factors.quantile(quarter):.3g}" for quarter in (0.25, 0.5, 0.75))
     vary = _repeats(evaluation.scenes)
     note = (
         f"{len(evaluation.scenes)} scenes held out; the best run is the quickest measured that met the "
@@ -101,20 +104,24 @@ def rewrite_page(folder: Path) -> Path:
     """
     made = made_lines(folder / "README.md")
     page = (folder / "README.md").read_text(encoding="utf-8")
-    said = re.search(r"Scenes without a reference were left out: (.*?)\.\n", page)
+    left_out_words = re.search(r"Scenes without a reference were left out: (.*?)\.\n", page)
     scenes, runs = (read_csv(folder / f"{name}.csv") for name in ("scenes", "runs"))
-    for words in ("refusal", "best"):
-        scenes[words] = scenes[words].astype(object).where(scenes[words].notna(), "")
-    # The page gives a count for each reason: made-up keys, all different, stand for the scenes.
+    for column in ("refusal", "best"):
+        scenes[column] = scenes[column].astype(object).where(scenes[column].notna(), "")
+    # The page gives a count for each reason (`reasons`): made-up keys, all different, stand for the scenes.
     left_out = {}
-    for part in said[1].split("; ") if said else ():
-        count, _, reason = part.partition(" × ")
+    for counted_reason in left_out_words[1].split("; ") if left_out_words else ():
+        count, _, reason = counted_reason.partition(" × ")
         left_out |= {f"{reason} {place}": reason for place in range(int(count))}
     return _write(folder, Evaluation(scenes, runs, left_out), made)
 
 
 def summary(scenes: Any) -> list[str]:
-    """The evaluation in sentences, each with its target."""
+    """The evaluation in sentences, each with its target.
+
+    `scenes` is the table of `Evaluation`. Its columns `asking`, `seconds` and `plain` are in seconds:
+    asking `pick`, its first choice, and plain practice, which may have no answer.
+    """
     timed = scenes.dropna(subset=["plain", "seconds"])
     strata = judged(scenes)
     return lines_of(
@@ -130,18 +137,19 @@ def summary(scenes: Any) -> list[str]:
 
 
 def reached(scenes: Any) -> bool:
-    """Whether first choices are as near the best, in each stratum, as they are to be: the limits are `heldout`'s."""
+    """Whether the first choices reach the targets of `heldout` in each stratum: near the best, and none far from it."""
     rows = [row for row in judged(scenes) if row["stratum"] in heldout.STRATA]
     return all(row["near"] >= heldout.SHARE_NEAR and row["farthest"] <= heldout.FAR for row in rows)
 
 
 def _figure(scenes: Any, note: str = "") -> Figure:
     """Shares of scenes by time over the best and by error over the one allowed, by the best run's time."""
-    figure, grid = panels(1, 2, 2.9, sharey=True)
+    figure, grid = panels(1, 2, _FIGURE_HEIGHT, sharey=True)
     left, right = grid[0]
     groups = list(scenes.groupby(scenes["best_seconds"].map(heldout.stratum), sort=False))
     groups.sort(key=lambda group: group[1]["best_seconds"].min())
     handles = []
+    # The quickest group is the darkest. Of three shades at least, one or two groups take the dark ones.
     for (name, group), shade in zip(groups, ramp(max(3, len(groups)))[::-1], strict=False):
         error_ratios = group["error"] / group["error_requested"]
         for axes, ratios, limit in (
@@ -153,6 +161,7 @@ def _figure(scenes: Any, note: str = "") -> Figure:
             share = np.arange(1, len(values) + 1) / len(group)
             axes.step(values, share, where="post", color=shade, linewidth=1.8)
             missed = values > limit
+            # Circles at the edge of the panel stand out whole, and move nothing.
             style = {"marker": "o", "markersize": 6, "fillstyle": "none", "linewidth": 0}
             style |= {"clip_on": False, "in_layout": False}
             axes.plot(values[missed], share[missed], color=INK, zorder=3, **style)
@@ -166,14 +175,14 @@ def _figure(scenes: Any, note: str = "") -> Figure:
     left.axvline(heldout.NEAR, color=INK, linewidth=1.0)
     right.axvline(1.0, color=INK, linewidth=1.0)
     left.set(xscale="log", xlabel="time over that of the best run", ylabel="share of the scenes")
-    left.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
-    left.set_ylim(0, 1.03)
+    percent_axis(left)
     largest = float(scenes["factor"].replace(inf, nan).max())
+    # Up to the first tick or two beyond the largest ratio; 2 at least, so that 1 has a neighbour.
     ticks = [tick for tick in _TICKS if tick <= max(2, 1.5 * largest)]
     left.set_xticks(ticks, map(str, ticks))
     left.minorticks_off()
     right.set(xscale="log", xlabel="error over the one allowed")
-    right.set_xlim(left=max(right.get_xlim()[0], _LEAST_SHARE))
+    right.set_xlim(left=max(right.get_xlim()[0], _LEAST_ERROR_RATIO))
     key(figure, handles, 2)
     caption(figure, note)
     return figure

@@ -19,23 +19,30 @@ from polhode.harness.pages.tables import fill
 from polhode.models.problems.catalogue import PROBLEMS
 from polhode.solvers.contract import Status
 
-# Requested errors of the state at the end: loose, middle and tight, of the table and the heat map.
+# Requested errors of the state at the end, relative where a component exceeds one in size
+# (`Classical.error`): loose, middle and tight, of the table and the heat map; a choice.
 _TARGETS = (1e-3, 1e-6, 1e-9)
 # The tightest one of `_TARGETS` that some solver reaches on every problem of reports/problems.
 _PROFILED_TARGET = 1e-6
 
 
 def write_page(rows: Sequence[Record], folder: Path, command: str) -> Path:
-    """Write page, figures and `runs.csv` into a folder; return the page's path."""
-    noted = ["machine", "versions", "commit", "code"]
-    # Rows of earlier runs name no code.
-    table = pd.DataFrame(rows).drop(columns=noted, errors="ignore")
+    """Write page, figures and `runs.csv` into a folder; return the page's path.
+
+    `rows` are records of `polhode.harness.work_precision.run_problems`.
+    """
+    # The page says these once for all runs. Rows of earlier runs lack "code".
+    told_once = ["machine", "versions", "commit", "code"]
+    table = pd.DataFrame(rows).drop(columns=told_once, errors="ignore")
     write_file(folder / "runs.csv", table.to_csv(index=False))
     return _write(table, folder, provenance(command, rows))
 
 
 def rewrite_page(folder: Path) -> Path:
-    """Write page and figures anew from `runs.csv`, with machine and versions of the old page."""
+    """Write page and figures anew from `runs.csv`, with machine and versions of the old page; the page's path.
+
+    Raises ValueError if the folder has no page, and OSError if it has no `runs.csv`.
+    """
     made = made_lines(folder / "README.md")
     runs = read_csv(BytesIO(read_file(folder / "runs.csv"))).fillna({"message": ""})
     return _write(runs, folder, made)
@@ -43,9 +50,8 @@ def rewrite_page(folder: Path) -> Path:
 
 def _write(table: pd.DataFrame, folder: Path, made: Sequence[str]) -> Path:
     """Write page and figures of the runs in a table; `made` says how they were made."""
-    # The functions below read columns by the names that they have in records of scenes. The error
-    # of the state at the end is taken, and the published digits count as exact. Every run has one form,
-    # the problem's own.
+    # The functions below read columns by the names that records of scenes have. The error is that of the
+    # state at the end, where the published digits count as exact. Every run has one form, the problem's own.
     runs = table.assign(
         form="",
         slow_uncertainty=0.0,

@@ -28,13 +28,15 @@ from polhode.harness.pages.figures.work_precision import conditions, profile_lin
 from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 
-# Runs of at least this many shear times get a second performance profile (`figures.work_precision`): in
-# this study those from St = 1e5 on, as t = 0.5 St.
+# Runs of at least this many inverse shear rates get a performance profile of their own, beside the one
+# of all runs (`figures.work_precision`). A choice: in this study, with t = 0.5 St, they are those from
+# St = 1e5 on.
 _LONG = 5e4
 Maps = Mapping[tuple[str, str], Sequence[Cell]]
 """Cells by the scene's name and the column of the error, "slow_error" or "orientation_error"."""
-# Columns of `cells.csv`, the fields of `Cell`: "error" is the kind of error, "target" its requested
-# size, "form" and "solver" are the winner's, "next" is the second's, as "form, solver".
+# Columns of `cells.csv`, after the fields of `Cell`. "error" is the kind of error, "target" its requested
+# size, "known" whether the reference resolves it; "form" and "solver" are the winner's, "seconds" its time;
+# "lead" is the time of the second over that, "next" the second as "form, solver".
 _CELL_COLUMNS = [
     "scene",
     "error",
@@ -59,9 +61,14 @@ def write_page(study: Study, records: Sequence[Record], folder: Path, command: s
 
 
 def rewrite_page(study: Study, folder: Path) -> Path:
-    """Write the page and its pictures anew from the runs in a folder; what its page says of machine and versions stays.
+    """Write the page and its pictures anew from the runs in a folder; the page's path.
 
-    Raises ValueError if there is no page, or there are no runs.
+    What the old page says of machine and versions stays.
+
+    Raises
+    ------
+    ValueError
+        The folder has no page, or no runs.
     """
     page = folder / "README.md"
     if not page.is_file():
@@ -76,19 +83,21 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
     # maps leave them out.
     hybrid = where(runs, (runs["form"] == HYBRID) & runs["slow_error"].notna())
     in_full = ran_in_full(runs, study.scenes)
-    counted = int(in_full[hybrid.index].sum())
+    hybrid_in_full = int(in_full[hybrid.index].sum())
     runs = where(runs, ~in_full)
-    named = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
+    # Several scenes of the study, which differ by St, share a name.
+    by_name = {name: where(runs, runs["scene_name"] == name) for name in dict(study.scenes)}
     maps: Maps = {}
-    for name, scene_runs in named.items():
+    for name, scene_runs in by_name.items():
         for error in MAP_ERRORS:
             maps[name, error] = cells(scene_runs, error)
     write_file(folder / "cells.csv", _cells_table(maps).to_csv(index=False), summed=True)
+    machine = measured(made)
     particles = []
-    for name, scene_runs in named.items():
+    for name, scene_runs in by_name.items():
         scenes = [scene for scene_name, scene in study.scenes if scene_name == name]
         durations = {scene.stokes: scene.time for scene in scenes}
-        note = conditions(scene_runs, measured(made))
+        note = conditions(scene_runs, machine)
         for error, (_, title) in MAP_ERRORS.items():
             drawing = picture(maps[name, error], durations, f"{name.capitalize()}. {title}", note)
             save(drawing, folder, name if error == "slow_error" else f"{name}-orientation")
@@ -102,16 +111,16 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
                 ],
             }
         )
-    far = [scene.stokes for _, scene in study.scenes if scene.time >= _LONG]
-    apart = where(runs, runs["stokes"].isin(far))
-    title = f"The same over t ≥ {short(_LONG)} alone"
-    where_measured = measured(made)
-    long = profile_lines(apart, folder, "profiles-long", title, conditions(apart, where_measured))
+    long_stokes = [scene.stokes for _, scene in study.scenes if scene.time >= _LONG]
+    long_runs = where(runs, runs["stokes"].isin(long_stokes))
+    long_title = f"The same over t ≥ {short(_LONG)} alone"
+    long_note = conditions(long_runs, machine)
+    long_lines = profile_lines(long_runs, folder, "profiles-long", long_title, long_note)
     page = fill(
         "regimes",
         title=study.title,
         made=made,
-        in_full=counted,
+        in_full=hybrid_in_full,
         hybrid=len(hybrid),
         sentences=[
             f"The {name}, {sentence(panel, MAP_ERRORS[error][0])}"
@@ -119,8 +128,8 @@ def _write(study: Study, runs: pd.DataFrame, folder: Path, made: Sequence[str]) 
         ],
         particles=particles,
         profiles=[
-            *profile_lines(runs, folder, note=conditions(runs, where_measured)),
-            *long,
+            *profile_lines(runs, folder, note=conditions(runs, machine)),
+            *long_lines,
         ],
         study=study,
         tie=100 * (TIE - 1),
@@ -154,13 +163,17 @@ def _cells_table(maps: Maps) -> pd.DataFrame:
 
 
 def _method_rows(runs: pd.DataFrame, name: str, maps: Maps) -> list[dict[str, Any]]:
-    """How every method stands on both maps of a scene, and whether it wins or ties somewhere, or lies on a front."""
+    """How every method stands on both maps of a scene.
+
+    `full` and `slow` are its `Standing` on the map of the orientation and of L and E; `failed` are its runs
+    without a result, by status, in words; `seen` is whether it wins or ties somewhere, or lies on a front.
+    """
     by_error = {}
     for error in MAP_ERRORS:
         rows = standings(runs, error, maps[name, error])
         by_error[error] = {row.method: row for row in rows}
     methods = []
-    # The page calls the map of L and E "slow", that of the orientation "full".
+    # The page calls the map of L and E "slow", the one of the orientation "full".
     for method, slow in by_error["slow_error"].items():
         full = by_error["orientation_error"][method]
         failures = slow.failures.items()
@@ -200,7 +213,7 @@ def _time(cell: Cell) -> str:
 
 
 def read_cells(path: Path) -> Maps:
-    """Cells of a file `cells.csv`, as `write_page` wrote it."""
+    """Cells of a file `cells.csv`, as `write_page` wrote it; OSError if there is none."""
     maps: dict[tuple[str, str], list[Cell]] = {}
     table = read_csv(
         BytesIO(read_file(path)), keep_default_na=False, na_values={"seconds": "", "lead": ""}
@@ -216,7 +229,7 @@ def read_cells(path: Path) -> Maps:
             second=second,
             seconds=row["seconds"],
             lead=row["lead"],
-            spread=row.get("spread", 0.0),
+            spread=row.get("spread", 0.0),  # Files of earlier versions have no such column.
         )
         maps.setdefault((row["scene"], row["error"]), []).append(cell)
     return maps
@@ -228,7 +241,7 @@ def _leads_somewhere(standing: Standing) -> bool:
 
 
 def sentence(panel: Sequence[Cell], quantity: str) -> str:
-    """A map in words: which kind of method wins where, by how much, and in which form.
+    """A map of a quantity in words: which kind of method wins where, by how much, and in which form.
 
     The lead of a kind is the median over the cells that it wins; cells without a second have none.
     """
@@ -239,9 +252,11 @@ def sentence(panel: Sequence[Cell], quantity: str) -> str:
     forms = Counter(
         cell.winner.form for cell in panel if cell.winner and cell.winner.side != "averaged"
     )
-    halves = {}
+    median_leads = {}
     for side, side_cells in won.items():
         leads = [cell.lead for cell in side_cells if not isnan(cell.lead)]
         if leads:
-            halves[side] = median(leads)
-    return fill("regimes-sentence", what=quantity, won=won, leads=halves, forms=forms.most_common())
+            median_leads[side] = median(leads)
+    return fill(
+        "regimes-sentence", what=quantity, won=won, leads=median_leads, forms=forms.most_common()
+    )

@@ -15,18 +15,23 @@ from polhode.harness.common.machine import here, provenance
 from polhode.harness.common.store import Record
 from polhode.harness.pages.tables import fill
 
-# Numbers of one scene alone in a refusal: a list in brackets, a slow time, what it got.
+# Numbers of one scene alone in a refusal: a list in brackets, a slow time, what it got. Without them
+# refusals for one reason have one text.
 _OWN_NUMBERS = re.compile(r"\[[^\]]*\]|(?<=t₂ = )[\d.]+|(?<=got )[\d.e+-]*\d")
 
 
 def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
-    """Write `stated.md` into a folder and return its path."""
+    """Write `stated.md` into a folder and return its path.
+
+    `rows` are those of `polhode.harness.answers.coverage`: a row for each run, or for a scene that was
+    left out, with the reason under "left_out".
+    """
     counts = coverage.counted(rows)
     silent, judged = coverage.unstated(rows)
     page = fill(
         "stated",
         made=provenance(command, [here()]),
-        limits=coverage,
+        limits=coverage,  # The text reads constants of this module.
         counts=counts,
         over=[count for count in counts if count.missed > coverage.MOST_MISSED * count.runs],
         loose=[count for count in counts if count.factor > coverage.LARGEST_FACTOR],
@@ -39,6 +44,9 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
 
 
 def reasons(refusals: Iterable[str]) -> str:
-    """Reasons and how often each occurred, the most frequent first; a scene's own numbers read "…"."""
+    """Reasons and how often each occurred, the most frequent first, in words.
+
+    "…" stands for numbers of one scene alone, so that equal reasons are counted together.
+    """
     counts = Counter(_OWN_NUMBERS.sub("…", refusal) for refusal in refusals)
     return "; ".join(f"{count} × {reason}" for reason, count in counts.most_common())

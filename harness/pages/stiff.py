@@ -38,7 +38,7 @@ from polhode.harness.pages.tables import fill
 from polhode.harness.studies.study import Study
 from polhode.solvers.contract import Status
 
-# Errors of L and E over I_max at which solvers are compared: loose, middle and tight.
+# Errors of L and E over I_max at which solvers are compared: loose, middle and tight; a choice.
 _ERRORS = (1e-4, 1e-6, 1e-8)
 # The error of the figure and of the table of forms: the middle one.
 _SHOWN_ERROR = 1e-6
@@ -58,6 +58,9 @@ _LEFT_OUT = (
 _ANGLES = ("euler-angles", "spheroid-angles")
 # Names on the page of back ends that have another one than in the records.
 _BACKEND_NAMES = {"numba": "called back"}
+# Inches of the figure's height: of its key and the numbers below, and of a body's panel. Chosen by eye.
+_FIGURE_MARGIN = 0.5
+_PANEL_HEIGHT = 2.6
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ class Run:
 
     @classmethod
     def of(cls, record: Record) -> "Run":
-        """The run of a record, whose time is absent and whose error may be if it failed."""
+        """The run of a record. A failed run has no time, and may have no error."""
         return cls(
             scene=record["scene_name"],
             stokes=record["scene"]["stokes"],
@@ -119,10 +122,11 @@ class Run:
 def _gains_table(
     runs: Sequence[Run], choice: str, options: tuple[str, str], heads: tuple[str, str, str]
 ) -> str:
-    """The gain of the first of two options over the second, in a row for each solver.
+    """The gain of the first of two options over the second, in a row for each solver, as Markdown.
 
-    `choice` is "jacobian" or "backend". `heads` are headings: of the column of the choice that is held equal, and
-    of the counts of runs that only the first option, and only the second one, gets through.
+    `choice` is "jacobian" or "backend", `options` are two of its values. `heads` are headings: of the column of
+    the other choice, which is equal in both runs, and of the counts of runs that only the first option, and only
+    the second one, gets through.
     """
     beside, only_first, only_second = heads
     return markdown(
@@ -202,8 +206,8 @@ def winners(runs: Sequence[Run]) -> list[Winner]:
     winning = []
     places = dict.fromkeys((run.scene, run.stokes) for run in runs)
     for (scene, stokes), error in product(places, _ERRORS):
-        there = [run for run in runs if (run.scene, run.stokes) == (scene, stokes)]
-        meeting = [run for run in there if run.meets(error)]
+        place_runs = [run for run in runs if (run.scene, run.stokes) == (scene, stokes)]
+        meeting = [run for run in place_runs if run.meets(error)]
         meeting.sort(key=lambda run: run.seconds)
         if meeting:
             fastest = meeting[0]
@@ -286,7 +290,9 @@ def gains(runs: Sequence[Run], choice: str, options: tuple[str, str]) -> list[Ga
         if first in by_option and second in by_option:
             pair = by_option[first], by_option[second]
             pairs.setdefault((case.solver, case.beside), []).append(pair)
-    rows = [Gain.of(solver, beside, own_pairs) for (solver, beside), own_pairs in pairs.items()]
+    rows = []
+    for (solver, beside), solver_pairs in pairs.items():
+        rows.append(Gain.of(solver, beside, solver_pairs))
     return sorted(rows, key=lambda gain: (rank(gain.solver), gain.beside))
 
 
@@ -294,21 +300,23 @@ def _gain_cells(gain: Gain) -> list[str]:
     """A row of a table of gains."""
     beside = _BACKEND_NAMES.get(gain.beside, gain.beside)
     ratios = gain.ratios
-    sizes = ["–"] * 3
+    median_least_most = ["–"] * 3
     if ratios:
-        sizes = [f"{value:.2g}" for value in (median(ratios), min(ratios), max(ratios))]
+        values = (median(ratios), min(ratios), max(ratios))
+        median_least_most = [f"{value:.2g}" for value in values]
     counts = [str(gain.only_first), str(gain.only_second)]
-    return [gain.solver, beside, str(len(ratios)), *sizes, *counts]
+    return [gain.solver, beside, str(len(ratios)), *median_least_most, *counts]
 
 
 # --- forms -------------------------------------------------------------------------------------------
 
-# Kinds of forms, columns of the table; "axis" is the form (L, p̂) of a spheroid.
+# Kinds of forms, columns of the table. "angles" are the forms of `_ANGLES`, "axis" is `spheroid-axis`, the
+# form (L, p̂).
 _FORMS = ("quaternion", "angles", "axis")
 
 
 def forms(runs: Sequence[Run]) -> list[tuple[str, float, dict[str, Run]]]:
-    """The fastest run in each kind of form that meets the error shown, by body and St."""
+    """For each body and St the fastest run that meets `_SHOWN_ERROR`, by kind of form: one of `_FORMS`."""
     rows = []
     for scene, stokes in dict.fromkeys((run.scene, run.stokes) for run in runs):
         best: dict[str, Run] = {}
@@ -322,7 +330,7 @@ def forms(runs: Sequence[Run]) -> list[tuple[str, float, dict[str, Run]]]:
 
 
 def _form_cells(row: tuple[str, float, dict[str, Run]]) -> list[str]:
-    """A row of the table of forms."""
+    """A row of the table of forms, of body, St and runs as `forms` gives them."""
     scene, stokes, best = row
     cells = [
         f"{duration(best[kind].seconds)} ({best[kind].solver})" if kind in best else "–"
@@ -339,17 +347,18 @@ def stopped(runs: Sequence[Run], tolerance: float) -> list[str]:
 
     Runs with an exact Jacobian count. A line has a solver, its back end, the places and the reason.
     """
-    tight = [run for run in runs if run.tolerance == tolerance and run.jacobian == "exact"]
-    passed = {(run.scene, run.stokes, run.form) for run in tight if run.reached}
-    by_place: dict[tuple[str, float, str], list[Run]] = {}
-    for run in tight:
-        by_place.setdefault((run.scene, run.stokes, run.form), []).append(run)
+    compared = [run for run in runs if run.tolerance == tolerance and run.jacobian == "exact"]
+    # A place is a body, a St and a form.
+    passed = {(run.scene, run.stokes, run.form) for run in compared if run.reached}
+    runs_by_place: dict[tuple[str, float, str], list[Run]] = {}
+    for run in compared:
+        runs_by_place.setdefault((run.scene, run.stokes, run.form), []).append(run)
+    # Places in words, by solver, back end and reason.
     places_of: dict[tuple[str, str, str], list[str]] = {}
-    for place in by_place:
-        if place not in passed:
+    for (scene, stokes, form), place_runs in runs_by_place.items():
+        if (scene, stokes, form) not in passed:
             continue
-        scene, stokes, form = place
-        for run in by_place[place]:
+        for run in place_runs:
             if run.reached:
                 continue
             backend = _BACKEND_NAMES.get(run.backend, run.backend)
@@ -376,14 +385,14 @@ def answers(runs: Sequence[Run]) -> dict[str, Any]:
         by_solver.setdefault(winner.run.solver, []).append(winner)
     won = []
     for solver in sorted(by_solver, key=lambda name: -len(by_solver[name])):
-        own_cells = by_solver[solver]
+        won_cells = by_solver[solver]
         won.append(
             {
                 "solver": solver,
-                "cells": len(own_cells),
-                "ties": sum(winner.tied for winner in own_cells),
-                "low": min(winner.stokes for winner in own_cells),
-                "high": max(winner.stokes for winner in own_cells),
+                "cells": len(won_cells),
+                "ties": sum(winner.tied for winner in won_cells),
+                "low": min(winner.stokes for winner in won_cells),
+                "high": max(winner.stokes for winner in won_cells),
             }
         )
     leads = [winner.lead for winner in cells if winner.other and not winner.tied]
@@ -405,7 +414,7 @@ def answers(runs: Sequence[Run]) -> dict[str, Any]:
 
 
 def _span(rows: Sequence[Gain]) -> tuple[float, float, float] | None:
-    """Median, least and largest ratio; None if there is none."""
+    """Median, least and largest ratio of times over all rows; None if there is none."""
     ratios = [*chain.from_iterable(gain.ratios for gain in rows)]
     return (median(ratios), min(ratios), max(ratios)) if ratios else None
 
@@ -426,7 +435,8 @@ def figure(runs: Sequence[Run], note: str = "") -> Figure:
     A solver has no point at a St where no run of it meets the error.
     """
     scenes = list(dict.fromkeys(run.scene for run in runs))
-    drawing, grid = panels(len(scenes), 1, 0.5 + 2.6 * len(scenes), sharex=True)
+    height = _FIGURE_MARGIN + _PANEL_HEIGHT * len(scenes)
+    drawing, grid = panels(len(scenes), 1, height, sharex=True)
     styles = looks(run.solver for run in runs)
     for axes, scene in zip(grid[:, 0], scenes, strict=True):
         scene_runs = [run for run in runs if run.scene == scene and run.meets(_SHOWN_ERROR)]

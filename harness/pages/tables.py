@@ -20,9 +20,15 @@ _TABLES = tomllib.loads((_TEXTS / "tables.toml").read_text(encoding="utf-8"))
 
 
 def table(rows: Iterable[Any], name: str, /, **fields: Any) -> str:
-    """The rows as Markdown, by one of `texts/tables.toml`; `fields` fill the headings.
+    """The rows as a Markdown table, by the columns of one of `texts/tables.toml`; `fields` fill the headings.
 
-    All columns but the first are right-aligned, unless the table says "right" or "left".
+    Columns are right-aligned, but for the first. A table may say how many of the first columns are
+    left-aligned ("left"), or give the places of those that are right-aligned ("right").
+
+    Raises
+    ------
+    KeyError
+        `texts/tables.toml` has no table of that name, or a row or `fields` lack what it names.
     """
     spec = _TABLES[name]
     columns = {WORDING.format(head, **fields): cell for head, cell in columns_of(name).items()}
@@ -37,7 +43,11 @@ def columns_of(name: str) -> dict[str, str]:
 
 @cache
 def templates(folder: Path, **options: Any) -> Environment:
-    """The templates of a folder; numbers by the formats of `WORDING` or Python's own: ``{{ x|form(".2f") }}``."""
+    """The templates of a folder, with the filters of the house.
+
+    Each name of `FORMATS` is a filter: ``{{ x|short }}``. "form" takes such a name or a format of
+    Python: ``{{ x|form(".2f") }}``. `options` are those of `jinja2.Environment`.
+    """
     options |= {
         "undefined": StrictUndefined,
         "trim_blocks": True,
@@ -59,7 +69,7 @@ def templates(folder: Path, **options: Any) -> Environment:
 
 
 def _listed(value: Any) -> Any:
-    """Several values with commas."""
+    """What stands for the value of a field: several values, joined by commas, or the one as it is."""
     return (
         ", ".join(map(str, value))
         if isinstance(value, Collection) and not isinstance(value, str)
@@ -68,21 +78,27 @@ def _listed(value: Any) -> Any:
 
 
 def fill(name: str, /, **fields: Any) -> str:
-    """The text of that name with its fields."""
+    """The text `texts/NAME.md` with its fields.
+
+    Raises
+    ------
+    jinja2.UndefinedError
+        The text has a field that is not given.
+    """
     return templates(_TEXTS).get_template(f"{name}.md").render(fields)
 
 
 def lines_of(name: str, /, **fields: Any) -> list[str]:
-    """The sentences of a text, which stand in a line each."""
+    """The lines of a text, as `fill` makes it: each is a sentence or two about one thing."""
     return fill(name, **fields).splitlines()
 
 
 def bullets(sentences: Iterable[str]) -> str:
-    """The sentences as a list."""
+    """The sentences as a list of Markdown."""
     return "\n".join(f"- {sentence}" for sentence in sentences)
 
 
 def folded(lines: Iterable[str] | str, summary: str = "How this page was made") -> str:
-    """The lines below a line that opens and closes them."""
+    """The lines in HTML that a reader unfolds; `summary` is what stands there while they are folded."""
     text = lines if isinstance(lines, str) else "\n".join(lines)
     return f"<details>\n<summary>{summary}</summary>\n\n{text.strip()}\n\n</details>"

@@ -24,10 +24,10 @@ END = "<!-- end of which form -->"
 # Requested errors of the columns: of L and E over I_max, and of the orientation in rad. The maps
 # have more of them; which three to show is a choice.
 _TARGETS = (1e-2, 1e-4, 1e-6)
-# Words for the scenes of the maps, and for the columns of errors in their cells.
+# Words for the scenes of the maps, by the scene's name, and for the two kinds of error, by their column.
 _BODIES = {"ellipsoid": "a triaxial body", "spheroid": "a spheroid"}
 _REQUESTED = {"slow_error": "L, E to", "orientation_error": "orientation to"}
-# Words for forms that average, whatever the solver.
+# Words for forms that average, by the form's name. The tables name no solver beside them.
 _AVERAGING_FORMS = {**ORDERS, "hybrid": "hybrid"}
 
 
@@ -37,7 +37,8 @@ def tables(maps: Maps) -> str:
 
 
 def _table(maps: Maps, body: str) -> str:
-    # Words of a row of the table by St, a word for each column.
+    """The table of one kind of body, a key of `_BODIES`."""
+    # By St the words of a row of the table, one for each column.
     words_of_row = dict[float, list[str]]()
     header = [f"St, {_BODIES[body]}"]
     for error, title in _REQUESTED.items():
@@ -69,12 +70,16 @@ def winner_in_words(cell: Cell) -> str:
 
 
 def _range(stokes: Sequence[float]) -> str:
+    """Ascending St as "first to last", or the only one."""
     first = short(stokes[0])
     return first if len(stokes) == 1 else f"{first} to {short(stokes[-1])}"
 
 
 def with_tables(page: str, maps: Maps) -> str:
-    """A page's text with the tables of the maps; ValueError if it lacks the lines around them."""
+    """A page's text with the tables of the maps between the lines `BEGIN` and `END`.
+
+    Raises ValueError if the page lacks these lines.
+    """
     pattern = re.compile(f"{re.escape(BEGIN)}.*?{re.escape(END)}", re.DOTALL)
     if not pattern.search(page):
         raise ValueError(f"got a page without {BEGIN.strip()!r} and {END!r}")

@@ -12,25 +12,49 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from polhode.harness.pages.figures.style import INK, TITLE, WIDTH, caption, key, plain, power, ramp
+from polhode.harness.pages.figures.style import (
+    INK,
+    TITLE,
+    WIDTH,
+    caption,
+    key,
+    percent_axis,
+    plain,
+    power,
+    ramp,
+)
 
-# Ratios of the measured error to the allowed one below this stand at the left edge.
+_HEIGHT = 4.7  # Inches; chosen by eye.
+# Ends of the axis of the measured error over the allowed one. Smaller ratios stand at the left edge.
+# Larger ones are cut off: the largest of reports/hybrid is 10.5. Chosen by eye.
 _LEAST_RATIO = 1e-3
+_LARGEST_RATIO = 30.0
+# Left end of the axis of gains, unless one is smaller: the line at 1 then stands off the edge.
+_LEAST_GAIN = 0.7
 # Dashes of the two kinds of bodies.
 _BODIES = {"spheroids": "-", "triaxial": "--"}
 
 
 def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
-    """Empirical distributions: error over the one requested, by that and St; speed over the full solvers, by St.
+    """Empirical distributions, a line for each St: of errors, a panel for each requested error; of speeds below.
 
-    `runs` has `stokes`, `error` (requested), `slow` (the error of L and E over I_max) and `uncertainty` (of the
-    reference); `speeds` has `stokes`, `bodies` ("spheroids" or "triaxial") and `gain`. Runs
-    whose error is above the one requested, and above the reference's uncertainty, are circled.
+    Runs whose error is above the one requested, and above the reference's uncertainty, are circled.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        `stokes`; `error`, the requested one; `slow`, the measured error of L and E; `uncertainty` of the
+        reference. All errors are over I_max.
+    speeds : DataFrame
+        `stokes`; `bodies`, "spheroids" or "triaxial"; `gain`, the time of the faster full solver over
+        that of `hybrid`.
+    note : str
+        Stands below.
     """
     requested = sorted(runs["error"].unique(), reverse=True)
     numbers = sorted({*runs["stokes"], *speeds.dropna(subset=["gain"])["stokes"]})
     shades = dict(zip(numbers, ramp(len(numbers)), strict=True))
-    drawing = plt.figure(figsize=(WIDTH, 4.7), layout="constrained")
+    drawing = plt.figure(figsize=(WIDTH, _HEIGHT), layout="constrained")
     grid = drawing.add_gridspec(2, max(1, len(requested)))
     first: Axes | None = None
     for place, error in enumerate(requested):
@@ -41,7 +65,8 @@ def errors_and_speed(runs: Any, speeds: Any, note: str = "") -> Figure:
         if place:
             axes.tick_params(labelleft=False)
         else:
-            _shares(axes, "share of the runs")
+            percent_axis(axes)
+            axes.set_ylabel("share of the runs")
     speed = drawing.add_subplot(grid[1, :])
     _speeds(speed, speeds, shades)
     handles = [
@@ -66,6 +91,7 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
         allowed = stokes_runs[["error", "uncertainty"]].max(axis=1)
         ratios = np.sort((stokes_runs["slow"] / allowed).dropna().to_numpy(float))
         shares = np.arange(1, len(ratios) + 1) / len(stokes_runs)
+        # A run without an error stands at the left edge too: 0 has no place on a logarithmic axis.
         ratios = np.maximum(ratios, _LEAST_RATIO)
         axes.step(ratios, shares, where="post", color=shades[float(str(stokes))], linewidth=1.8)
         missed = ratios > 1
@@ -74,7 +100,7 @@ def _errors(axes: Axes, runs: Any, shades: dict[float, str]) -> None:
         axes.plot(ratios[missed], shares[missed], color=INK, zorder=3, **style)
     axes.axvline(1.0, color=INK, linewidth=1.0)
     axes.set_xscale("log")
-    axes.set_xlim(_LEAST_RATIO, 30)
+    axes.set_xlim(_LEAST_RATIO, _LARGEST_RATIO)
     axes.set_xticks([1e-2, 1], ["0.01", "1"])
     axes.set_xlabel("measured over allowed")
     plain(axes)
@@ -99,16 +125,10 @@ def _speeds(axes: Axes, speeds: Any, shades: dict[float, str]) -> None:
     axes.axvline(1.0, color=INK, linewidth=1.0)
     axes.set_xscale("log")
     low, high = axes.get_xlim()
-    axes.set_xlim(min(low, 0.7), high)
+    axes.set_xlim(min(low, _LEAST_GAIN), high)
     axes.set_xlabel("at least so many times as fast as the faster of the full solvers")
     title = "Speed at equal error; dashed: triaxial bodies"
     axes.set_title(title, fontsize=TITLE, loc="left", color=INK)
-    _shares(axes, "share of the bodies")
+    percent_axis(axes)
+    axes.set_ylabel("share of the bodies")
     plain(axes)
-
-
-def _shares(axes: Axes, words: str) -> None:
-    """Write a vertical axis of shares, from 0 to 100 %."""
-    axes.set_ylim(0, 1.03)
-    axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
-    axes.set_ylabel(words)

@@ -207,6 +207,13 @@ def plain(axes: Axes) -> Axes:
     return axes
 
 
+def percent_axis(axes: Axes) -> None:
+    """Let the vertical axis show shares from 0 to 100 %."""
+    # Room above 1, for the width of a line there.
+    axes.set_ylim(0, 1.03)
+    axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
+
+
 def key(figure: Figure, handles: Sequence[Any], columns: int, **options: Any) -> Any:
     """The key of all panels, on top of a figure."""
     place: dict[str, Any] = {"loc": "outside upper left"}
