@@ -15,12 +15,16 @@ from typing import Any, NamedTuple
 from polhode.harness.common.worker import Failure, Reply, Worker
 from polhode.models.libraries import how_to_install, installed
 
-# Tasks that wait for each worker: enough that none is ever idle, few enough to stop soon.
+# Tasks that wait for each worker. An estimate: one is enough that no worker is idle if tasks last alike; more
+# are taken from other runs that share the store.
 AHEAD = 2
-# Seconds that a Dask scheduler has to answer; an estimate.
+# Seconds that a Dask scheduler has to answer. An estimate: in a network it takes far less than one.
 CONNECT_SECONDS = 30
-_STOP_EVERY = 0.1  # Seconds between two attempts to kill processes that are starting.
-# Host and port as Dask reads them.
+# Seconds between two attempts to kill processes that are starting. An estimate: a run ends by so much later.
+_STOP_EVERY = 0.1
+# Seconds that a task may take. An estimate: tasks last seconds to minutes, and one that hangs for a day is killed.
+_TASK_SECONDS = 24 * 3600.0
+# Host and port as Dask reads them; a port has at most five digits.
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):\d{1,5}")
 
 
@@ -57,12 +61,12 @@ def processes(
     count: int,
     function: Callable[[Any], Any],
     tasks: Iterable[Any],
-    max_seconds: float = 24 * 3600.0,
+    max_seconds: float = _TASK_SECONDS,
     ahead: int = AHEAD,
 ) -> Generator[Finished, None, None]:
-    """Spawned processes on this machine, each with a thread here that feeds it; they end when this process does.
+    """`count` spawned processes on this machine, each fed by a thread here; they end when this process does.
 
-    One per core; more gain nothing. A process that takes twice `max_seconds` for a task is killed.
+    More processes than cores gain nothing. A process that takes twice `max_seconds` for a task is killed.
     `ahead` tasks wait for each process; with 0 a task is taken when a process is free for it.
     """
     workers = [Worker() for _ in range(count)]
@@ -128,7 +132,7 @@ def check_dask(address: str) -> None:
 
 @contextmanager
 def _client(address: str) -> Iterator[Any]:
-    """A connection; what goes wrong with it is raised, and not logged besides."""
+    """A connection to a scheduler; an error is raised, and not logged besides."""
     distributed = import_module("distributed")
     logging.disable(logging.CRITICAL)
     try:
@@ -141,15 +145,17 @@ def _client(address: str) -> Iterator[Any]:
 def dask(
     address: str, function: Callable[[Any], Any], tasks: Iterable[Any]
 ) -> Generator[Finished, None, None]:
-    """Workers of a Dask scheduler, with polhode in the same version."""
-    # `task.key` is Dask's key, so that two clients share what is under way.
+    """Workers of a Dask scheduler at an address, with polhode in the same version.
+
+    Tasks have a `key`, which is Dask's too, so that two clients share what is under way.
+    """
     with _client(address) as client:
         remaining = iter(tasks)
         tasks_of = {}
         pending = import_module("distributed").as_completed(loop=client.loop)
         try:
             while True:
-                # Workers come and go.
+                # Workers come and go: the room is counted anew each time. While there is none, as for one.
                 room = (1 + AHEAD) * max(1, sum(client.nthreads().values())) - pending.count()
                 for task in islice(remaining, max(0, room)):
                     future = client.submit(function, task, key=f"polhode-{task.key}", pure=True)

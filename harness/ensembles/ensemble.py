@@ -41,20 +41,24 @@ from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _SCHEMA = 5
-# Particles on which method and step are chosen; an estimate.
+# Particles on which method and step are chosen. An estimate: half as many see fewer of the hard starts, twice
+# as many take twice the time of the choice.
 PLANNED_PARTICLES = 128
 # Most numbers of states that are held at once, 8 bytes each, so 16 MB; their observables take a few times
-# as much. An estimate.
-_HELD = 2_000_000
-# Most particles that are held at once, if each has few samples; an estimate.
-_MOST_AT_ONCE = 8192
-# Most states whose observables are held at once: they stay in the processor's cache. An estimate.
-_OBSERVED = 20_000
+# as much. An estimate: memory grows in proportion.
+_MAX_NUMBERS_HELD = 2_000_000
+# Most particles that are held at once, if each has few samples. An estimate, in the thousands so that lanes
+# (particles side by side in SIMD registers) are seldom empty.
+_MAX_PARTICLES_HELD = 8192
+# Most states whose observables are held at once: they stay in the processor's cache. An estimate: a few
+# MB at some ten numbers of 8 bytes each.
+_MAX_STATES_OBSERVED = 20_000
 # Angular velocities stay below the fastest start, or about the angular velocity of the fluid, ½ in simple
 # shear: 1 is the least limit of |L| over I_max. Histograms reach further by the factor `MARGIN`, an estimate.
 _LEAST_LIMIT = 1.0
 MARGIN = 1.05
-# The whole numbers of an ensemble, least and most: estimates, but for the seed's 63 bits.
+# The whole numbers of an ensemble, least and most. The seed has 63 bits; a run has two times, its start and its
+# end, at least. The others are estimates, far beyond what is of use.
 BOUNDS = {
     **dict.fromkeys(("particles", "block"), (1, 10**12)),
     "seed": (0, 2**63 - 1),
@@ -79,21 +83,27 @@ class Ensemble:
     stokes: float
     time: float  # in units of the inverse shear rate
     starts: Starts = field(default_factory=Starts)
+    # A share of them is then known to 0.5 % at most, one standard deviation; an estimate of what is asked.
     particles: int = 10_000
     seed: int = 1
-    equations: Equations = (
-        "full"  # in the fewest variables without angles; "averaged" ones; form "hybrid"
-    )
+    # "full" in the fewest variables without angles, "averaged" to first order, or the form "hybrid".
+    equations: Equations = "full"
     # For full equations: the error of `equal_steps.plan`. For hybrid ones: the error of L and E over
     # the largest moment of inertia, meant for 97.5 % of the particles. For averaged ones: the
-    # tolerance of `run_adaptive`.
+    # tolerance of `run_adaptive`. The default is far below the statistical errors of any number of particles.
     tolerance: float = 1e-6
-    block: int = 10_000  # particles of one task
-    samples: int = 101  # equispaced times at which arrival is looked for, start and end included
-    # Samples at which moments and distributions are kept: evenly spaced, start and end included.
+    # Particles of one task. An estimate: a task lasts seconds at St = 1e3 (docs/scaling.md), more than the second
+    # in which its process starts.
+    block: int = 10_000
+    # Equispaced times at which arrival is looked for, start and end included: arrival is known to 1 % of the run.
+    samples: int = 101
+    # Samples at which moments and distributions are kept: evenly spaced, start and end included, so that samples - 1
+    # is divisible by snapshots - 1. An estimate: memory and pages grow in proportion.
     snapshots: int = 11
-    bins: int = 64  # of each histogram
-    radius: float = 0.05  # in (L, E) over I_max; an estimate
+    # Of each histogram. An estimate: 10,000 particles leave some 150 in a bin.
+    bins: int = 64
+    # Distance in (L, E) over I_max within which a particle has arrived: as `polhode.harness.events.ARRIVED`.
+    radius: float = 0.05
     flow: Flow | None = None  # of all particles; simple shear by default
     # One for each particle in turn, from the first one again behind the last, in place of `flow`.
     tracks: tuple[Flow, ...] = ()
@@ -177,7 +187,7 @@ class Ensemble:
     def layout(self) -> Layout:
         """The counted quantities and their bins."""
         # All axes of a triaxial body, in the order of their lengths; of a spheroid its symmetry axis;
-        # of a sphere the last one; none where averaged equations leave the orientation open.
+        # of a sphere the third one; none where averaged equations leave the orientation open.
         shape = self.ellipsoid
         start_momentum = self.starts.angular_momentum
         if self.equations == "averaged":
@@ -187,6 +197,7 @@ class Ensemble:
         else:
             axes = (2 if shape.symmetry_axis is None else shape.symmetry_axis,)
         momentum = _LEAST_LIMIT
+        # Over I_max: E = |L|²/(2 I_max) of a rotation about the axis of the largest inertia with |L| = I_max.
         energy = _LEAST_LIMIT / 2
         if start_momentum is not None:
             momentum = max(momentum, float(np.linalg.norm(start_momentum)))
@@ -235,7 +246,7 @@ class Ensemble:
         return (self.particles + self.block - 1) // self.block
 
     def draw(self, index: int, particles: int) -> Drawn:
-        """Starts of the first particles of a block."""
+        """Starts of the first `particles` particles of the block `index`."""
         seed = np.random.SeedSequence(self.seed, spawn_key=(index,))
         flow = self.any_flow.numbers if self.any_flow else None
         if self.tracks:
@@ -278,7 +289,8 @@ class Ensemble:
             starts = np.column_stack([starts, np.zeros(particles)])
         times = np.linspace(0.0, problem.end, self.samples)
         statistics = Statistics.empty(self.layout)
-        at_once = min(_MOST_AT_ONCE, max(1, _HELD // (self.samples * problem.dimension)))
+        fitting = max(1, _MAX_NUMBERS_HELD // (self.samples * problem.dimension))
+        at_once = min(_MAX_PARTICLES_HELD, fitting)
         for first in range(0, particles, at_once):
             random = np.random.default_rng(
                 np.random.SeedSequence(self.seed, spawn_key=(index, first))
@@ -291,6 +303,7 @@ class Ensemble:
             else:
                 states, statuses = self.states(part, times, random)
             success = statistics.add_statuses(statuses, str(Status.REACHED_END))
+            # The particles come first, as `_observe` takes them.
             finished = states.swapaxes(0, 1)
             self._observe(
                 finished if success.all() else finished[success], statistics, numbers[success]
@@ -300,8 +313,10 @@ class Ensemble:
     def states(
         self, starts: np.ndarray, times: np.ndarray, random: np.random.Generator
     ) -> tuple[np.ndarray, ...]:
-        """States, shape (m, n, d), of particles at times, with NaN from where one failed, and their statuses."""
-        # Phases that hybrid equations leave open are drawn from `random`.
+        """States, shape (m, n, d), of particles at times, NaN from where one failed, and statuses, shape (n,).
+
+        Phases that hybrid equations leave open are drawn from `random`.
+        """
         if self.equations == "averaged":
             return run_adaptive(self.problem, starts, times, self.tolerance)
         if self.equations == "hybrid":
@@ -336,7 +351,7 @@ class Ensemble:
         rates_then = np.empty((self.snapshots, n, len(axes), len(RATES)))
         # Whether each particle is close to an attractor at each sample.
         close = np.empty((len(self.attractors), n, samples), dtype=bool)
-        at_once = 1 if self.along_tracks else max(1, _OBSERVED // samples)
+        at_once = 1 if self.along_tracks else max(1, _MAX_STATES_OBSERVED // samples)
         for first in range(0, n, at_once):
             part = slice(first, first + at_once)
             # Component by component in memory, which NumPy's sums over components need.
@@ -386,7 +401,7 @@ def plan_of(ensemble: Ensemble) -> Plan | None:
 @once()
 def least_of(ensemble: Ensemble) -> float:
     """|L| over I_max down to which hybrid particles are averaged; inf if form `hybrid` runs all of them."""
-    # So few particles cost no more than those that run both ways to find the least |L|.
+    # So few particles cost no more than those that run averaged and by form `hybrid` to find the least |L|.
     if ensemble.particles <= BOTH_WAYS:
         return inf
     pool = ensemble.draw(0, min(POOL, ensemble.particles)).states(ensemble.form, ensemble.ellipsoid)
@@ -412,7 +427,10 @@ class Task:
 
 
 def run_task(task: Task) -> Record:
-    """Statistics of a task as plain data: a pure function, with nothing of time, place or machine in its result."""
+    """Statistics of a task as plain data: a pure function, with nothing of time, place or machine in its result.
+
+    Raises RuntimeError if the task was made by other versions than run here.
+    """
     if digest(task.content) != task.key:
         raise RuntimeError(f"got a task of other versions, expected {task.content['versions']}")
     return task.ensemble.run(task.index).as_record()

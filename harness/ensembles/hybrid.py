@@ -38,13 +38,23 @@ SOLVER = "cyrk-vern8"
 # Requested error times St from which on phases are drawn: the median error of averaging is some
 # 14/St.
 _OPEN = 10.0
-# Particles that run both ways, some seconds of work; an estimate.
+# Particles that run both ways, some seconds of work. An estimate: the limit of |L| is known the better, the
+# more run.
 BOTH_WAYS = 64
-# Particles that they are chosen from, averaged in lanes at little cost.
+# Particles that they are chosen from, averaged in lanes at little cost. An estimate: 64 for each that runs
+# both ways, so that the smallest |L| of an ensemble are among them.
 POOL = 4096
+# Error of averaging over the error of the runs of form `hybrid` that it is judged by.
+_JUDGED_OVER_JUDGE = 10
+# Of n equispaced shares s, the ranks s³ of the pool run both ways. An estimate: a larger power chooses more
+# particles of small |L|.
+_RANK_POWER = 3
+# Largest requested error of the whole state, over its size: beyond it steps lose all digits. An estimate.
+_MAX_WHOLE = 0.1
 # Share of all particles that may miss the error: form `hybrid` is meant to keep it in 97.5 %.
 _MAX_MISSED_SHARE = 0.025
-# Full equations last until |L| is this multiple of the least one that may be averaged; an estimate.
+# Full equations last until |L| is this multiple of the least one that may be averaged. An estimate: without
+# it a particle near the limit would go to and fro.
 _CLEAR = 1.25
 # Longest time, in inverse shear rates, for which full equations in lanes stand in for form
 # `hybrid`: by trial, one run of that form takes as long as they take to get there.
@@ -52,10 +62,14 @@ FULL = 3e5
 # The allowed error of the whole state over the allowed error of L and E. By trial errors have a ratio of
 # thousands, as the phases add up the errors of L: 100 is on the safe side.
 _WHOLE = 100.0
-# Least number of times at which |L| is looked at; an estimate.
+# Least number of times at which |L| is looked at, 64 intervals. An estimate: between them L is taken to move
+# on a straight line, and a smaller |L| on a bend goes unseen.
 PATH = 65
-# The requested error over the tolerance of averaged equations: near L² = 2EI₂ they lose digits.
+# The requested error over the tolerance of averaged equations: near L² = 2EI₂ they lose digits. An estimate:
+# their cost grows slowly with it.
 ERROR_OVER_TOLERANCE = 1e4
+# Keeps quotients and elliptic integrals finite where a difference is 0.
+_TINY = 1e-300
 
 Array = np.ndarray
 
@@ -75,12 +89,13 @@ def least_momentum(scene: Scene, starts: Array, tolerance: float) -> float:
     path, _ = averaged(scene, starts, times, tolerance)
     least = least_between(scene, path).min(axis=0)
     count = len(starts)
-    # Ranks, by the least |L|, of the starts that run both ways. By the cube they lie closest together
+    # Ranks, by the least |L|, of the starts that run both ways. By the power they lie closest together
     # where |L| is small and averaging errs most.
-    ranks = np.unique(np.ceil(count * np.linspace(0, 1, BOTH_WAYS + 1)[1:] ** 3).astype(int))
+    portions = np.linspace(0, 1, BOTH_WAYS + 1)[1:] ** _RANK_POWER
+    ranks = np.unique(np.ceil(count * portions).astype(int))
     # A path that averaging gave up has NaN, and counts as one of |L| = 0.
     chosen = np.argsort(np.nan_to_num(least))[ranks - 1]
-    states, statuses = run_alone(scene, starts[chosen], times, tolerance / 10)
+    states, statuses = run_alone(scene, starts[chosen], times, tolerance / _JUDGED_OVER_JUDGE)
     finished = statuses == str(Status.REACHED_END)
     chosen = chosen[finished]
     # Share of all starts that each chosen one stands for: those between its rank and the one before.
@@ -130,7 +145,8 @@ def run_hybrid(
 ) -> tuple[Array, Array]:
     """States of the full equations, shape (m, n, d), NaN from where one failed, and statuses.
 
-    `times` must be evenly spaced from 0. `least_momentum` makes `least`. Phases are drawn from `random`.
+    `times`, shape (m,), must be evenly spaced from 0. `least_momentum` makes `least`. Phases are drawn from
+    `random`. All particles are averaged first; those of small |L|, and those that failed, run anew.
     """
     if least == inf:
         return run_alone(scene, starts, times, tolerance)
@@ -165,7 +181,7 @@ def run_hybrid(
 def run_full(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
     """States of the full equations, shape (m, n, d), and statuses, for an error of L and E of `tolerance`."""
     problem = find_form(full_form(scene)).problem(scene)
-    whole = min(0.1, _WHOLE * tolerance)
+    whole = min(_MAX_WHOLE, _WHOLE * tolerance)
     if not installed("llvmlite"):
         return run_batches(problem, starts, times, whole * TAYLOR)
     return run(problem, starts, times, whole, unplanned(problem, starts, times, whole))
@@ -204,10 +220,10 @@ def least_between(scene: Scene, path: Array) -> Array:
         for later in (momentum, momentum[1:])
     )
     # `square` is |L|² at each time, `along` L₀·L₁ of neighbouring times. On L₀ + s (L₁ - L₀), |L|² is
-    # |L₀|² - 2 s `back` + s² `way`, least at s = `share`; 1e-300 keeps the quotient finite where L does
+    # |L₀|² - 2 s `back` + s² `way`, least at s = `share`; `_TINY` keeps the quotient finite where L does
     # not change. Dot products alone are held, as differences of all vectors would take more memory.
     back = square[:-1] - along
-    way = np.maximum(back + square[1:] - along, 1e-300)
+    way = np.maximum(back + square[1:] - along, _TINY)
     share = np.clip(back / way, 0, 1)
     return np.sqrt(np.maximum(square[:-1] - share * (2 * back - share * way), 0)) / unit
 
@@ -294,7 +310,7 @@ def _on_polhode(ellipsoid: Ellipsoid, h: Array, phase: Array, half: Array, sense
     middle_square = np.clip((h - near_limit) / rise, 0, 1)
     far_square = rise / (far_limit - near_limit) * middle_square
     # 1 - k² of the elliptic functions, above 0 so that K is finite.
-    complement = np.clip((1 - middle_square) / (1 - far_square), 1e-300, 1)
+    complement = np.clip((1 - middle_square) / (1 - far_square), _TINY, 1)
     sn, cn, dn, _ = ellipj(phase * ellipkm1(complement), 1 - complement)
     along_pole = senses * np.sqrt(1 - far_square) * dn
     along_far = half * np.sqrt(far_square) * cn
@@ -319,7 +335,10 @@ def _carrying(z: Array, n: Array, angle: Array) -> Array:
 
 
 def run_alone(scene: Scene, starts: Array, times: Array, tolerance: float) -> tuple[Array, Array]:
-    """States, NaN where one failed, and statuses of form `hybrid`, one particle after another."""
+    """States of form `hybrid`, shape (m, n, d), NaN where one failed, and statuses, one particle after another.
+
+    `tolerance` is the error of L and E over I_max.
+    """
     problem = find_form("hybrid").problem(scene)
     states = np.full((len(times), *starts.shape), np.nan)
     statuses = np.empty(len(starts), dtype=object)

@@ -88,7 +88,7 @@ class Starts(Table):
         """Angular velocities in body axes, shape (n, 3), of matrices t_ij, shape (n, 3, 3)."""
         if self.motion == "rest":
             return np.zeros((len(rotation), 3))
-        # The first three numbers of a flow are half its vorticity, in space axes.
+        # The first three numbers of a flow are half its vorticity, in space axes: (0, 0, -½) in shear.
         if self.motion == "fluid" and flow is not None:
             spin = np.broadcast_to(np.array(flow[:3]).T, (len(rotation), 3))
             return np.einsum("nij,nj->ni", rotation, spin)
@@ -114,7 +114,7 @@ class Drawn:
     angular_velocity: np.ndarray
 
     def states(self, form: str, ellipsoid: Ellipsoid) -> np.ndarray:
-        """Starting states, shape (n, d), of a form without angles: what `Form.problem` makes of each, at once."""
+        """Starting states, shape (n, d), of a form without angles, by its name: what `Form.problem` makes of each."""
         q = self.quaternion
         omega = self.angular_velocity
         inertia = np.array(ellipsoid.inertia)
@@ -122,7 +122,8 @@ class Drawn:
             return q
         if form == "quaternion":
             return np.column_stack([q, omega])
-        # L in space axes; the other forms have it over I_max or over the equatorial moment of inertia.
+        # L in space axes; the averaged forms and `spheroid-axis` have it over I_max or over the equatorial
+        # moment of inertia.
         rotation = matrix_from_quaternion(q)
         momentum = np.einsum("nij,ni->nj", rotation, omega * inertia)
         if form == "averaged":

@@ -20,7 +20,7 @@ from polhode.harness.ensembles.statistics import (
 )
 from polhode.models.libraries import IMPORTS
 
-# Quantiles of the transient time that a row shows.
+# Quantiles of the transient time that a row shows: the median, and the first and the last tenth.
 _QUANTILES = (0.1, 0.5, 0.9)
 # Places of the squares of `SECOND` in `FOURTH`.
 _SQUARES = [FOURTH.index(tuple(sorted((*pair, *pair)))) for pair in SECOND]
@@ -36,7 +36,10 @@ class Estimate:
 
 
 def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Means that belong to the sums `name` ("second", "fourth", "rates", "slow"), and their standard errors."""
+    """Means that belong to the sums `name`, and their standard errors, both of the sums' shape.
+
+    `name` is "second", "fourth", "rates" or "slow". Without a finished particle they are NaN.
+    """
     sums = getattr(statistics, name)
     count = statistics.finished
     if count == 0:
@@ -53,7 +56,7 @@ def means(statistics: Statistics, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def fraction(count: int, of: int) -> Estimate:
-    """A fraction with its interval."""
+    """The fraction `count` of `of`, with its interval; None of no cases."""
     return Estimate(count / of if of else None, *wilson(count, of))
 
 
@@ -66,7 +69,10 @@ def arrived(statistics: Statistics, attractor: int) -> list[Estimate]:
 
 
 def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float) -> Estimate:
-    """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere."""
+    """Quantile of the time, in units of the inverse shear rate, after which a particle has arrived anywhere.
+
+    `share`, from 0 to 1, is that of the particles that have arrived by then.
+    """
     # Without assumption on the distribution: the interval lies between the order statistics whose
     # ranks bound a binomial variable (Conover, Practical Nonparametric Statistics, section 3.2).
     # Particles that have not arrived by the end count as later; times are known to one sample, and
@@ -87,6 +93,8 @@ def transient_quantile(ensemble: Ensemble, statistics: Statistics, share: float)
     with IMPORTS:
         from scipy.special import bdtrik
 
+    # `bdtrik` gives the number of arrivals, as a real number, that the binomial law of n particles exceeds
+    # with the other probability.
     low = ceil(bdtrik(tail, n, share))
     high = ceil(bdtrik(1 - tail, n, share)) + 1
     earliest = order_statistic(low) if low > 0 else 0.0

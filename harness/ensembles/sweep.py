@@ -117,7 +117,7 @@ class Tally(NamedTuple):
     """Counts of a run of a sweep."""
 
     finished: int  # tasks done by it
-    found: int  # tasks that the store held already
+    found: int  # tasks that the store held already, or another run added meanwhile
     failed: int
     message: str  # of the last failure
 
@@ -144,7 +144,8 @@ def run_sweep(
 ) -> Tally:
     """Run what the store does not hold yet; several runs may share it, at the same time too.
 
-    With `spread` the tasks are taken in random order, so that such runs seldom work on the same one.
+    A task that fails is counted, and tried again by the next run. With `spread` the tasks are taken in random
+    order, so that such runs seldom work on the same one.
     """
     finished = 0
     failed = 0
@@ -156,7 +157,7 @@ def run_sweep(
     with progress, closing(engine(perform, missing)) as outcomes:
         for outcome in outcomes:
             if outcome.value is None:
-                failed = failed + 1
+                failed += 1
                 message = outcome.message
             else:
                 store.put(outcome.task.key, outcome.task.content, outcome.value)
@@ -185,6 +186,7 @@ def surroundings(sweep: Sweep, store: Store) -> list[Record]:
     entries = dict[str, Record]()
     for record in store:
         if digest({name: record.get(name) for name in names}) in ensembles:
+            # An ISO date begins with the ten characters of the day.
             entry = {**surroundings_of(record), "date": record["date"][:10]}
             entries[dumps(entry)] = entry
     return [*entries.values()]

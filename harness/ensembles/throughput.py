@@ -43,8 +43,42 @@ SETTINGS = SimpleNamespace(
 SHAPES = {"1 : 0.8 : 0.5": Ellipsoid((1.0, 0.8, 0.5)), "1 : 1 : 2": Ellipsoid((1.0, 1.0, 2.0))}
 # Starts of all ensembles: |L| over I_max is 0.7, in any direction.
 _STARTS = Starts(motion="momentum-isotropic", angular_momentum=[0.0, 0.0, 0.7])
-# Seconds that the process may take whose memory is measured; an estimate.
+# Seconds that the process may take whose memory is measured. An estimate: it takes minutes.
 _LIMIT = 3600.0
+# Particles of each measurement. Estimates: enough to fill all lanes (16 particles at most) many times, and few
+# enough that `polhode throughput` takes minutes.
+_FULL_PARTICLES = 2048
+_PARTICLES = 20_000
+_MEMORY_PARTICLES = 100_000
+# Tasks into which the particles are divided whose memory is measured: it must not grow from task to task.
+_MEMORY_TASKS = 10
+_TWO_PROCESSES_PARTICLES = 400_000
+_TWO_PROCESSES_BLOCK = 20_000
+# Tolerance of Taylor's method that gives a run to rounding.
+_EXACT = 1e-15
+# The first tolerance of Taylor's method that is tried, over the target: by far the loosest that may do, since a
+# tolerance is of a step. An estimate.
+_LOOSEST_TAYLOR = 10
+# Tolerances that are tried, each power of ten in eight parts, and so many in all, which is six powers of ten.
+# Estimates: finer steps find a rate a few per cent higher.
+_TOLERANCES_PER_DECADE = 8
+_TOLERANCES = 48
+# Long runs: times at which errors are looked at, t₂ at the end, and the requested error over that of the full
+# equations that show it.
+_LONG_SAMPLES = 51
+_LONG_SLOW_TIME = 0.5
+_LONG_ERROR_OVER_EXACT = 1000
+# Parts in which samples of all particles are held: as in a task, not all at once.
+_PARTS = 5
+# Share of the time that may be spent waiting for a steady machine (`polhode.harness.common.timing.Patience`).
+_WAITING_SHARE = 0.5
+# Share of the turns that reach the rate called "slower".
+_MOST_TURNS = 0.75
+# Share of the particles whose error a row bounds, beside the median.
+_NEARLY_ALL = 0.99
+# Seeds of phases that are drawn, of starts, and of starts that are only timed: any do.
+_SEED = 1
+_TIMED_SEED = 2
 T = TypeVar("T")
 
 
@@ -93,7 +127,7 @@ def measure(quiet: bool = False) -> dict[str, Any]:
 
 
 def full_throughput(
-    name: str, shape: Ellipsoid, target: float, particles: int = 2048
+    name: str, shape: Ellipsoid, target: float, particles: int = _FULL_PARTICLES
 ) -> dict[str, Any]:
     """Particles per second by Taylor's lanes and by equal steps, at most `target` off at the end in every particle.
 
@@ -112,7 +146,7 @@ def full_throughput(
         return run(problem, starts, times, tolerance, chosen)[0][-1]
 
     # Ends of the particles to rounding, from which errors of the whole state are taken.
-    exact = taylor(1e-15)
+    exact = taylor(_EXACT)
 
     def errors(ends: np.ndarray) -> np.ndarray:
         return np.max(np.abs(ends - exact), axis=1)
@@ -128,7 +162,9 @@ def full_throughput(
 
     # The loosest tolerance of each method by which no particle errs by more than `target`.
     taylor_tolerance = next(
-        candidate for candidate in _below(10 * target) if errors(taylor(candidate)).max() <= target
+        candidate
+        for candidate in _below(_LOOSEST_TAYLOR * target)
+        if errors(taylor(candidate)).max() <= target
     )
     tolerance, (chosen, plan_seconds) = next(
         (candidate, planned) for candidate in _below(target) if (planned := choose(candidate))
@@ -156,28 +192,31 @@ def full_throughput(
 
 
 def _below(largest: float) -> list[float]:
-    """Tolerances from the largest one down, eight for each of six powers of ten."""
-    return [largest * 10 ** (-k / 8) for k in range(48)]
+    """Tolerances from the largest one down, equally spaced in their logarithm."""
+    return [largest * 10 ** (-k / _TOLERANCES_PER_DECADE) for k in range(_TOLERANCES)]
 
 
 def long_runs(
-    particles: int = 20_000, known: int = SETTINGS.long_known
+    particles: int = _PARTICLES, known: int = SETTINGS.long_known
 ) -> Iterator[dict[str, Any]]:
     """Averaged and hybrid equations at St = 10⁶ to t₂ = 0.5: particles per second, and errors in L and E of some.
 
     `known` particles run by full equations too, which gives their errors. t₂ is the time over St.
     """
     shape = SHAPES["1 : 0.8 : 0.5"]
-    samples = 51
-    random = np.random.default_rng(1)
+    samples = _LONG_SAMPLES
+    random = np.random.default_rng(_SEED)
     hybrid = replace(
         _ensemble(shape, "hybrid", particles), tolerance=SETTINGS.long_error, samples=samples
     )
-    hybrid = replace(hybrid, stokes=SETTINGS.long_stokes, time=0.5 * SETTINGS.long_stokes)
+    hybrid = replace(
+        hybrid, stokes=SETTINGS.long_stokes, time=_LONG_SLOW_TIME * SETTINGS.long_stokes
+    )
     scene = hybrid.any_scene
     full = find_form(hybrid.form)
     times = np.linspace(0.0, scene.time, samples)
-    states, _ = run_full(scene, _starts(hybrid, known), times, SETTINGS.long_error / 1000)
+    full_error = SETTINGS.long_error / _LONG_ERROR_OVER_EXACT
+    states, _ = run_full(scene, _starts(hybrid, known), times, full_error)
     exact = full.observe(scene, states.reshape(samples * known, -1)).slow.reshape(samples, known, 4)
     for ensemble in (
         replace(hybrid, equations="averaged", tolerance=hybrid.tolerance / ERROR_OVER_TOLERANCE),
@@ -185,7 +224,7 @@ def long_runs(
     ):
         form = find_form(ensemble.form)
         starts = _starts(ensemble, known)
-        many = _starts(ensemble, particles, seed=2)
+        many = _starts(ensemble, particles, seed=_TIMED_SEED)
         times = np.linspace(0.0, ensemble.problem.end, samples)
         began = process_time()
         states, _ = ensemble.states(starts, times, random)
@@ -208,19 +247,21 @@ def long_runs(
         }
 
 
-def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> dict[str, Any]:
-    """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record."""
-    # With the end alone, with 101 samples, and in whole tasks, statistics at 101 samples and 11
-    # snapshots included.
+def ensemble_throughput(name: str, equations: Any, particles: int = _PARTICLES) -> dict[str, Any]:
+    """Particles per second by how much is kept of them, the error of their ends, and the bytes of a task's record.
+
+    The keys `end_…` are of the end alone, `sampled_…` of an ensemble's samples, the others of whole tasks, their
+    statistics included.
+    """
     ensemble = _ensemble(SHAPES[name], equations, particles)
     problem = ensemble.problem
     starts = _starts(ensemble, particles)
     two = np.array([0.0, problem.end])
-    samples = np.linspace(0.0, problem.end, 101)
-    random = np.random.default_rng(1)
+    samples = np.linspace(0.0, problem.end, Ensemble.samples)
+    random = np.random.default_rng(_SEED)
     (end, (states, _)), (sampled, _), (task, record) = _alternate(
         lambda: ensemble.states(starts, two, random),
-        lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, 5)],
+        lambda: [ensemble.states(part, samples, random) for part in np.array_split(starts, _PARTS)],
         lambda: run_task(Task(ensemble, 0)),
         rounds=SETTINGS.few_rounds,
     )
@@ -240,14 +281,16 @@ def ensemble_throughput(name: str, equations: Any, particles: int = 20_000) -> d
         "per_second": particles / min(task),
         "slower_per_second": _of_most_turns(task, particles),
         "median_error": float(np.median(error)),
-        "error_of_99_percent": float(np.quantile(error, 0.99)),
+        "error_of_99_percent": float(np.quantile(error, _NEARLY_ALL)),
         "record_bytes": len(json.dumps(record)),
     }
 
 
-def memory(particles: int = 100_000) -> dict[str, Any]:
-    """Largest memory of a process that runs 10⁵ particles of the full equations, in ten tasks."""
-    ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // 10)
+def memory(particles: int = _MEMORY_PARTICLES) -> dict[str, Any]:
+    """Largest memory, in bytes, of a process that runs particles of the full equations in `_MEMORY_TASKS` tasks."""
+    ensemble = replace(
+        _ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=particles // _MEMORY_TASKS
+    )
     with Worker() as worker:
         reply = worker.run(_run_all, ensemble, limit=_LIMIT)
     return {
@@ -268,8 +311,9 @@ def _run_all(ensemble: Ensemble) -> int:
 
 
 def overhead() -> Iterator[dict[str, Any]]:
-    """Time that engines add to tasks of a second, without the start of processes."""
+    """Time that engines add to tasks of a second, over their time, without the start of processes."""
     for name, engine in (("serial", serial), ("one process", partial(processes, 1))):
+        # The time from the first task's end on: the first one starts the process.
         arrivals = [perf_counter() for _ in engine(_busy, range(SETTINGS.tasks + 1))]
         seconds = (arrivals[-1] - arrivals[0]) / SETTINGS.tasks
         yield {
@@ -286,9 +330,10 @@ def _busy(_: int) -> None:
         pass
 
 
-def two_processes(particles: int = 400_000) -> dict[str, Any]:
+def two_processes(particles: int = _TWO_PROCESSES_PARTICLES) -> dict[str, Any]:
     """Wall time of the same tasks by one process and by two, both warm: from the first task's end on."""
-    ensemble = replace(_ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles), block=20_000)
+    ensemble = _ensemble(SHAPES["1 : 0.8 : 0.5"], "full", particles)
+    ensemble = replace(ensemble, block=_TWO_PROCESSES_BLOCK)
     one = _warm_seconds(1, ensemble)
     two = _warm_seconds(2, ensemble)
     return {"particles": particles, "one_seconds": one, "two_seconds": two, "ratio": one / two}
@@ -323,7 +368,7 @@ def _ensemble(shape: Ellipsoid, equations: Any, particles: int) -> Ensemble:
     )
 
 
-def _starts(ensemble: Ensemble, particles: int, seed: int = 1) -> np.ndarray:
+def _starts(ensemble: Ensemble, particles: int, seed: int = _SEED) -> np.ndarray:
     """Starting states of particles in the ensemble's form, shape (n, d)."""
     drawn = _STARTS.draw(ensemble.ellipsoid, np.random.SeedSequence(seed), particles)
     return drawn.states(ensemble.form, ensemble.ellipsoid)
@@ -332,20 +377,23 @@ def _starts(ensemble: Ensemble, particles: int, seed: int = 1) -> np.ndarray:
 def _alternate(
     *functions: Callable[[], Any], rounds: int | None = None
 ) -> list[tuple[list[float], Any]]:
-    """Processor times of each of several functions in turns, after a first run of each, and what it returned."""
+    """Processor times of each of several functions in turns, in seconds, and what its first run returned.
+
+    The first run, which compiles, is not timed.
+    """
     results = [function() for function in functions]
     times: list[list[float]] = [[] for _ in functions]
-    patience = Patience(sentinel, share=0.5)
+    patience = Patience(sentinel, share=_WAITING_SHARE)
     with collector_off():
         for _ in range(rounds or SETTINGS.rounds):
-            for own, function in zip(times, functions, strict=True):
+            for function_times, function in zip(times, functions, strict=True):
                 patience.steady()
                 began = process_time()
                 function()
-                own.append(process_time() - began)
+                function_times.append(process_time() - began)
     return list(zip(times, results, strict=True))
 
 
 def _of_most_turns(times: list[float], particles: int) -> float:
-    """Particles per second that three turns in four reach."""
-    return particles / float(np.quantile(times, 0.75))
+    """Particles per second that three turns in four reach (`_MOST_TURNS`)."""
+    return particles / float(np.quantile(times, _MOST_TURNS))
