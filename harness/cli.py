@@ -127,6 +127,7 @@ class _Command(click.Command):
     """A command whose complaints say how it is called."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click's; a complaint knows its command."""
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as error:
@@ -139,9 +140,11 @@ class _Commands(click.Group):
     """Commands that are imported when they are called, so that `polhode --help` stays fast."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands, none of which is imported."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of a name, imported now; None if there is none."""
         if cmd_name not in COMMANDS:
             return None
         module = import_module(f"polhode.harness.commands.{COMMANDS[cmd_name].module}")
@@ -150,6 +153,7 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[Any, click.Command | None, list[str]]:
+        """Name, command and its arguments, by a former name too; BadInput for an unknown name."""
         name = FORMER.get(args[0], args[0])
         if name != args[0] and not ctx.resilient_parsing:
             click.echo(
@@ -163,6 +167,7 @@ class _Commands(click.Group):
         return super().resolve_command(ctx, [name, *args[1:]])
 
     def invoke(self, ctx: click.Context) -> object:
+        """Run the command; a missing library and Ctrl-C become RunFailed."""
         try:
             return super().invoke(ctx)
         except MissingLibraryError as error:
@@ -177,6 +182,7 @@ class _Commands(click.Group):
             raise RunFailed("interrupted") from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands in their groups."""
         for title, group in GROUPS.items():
             with formatter.section(title):
                 formatter.write_dl([(words.name, words.summary) for words in group.values()])

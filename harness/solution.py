@@ -50,8 +50,8 @@ class SceneSolution(LikeSolveIvp):
     """The motion of a scene, finished or not; it pickles.
 
     Called with times, a number or an array in units of the inverse shear rate, it gives the motion
-    there: again a `SceneSolution`, integrated from the row before each time by the solver, at the
-    tolerance, of the run, so that it is as accurate as the rows. It has the names of `solve_ivp`'s
+    there, again a `SceneSolution`. The run's solver integrates from the row before each time at the
+    run's tolerance: this motion is as accurate as the rows. A solution has the names of `solve_ivp`'s
     result too: `t`, `y` (the form's own state, shape (d, n)), `sol`, `nfev`, `njev`, `status`,
     `message`, `success`.
 

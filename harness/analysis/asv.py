@@ -23,8 +23,11 @@ _VERSION = 2  # Version of asv's format of results, and of benchmarks.json.
 _MACHINE_VERSION = 1  # Version of asv's format of machine.json.
 # Version of each benchmark: asv compares only results of one version.
 _BENCHMARK_VERSION = "1"
-# Seconds after which asv stops a benchmark that it runs itself. It runs none of these.
+# Seconds after which asv stops a benchmark that it runs itself, its own default. It runs none of these.
 _TIMEOUT = 60.0
+# Digits of a commit with which the name of a run's file begins, as in asv's own.
+_COMMIT_DIGITS = 8
+_MILLISECONDS = 1000  # In a second.
 # Series that asv shows of the suite, by name: the column of a record, and asv's kind and unit.
 _SERIES = {"time_solve": ("seconds", "time", "seconds"), "track_error": ("slow_error", "track", "")}
 # asv's names for the values in a benchmark's list, in their order.
@@ -85,13 +88,15 @@ def write_asv(path: Path, folder: Path) -> Path:
     make_folder(node_folder)
     _write(node_folder / "machine.json", {**machine, "version": _MACHINE_VERSION})
     _write(folder / "benchmarks.json", _benchmarks(folder / "benchmarks.json", tables))
-    return _write(node_folder / f"{commit[:8]}-{environment}.json", run)
+    return _write(node_folder / f"{commit[:_COMMIT_DIGITS]}-{environment}.json", run)
 
 
 def _commit(path: Path, contents: Any) -> str:
     """The commit of the run; ValueError, in one line, if the file names none."""
     commit = contents.get("commit_info", {}).get("id")
-    if isinstance(commit, str) and re.fullmatch(r"[0-9a-f]{8,64}", commit):
+    # A whole SHA-256 has 64 digits.
+    pattern = rf"[0-9a-f]{{{_COMMIT_DIGITS},64}}"
+    if isinstance(commit, str) and re.fullmatch(pattern, commit):
         return commit
     raise ValueError(f"{path}: got commit {commit!r}, expected the JSON of a run in a clone")
 
@@ -99,7 +104,7 @@ def _commit(path: Path, contents: Any) -> str:
 def _date(contents: Any) -> int:
     """The commit's time, or else the run's, as asv dates results: milliseconds since 1970."""
     moment = contents["commit_info"].get("time") or contents["datetime"]
-    return int(1000 * datetime.fromisoformat(moment).timestamp())
+    return int(_MILLISECONDS * datetime.fromisoformat(moment).timestamp())
 
 
 def _machine(node: str, machine: Mapping[str, Any]) -> dict[str, str]:

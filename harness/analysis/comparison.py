@@ -33,9 +33,10 @@ _IDENTITY = [
     "backend",
     "jacobian",
 ]
-# Errors up to this one do not count, however well the reference is known: they are rounding.
+# Errors up to this one, over I_max or in rad, do not count, however well the reference is known: they are
+# rounding. An estimate: some hundred roundings of a double.
 _LEAST_ERROR = 1e-13
-# Seconds: a smaller change in time is the clock's. An estimate.
+# Seconds: a smaller change in time is the clock's and the call's. An estimate.
 _LEAST_SECONDS = 2e-5
 # Columns of errors, with the words for a regression of each.
 _ERRORS = {"slow_error": "error of L and E", "orientation_error": "orientation error"}
@@ -49,8 +50,8 @@ class Comparison:
     """Numbers of cases that two runs share or have alone, and the cases that got worse.
 
     `drift` says how many times as long the second run's machine takes. On the same machine that is
-    the ratio of the sentinel's times; on another machine or Python, where the sentinel does not
-    compare, the median ratio of the cases' times, and 1 if fewer than `_MIN_MACHINE_CASES` are
+    the ratio of the sentinel's times. On another machine or Python the sentinel does not compare:
+    there it is the median ratio of the cases' times, or 1 if fewer than `_MIN_MACHINE_CASES` are
     shared.
     """
 

@@ -49,6 +49,8 @@ _OF_SUCCESSES = (
     "orientation_uncertainty",
     "seconds",
 )
+# Digits of numbers in `runs.csv`: times and errors are known to fewer.
+_CSV_NUMBER = "%.7g"
 # pandas before 3 reads a number to its last bit only if it is told to. Later ones warn of being
 # told.
 _PANDAS = int(pd.__version__.partition(".")[0])
@@ -137,4 +139,4 @@ def by_stokes(table: pd.DataFrame) -> list[tuple[float, pd.DataFrame]]:
 def write_runs(table: pd.DataFrame, folder: Path) -> None:
     """Write every run as a line of `runs.csv`."""
     runs = table[[column for column in RUN_COLUMNS if column in table]]
-    write_file(folder / "runs.csv", runs.to_csv(index=False, float_format="%.7g"), summed=True)
+    write_file(folder / "runs.csv", runs.to_csv(index=False, float_format=_CSV_NUMBER), summed=True)

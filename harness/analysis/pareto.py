@@ -28,7 +28,8 @@ from polhode.solvers.contract import Status
 Side = Literal["implicit", "explicit", "tailored", "averaged"]
 # The family of the tailored solvers.
 _TAILORED_FAMILY = "polhode"
-# Errors of a page's tables of winners, from the loosest to the tightest.
+# Errors of a page's tables of winners, from the loosest to the tightest: where averaging may win, each power
+# of ten, below that every second one.
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
 # A time within this factor of the fastest ties with it. Noise of the machine makes two thirds of
 # the 15 %.
@@ -36,7 +37,8 @@ TIE = 1.15
 # A run counts on the front of all methods only if it lowers the error by this factor: less may be
 # rounding. An estimate.
 LEAST_GAIN = 2.0
-# Shares of the values below the three quantiles that `cost_over_stokes` gives.
+# Shares of the values below the three quantiles that `cost_over_stokes` gives: the median, and what 90 % of the
+# values lie between.
 _QUANTILES = (0.05, 0.5, 0.95)
 
 
@@ -178,8 +180,8 @@ def cheapest(
     """The fastest run of one scene whose error is at most `target`, and the methods that tie.
 
     None if no run meets the error. A method ties by a run that meets the error and takes little
-    longer than the fastest: by no more than `TIE` allows, or than repeats of one of the two runs
-    vary.
+    longer than the fastest. Little is what `TIE` allows, or what repeats of one of the two runs vary
+    by, whichever is more.
     """
     reached = runs["status"] == Status.REACHED_END
     good = where(runs, reached & (runs[error] <= target) & runs["seconds"].notna()).sort_values(

@@ -25,10 +25,11 @@ from polhode.harness.analysis.pareto import (
 from polhode.harness.references.uncertainty import known
 from polhode.solvers.contract import Status
 
-# Errors of the regime map, from the loosest to the tightest.
+# Errors of the regime map, each power of ten from the loosest to the tightest: 0.01 is the coarsest that is
+# asked for, and below 1e-12 rounding decides.
 MAP_TARGETS = tuple(float(f"1e-{exponent}") for exponent in range(2, 13))
-# The map has no runs of averaged equations over more slow time than this: transients are over long
-# before.
+# The map has no runs of averaged equations over more slow time, t/St, than this: transients, which decay within
+# a few units of it, are over long before. An estimate.
 LONGEST_SLOW_TIME = 100.0
 
 

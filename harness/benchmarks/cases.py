@@ -45,10 +45,10 @@ _RELAXATION_TIMES = 2000.0
 # long runs, two unlike methods in double precision confirm each other.
 _REFERENCE_SECONDS = 60.0
 # For `--polhode-errors`: the loosest of these tolerances that meets a requested error is sought.
-# Rounding leaves no use for a tighter one.
+# Rounding leaves no use for a tighter one, and 0.01 is looser than anybody asks.
 _TOLERANCES = tuple(float(f"1e-{exponent}") for exponent in range(2, 14))
 # For `--polhode-quick`: a loose, a middle and a tight tolerance, and the time limit of a run, in
-# seconds. With them the quick suite takes some ten seconds.
+# seconds. With them, which are estimates, the quick suite takes some ten seconds.
 _QUICK_TOLERANCES = (1e-3, 1e-7, 1e-11)
 _QUICK_SECONDS = 0.02
 # Name of a row whose runs reach their end, none of them with the requested error.
@@ -166,7 +166,7 @@ class Suite:
         return case, record, failure(record)
 
     def _loosest_to_meet(self, cases: list[Case], error: float) -> tuple[Case, Record, str]:
-        """The same for a requested error; if no case meets it, the case with the least error."""
+        """What `choose` returns, for a requested error: the loosest case that meets it, else the most accurate one."""
         best = cases[0]
         for case in cases:
             record = examine(case, cases)

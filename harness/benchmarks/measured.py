@@ -102,6 +102,7 @@ class Counts:
         }
 
     def _read(self) -> dict[str, dict[str, int]]:
+        """The stored counts by test and name; empty where no file is."""
         if not self.path.exists():
             return {}
         return json.loads(self.path.read_text(encoding="utf-8"))

@@ -95,14 +95,17 @@ def _words(text: str) -> list[str]:
 
 
 def _stokes(text: str) -> list[float]:
+    """St of an option, separated by commas: 0 and inf are among those allowed."""
     return _numbers(text, "numbers from 0 on", lambda number: number >= 0)
 
 
 def _errors(text: str) -> list[float]:
+    """Requested errors of an option, separated by commas."""
     return _numbers(text, "positive numbers", lambda number: isfinite(number) and number > 0)
 
 
 def _numbers(text: str, expected: str, valid: Callable[[float], bool]) -> list[float]:
+    """Valid numbers, separated by commas; ArgumentTypeError, which says what was expected, by others."""
     try:
         numbers = [float(word) for word in text.split(",")]
     except ValueError:

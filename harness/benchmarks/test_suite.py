@@ -16,13 +16,15 @@ from polhode.harness.common.timing import Patience, sentinel
 from polhode.solvers.contract import Status
 
 # A case is run at least once, then repeated.
-_MAX_ROUNDS = 10  # Runs at most; an estimate.
-_ROUNDS_SECONDS = 0.1  # Wall time of all runs together, about; an estimate.
+# Runs at most. An estimate: the least of ten is seldom disturbed.
+_MAX_ROUNDS = 10
+# Wall time of all runs together, about. An estimate: the suite has hundreds of rows.
+_ROUNDS_SECONDS = 0.1
 # A shorter run, in seconds, is slow when the processor's caches hold something else: another run
-# goes before it.
+# goes before it. An estimate.
 _SHORT_SECONDS = 0.01
 # Slow moments of the machine are waited out before every row, for this share of the suite's time at
-# most. The sentinel, a fixed piece of arithmetic, shows them.
+# most, an estimate. The sentinel, a fixed piece of arithmetic, shows them.
 _PATIENCE = Patience(sentinel, share=0.1)
 _SUITE = pytest.StashKey[Suite]()
 

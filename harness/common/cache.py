@@ -63,4 +63,5 @@ def path_of(key: str) -> Path:
 
 
 def _checksum(key: str, payload: bytes) -> bytes:
+    """The SHA-256 of key and content, as hexadecimal digits."""
     return hashlib.sha256(key.encode() + payload).hexdigest().encode()

@@ -229,6 +229,7 @@ def _place(record: Mapping[str, Any]) -> str:
 
 
 def _maker(record: Mapping[str, Any]) -> Maker:
+    """Version, commit and code of a record."""
     version = record.get("versions", {}).get("polhode") or ""
     return Maker(version, record.get("commit") or "", record.get("code") or "")
 

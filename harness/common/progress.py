@@ -56,6 +56,7 @@ def expectation(done: float, seconds: float) -> str:
 
 
 def _is_terminal(stream: IO[str] | None) -> bool:
+    """Whether a stream is an open terminal."""
     # A stream may be closed already (ValueError), or be no file (AttributeError).
     with suppress(AttributeError, ValueError):
         return stream is not None and stream.isatty()
@@ -238,6 +239,7 @@ class Steps:
         return words if len(words) <= room else words[: room - 1] + "…"
 
     def _line(self, words: str) -> None:
+        """Write a whole line."""
         # Who listens may have gone.
         with suppress(OSError, ValueError):
             print(words, file=self._stream, flush=True)

@@ -20,8 +20,8 @@ class _Forgiving(io.FileIO):
 def prepare_streams() -> None:
     """Make standard streams safe to use; a program calls it before it opens anything.
 
-    1. A number from 0 to 2 that is closed is taken, lest a file that is opened later get it and
-       what is meant for a stream be written there.
+    1. A number from 0 to 2 that is closed is taken. Otherwise a file that is opened later would get
+       the number, and what is meant for a stream would be written there.
     2. A closed standard output is one that cannot be written: OSError, as on a full disk.
     3. Messages on standard error that nobody hears are dropped: they are no result.
     """
@@ -50,6 +50,7 @@ def forget_output() -> None:
 
 
 def _is_open(number: int) -> bool:
+    """Whether the process has an open file of that number."""
     try:
         os.fstat(number)
     except OSError:

@@ -187,6 +187,7 @@ class Patience:
         return sentinel > BUSY * self._quickest
 
     def _look(self) -> float:
+        """The sentinel's time now, remembered if it is the quickest so far."""
         sentinel = self.look()
         self._quickest = min(self._quickest, sentinel)
         return sentinel

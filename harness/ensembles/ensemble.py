@@ -186,8 +186,8 @@ class Ensemble:
     @cached_property
     def layout(self) -> Layout:
         """The counted quantities and their bins."""
-        # All axes of a triaxial body, in the order of their lengths; of a spheroid its symmetry axis;
-        # of a sphere the third one; none where averaged equations leave the orientation open.
+        # All axes of a triaxial body count, in the order of their lengths; of a spheroid its symmetry
+        # axis; of a sphere the third one. Averaged equations leave the orientation open: none counts.
         shape = self.ellipsoid
         start_momentum = self.starts.angular_momentum
         if self.equations == "averaged":

@@ -56,8 +56,8 @@ _MAX_MISSED_SHARE = 0.025
 # Full equations last until |L| is this multiple of the least one that may be averaged. An estimate: without
 # it a particle near the limit would go to and fro.
 _CLEAR = 1.25
-# Longest time, in inverse shear rates, for which full equations in lanes stand in for form
-# `hybrid`: by trial, one run of that form takes as long as they take to get there.
+# Longest time, in inverse shear rates, for which full equations in lanes stand in for form `hybrid`. By
+# trial, full equations take as long to get there as one run of that form.
 FULL = 3e5
 # The allowed error of the whole state over the allowed error of L and E. By trial errors have a ratio of
 # thousands, as the phases add up the errors of L: 100 is on the safe side.

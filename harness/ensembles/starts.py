@@ -45,6 +45,7 @@ class Starts(Table):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        """The table, if orientation, motion and angular momentum go together."""
         q = self.orientation
         momentum = self.angular_momentum
         needs_momentum = self.motion.startswith("momentum")

@@ -30,16 +30,25 @@ from polhode.solvers.solve import INVARIANT_FLOOR, INVARIANT_TOLERANCES, Solutio
 
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _CASE_SCHEMA = 2
-# A run of fewer steps than one per this many rotations cannot be right; an estimate.
+# A run of fewer steps than one per this many rotations cannot be right. An estimate: far below the steps
+# of any method that follows rotations.
 _ROTATIONS_PER_STEP = 20.0
 # Below this St a stiff method may well step over rotations that the particle no longer makes by
-# itself, as damping stops them at once. The limit is an estimate.
+# itself, as damping stops them at once. The limit is an estimate: at St = 1 damping takes about as long as a
+# rotation.
 _OSCILLATORY_FROM = 1.0
+# Part of a case's time in which a run takes a step or two: nearly all that it takes is compilation. An estimate.
+_MOMENT = 1e-9
+# Cases that one worker process remembers as compiled: a batch has fewer.
+_REMEMBERED_CASES = 100
 
 
 @dataclass(frozen=True)
 class Case:
-    """One thing to measure: errors at equispaced samples, and the time of a run, which is limited."""
+    """One thing to measure: errors at equispaced samples, and the time of a run.
+
+    `samples` counts the times, start and end included; `max_seconds` is the time limit of the run.
+    """
 
     scene_name: str
     scene: Scene
@@ -48,23 +57,23 @@ class Case:
     tolerance: float
     samples: int
     max_seconds: float
-    backend: Backend | None = None  # the solver's first one by default, and the first Jacobian
+    # By default the solver's first back end and first Jacobian.
+    backend: Backend | None = None
     jacobian: Jacobian | None = None
-    tags: tuple[str, ...] = field(
-        default=(), compare=False
-    )  # the scene's in its study; no part of the question
-    reference_seconds: float = field(default=inf, compare=False)  # that it may take
-    counted: bool = field(
-        default=True, compare=False
-    )  # whether the first run counts right-hand sides, which is slow
+    # The three below are not compared, as they change no result: tags of the scene in its study,
+    tags: tuple[str, ...] = field(default=(), compare=False)
+    # seconds that the reference may take,
+    reference_seconds: float = field(default=inf, compare=False)
+    # and whether the first run counts right-hand sides, which is slow.
+    counted: bool = field(default=True, compare=False)
 
     @property
     def content(self) -> Record:
         """The case as plain data, types coerced, with the schema and the versions it depends on."""
         method = find_solver(self.solver)
         packages = ["polhode", method.package]
-        # SUNDIALS runs in machine code or by Python's callbacks, as its C libraries are found: two
-        # measurements.
+        # SUNDIALS runs in machine code where its C libraries are found, else by Python's callbacks. The
+        # two are different measurements, which the version of llvmlite tells apart.
         if method.backends[:-1] and self.backend in (None, "compiled"):
             packages += ["llvmlite"] * (
                 "compiled" in method.backends and not method.lacks("compiled")
@@ -88,7 +97,10 @@ class Case:
 
     @cached_property
     def problem(self) -> Problem:
-        """The scene's initial value problem in the case's form, with the least number of steps it can take."""
+        """The scene's initial value problem in the case's form, with the least number of steps of a right run.
+
+        Methods that average over rotations, or step over many periods, have no such number.
+        """
         form = find_form(self.form)
         problem = form.problem(self.scene)
         averages = form.averaged or problem.next_segment or find_solver(self.solver).many_periods
@@ -100,7 +112,7 @@ class Case:
 
     @cached_property
     def times(self) -> np.ndarray:
-        """Sample times in the problem's own time."""
+        """Sample times in the problem's own time, shape (samples,)."""
         return np.linspace(0.0, self.problem.end, self.samples)
 
     def solve(self, *, count: bool = False, max_seconds: float | None = None) -> Solution:
@@ -118,7 +130,10 @@ class Case:
 
 
 def attempt(case: Case) -> tuple[Record, np.ndarray]:
-    """Compile, and run once: the record so far, and the states; a run that other work cut short is "disturbed"."""
+    """Compile, and run once: the record so far, and the states, shape (n, d), of the n samples reached.
+
+    The record of a run that other work cut short is "disturbed".
+    """
     prepare_seconds = prepared(case)
     solution, disturbed = within(
         case.max_seconds,
@@ -195,16 +210,16 @@ def judge(case: Case, record: Record, states: np.ndarray) -> Record:
 
 
 def time_once(case: Case) -> tuple[float, float]:
-    """Wall time, in seconds, and that without waiting for others, of one warm run of a case, prepared if need be."""
+    """Wall time, in seconds, of one warm run of a case, and the part of it without waiting for other work."""
     prepared(case)
     _ = case.times
-    # The first run reached its end: cut by its limit, another one would seem faster.
+    # Without a limit: the first run reached its end, and one that a limit cuts short would seem faster.
     seconds, _, had = with_processor(lambda: seconds_of(lambda: case.solve(max_seconds=inf)))
     return seconds, had
 
 
 def _broken_balance(total: Errors, tolerance: float) -> Record:
-    """The status of a run whose energy does not follow from the torque's work, whatever its solver claims."""
+    """The status of a run whose energy does not follow from the work of the torque; empty if it does."""
     allowed = max(INVARIANT_FLOOR, INVARIANT_TOLERANCES * tolerance)
     if total.balance is None or total.balance <= allowed:
         return {}
@@ -212,12 +227,11 @@ def _broken_balance(total: Errors, tolerance: float) -> Record:
     return {"status": str(Status.FALSE_SUCCESS), "message": message}
 
 
-@lru_cache(100)
+@lru_cache(_REMEMBERED_CASES)
 def prepared(case: Case) -> float:
     """Wall time of a run over next to no time, once in a process: compilation, unless others did that before."""
     find_solver(case.solver).load()
-    # So short a run takes a step or two: nearly all of its time is compilation.
-    moment = replace(case.problem, end=case.problem.end * 1e-9, least_steps=0)
+    moment = replace(case.problem, end=case.problem.end * _MOMENT, least_steps=0)
     began = perf_counter()
     solve(moment, case.solver, case.tolerance, backend=case.backend, jacobian=case.jacobian)
     return perf_counter() - began
@@ -231,7 +245,11 @@ def _parted(
     full: Reference,
     exact: Reference | None,
 ) -> Record:
-    """The solver's error and the model's: all is the solver's if the form is a full one, both open if `exact` is."""
+    """The solver's error and the model's, under their columns' names.
+
+    `full` is the reference of the full equations, `exact` that of the form. The whole error is the solver's if they
+    are the same; both are None if `exact` is.
+    """
     names = (
         "solver_slow_error",
         "solver_orientation_error",

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from polhode.harness import DEFAULT_SAMPLES
 from polhode.harness.common.progress import in_steps
 from polhode.harness.common.timing import seconds_of
 from polhode.harness.common.worker import Worker
@@ -35,19 +36,33 @@ from polhode.solvers.contract import Backend
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
-# Seconds that the calls of a measurement take at least, far above the clock's steps.
+# Seconds that the calls of a measurement take at least. An estimate: far above the clock's steps, far below a
+# second.
 _ENOUGH = 2e-3
-_ROUNDS = 5  # Measurements of which the best counts.
-STARTS = 5  # Starts of Python of which the fastest counts.
-_LIMIT = 60.0  # Seconds that a first run may take; an estimate.
-_TOLERANCE = 1e-8  # Of first runs.
+# Factor from one number of calls to the next, until they take that long: a power of two near the usual rounds.
+_MORE_CALLS = 4
+# Measurements of which the best counts, and starts of Python of which the fastest counts. Estimates: what
+# disturbs a run can only lengthen it, and seldom disturbs five in a row.
+_ROUNDS = 5
+STARTS = 5
+# Seconds that a first run may take. An estimate: import and compilation take seconds.
+_LIMIT = 60.0
+# Tolerance of the runs: a middle one of those in the studies.
+_TOLERANCE = 1e-8
+# Most that `solve` may take beyond a bare call: a share of the bare call, or these seconds if that is more.
+# A goal (`Overhead.allowed`); the page of reports/solvers tells who keeps it.
+_ALLOWED_SHARE = 0.05
+_ALLOWED_SECONDS = 50e-6
 # Part of a scene's time whose run shows what a first one takes more: so short that the integration
 # costs nothing beside import and compilation.
 _BEGINNING = 1e-6
 
 
 def rhs_seconds(problem: Problem, backend: Backend) -> float:
-    """Wall time of one right-hand side as solvers call it: from machine code if "compiled", else from Python."""
+    """Wall time, in seconds, of one right-hand side as solvers call it.
+
+    The back end "compiled" calls it from machine code, the others from Python.
+    """
     y = np.array(problem.start)
     parameters = parameter_array(problem)
     out = np.empty_like(y)
@@ -68,7 +83,7 @@ def rhs_seconds(problem: Problem, backend: Backend) -> float:
     calls = 1
     best = 0.0
     while best < _ENOUGH:
-        calls *= 4
+        calls *= _MORE_CALLS
         best = seconds_of(partial(run, calls))
     return min(best, *(seconds_of(partial(run, calls)) for _ in range(_ROUNDS - 1))) / calls
 
@@ -159,7 +174,7 @@ def _fresh(problem: Problem, solver: str, folder: str) -> FirstRun | None:
 
 
 def startup_seconds() -> float:
-    """Wall time of `polhode --help` in a process of its own: the minimum of some starts."""
+    """Wall time, in seconds, of `polhode --help` in a process of its own: the least of `STARTS`."""
     code = "from polhode.harness.cli import main; main(['--help'])"
     start = partial(
         subprocess.run, [sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL
@@ -183,7 +198,7 @@ class Overhead:
     @property
     def allowed(self) -> bool:
         """Whether that is at most 5 % of the bare call, or 50 µs if that is more."""
-        return self.seconds <= max(0.05 * self.bare, 50e-6)
+        return self.seconds <= max(_ALLOWED_SHARE * self.bare, _ALLOWED_SECONDS)
 
 
 def paper_problem() -> Problem:
@@ -193,13 +208,16 @@ def paper_problem() -> Problem:
 
 def measure(
     problem: Problem,
-    tolerance: float = 1e-8,
+    tolerance: float = _TOLERANCE,
     solvers: tuple[str, ...] = tuple(name for name in SOLVERS if name != "exact"),
-    samples: int = 201,
+    samples: int = DEFAULT_SAMPLES,
     seconds: float = 1.0,
     quiet: bool = True,
 ) -> list[Overhead]:
-    """Overheads of solvers whose bare call is known, minima of calls in turns over about `seconds` for each."""
+    """Overheads of solvers whose bare call is known, minima of calls in turns over about `seconds` for each.
+
+    `samples` equispaced rows are asked of both. Solvers without a known bare call, or not installed, are left out.
+    """
     times = np.linspace(0.0, problem.end, samples)
     table = []
     for name in in_steps(solvers, "solve beside bare calls", "solvers", quiet):
@@ -211,13 +229,14 @@ def measure(
         )
         if bare is None:
             continue
-        # Least seconds of the bare call and of `solve`.
+        # Least seconds of the bare call and of `solve`, which take turns so that a slow moment meets both.
         best = [inf, inf]
         calls = (bare, lambda name=name: solve(problem, name, tolerance, times))
         for call in calls:
             call()
         end = perf_counter() + seconds
-        while perf_counter() < end or best[1] == inf:
+        # At least once, however long a call takes.
+        while perf_counter() < end or inf in best:
             best = [min(before, seconds_of(call)) for before, call in zip(best, calls, strict=True)]
         table.append(Overhead(name, *best))
     return table

@@ -1,8 +1,8 @@
 """Running a study into a store: batch by batch, so that an interrupted run is taken up where it stopped.
 
-A batch has one scene, form and tolerance, and all solvers. Each case is run once and judged; those
-that reached their end are then timed in rounds, one run of each in a round, so that a slow moment of the
-machine meets all of them. The "sentinel" is a fixed piece of arithmetic that shows such moments.
+A batch has one scene, form and tolerance, and all solvers. Each case is run once and judged. Those that
+reached their end are then timed in rounds, one run of each in a round: a slow moment of the machine meets all
+of them. The "sentinel" is a fixed piece of arithmetic that shows such moments.
 """
 
 import gc
@@ -22,10 +22,10 @@ from polhode.solvers.catalogue import solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian, Status
 
 # Seconds that a first run may spend on compilation, beyond its time limit; at twice their sum it is
-# killed. An estimate.
+# killed. An estimate: compilation takes seconds, and a larger value only kills a process that hangs later.
 COMPILATION = 60.0
 # A stopped run that was further off than this, in L and E over I_max, had gone wrong: a tighter
-# tolerance may well be faster.
+# tolerance may well be faster. L and E over I_max are of order 1 themselves.
 SANE_ERROR = 1.0
 
 # Cases that differ in tolerance alone: scene, St, form, solver, back end, Jacobian.
@@ -34,7 +34,10 @@ Group = tuple[str, float, str, str, Backend | None, Jacobian | None]
 
 @dataclass
 class Runner:
-    """Runs what the store lacks of batches in a worker process, which is killed and replaced where need be."""
+    """Runs what the store lacks of batches in a worker process, which is killed and replaced where need be.
+
+    Its methods raise KilledFromOutsideError, after all else is stored, if cases were lost.
+    """
 
     store: Store
     quiet: bool = False
@@ -52,7 +55,7 @@ class Runner:
         return self.run_batches(study.name, list(study.batches()))
 
     def run_batches(self, name: str, batches: list[list[Case]]) -> list[Record]:
-        """The same of cases in batches, each of which is timed in interleaved order."""
+        """The same of cases in batches, under a name that progress shows."""
         stored_keys = self.store.keys()
         study_keys = [case.key for case in chain.from_iterable(batches)]
         measured = surroundings()
@@ -147,6 +150,7 @@ class Runner:
 
 def how_failed(failure: Failure | None, message: str) -> Record:
     """Status and message of a run that took its process with it, or raised."""
+    # The last line of a traceback says what was raised.
     status = Status.TIME_LIMIT if failure is Failure.KILLED else Status.CRASHED
     return {"status": str(status), "message": message.strip().rpartition("\n")[2]}
 
@@ -160,4 +164,5 @@ def _too_slow(record: Record) -> bool:
 
 
 def _group(case: Case) -> Group:
+    """The group of a case."""
     return case.scene_name, case.scene.stokes, case.form, case.solver, case.backend, case.jacobian

@@ -1,7 +1,7 @@
 """Setups of a work-precision study: solvers, of the catalogue or one's own, and plain functions, with options.
 
-`polhode.WorkPrecision` takes them. The times of a problem run from 0 on; the user's own time may begin
-elsewhere and run backwards, so that a plain function gets times as the user counts them.
+`polhode.WorkPrecision` takes them. The times of a problem run from 0 on. The user's own time may begin
+elsewhere and run backwards: a plain function gets times as the user counts them.
 """
 
 import inspect
@@ -20,6 +20,8 @@ from polhode.models.registry import hint
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Solver, Status, Work
 
+# Letters of an error's message that a row keeps: an estimate of what is still read.
+_MESSAGE_LETTERS = 300
 # Arguments of a solver that is a plain function.
 ARGUMENTS = "f, t_span, y0, t_eval, rtol, atol"
 # Options that `solve` takes, which a setup may give.
@@ -59,11 +61,11 @@ class Setup:
 class FunctionRun:
     """The run of a solver that is a plain function, with the names of a `Solution`."""
 
-    states: np.ndarray
+    states: np.ndarray  # shape (n, d), of the user's d components; (0, d) after a failure
     status: Status
     message: str
     work: Work
-    seconds: float
+    seconds: float  # wall time of the whole call
 
     @property
     def success(self) -> bool:
@@ -156,7 +158,10 @@ def users_times(problem: Problem, times: np.ndarray) -> np.ndarray:
 def run_function(
     setup: Setup, problem: Problem, times: np.ndarray, rtol: float, atol: Any, *, count: bool
 ) -> FunctionRun:
-    """Run a solver that is a plain function; whatever it raises is the row's message."""
+    """Run a solver that is a plain function, at the run's times, shape (n,); what it raises is the run's message.
+
+    With `count` the calls of the right-hand side are counted.
+    """
     assert setup.function is not None
     # The last component of a timed problem is the time, which the user's states do not have.
     components = problem.dimension - problem.timed
@@ -180,9 +185,8 @@ def run_function(
         states = np.asarray(setup.function(*arguments, **setup.options), dtype=float)
     except Exception as error:
         words = " ".join(str(error).split())
-        message = (
-            f"{setup.label} raised {type(error).__name__}: {words:.300}{place_of(error, __file__)}"
-        )
+        reason = f"{type(error).__name__}: {words[:_MESSAGE_LETTERS]}"
+        message = f"{setup.label} raised {reason}{place_of(error, __file__)}"
         status = Status.CRASHED
     seconds = perf_counter() - began
     if status.success and states.shape != (len(times), components):

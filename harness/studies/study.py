@@ -26,8 +26,14 @@ from polhode.models.scenes import named_scene
 from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Backend, Jacobian
 
-# Rows of a run that is compared with a reference, at most; an estimate.
-_MOST_SAMPLES = 100_000
+# Rows of a run that is compared with a reference: at most, and by default. Estimates: a reference of more takes
+# much memory, of fewer it may miss the largest error.
+_MAX_SAMPLES = 100_000
+_SAMPLES = 501
+# Time limit of a run, in seconds: by default, and at most in a quick study. Estimates: slower runs are told
+# as too slow.
+_RUN_SECONDS = 10.0
+_QUICK_SECONDS = 0.2
 # Keys that a study may give beside a built-in scene.
 _BESIDE_BUILTIN = ("stokes", "time", "slow_time", "tags", "forms", "solvers", "max_seconds")
 # Names that a part of a study is limited to; none means all.
@@ -59,17 +65,18 @@ class Study:
 
     name: str
     title: str
-    scenes: tuple[tuple[str, Scene], ...]
+    scenes: tuple[tuple[str, Scene], ...]  # with their names, of which several St share one
     forms: tuple[str, ...]
     solvers: tuple[str, ...]
     tolerances: tuple[float, ...]
-    samples: int
-    max_seconds: float
-    backends: tuple[Backend, ...] | None = None
-    jacobians: tuple[Jacobian, ...] | None = None
+    samples: int  # equispaced times of a run, start and end included
+    max_seconds: float  # that a run may take
+    backends: tuple[Backend, ...] | None = None  # of each solver that has them; None: its first one
+    jacobians: tuple[Jacobian, ...] | None = None  # the same
+    # By name and St of a scene.
     choices: Mapping[tuple[str, float], Choice] = field(default_factory=dict)
     page: Page = "costs"
-    # Averaged equations are not tried over more slow time than this.
+    # Averaged equations are not tried over more slow time, t/St, than this.
     longest_slow_time: float = inf
     reference_seconds: float = inf  # that a reference may take
     counted: bool = True  # whether first runs count right-hand sides, which is slow
@@ -148,12 +155,11 @@ class Study:
             scene: choice.model_copy(update={"max_seconds": None})
             for scene, choice in self.choices.items()
         }
-        # The limit, in seconds, is an estimate.
-        seconds = min(self.max_seconds, 0.2)
+        seconds = min(self.max_seconds, _QUICK_SECONDS)
         return replace(self, tolerances=self.tolerances[::2], max_seconds=seconds, choices=choices)
 
     def _compilations(self, solver_name: str) -> list[tuple[Backend | None, Jacobian | None]]:
-        """Pairs of back end and Jacobian with which to run a solver."""
+        """Pairs of back end and Jacobian with which to run a solver; None stands for its first one."""
         solver = find_solver(solver_name)
         offered = {None, *(backend for backend in solver.backends if not solver.lacks(backend))}
         jacobians: list[Jacobian | None] = [
@@ -220,8 +226,8 @@ class StudyTable(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
     name: Name
     title: str
-    samples: Annotated[int, Field(ge=2, le=_MOST_SAMPLES)] = 501
-    max_seconds: Positive = 10.0
+    samples: Annotated[int, Field(ge=2, le=_MAX_SAMPLES)] = _SAMPLES
+    max_seconds: Positive = _RUN_SECONDS
     tolerances: Annotated[list[Positive], Field(min_length=1)]
     forms: Annotated[list[str], Field(min_length=1)]
     solvers: Annotated[list[str], Field(min_length=1)] = list(SOLVERS)
@@ -232,6 +238,7 @@ class StudyTable(BaseModel):
 
     @model_validator(mode="after")
     def _known_names(self) -> "StudyTable":
+        """The table, if forms and solvers exist, and scenes name the study's alone."""
         for kind, names, catalogue in (
             ("forms", self.forms, FORMS),
             ("solvers", self.solvers, SOLVERS),
@@ -258,6 +265,7 @@ class StudyTable(BaseModel):
 
     @model_validator(mode="after")
     def _nothing_twice(self) -> "StudyTable":
+        """The table, if no form, solver, tolerance, or pair of scene and St stands there twice."""
         scenes = []
         for scene in self.scenes:
             scenes += [(scene.name, stokes) for stokes in scene.stokes]
