@@ -37,34 +37,39 @@ KINDS = {
 }
 _LONGEST = 1.0  # Slow time of a run, the largest of `random_study.STUDIED_SLOW_TIMES`.
 _SEED = 20261127  # Any number: another one gives other bodies.
-_LEAST_AXIS = 0.15  # Over the longest one; an estimate.
-_LARGEST_RATIO = 0.95  # Of two semi-axes that count as different; "near-spheroidal" has the rest.
-# Ranges of the two kinds that are near a limit, both estimates.
-_NEAR_EXPONENTS = (
-    -3.0,
-    -1.3,
-)  # log₁₀ of the relative difference of two semi-axes that hardly differ.
-_DISTURBED_EXPONENTS = (
-    -3.0,
-    -1.0,
-)  # log₁₀ of tilt in rad and of spin that a settled body has left.
-# A resonance is strong if its kick to L is at least this over √St, over I_max; an estimate.
+# Least semi-axis over the longest one. An estimate: the study says nothing of more slender or flatter bodies.
+_LEAST_AXIS = 0.15
+# Largest ratio, below 1, of two semi-axes that count as different. An estimate; "near-spheroidal" has closer ones.
+_LARGEST_RATIO = 0.95
+# Least and largest log₁₀ of the relative difference of two semi-axes that hardly differ. The largest
+# difference, 5 %, is where different ones begin (`_LARGEST_RATIO`); the least one is an estimate.
+_NEAR_EXPONENTS = (-3.0, -1.3)
+# Least and largest log₁₀ of the tilt in rad, and of the spin in shear rates, that a settled body has left.
+# Estimates: with larger ones the kind would be like "any shape".
+_DISTURBED_EXPONENTS = (-3.0, -1.0)
+# A resonance is strong if its kick to L over I_max is at least this over √St. An estimate: with twice as much,
+# some bodies would move from the kind "resonance" to "stays".
 STRONG_KICK = 0.01
-_KICK_STOKES = 1e6  # St at which kicks are looked up: they fall like 1/√St.
-_PATH_SAMPLES = 2001  # Of the first-order path, on which crossings are looked for; an estimate.
-_PATH_TOLERANCE = 1e-10  # Of the solver on that path.
-_DIGITS = 6  # Of all drawn numbers: a body is what its row in the table says.
+# St at which kicks are looked up. Any large one gives the same √St times the kick, as kicks fall like 1/√St.
+_KICK_STOKES = 1e6
+_KICK_DIGITS = 3  # Significant digits of a kick, as of measured numbers in the tables.
+# Samples of the first-order path, on which crossings are looked for. An estimate: a crossing is known to one
+# interval, 1/2000 of the run, and a path that returns within one interval does not count as crossing.
+_PATH_SAMPLES = 2001
+# Tolerance of the solver on that path: its error moves a crossing by far less than an interval.
+_PATH_TOLERANCE = 1e-10
+_DIGITS = 6  # Significant digits of all drawn numbers: a body is what its row in the table says.
 
 
 @dataclass(frozen=True)
 class Body:
-    """A body and its start: semi-axes, quaternion, body angular velocity in shear rates."""
+    """A body and its start."""
 
-    kind: str
-    body: int
-    semi_axes: Triple
-    quaternion: tuple[float, float, float, float]
-    spin: Triple
+    kind: str  # one of KINDS
+    body: int  # its number within the kind, from 0 on
+    semi_axes: Triple  # along the body axes 1, 2 and 3; the longest one is 1
+    quaternion: tuple[float, float, float, float]  # w, x, y, z
+    spin: Triple  # angular velocity about the body axes, in shear rates
     crossing: float  # slow time at which the first-order path meets L² = 2EI₂, NaN if it does not
     kick: float  # √St times the strongest kick of a resonance up to there, over I_max; NaN: not looked up
 
@@ -74,7 +79,7 @@ class Body:
         return self.crossing < inf
 
     def scene(self, stokes: float, slow_time: float = _LONGEST) -> Scene:
-        """Its scene at one St, up to a slow time."""
+        """Its scene at one St, up to a slow time t₂ = t/St."""
         start = BodyStart(self.quaternion, self.spin)
         return Scene(Ellipsoid(self.semi_axes), stokes, start, slow_time * stokes)
 
@@ -142,32 +147,37 @@ def _strongest_kick(body: Body) -> float:
     """√St times the strongest kick of a resonance on the first-order path, over I_max."""
     kicks = outline(body.scene(_KICK_STOKES)).kicks
     strongest = max((kick.size for kick in kicks), default=0.0)
-    return float(f"{sqrt(_KICK_STOKES) * strongest:.3g}")
+    return float(f"{sqrt(_KICK_STOKES) * strongest:.{_KICK_DIGITS}g}")
 
 
 def _log_uniform(
     draw: np.random.Generator, low: float, high: float, size: int | None = None
 ) -> np.ndarray:
+    """Numbers whose logarithms are uniform between those of two limits; one number if `size` is None."""
     return np.exp(draw.uniform(np.log(low), np.log(high), size))
 
 
 def _prolate(draw: np.random.Generator) -> np.ndarray:
+    """Semi-axes of a spheroid whose odd axis is the longest."""
     across = _log_uniform(draw, _LEAST_AXIS, _LARGEST_RATIO)
     return np.array([across, across, 1.0])
 
 
 def _oblate(draw: np.random.Generator) -> np.ndarray:
+    """Semi-axes of a spheroid whose odd axis is the shortest."""
     return np.array([1.0, 1.0, _log_uniform(draw, _LEAST_AXIS, _LARGEST_RATIO)])
 
 
 def _near(draw: np.random.Generator) -> np.ndarray:
-    # One of the two equal axes becomes shorter.
+    """Semi-axes of which two hardly differ."""
+    # Half are nearly prolate, half nearly oblate: one of the two equal axes becomes shorter.
     axes = _prolate(draw) if draw.random() < 0.5 else _oblate(draw)
     axes[0] *= 1 - 10 ** draw.uniform(*_NEAR_EXPONENTS)
     return axes
 
 
 def _triaxial(draw: np.random.Generator) -> np.ndarray:
+    """Three different semi-axes, the shortest first."""
     while True:
         axes = np.sort(_log_uniform(draw, _LEAST_AXIS, 1.0, 3))
         if np.max(axes[:-1] / axes[1:]) <= _LARGEST_RATIO:
@@ -175,7 +185,7 @@ def _triaxial(draw: np.random.Generator) -> np.ndarray:
 
 
 def _any(draw: np.random.Generator) -> np.ndarray:
-    """Half of them triaxial, a quarter of each kind of spheroid."""
+    """Semi-axes of any shape: half of them triaxial, a quarter of each kind of spheroid."""
     shapes = (_triaxial, _triaxial, _prolate, _oblate)
     return shapes[draw.integers(len(shapes))](draw)
 
@@ -204,20 +214,26 @@ def _rest(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, 
 
 
 def _settled(draw: np.random.Generator, ellipsoid: Ellipsoid) -> tuple[np.ndarray, np.ndarray]:
-    """The shortest axis along the vorticity, and half the shear rate about it, both a little off."""
-    amount = 10 ** draw.uniform(*_DISTURBED_EXPONENTS)
+    """The shortest axis along the vorticity, and half the shear rate about it, both a little off.
+
+    The fluid turns at -1/2 about z, in shear rates. The orientation is made of three rotations: the
+    shortest axis goes to z, then any angle about z, then a small tilt.
+    """
+    disturbance = 10 ** draw.uniform(*_DISTURBED_EXPONENTS)
     shortest = np.eye(3)[ellipsoid.order[2]]
-    spin = -0.5 * shortest + amount * draw.normal(size=3)
-    turned = Rotation.align_vectors([[0.0, 0.0, 1.0]], [shortest])[0]
-    about = Rotation.from_rotvec([0.0, 0.0, draw.uniform(0, 2 * np.pi)])
-    tilt = Rotation.from_rotvec(amount * draw.normal(size=3))
-    x, y, z, w = (tilt * about * turned).as_quat()
+    spin = -0.5 * shortest + disturbance * draw.normal(size=3)
+    to_z = Rotation.align_vectors([[0.0, 0.0, 1.0]], [shortest])[0]
+    about_z = Rotation.from_rotvec([0.0, 0.0, draw.uniform(0, 2 * np.pi)])
+    tilt = Rotation.from_rotvec(disturbance * draw.normal(size=3))
+    x, y, z, w = (tilt * about_z * to_z).as_quat()
     return np.array([w, x, y, z]), spin
 
 
-# Starts by kind, a quaternion and an angular velocity; the others are isotropic.
+# Starts by kind: a quaternion (w, x, y, z), shape (4,), and an angular velocity in body axes, shape (3,). The
+# kinds that are not here start with an isotropic orientation.
 _STARTS = {"rest": _rest, "settled": _settled}
 
 
 def _rounded(values: np.ndarray) -> list[float]:
+    """The values in `_DIGITS` significant digits."""
     return [float(f"{value:.{_DIGITS}g}") for value in values]

@@ -14,7 +14,8 @@ from polhode.models.rotation import Triple
 from polhode.models.scene import BodyStart, EulerStart, Scene
 from polhode.models.shape import Ellipsoid
 
-# Angles θ, φ, ψ in rad, and their rates in shear rates.
+# Angles θ, φ, ψ in rad, and their rates in shear rates: any starts without symmetry. In the first one ω_z has
+# the fluid's sign, which it has not in the paper's; in the second one the body turns slowly.
 _AGAINST = EulerStart((1.0, 0.3, 0.2), (-1.0, 0.5, -2.0))
 _GENTLE = EulerStart((1.5, 2.0, 0.2), (0.6, 0.4, -0.3))
 # Starts of the second order's cases by name. Cases without one start with an angular velocity at
@@ -25,7 +26,10 @@ NAMED_STARTS = {
     "against": _AGAINST,
     "gentle": _GENTLE,
 }
-TILTED = (0.8, 0.3, -0.4, 0.2)  # Quaternion, not normalised.
+TILTED = (0.8, 0.3, -0.4, 0.2)  # Quaternion (w, x, y, z), not normalised: any one without symmetry.
+# Powers of ten between the smallest and the largest St of a case: enough to fit a slope. An estimate.
+_DECADES = 2
+_STOKES_DIGITS = 3  # Significant digits of these St, so that tables show them as they are.
 _TABLES = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 
 
@@ -57,12 +61,12 @@ def _case(
     spin: Triple = (0, 0, 0),
     lowest: float = 4.0,
 ) -> Subject:
-    """A case of the second order, over two decades of St, in three digits; `start` names one, or `spin` makes it.
+    """A case of the second order, at `points` St over two decades from 10^`lowest` on.
 
-    `points` is the number of St, and `lowest` the power of ten of the smallest one. `spin` is an angular
+    `start` names one of NAMED_STARTS. Without it the body starts at TILTED, with `spin` as its angular
     velocity in body axes, in shear rates.
     """
-    exponents = np.linspace(lowest, lowest + 2, points).tolist()
+    exponents = np.linspace(lowest, lowest + _DECADES, points).tolist()
     name = start or f"ω = ({', '.join(f'{rate:g}' for rate in spin)})"
     body_start = NAMED_STARTS[start] if start else BodyStart(TILTED, (*spin,))
     return Subject(
@@ -70,7 +74,7 @@ def _case(
         (*axes,),
         body_start,
         slow_time,
-        tuple(float(f"{10**exponent:.3g}") for exponent in exponents),
+        tuple(float(f"{10**exponent:.{_STOKES_DIGITS}g}") for exponent in exponents),
     )
 
 

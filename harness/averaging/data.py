@@ -10,7 +10,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 from polhode.harness.common.files import read_file, write_file
 from polhode.harness.common.store import Record, read_table, write_table
 
-# When and where a study was measured, and of how many runs each time is the fastest.
+# File that says when and where a study was measured, and of how many runs each time is the fastest.
 _TIMED = "timed.json"
 
 
@@ -36,7 +36,7 @@ class SecondOrderErrors:
 
 @dataclass(frozen=True)
 class Passage:
-    """A run through resonances or up to L² = 2EI₂: errors as in `SecondOrderErrors`, wall times in s."""
+    """A run through resonances or up to L² = 2EI₂: columns as in `SecondOrderErrors`, wall times in s."""
 
     shape: str
     start: str
@@ -56,16 +56,16 @@ class Passage:
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall times of one run in s, `seconds` with the observables; `slow`, its error of L and E, NaN if unknown."""
+    """Wall times of one run in s, and its error."""
 
     form: str
     solver: str
     tolerance: float
     stokes: float
-    samples: int
-    integration: float
-    seconds: float
-    slow: float
+    samples: int  # output times
+    integration: float  # of the integration alone
+    seconds: float  # of the integration and of the observables at all samples
+    slow: float  # error of L and E over I_max, NaN if unknown
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class SecondOrderStudy:
     resonances: Sequence[Passage]
     crossings: Sequence[Passage]
     cost: Sequence[Cost]
-    timed: dict[str, Record]
+    timed: dict[str, Record]  # when and where each part was measured, by the part's name
 
 
 Study = TypeVar("Study")

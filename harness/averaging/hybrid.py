@@ -44,43 +44,55 @@ from polhode.solvers.segments import SolvedSegment
 from polhode.solvers.solve import solve
 from polhode.solvers.taylor import extends_precision
 
-# The constants of `hybrid` were chosen on starts of SEED; errors are measured on starts of _HELD_OUT.
+# The constants of `hybrid` were chosen on starts of SEED; errors are measured on starts of _HELD_OUT. The
+# seeds themselves are any numbers.
 SEED = 15
 _HELD_OUT = (20261122, 7771)
-_RANDOM = 120  # Starts of each held-out seed.
-HYBRID_SAMPLES = 201  # Output times of a run.
+# Starts of each held-out seed. An estimate: twice as many would narrow the intervals of shares by √2.
+_RANDOM = 120
+_QUICK_RANDOM = 4  # Starts of each held-out seed with `quick`.
+HYBRID_SAMPLES = 201  # Output times of a run, as of `polhode.solve`.
 SEGMENT_SOLVER = "cyrk-vern8"  # Of every segment of a hybrid run.
-_LEAST_AXIS = 0.15  # Random semi-axes lie between this and 1.
-# Random starts go through all pairs of St and slow time t₂ = t/St in turns.
+# Random semi-axes lie between this and 1. An estimate: the study says nothing of more slender or flatter bodies.
+_LEAST_AXIS = 0.15
+# Random starts go through all pairs of St and slow time t₂ = t/St in turns. These values, and the errors of L
+# and E over I_max that are requested, are an estimate of what users ask.
 STOKES = (1e4, 1e5, 1e6, 1e7)
 SLOW_TIMES = (0.05, 0.2, 0.5, 1.0, 2.0)
 REQUESTED_ERRORS = (1e-4, 1e-6, 1e-8)
 # The reference of a run up to this duration, in inverse shear rates, is a run in long double; a
-# looser run shows its error.
+# looser run shows its error. An estimate that bounds the cost: twice as long a run takes twice the time.
 _LONG_DOUBLE_UP_TO = 1.2e5
 # Longer runs are solved by two unrelated methods in double, here with their tolerances. The difference of
-# the two is the reference's uncertainty.
+# the two is the reference's uncertainty. The tolerances are near rounding, so that it is small.
 _DOUBLE = (("taylor", 1e-16), ("cyrk-vern8", 1e-14))
-# Runs above this duration, in inverse shear rates, have no reference: it would take minutes.
+# Runs above this duration, in inverse shear rates, have no reference: it would take minutes. The largest
+# duration below is 0.5 of slow time at St = 1e7.
 _LONGEST = 5.1e6
 # The speed of random starts is measured at one slow time and error, against FULL_SOLVERS at the
 # loosest tolerance that meets the error.
-_FAST_SEED = 16
+_FAST_SEED = 16  # Any number but SEED, on whose starts constants were chosen.
 # Number of starts by St: an estimate, fewer where a run takes longer.
 FAST = {1e6: 40, 1e7: 12, 1e8: 12}
-FAST_SLOW_TIME = 0.5
-FAST_ERROR = 1e-6  # Of L and E, over I_max.
-FEW_SAMPLES = 11  # Output times of a run that shows few.
-# Turns in which runs are timed, and runs in each turn: the fastest of all counts.
+FAST_SLOW_TIME = 0.5  # In the middle of SLOW_TIMES.
+FAST_ERROR = 1e-6  # Of L and E, over I_max: in the middle of REQUESTED_ERRORS.
+# Output times of a run that shows few: nearly all of its time is then the integration's.
+FEW_SAMPLES = 11
+# Turns in which runs are timed, and runs in each turn: the fastest of all counts. An estimate: more take longer
+# and are disturbed less.
 SPEED_REPEATS = 3
 FULL_SOLVERS = ("cyrk-vern8", "taylor")
-# The speed is measured against this full solver of spheroids too, which knows St. Its tolerance is meant
-# for the whole run.
+# The speed is measured against this full solver of spheroids too, which knows that the torque is small. Its
+# tolerance is meant for the whole run, so that looser ones than FULL_TOLERANCES suffice.
 KNOWING = "splitting"
 KNOWING_TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9)
 # Least |cos| of the angle between the vorticity and the shortest axis (the symmetry axis of a
-# spheroid) of a body that has settled: one side up or the other. An estimate.
+# spheroid) of a body that has settled: one side up or the other. An estimate: bodies that are still tilted
+# more than 26 degrees at the end are not counted.
 _SETTLED = 0.9
+# Largest uncertainty of the reference's orientation, in rad, by which its side is sure: the cosine changes by
+# less than the angle, and stays at 0.8 or more.
+_SURE_ORIENTATION = 1 - _SETTLED
 HYBRID_PARTS = ("errors", "speed")
 _NOT_TIMED = Timing((nan,))  # Where there is no run.
 
@@ -104,18 +116,19 @@ class FullMethod(NamedTuple):
 class HybridError:
     """One run of a random start: errors of L and E over I_max, of the orientation in rad; NaN without a reference."""
 
-    start: int
-    kind: str
-    axes: str
+    start: int  # its number in the sequence
+    kind: str  # of the shape
+    axes: str  # a:b:c
     stokes: float
-    slow_time: float
-    error: float  # requested
+    slow_time: float  # duration over St
+    error: float  # requested, of L and E
     status: str
     slow: float  # measured error of L and E
     orientation: float  # measured error of the orientation
     estimated: float  # stated upper end of the error of L and E
     uncertainty: float  # of the reference's L and E
     full_share: float  # share of the time that the full equations follow
+    # Number of segments. Older tables have it under another name.
     segments: int = field(metadata={"former": "pieces"})
     # 1 if the body ends the same side up as in the reference, 0 if not, NaN if that is uncertain.
     mirror: float
@@ -125,16 +138,16 @@ class HybridError:
 class Speed:
     """Wall times of a run in s, and of the best full solution that meets the error."""
 
-    start: int
-    kind: str
+    start: int  # its number in the sequence
+    kind: str  # of the shape
     stokes: float
-    slow: float
-    full_share: float
-    seconds: float  # with HYBRID_SAMPLES output times
-    few_seconds: float  # with FEW_SAMPLES output times
-    solver: str
-    tolerance: float
-    full_seconds: float
+    slow: float  # error of L and E of the hybrid run, over I_max; NaN without a reference
+    full_share: float  # share of the time that the full equations follow
+    seconds: float  # of the hybrid run with HYBRID_SAMPLES output times
+    few_seconds: float  # of the hybrid run with FEW_SAMPLES output times
+    solver: str  # of the best full solution; empty if there is none
+    tolerance: float  # of the best full solution
+    full_seconds: float  # of the best full solution
     # Seconds that the tables of a triaxial shape take: of one not seen before, and read from disk.
     new_shape: float = 0.0
     known_shape: float = 0.0
@@ -152,7 +165,10 @@ class Speed:
 
 
 def random_scenes(count: int = _RANDOM, seed: int = SEED) -> Iterator[Scene]:
-    """Random starts, every other one triaxial, over all St and slow times."""
+    """Random starts, every other one triaxial, over all St and slow times.
+
+    The first scenes of a longer sequence are the scenes of a shorter one.
+    """
     # Axes are log-uniform, orientations isotropic, angular velocities of three standard normals.
     draw = np.random.default_rng(seed)
     for i in range(count):
@@ -242,7 +258,7 @@ def _measured(start: int, scene: Scene, error: float, reference: HybridReference
         # its z component at the end of the reference, which must be sure of it.
         axis = body.order[2] if body.symmetry_axis is None else body.symmetry_axis
         up = float(reference.observables.rotation[-1, axis, 2])
-        if abs(up) > _SETTLED and reference.orientation < 1 - _SETTLED:
+        if abs(up) > _SETTLED and reference.orientation < _SURE_ORIENTATION:
             mirror = float(up * run.rotation[-1, axis, 2] > 0)
     return HybridError(
         start=start,
@@ -288,7 +304,7 @@ def _timed(start: int, scene: Scene) -> Speed:
         reference = reference_of(scene).observables
         if run.success:
             slow = errors(scene.ellipsoid, form.observe(scene, run.states), reference).slow
-        steps_of = _full(scene, full_problem, times, reference)
+        steps_of = _full_methods(scene, full_problem, times, reference)
 
     def hybrid_seconds(times: np.ndarray) -> float:
         """Wall time of a run that looks ahead anew, as a first one must."""
@@ -318,7 +334,7 @@ def _timed(start: int, scene: Scene) -> Speed:
     if best.solver == segment_solver:
         segment_steps = sum(segment.steps or 0 for segment in run.segments if not segment.averaged)
         full_steps = steps_of[best]
-    new_shape, known_shape = _prepared(scene.ellipsoid)
+    new_shape, known_shape = _table_seconds(scene.ellipsoid)
     return Speed(
         start=start,
         kind=scene.ellipsoid.kind,
@@ -352,7 +368,7 @@ def _in_turns(runs: Sequence[Callable[[], float]]) -> list[Timing]:
     return [Timing(times) for times in zip(*turns, strict=True)]
 
 
-def _prepared(ellipsoid: Ellipsoid) -> tuple[float, float]:
+def _table_seconds(ellipsoid: Ellipsoid) -> tuple[float, float]:
     """Seconds that the tables of a triaxial shape take, made anew and read from disk; 0 for other shapes.
 
     There are tables for each side of L² = 2EI₂: for polhodes about the longest and the shortest axis.
@@ -387,10 +403,10 @@ def _fastest(run: Callable[[], float]) -> float:
     return min(run() for _ in range(SPEED_REPEATS))
 
 
-def _full(
+def _full_methods(
     scene: Scene, problem: Problem, times: np.ndarray, reference: Observables
 ) -> dict[FullMethod, float]:
-    """Steps of full runs, by each solver at the loosest tolerance that meets the error."""
+    """Each solver at the loosest tolerance that meets `FAST_ERROR`, with the steps of its run."""
     form = find_form(full_form(scene))
     steps: dict[FullMethod, float] = {}
     tolerances_of: dict[str, Sequence[float]] = dict.fromkeys(FULL_SOLVERS, FULL_TOLERANCES)
@@ -417,12 +433,24 @@ def _share(segments: Sequence[SolvedSegment], whole: float) -> float:
 
 
 def measure(old: "Study | None", part: str, *, quick: bool, quiet: bool) -> "Study":
-    """Both parts, or one of them anew; quick: a few starts, and no times."""
+    """Both parts, or one of them anew.
+
+    Parameters
+    ----------
+    old : Study or None
+        An earlier study, whose other part is kept.
+    part : str
+        One of HYBRID_PARTS; empty for both.
+    quick : bool
+        Measure the errors of a few starts, and no times.
+    quiet : bool
+        Show no progress.
+    """
     study = old or Study([], [])
     if part in ("", "errors"):
         scenes = []
         for seed in _HELD_OUT:
-            scenes += random_scenes(4 if quick else _RANDOM, seed)
+            scenes += random_scenes(_QUICK_RANDOM if quick else _RANDOM, seed)
         rows = measure_errors(scenes, quiet)
         study = replace(study, errors=rows, timed={**study.timed, "errors": here()})
     if part in ("", "speed") and not quick:
@@ -436,4 +464,5 @@ class Study:
 
     errors: Sequence[HybridError]
     speed: Sequence[Speed]
+    # When and where each part was measured, by the part's name.
     timed: Mapping[str, Record] = field(default_factory=dict)

@@ -39,12 +39,15 @@ _NAMES = {
 }
 # An exponent is measured between two St of this ratio, the largest ones that have enough bodies: there the
 # law has set in, and the two are far enough apart.
-_RATIO = 10.0
+_STOKES_RATIO = 10.0
 # Share of the bodies at the larger St whose errors must be known for an exponent. If fewer errors are known, these
 # are the largest ones, which fall most slowly with St. An estimate.
 _LEAST_KNOWN = 0.5
-# St from which on an error's multiple of 1/St or 1/St² is taken; an estimate of where laws hold.
+# St from which on an error's multiple of 1/St or 1/St² is taken. An estimate of where laws hold: from a smaller
+# St on, errors that follow no law yet would widen the range between the factors "few" and "most".
 _SETTLED_FROM = 1e4
+_EXPONENT_DECIMALS = 3  # Of measured exponents: their intervals are wider than 0.001.
+_LAW_DIGITS = 2  # Significant digits of factors and thresholds: bodies differ by more than 1 %.
 
 
 def laws_of(data: Data) -> dict[str, Any]:
@@ -99,9 +102,9 @@ def _factors(runs: Frame, exponents: dict[str, float]) -> tuple[dict[str, float]
         lawful = lawful[lawful["slow"] < MAX_ERROR_OF_LAWS]
         if len(lawful):
             multiples = lawful["slow"] * lawful["stokes"] ** -exponents[order]
-            whole = lawful["slow_time"] == STUDIED_SLOW_TIMES[-1]
+            to_the_last = lawful["slow_time"] == STUDIED_SLOW_TIMES[-1]
             few[order] = _rounded(float(np.quantile(multiples, 1 - SHARES[-1])))
-            most[order] = _rounded(float(np.quantile(multiples[whole], SHARES[-1])))
+            most[order] = _rounded(float(np.quantile(multiples[to_the_last], SHARES[-1])))
     return few, most
 
 
@@ -123,14 +126,14 @@ def write_laws(laws: dict[str, Any], path: Path = LAWS_FILE) -> None:
 
 
 def _measured(runs: Frame) -> dict[str, float] | None:
-    """Exponent between the two largest St of the ratio `_RATIO` at which enough bodies have a known error.
+    """Exponent between the two largest St of the ratio `_STOKES_RATIO` at which enough bodies have a known error.
 
-    It is the median over bodies, with its interval at 95 %, three digits behind the point; None without such St.
+    It is the median over bodies, with its interval at 95 %; None without such St.
     """
     known = runs[runs["slow"].between(KNOWN * runs["uncertainty"], MAX_ERROR_OF_LAWS)]
     table = known.pivot(index=["kind", "body"], columns="stokes", values="slow")
     for end in sorted(table.columns, reverse=True):
-        begin = end / _RATIO
+        begin = end / _STOKES_RATIO
         slopes = slopes_between(table, begin, end)
         bodies = np.sum(runs["stokes"] == end)
         if slopes is not None and len(slopes) >= _LEAST_KNOWN * bodies:
@@ -139,13 +142,13 @@ def _measured(runs: Frame) -> dict[str, float] | None:
                 "begin": float(begin),
                 "end": float(end),
                 "bodies": len(slopes),
-                "median": round(middle, 3),
-                "low": round(low, 3),
-                "high": round(high, 3),
+                "median": round(middle, _EXPONENT_DECIMALS),
+                "low": round(low, _EXPONENT_DECIMALS),
+                "high": round(high, _EXPONENT_DECIMALS),
             }
     return None
 
 
 def _rounded(value: float) -> float:
-    """A value in two digits."""
-    return float(f"{value:.2g}")
+    """A value in `_LAW_DIGITS` significant digits."""
+    return float(f"{value:.{_LAW_DIGITS}g}")

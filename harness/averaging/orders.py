@@ -12,12 +12,14 @@ import numpy as np
 from polhode.harness.averaging.data import SecondOrderErrors
 from polhode.harness.common.fits import power_law
 
-# Slopes of log error over log St are fitted to errors between these two: larger ones follow no
-# power law yet, smaller ones are blurred by the reference. Both are estimates.
-LARGEST_FITTED_ERROR = 1e-2  # Error of L and E, over I_max.
-LEAST_RESOLVED = 100.0  # Error over the reference's uncertainty.
-# The orientation's slope is fitted to St from this share of the largest one on: two decades, and a percent
-# more, as the St of the cases are rounded to three digits.
+# Slopes of log error over log St are fitted to errors of L and E between two limits.
+# The largest one, over I_max: larger errors follow no power law yet. An estimate.
+LARGEST_FITTED_ERROR = 1e-2
+# The least one, over the reference's uncertainty, which then changes an error by a percent at most. An
+# estimate: with half of this it would be two percent, and a few more points would count.
+LEAST_RESOLVED = 100.0
+# The orientation's slope is fitted to St from this share of the largest one on. That is two decades, and a
+# percent more, as the St of the cases are rounded to three digits.
 _TOP_SHARE = 0.99e-2
 
 

@@ -79,8 +79,8 @@ QUICK_BODIES = dict.fromkeys((1000.0, 1e4), 20)
 STUDIED_SLOW_TIMES = (0.05, 0.2, 0.5, 1.0)
 # Samples from one slow time to the next; an estimate.
 _SEGMENT_SAMPLES = 50
-# St at which the errors are measured that forms state of themselves, and the number of bodies of each kind;
-# estimates that bound what the runs for statements cost. `shares.bounded` counts them from
+# St at which the errors that `solve` states of averaged runs are noted, and the number of bodies of each kind;
+# estimates that bound what the runs for statements cost. `shares.bounded` counts the statements from
 # `shares.STATED_FROM` on: those at smaller St stand in `errors.csv` alone. No reason is recorded for the
 # choice among the St of `BODIES`.
 _STATED_STOKES = (100.0, 1000.0, 1e4, 31600.0, 1e5, 1e6, 1e7, 1e8)
@@ -99,11 +99,13 @@ COST_BODIES = {100.0: 8, 1000.0: 8, 1e4: 8, 1e5: 8, 1e6: 3}
 # the least of `shares.ERRORS_MET`.
 _COST_TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
 _COST_LEAST_ERROR = 1e-8
-# Seconds. Shorter runs are timed `_BODY_COST_REPEATS` times, and the fastest counts. Both are estimates.
+# Runs of at most `_COST_LONG` seconds are timed `_BODY_COST_REPEATS` times, and the fastest counts. Both are
+# estimates: a longer run is hardly disturbed.
 _COST_LONG = 0.02
 _BODY_COST_REPEATS = 3
-# The reference is a run in long double up to this St, and a looser one shows its error. The limit
-# is an estimate. The runs are pairs of a method and a tolerance. The tolerances are estimates.
+# The reference is a run in long double up to this St, and a looser one shows its error. The limit is an
+# estimate that bounds the time. The runs are pairs of a precision and a tolerance: the tight one is near the
+# last digit of long double, the loose one has a hundred times its tolerance.
 LONG_DOUBLE_UP_TO = 1000.0
 _LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-18), ("long double", 1e-16))
 # Up to a larger St the reference is Taylor's method in double precision. A Runge-Kutta method, for
@@ -112,11 +114,11 @@ _TAYLOR = ("taylor", 1e-13)
 # Solver and tolerance of that other run, by the form of the full equations.
 _UNLIKE = {"quaternion": ("cyrk-vern8", 1e-13), "spheroid-axis": ("splitting", 1e-11)}
 # Largest St at which Taylor's method gives the reference of a spheroid, an estimate that bounds the time.
-# At larger St a splitting
-# method does; stroboscopic averaging, whose steps take many turns each, shows its error.
+# At larger St a splitting method does; stroboscopic averaging, whose steps take many turns each, shows its error.
 _TAYLOR_UP_TO = 1e6
 _FAR_SPHEROIDS = (("splitting", 1e-11), ("stroboscopic", 1e-11))
-# Difference of L and E, over I_max, from which on two runs do not confirm each other; an estimate.
+# Difference of L and E, over I_max, from which on two runs do not confirm each other. An estimate: the
+# largest difference of two that do is 5e-6 (`reports/accuracy/references.csv`), and one pair differs by 2e-4.
 _APART = 1e-4
 # Solver of the averaged forms, a tolerance that a user may take (an estimate), and one whose
 # error counts for nothing. The column "solver_error" shows what the first of them costs.
@@ -134,14 +136,14 @@ _ANY_TASK = 0.1
 _SECONDS_PER_STOKES = 2.2e-6
 _SPHEROIDS_PER_STOKES = 1.2e-6
 _FAR_SPHEROIDS_PER_STOKES = 1e-7
-# Order: seconds**0.35 x (number of the body + 20), smallest first; a study cut short then has some bodies
-# at every St. Both numbers are estimates.
+# Tasks are ordered by seconds**_COST_POWER × (number of the body + _HEAD_START), the smallest first. So a study
+# that is cut short has some bodies at every St. Both numbers are estimates.
 _COST_POWER = 0.35
 _HEAD_START = 20
 # Changes whenever a record's meaning does, so that no old record is taken for a new one.
 _SCHEMA = 1
 _DATA_TABLES = ("bodies", "references", "errors", "costs")
-_DIGITS = 3  # Of measured numbers in the tables.
+_DIGITS = 3  # Significant digits of measured numbers in the tables.
 
 Array = np.ndarray
 Frame = Any  # Of pandas, whose types say too little of it.
@@ -179,14 +181,14 @@ class Reference(NamedTuple):
 
 def tasks(bodies: dict[float, int], kinds: Iterable[str] = KINDS) -> list[Task]:
     """All bodies of the kinds at all St, cheap ones first."""
-    every = []
+    all_tasks = []
     for kind in kinds:
         for stokes, count in bodies.items():
-            every += [Task(kind, body, stokes) for body in range(count)]
-    return sorted(every, key=_turn)
+            all_tasks += [Task(kind, body, stokes) for body in range(count)]
+    return sorted(all_tasks, key=_rank)
 
 
-def _turn(task: Task) -> float:
+def _rank(task: Task) -> float:
     """The number by which tasks are ordered, a smaller one first: of the estimated seconds and the body."""
     rate = _SECONDS_PER_STOKES
     if task.kind in ("prolate", "oblate"):
@@ -308,24 +310,27 @@ def measure(
     by_taylor: Array | None = None,
     taylor_seconds: float = 0.0,
 ) -> Record:
-    """Everything that is measured of a body at one St, as plain data; `failure` where there is no reference.
+    """Everything that is measured of a body at one St, as plain data.
 
-    `by_taylor` is the run of `reference_of` that has been made, in `taylor_seconds` of processor time.
+    Keys: "body" has the body, "reference" its row of the table of references, "errors" and "costs" the rows
+    of the tables of these names. Without a reference its row has the reason under "failure", and the two
+    lists are empty. A `body` that is not given is drawn. `by_taylor` is the run of `reference_of` that has
+    been made, in `taylor_seconds` of processor time.
     """
     body = body or drawn(task.kind, task.body)
     scene = body.scene(task.stokes)
     # Processor time of all threads: what a reference costs. Forms are timed by this thread alone.
     began = process_time()
-    head = task._asdict()
+    task_columns = task._asdict()
     try:
         reference = reference_of(scene, by_taylor)
     except ReferenceFailedError as failure:
-        row = {**head, "method": "", "failure": str(failure), "seconds": nan}
+        row = {**task_columns, "method": "", "failure": str(failure), "seconds": nan}
         blank = [nan] * len(STUDIED_SLOW_TIMES)
         row |= _columns("slow", blank) | _columns("turned", blank)
         return {"body": asdict(body), "reference": row, "errors": [], "costs": []}
     seconds = process_time() - began + taylor_seconds
-    row = {**head, "method": reference.method, "failure": "", "seconds": seconds}
+    row = {**task_columns, "method": reference.method, "failure": "", "seconds": seconds}
     row |= _columns("slow", reference.slow) | _columns("turned", reference.turned)
     with_stated = task.body < STATED_BODIES and task.stokes in _STATED_STOKES
     errors = [
@@ -341,8 +346,8 @@ def measure(
     return {
         "body": asdict(body),
         "reference": row,
-        "errors": [head | error for error in errors],
-        "costs": [head | cost for cost in costs],
+        "errors": [task_columns | error for error in errors],
+        "costs": [task_columns | cost for cost in costs],
     }
 
 
@@ -557,7 +562,7 @@ _COLUMNS = {
 }
 
 
-def _flat(body: Record) -> dict[str, Any]:
+def _body_row(body: Record) -> dict[str, Any]:
     """A body's row in its table."""
     numbers = (*body["semi_axes"], *body["quaternion"], *body["spin"])
     cells = (body["kind"], body["body"], *numbers, body["crossing"], body["kick"])
@@ -568,7 +573,7 @@ def tables_of(records: Iterable[Record], timed: Record, old: Data | None = None)
     """Tables of records, added to the tables of an earlier study."""
     frames: dict[str, list[Any]] = {name: [] for name in _DATA_TABLES}
     for record in records:
-        frames["bodies"].append(_flat(record["body"]))
+        frames["bodies"].append(_body_row(record["body"]))
         frames["references"].append(record["reference"])
         frames["errors"] += record["errors"]
         frames["costs"] += record["costs"]
@@ -604,7 +609,7 @@ def write_data(data: Data, folder: Path) -> None:
 
 
 def _as_csv(table: Frame, exact: bool) -> str:
-    """A table as text: measured numbers in three digits, nothing where there is none."""
+    """A table as CSV: measured numbers in `_DIGITS` digits, all of them if `exact`; nothing where there is none."""
     written = table.copy()
     if not exact:
         for name in written.select_dtypes("number").columns:
@@ -690,9 +695,10 @@ def _day(entry: Record) -> str:
 
 def first_references(data: Data) -> int | None:
     """How many of the study's references a table holds, if these are its first ones but not all."""
-    every = tasks(BODIES)
+    all_tasks = tasks(BODIES)
     count = len(data.done)
-    return count if 0 < count < len(every) and data.done == set(every[:count]) else None
+    is_beginning = 0 < count < len(all_tasks) and data.done == set(all_tasks[:count])
+    return count if is_beginning else None
 
 
 def _measured(left: Sequence[Task], workers: int, deadline: float) -> Iterator[tuple[Task, Record]]:

@@ -32,34 +32,45 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import available_like, solver as find_solver
 from polhode.solvers.solve import solve
 
-# Output times of a run, of which the largest error counts; an estimate.
+# Output times of a run, of which the largest error counts. An estimate: fewer may miss it between two times.
 SECOND_ORDER_SAMPLES = 2001
 # Tolerances of the reference in long double, and of the looser run that shows its error: 1e-18 is
 # near the last digit of long double.
 REFERENCE_TOLERANCES = (1e-18, 1e-16)
-SECOND_ORDER_TOLERANCE = 1e-14  # Of runs of averaged forms.
-# Resonances want many small steps of these runs; each time is the fastest of PASSAGE_REPEATS.
+# Tolerance of averaged forms: the solver's error is then rounding, far below the form's own.
+SECOND_ORDER_TOLERANCE = 1e-14
+# Solver of passages: resonances ask for many small steps.
 PASSAGE_SOLVER = "cyrk-vern8"
+# Runs of a passage, of which the fastest counts. An estimate: more take longer and are disturbed less.
 PASSAGE_REPEATS = 3
-# Kicks below this share of the estimated error of L and E are not named; an estimate.
+# Kicks below this share of the estimated error of L and E are not named. An estimate, by which tables name the
+# few modes that matter.
 _NAMED_KICK = 0.1
+# With `quick`: cases of each kind, and St of each case. `orders` fits slopes, and takes one St more.
+_QUICK_CASES = 1
+_QUICK_POINTS = 2
 # Parts of the study that may be measured alone.
 SECOND_ORDER_PARTS = ("orders", "resonances", "cost")
 
-# The cost of a spheroid's run against St.
-COST_SLOW_TIME = 0.5  # Duration in slow time.
-COST_SAMPLES = 11  # Output times.
+# The cost of a spheroid's run against St. The question is an example, chosen once: its duration in slow time,
+# the few output times, the St at which first order and the full equations are run too, and the error of L and
+# E over I_max that the full equations have to meet there.
+COST_SLOW_TIME = 0.5
+COST_SAMPLES = 11
+COMPARED = 1e6
+TARGET = 1e-6
 _EXPONENTS = tuple(range(3, 9))  # Powers of ten of St, at which the second-order form is timed.
-COMPARED = 1e6  # St at which first order and the full equations are run too.
-TARGET = 1e-6  # Error of L and E that the full equations have to meet.
-_COST_TOLERANCE = 1e-9  # Of averaged forms.
-_REFERENCE_TOLERANCE = 1e-16  # Of the references of these runs.
+# Tolerance of averaged forms, far below `TARGET`.
+_COST_TOLERANCE = 1e-9
+# Tolerance of the reference of these runs by Taylor's method in double precision: it is below an ulp.
+_REFERENCE_TOLERANCE = 1e-16
 # Tolerances of the full equations, of which the loosest that meets `TARGET` counts.
 FULL_TOLERANCES = (1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
 # Solvers of the full equations that compete with averaging.
 _FULL_SOLVERS = ("taylor", "cyrk-vern8", "cyrk-dop853")
-# Runs at different St take turns, so that slow moments of the machine meet all.
-COST_REPEATS = 50  # Runs of averaged forms at each St, of which the fastest counts; an estimate.
+# Runs at different St take turns, so that slow moments of the machine meet all. Many runs of averaged
+# forms are cheap; the full form takes far longer. Both numbers are estimates.
+COST_REPEATS = 50  # Runs of averaged forms at each St, of which the fastest counts.
 FULL_REPEATS = 3  # Runs of the full form, of which the fastest counts.
 # Key by which the fastest of `TimedRun`s is found.
 _SECONDS = attrgetter("seconds")
@@ -77,7 +88,7 @@ class TimedRun:
 def timed_run(
     scene: Scene, name: str, tolerance: float, samples: int, solver: str = "taylor"
 ) -> TimedRun:
-    """Run a form over equispaced times; raises RuntimeError if it does not reach its end.
+    """Run a form at so many equispaced times; raises RuntimeError if it does not reach its end.
 
     A solver of the same kind runs it if the solver's library is missing.
     """
@@ -109,7 +120,10 @@ def reference_observables(
 
 
 def _compared(case: Subject, scene: Scene, run: TimedRun) -> tuple[dict[str, Any], Errors]:
-    """Cells of a run for both tables: errors, first order's, the form's estimate; and the reference's uncertainty."""
+    """Cells of a run's row, for both kinds of tables, and the reference's uncertainty.
+
+    The cells are the run's errors, the error of first order, and what the form states ahead of the run.
+    """
     reference, uncertainty = reference_observables(scene)
     first = timed_run(
         scene, averaged_form(scene), SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES
@@ -138,14 +152,18 @@ def measure_away(case: Subject, stokes: float) -> SecondOrderErrors:
         scene,
         timed_run(scene, SecondOrder.name, SECOND_ORDER_TOLERANCE, SECOND_ORDER_SAMPLES),
     )
-    turned = _known(uncertainty.orientation)
     return SecondOrderErrors(
-        **row, slow_uncertainty=uncertainty.slow, orientation_uncertainty=turned
+        **row,
+        slow_uncertainty=uncertainty.slow,
+        orientation_uncertainty=_known(uncertainty.orientation),
     )
 
 
 def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage:
-    """A run through resonances; where it is not to be followed whole, as much of it as the form follows."""
+    """The row of a run through resonances; without `whole`, of as much of it as the form follows.
+
+    The row of a run that the form refuses, or that fails, has the reason alone.
+    """
     scene = case.scene(stokes)
     form = SecondOrder()
     try:
@@ -167,8 +185,9 @@ def measure_passage(case: Subject, stokes: float, whole: bool = True) -> Passage
     row, _ = _compared(case, scene, fastest)
     least_kick = _NAMED_KICK * row["estimated_slow"]
     strong = [kick for kick in outline(scene).kicks if kick.size > least_kick]
-    different = dict.fromkeys(kick.mode for kick in strong)
-    modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in different)
+    # A mode may be met several times, and is named once.
+    distinct = dict.fromkeys(kick.mode for kick in strong)
+    modes = " ".join(f"({k1:.0f}, {k2:.0f})" for k1, k2 in distinct)
     kick = max((kick.size for kick in strong), default=nan)
     return Passage(
         **row, modes=modes, kick=kick, integration=fastest.integration, seconds=fastest.seconds
@@ -226,12 +245,26 @@ def costs(exponents: Sequence[int] = _EXPONENTS, compared: float = COMPARED) -> 
 def measure_study(
     old: SecondOrderStudy | None = None, part: str = "", *, quick: bool = False, quiet: bool = False
 ) -> SecondOrderStudy:
-    """All that the study asks, or one of `SECOND_ORDER_PARTS` anew; quick: one case of each kind, and no cost."""
+    """All that the study asks, or one of `SECOND_ORDER_PARTS` anew.
+
+    Parameters
+    ----------
+    old : SecondOrderStudy, optional
+        An earlier study, whose other parts are kept.
+    part : str
+        One of `SECOND_ORDER_PARTS`; empty for all.
+    quick : bool
+        Measure one case of each kind, and no cost.
+    quiet : bool
+        Show no progress.
+    """
     study = old or SecondOrderStudy([], [], [], [], {})
-    # Cases of each kind, and St of each case; None means all. `orders` fits slopes, and takes one more.
-    cases, points = (1, 2) if quick else (None, None)
+    # None means all.
+    cases = _QUICK_CASES if quick else None
+    points = _QUICK_POINTS if quick else None
+    order_points = _QUICK_POINTS + 1 if quick else None
     if part in ("", "orders"):
-        orders = _rows("orders", AWAY[:cases], quiet, measure_away, points and points + 1)
+        orders = _rows("orders", AWAY[:cases], quiet, measure_away, order_points)
         study = replace(study, orders=orders, timed={**study.timed, "orders": here()})
     if part in ("", "resonances"):
         resonances = _rows("resonances", RESONANT[:cases], quiet, measure_passage, points)

@@ -29,28 +29,31 @@ THEORY = {ORDER_ONE: -1.0, ORDER_TWO: -2.0}
 CROSSING_EXPONENT = -0.5
 _RESONANCE = -0.5  # Of both orders, which leave out the kicks of resonances.
 _ORIENTATION = -1.0  # The orientation's, by second order, which alone gives it.
-# Errors of which the tables say from which St on they are met.
+# Errors of L and E over I_max of which the tables say from which St on they are met: one for each power of ten.
 ERRORS_MET = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-# Shares of the bodies: the median, and the share that `solve` claims for the errors that it states.
+# Shares of the bodies: the median, and the share of the runs whose errors `solve` says to bound.
 SHARES = (0.5, 0.975)
-# Fewer bodies at one St say nothing of a share of 97.5 %; an estimate.
+# Fewer bodies at one St say too little of a share of 97.5 %. An estimate: of fewer than 40 bodies the largest
+# error stands for that share.
 LEAST_BODIES = 20
 # An error counts as known from this multiple of its reference's uncertainty on: the uncertainty
 # changes it by a tenth at most.
 KNOWN = 10.0
 # The errors at the St on either side make an error expected. One that is smaller than this share of it is
-# small by cancellation: terms of the error happen to add up to little at that St. An estimate.
+# small by cancellation: terms of the error happen to add up to little at that St. An estimate: with half of it
+# the page would list fewer such errors.
 CANCELLED = 1 / 3
-# St from which on errors are looked at for cancellation: below, no power law holds yet.
-_FROM = 1000.0
-# An interval of an exponent that ends this near to the exponent of theory counts as one that holds it; an
-# estimate.
-_NEAR = 0.03
+# St from which on errors are looked at for cancellation: below, no power law holds yet. An estimate.
+_CANCELLATION_FROM = 1000.0
+# An interval of an exponent that ends this near to the exponent of theory counts as one that holds it. An
+# estimate: at a finite St an exponent still differs a little from its limit.
+_EXPONENT_SLACK = 0.03
 # St from which on statements of first and second order are counted: below, a full run confirms them.
 STATED_FROM = 1e4
-# Nothing is extrapolated to larger St.
+# Nothing is extrapolated to St above the largest one measured.
 LARGEST_STOKES = 1e8
-# Exponents are fitted to errors below this one: larger ones follow no power law. An estimate.
+# Exponents are fitted to errors of L and E over I_max, or of the orientation in rad, below this one: larger
+# errors follow no power law. An estimate.
 MAX_ERROR_OF_LAWS = 0.1
 
 
@@ -105,15 +108,15 @@ class Quantile:
         # Logarithms of St and error are interpolated from the last miss to the next St, which meets it.
         missed = log10(self.error[last])
         met = log10(self.error[last + 1])
-        way = (missed - log10(target)) / (missed - met)
+        fraction = (missed - log10(target)) / (missed - met)
         begin = log10(self.stokes[last])
         end = log10(self.stokes[last + 1])
-        return 10 ** (begin + way * (end - begin)), "measured"
+        return 10 ** (begin + fraction * (end - begin)), "measured"
 
 
 def quantile(runs: Frame, share: float, column: str = "slow") -> Quantile | None:
-    """The quantile of one kind and form, over the St with enough bodies; None without any."""
-    numbers = []
+    """The quantile of a column over the rows of one kind and form, by St; None if no St has LEAST_BODIES."""
+    stokes_numbers = []
     errors = []
     counts = []
     for stokes, stokes_runs in runs.groupby("stokes"):
@@ -121,10 +124,13 @@ def quantile(runs: Frame, share: float, column: str = "slow") -> Quantile | None
             continue
         # A body that the form refuses has no error, and counts as one that meets none.
         ordered = np.sort(stokes_runs[column].fillna(inf))
-        numbers.append(float(str(stokes)))
+        # For type checkers the key of a group is any value; its text can become a float.
+        stokes_numbers.append(float(str(stokes)))
         errors.append(float(ordered[ceil(share * len(ordered)) - 1]))
         counts.append(len(ordered))
-    return Quantile(share, tuple(numbers), tuple(errors), tuple(counts)) if numbers else None
+    if not stokes_numbers:
+        return None
+    return Quantile(share, tuple(stokes_numbers), tuple(errors), tuple(counts))
 
 
 @dataclass(frozen=True)
@@ -151,7 +157,7 @@ class Exponent:
     def agrees(self) -> bool:
         """Whether the interval holds an exponent of theory, or nearly so."""
         low, high = predicted(self)
-        return self.low - _NEAR <= high and low <= self.high + _NEAR
+        return self.low - _EXPONENT_SLACK <= high and low <= self.high + _EXPONENT_SLACK
 
 
 def exponents(runs: Frame, ends: Sequence[float]) -> list[Exponent]:
@@ -207,12 +213,12 @@ def predicted(row: Exponent) -> tuple[float, float]:
     """
     if row.error == "turned":
         return _ORIENTATION, _ORIENTATION
-    own = THEORY[row.order]
+    order_exponent = THEORY[row.order]
     if row.order == ORDER_ONE and row.crosses:
-        return own, CROSSING_EXPONENT
+        return order_exponent, CROSSING_EXPONENT
     if row.kind == "resonance":
-        return own, _RESONANCE
-    return own, own
+        return order_exponent, _RESONANCE
+    return order_exponent, order_exponent
 
 
 @dataclass(frozen=True)
@@ -297,7 +303,7 @@ def cancelled(runs: Frame) -> tuple[list[Cancelled], int]:
     count = 0
     averaged = runs[runs["order"].isin(THEORY) & (runs["slow"] > KNOWN * runs["uncertainty"])]
     for (kind, body, order), group in averaged.groupby(["kind", "body", "order"]):
-        group = group[group["stokes"] >= _FROM].sort_values("stokes")
+        group = group[group["stokes"] >= _CANCELLATION_FROM].sort_values("stokes")
         stokes = group["stokes"].to_numpy()
         error = group["slow"].to_numpy()
         # Each St that has neighbours on both sides.
@@ -345,7 +351,7 @@ def full_seconds(data: Data, kind: str, target: float) -> dict[float, float]:
 
 
 def form_seconds(runs: Frame, kind: str, order: str, requested: float = nan) -> dict[float, float]:
-    """Median seconds of a form's runs, by St."""
+    """Median seconds of a form's runs, by St; of `hybrid` those for one requested error."""
     there = runs[(runs["kind"] == kind) & (runs["order"] == order) & runs["seconds"].notna()]
     if not isnan(requested):
         there = there[there["requested"] == requested]
