@@ -9,9 +9,12 @@ from html import unescape
 from pathlib import Path
 from typing import Any
 
+# The path of a browser; None where there is none.
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
+# No network, no traces in the user's profile. The browser's own clock runs ahead while nothing happens: up
+# to ten minutes of it, in milliseconds, pass in a moment; then the document is printed.
 _FLAGS = (
     "--headless",
     "--no-sandbox",
@@ -25,7 +28,8 @@ _FLAGS = (
     "--virtual-time-budget=600000",
     "--dump-dom",
 )
-# Opens the pages one after another, each in a frame, until it has told.
+# A page that opens those under test one after another, each in a frame, until it has posted a message.
+# The messages stand in `data-found` of its body.
 _HOST = """<!doctype html><body><script>
 const pages = %s, found = [];
 const next = () => {
@@ -43,7 +47,11 @@ next();
 
 
 def told(folder: Path, frames: Iterable[tuple[str, int, int]], seconds: float = 120) -> list[Any]:
-    """What each page of a folder posts to its parent: one JSON text for each address, width and height."""
+    """What each page of a folder posts to its parent, parsed: one JSON text for each frame.
+
+    A frame is an address in the folder, and the width and height of its window in pixels. The browser is stopped
+    after so many seconds.
+    """
     frames = [*frames]
     (folder / "host.html").write_text(_HOST % json.dumps(frames), encoding="utf-8")
     command = [str(CHROMIUM), *_FLAGS, f"--user-data-dir={folder}-profile"]
@@ -54,7 +62,7 @@ def told(folder: Path, frames: Iterable[tuple[str, int, int]], seconds: float = 
         timeout=seconds,
         check=True,
     )
-    found = re.search(r'data-found="([^"]*)"', done.stdout)
-    pages = json.loads(unescape(found[1])) if found else []
+    attribute = re.search(r'data-found="([^"]*)"', done.stdout)
+    pages = json.loads(unescape(attribute[1])) if attribute else []
     assert len(pages) == len(frames), done.stderr[-2000:]
     return pages

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+# The installed command, beside this Python.
 SCRIPT = str(Path(sys.executable).with_name("polhode"))
-# The scene file of the manual.
+# The scene file of the manual: St = 1000, a triaxial ellipsoid.
 SCENE = """\
 stokes = 1000.0
 slow_time = 0.5
@@ -58,11 +59,15 @@ def runner() -> CliRunner:
 
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
+"""What the fixtures `polhode` and `here` give: a function of the words of a command line."""
 
 
 @contextmanager
 def small_disk(folder: Path, size: str) -> Iterator[Path]:
-    """A disk of that size at the folder."""
+    """A disk of that size, as "300k", at the folder, which must not be there yet.
+
+    Without the right to mount one the test is skipped.
+    """
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
     if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:

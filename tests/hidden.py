@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from commandline import STUDY
 
-# Its `sitecustomize.py` hides what the variable WITHOUT names from a process and from those that it starts.
+# A folder whose `sitecustomize.py` hides what the variable WITHOUT names from a process, and from those that
+# it starts.
 HIDING = Path(__file__).with_name("without")
 # Import name of each library and the package that brings it.
 LIBRARIES = {
@@ -25,8 +26,10 @@ LIBRARIES = {
 }
 # The extra that brings a library.
 EXTRAS = {"matplotlib": "figures", "PIL": "figures", "sphinx": "site"}
+# Libraries that every command which writes a page needs.
 PAGES = frozenset({"pandas", "matplotlib", "PIL", "scipy"})
-# Commands, and the libraries that each cannot do without.
+# Commands, and the libraries that each cannot do without. They run in this order: some of the long ones
+# read what others wrote.
 QUICK_COMMANDS: dict[tuple[str, ...], frozenset[str]] = {
     ("--help",): frozenset(),
     ("--version",): frozenset(),
@@ -95,7 +98,7 @@ snapshots = 3
 bins = 8
 start.motion = "fluid"
 """
-# Runs commands one after another in one process.
+# A program that runs commands one after another in one process, and prints their `Answer`s as JSON.
 _SEVERAL = """
 import contextlib, io, json, sys
 from polhode.harness.cli import main
@@ -113,7 +116,7 @@ print(json.dumps(answers))
 
 
 class Answer(NamedTuple):
-    """What a command answers."""
+    """What a command answers: its exit code, standard output and standard error."""
 
     code: int
     out: str
@@ -123,9 +126,20 @@ class Answer(NamedTuple):
 def python(
     library: str, folder: Path, *words: str, seconds: float = 600.0, narrow: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Python in a folder, without a library, as if it were not installed; narrow, with a long double that is double.
+    """Run Python in a folder, without a library, as if it were not installed.
 
-    Several libraries are joined by +.
+    Parameters
+    ----------
+    library
+        Import name of a library of `LIBRARIES`; several are joined by +.
+    folder
+        Where it runs.
+    words
+        Words of its command line.
+    seconds
+        Limit of time.
+    narrow
+        Whether long double is double there.
     """
     path = os.pathsep.join([str(HIDING), *filter(None, [os.environ.get("PYTHONPATH")])])
     names = [f"{name},{LIBRARIES[name]}" for name in library.split("+")]
@@ -150,7 +164,7 @@ def answers(library: str, folder: Path, commands: list[tuple[str, ...]]) -> list
     done = python(library, folder, "-c", _SEVERAL, json.dumps(commands))
     if done.returncode:
         raise AssertionError(done.stderr)
-    return [Answer(*each) for each in json.loads(done.stdout)]
+    return [Answer(*answer) for answer in json.loads(done.stdout)]
 
 
 def written(folder: Path) -> None:
@@ -160,14 +174,17 @@ def written(folder: Path) -> None:
 
 
 def not_installed(library: str) -> str:
-    """How a line ends that says what is missing."""
+    """How a line ends that says that a library is missing, and which command installs it."""
     if library in EXTRAS:
         return f"{library} is not installed: pip install 'polhode[{EXTRAS[library]}]'"
     return f"{LIBRARIES[library]} is not installed: pip install {LIBRARIES[library]}"
 
 
 def complaint(answer: Answer, library: str, *, refused: bool) -> str:
-    """What is wrong with an answer: a command works, or says in one line and without any work what is missing."""
+    """What is wrong with an answer without a library; empty if nothing is.
+
+    A command works, unless it is to be refused: then it says in one line what is missing, before any work.
+    """
     code, out, err = answer
     if "Traceback" in out + err:
         return f"traceback: {err[-300:]}"

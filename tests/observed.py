@@ -17,7 +17,10 @@ def observed(
     tolerance: float = 1e-15,
     samples: int = 101,
 ) -> Observables:
-    """Observables at equispaced times of a run that must succeed."""
+    """Observables of a run that must succeed, at equispaced times from the start to the end, `samples` of them.
+
+    The default tolerance asks for all that double precision gives.
+    """
     equations = find_form(form) if isinstance(form, str) else form
     problem = equations.problem(scene)
     solution = solve(problem, solver, tolerance, np.linspace(0, problem.end, samples))
@@ -31,7 +34,10 @@ def slow_difference(scene: Scene, one: Observables, other: Observables) -> float
 
 
 def orientation_difference(one: Observables, other: Observables) -> float:
-    """Largest difference of the entries of t_ij that both know; at least one row each."""
+    """Largest difference of the entries of the rotation matrices that both know.
+
+    At each time both must know at least one entry in common: a form may know the symmetry axis alone.
+    """
     difference = np.abs(one.rotation - other.rotation)
     assert np.isfinite(difference).any(axis=(1, 2)).all()
     return float(np.nanmax(difference))

@@ -14,19 +14,31 @@ from polhode.models.problem import Problem
 from polhode.solvers.contract import Integrator, Outcome, Record, Settings, Solver, Status
 from polhode.solvers.taylor import Taylor
 
-NAP, LONG_NAP = 0.03, 0.2
-# What the exact solution is taken to be.
-TIGHT = 1e-16
+# Seconds that `Sleeper` sleeps in every run, and when it is first prepared: far longer than the runs of
+# the tests beside them, so that times tell which sleep was counted.
+NAP = 0.03
+LONG_NAP = 0.2
+# Tolerance of the run that is taken for the exact solution: below the rounding of doubles.
+EXACT_TOLERANCE = 1e-16
+# Error of `Steady`, relative to the angular velocities: above the errors and tolerances that tests request.
+STEADY_ERROR = 1e-5
+# A run that ends before this time, in inverse shear rates, is the first one of a study's case, which
+# compiles: it goes over 1e-9 of the duration (`polhode.harness.studies.case`). Liars do it honestly.
+COMPILING_UNTIL = 1e-3
 
 
 class _Disturbed(Taylor):
-    """The exact solution of the quaternion form, but for what `disturb` does to it after the start."""
+    """The exact solution of the quaternion form, but for what `disturb` does to it after the start.
+
+    A state is the quaternion of the orientation, four numbers, and the angular velocity, three.
+    """
 
     def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
+        """The states that the solver gives instead of the exact ones, both of shape (n, 7)."""
         raise NotImplementedError
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
-        exact = super().prepare(problem, settings.at(TIGHT))
+        exact = super().prepare(problem, settings.at(EXACT_TOLERANCE))
 
         def integrate(record: Record) -> Outcome:
             outcome = exact(record)
@@ -38,8 +50,9 @@ class _Disturbed(Taylor):
         return integrate
 
 
-def _too_fast(factor: float, states: np.ndarray) -> np.ndarray:
-    return np.column_stack([states[:, :4], states[:, 4:] * (1 + factor)])
+def _too_fast(excess: float, states: np.ndarray) -> np.ndarray:
+    """The states with angular velocities too large by this share of themselves."""
+    return np.column_stack([states[:, :4], states[:, 4:] * (1 + excess)])
 
 
 class FirstOrder(_Disturbed):
@@ -61,12 +74,12 @@ class SecondOrder(_Disturbed):
 
 
 class Steady(_Disturbed):
-    """Angular velocities too large by 1e-5 of themselves, whatever the tolerance."""
+    """Angular velocities too large by the same share, whatever the tolerance."""
 
     name = "planted:Steady"
 
     def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
-        return _too_fast(1e-5, states)
+        return _too_fast(STEADY_ERROR, states)
 
 
 class Askew(_Disturbed):
@@ -75,9 +88,12 @@ class Askew(_Disturbed):
     name = "planted:Askew"
 
     def disturb(self, states: np.ndarray, tolerance: float) -> np.ndarray:
-        c, s = cos(tolerance / 2), sin(tolerance / 2)
+        # The quaternion of the turn is (w, x, y, z); its axis is the unit vector (2, 1, -2)/3. The rows
+        # multiply a quaternion by it from the right: the axis is fixed in the body.
+        w = cos(tolerance / 2)
+        s = sin(tolerance / 2)
         x, y, z = s * 2 / 3, s / 3, -s * 2 / 3
-        right = np.array([[c, -x, -y, -z], [x, c, z, -y], [y, -z, c, x], [z, y, -x, c]])
+        right = np.array([[w, -x, -y, -z], [x, w, z, -y], [y, -z, w, x], [z, y, -x, w]])
         return np.column_stack([states[:, :4] @ right.T, states[:, 4:]])
 
 
@@ -104,7 +120,8 @@ class Midpoint(Solver):
         field, p = problem.field(FLOAT), problem.parameters
 
         def integrate(record: Record) -> Outcome:
-            y, steps = record.start.copy(), 0
+            y = record.start.copy()
+            steps = 0
             for begin, end in zip(record.times[:-1], record.times[1:], strict=True):
                 count = max(1, round((end - begin) / settings.tolerance))
                 h = (end - begin) / count
@@ -127,7 +144,7 @@ class Sleeper(Taylor):
 
     def prepare(self, problem: Problem, settings: Settings) -> Integrator:
         exact = super().prepare(problem, settings)
-        if problem.end < 1e-3:
+        if problem.end < COMPILING_UNTIL:
             time.sleep(LONG_NAP)
 
         def integrate(record: Record) -> Outcome:
@@ -138,7 +155,7 @@ class Sleeper(Taylor):
 
 
 class _Liar(Taylor):
-    """Claims success whatever it did."""
+    """Claims success whatever `lie` did to the record of a run; the compiling run is an honest one."""
 
     lie: Callable[[Any, Record], None]
 
@@ -146,7 +163,7 @@ class _Liar(Taylor):
         exact = super().prepare(problem, settings)
 
         def integrate(record: Record) -> Outcome:
-            if record.times[-1] > 1e-3:
+            if record.times[-1] > COMPILING_UNTIL:
                 self.lie(record)
             else:
                 exact(record)
@@ -176,7 +193,7 @@ class Idler(_Liar):
 
 
 class Breaker(_Liar):
-    """Leaves the unit quaternions."""
+    """Leaves the unit quaternions, by a factor of a thousand."""
 
     name = "planted:Breaker"
 
@@ -220,7 +237,8 @@ class Doomed(Taylor):
         exact = super().prepare(problem, settings)
 
         def integrate(record: Record) -> Outcome:
-            if record.times[-1] > 1e-3 and not settings.count:
+            # The run that counts calls comes first: it ends well. The timed ones do not.
+            if record.times[-1] > COMPILING_UNTIL and not settings.count:
                 os.kill(os.getpid(), signal.SIGKILL)
             return exact(record)
 

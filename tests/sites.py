@@ -63,7 +63,7 @@ def small_reports(folder: Path) -> Path:
     write_records(records, reports / "bench")
     outcomes.write_page(
         study,
-        [{**one, "tags": [TAG]} for one in records],
+        [{**record, "tags": [TAG]} for record in records],
         reports / "hard-cases",
         "polhode bench x.toml",
     )
@@ -92,6 +92,6 @@ def pages_of(folder: Path) -> dict[str, str]:
 
 
 def data_of(page: str, key: str):
-    """What a page's scripts read under a key."""
+    """What a page's scripts read from its element of that id, parsed from JSON."""
     _, _, rest = page.partition(f'<script type="application/json" id="{key}">')
     return json.loads(rest.partition("</script>")[0])

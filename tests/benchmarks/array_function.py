@@ -24,51 +24,62 @@ from polhode.solvers.machine_code.array_function import array_function
 from polhode.solvers.machine_code.llvm import compile_file
 from polhode.solvers.solve import solve
 
+# A function of LLVM's language whose arguments are pointers to arrays, and whose body is the field.
 FUNCTION = """define void @function($signature) {
 $lines
 ret void
 }
 """
+# Solvers that call the field back, from Python or from C.
 SOLVERS = ("dop853", "rk45", "radau", "bdf", "lsoda", "cvode-adams", "cvode-bdf", "ida")
+# Two full forms, of seven and of six components.
 FORMS = ("quaternion", "euler-angles")
+# Tight, so that a run has many steps, and calls are a large part of its time.
 TOLERANCE = 1e-8
-# Runs of each kind, of which the shortest counts.
+# St, and the end of the run in inverse shear rates: an oscillating problem and a stiff one.
+RUNS = ((10.0, 200.0), (1e-2, 20.0))
+# Runs of each kind, in turns, of which the shortest counts.
 REPEATS = 5
 
 
 def through_ctypes(lines: str, arrays: Mapping[str, int]) -> Callable[..., None]:
-    """The same field, called through ctypes with arrays of its own, whose addresses are known."""
+    """The field of `array_function`, called through ctypes with arrays of its own, whose addresses are known.
+
+    `lines` are those of the field's code. `arrays` are the lengths of its arguments by name, in the order state,
+    parameters, rates.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "function.ll"
         path.write_text(FUNCTION, encoding="utf-8")
         signature = ", ".join(f"ptr %{name}" for name in arrays)
         code = compile_file(path, signature=signature, lines=lines)
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))(code.address)
-    own_y, own_p, own_out = (np.empty(length) for length in arrays.values())
-    at_y, at_p, at_out = (array.ctypes.data for array in (own_y, own_p, own_out))
+    inner_y, inner_p, inner_out = (np.empty(length) for length in arrays.values())
+    at_y, at_p, at_out = (array.ctypes.data for array in (inner_y, inner_p, inner_out))
 
     # The code lives as long as the function that calls it.
     def call(y: np.ndarray, p: np.ndarray, out: np.ndarray, code: object = code) -> None:
-        own_y[:] = y
-        own_p[:] = p
+        inner_y[:] = y
+        inner_p[:] = p
         function(at_y, at_p, at_out)
-        out[:] = own_out
+        out[:] = inner_out
 
     return call
 
 
 def seconds(form: str, solver: str, stokes: float, end: float) -> tuple[float, float]:
-    """Least times of runs with the built-in function and through ctypes."""
+    """Least times, in seconds, of runs with the built-in function and through ctypes."""
     scene = Scene(Ellipsoid(PAPER_ELLIPSOID), stokes, PAPER_START, end)
     problem = find_form(form).problem(scene)
     least = [np.inf, np.inf]
     for _ in range(REPEATS):
         for kind, function in enumerate((array_function, through_ctypes)):
+            # What was compiled with the other kind is forgotten.
             compilation.array_function = function
             for cached in (compilation.compiled_callback, compilation.exact_jacobian):
                 cached.cache_clear()
             run = {"backend": "numba", "times": np.array([0.0, end])}
-            # The first run compiles.
+            # The first run compiles: the second one counts.
             for _ in range(2):
                 began = perf_counter()
                 solve(problem, solver, TOLERANCE, **run)
@@ -80,7 +91,7 @@ def seconds(form: str, solver: str, stokes: float, end: float) -> tuple[float, f
 
 def main() -> None:
     """Print a line for each solver, form and St."""
-    for stokes, end in ((10.0, 200.0), (1e-2, 20.0)):
+    for stokes, end in RUNS:
         for form in FORMS:
             for solver in SOLVERS:
                 built_in, called = seconds(form, solver, stokes, end)

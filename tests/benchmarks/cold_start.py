@@ -21,21 +21,26 @@ from polhode.harness.common.machine import here, provenance
 from polhode.harness.common.text import markdown
 from polhode.harness.pages.tables import folded
 
+# Command lines as they are timed; the page leaves out where they write.
+SOLVE_COMMAND = "polhode solve paper --out /dev/null"
 COMMANDS = (
     "polhode --help",
     "polhode shape 1 0.8 0.5",
     "polhode forms",
     "polhode scenes",
     "polhode solvers",
-    "polhode solve paper --out /dev/null",
+    SOLVE_COMMAND,
     "polhode solve paper --form quaternion --solver cyrk-vern8 --tolerance 1e-8 --out /dev/null",
     "polhode pick paper --error 1e-6",
 )
 PYTHON = ("import polhode", "import polhode; polhode.solve('paper')")
+# Processes of each kind, of which the median counts: one or two slow ones do not move it.
 RUNS = 5
 FOLDER = Path(__file__).parents[2] / "reports" / "cold-start"
+# Columns of seconds.csv; both times are in seconds.
 HEADS = ("command", "wall", "processor")
 _UNSEEN = " --out /dev/null"
+# A program that prints the seconds of a second `solve` in its process.
 AGAIN = """
 import time, polhode
 polhode.solve("paper")
@@ -62,14 +67,18 @@ def clocks() -> tuple[float, float]:
 
 
 def seconds(*words: str, fresh: bool = False) -> list[str]:
-    """Both times of a process, after one that fills the caches."""
+    """Wall and processor time of a process, in s with two decimals: medians of `RUNS`, after one that fills the caches.
+
+    `words` are Python's command line. A fresh process has an empty cache.
+    """
     python(*words, fresh=fresh)
     marks = [clocks()]
     for _ in range(RUNS):
         python(*words, fresh=fresh)
         marks.append(clocks())
     return [
-        f"{median(b - a for a, b in pairwise(column)):.2f}" for column in zip(*marks, strict=True)
+        f"{median(end - begin for begin, end in pairwise(column)):.2f}"
+        for column in zip(*marks, strict=True)
     ]
 
 
@@ -77,9 +86,9 @@ def rows() -> Iterator[list[str]]:
     """Rows of the table: what is run, wall and processor time in s."""
     for command in COMMANDS:
         yield [f"`{command.replace(_UNSEEN, '')}`", *seconds("-m", *command.split())]
-    solve = COMMANDS[5]
     new = "with a new shape and an empty cache"
-    yield [f"`{solve.replace(_UNSEEN, '')}` {new}", *seconds("-m", *solve.split(), fresh=True)]
+    words = SOLVE_COMMAND.split()
+    yield [f"`{SOLVE_COMMAND.replace(_UNSEEN, '')}` {new}", *seconds("-m", *words, fresh=True)]
     for code in PYTHON:
         yield [f'`python -c "{code}"`', *seconds("-c", code)]
     again = median(float(python("-c", AGAIN)) for _ in range(RUNS))
@@ -87,7 +96,7 @@ def rows() -> Iterator[list[str]]:
 
 
 def write(table: list[list[str]]) -> None:
-    """Write the page and its data."""
+    """Write the page and its data into `FOLDER`; `table` are `rows`."""
     text = StringIO()
     csv.writer(text, lineterminator="\n").writerows([HEADS, *table])
     write_file(FOLDER / "seconds.csv", text.getvalue(), summed=True)

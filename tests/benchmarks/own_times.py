@@ -15,10 +15,15 @@ from polhode.solvers.compile import frozen
 from polhode.solvers.solve import solve
 
 TOLERANCE = 1e-6
-# Runs of which the fastest counts, as `WorkPrecision` takes it.
+# Runs of which the fastest counts, as `WorkPrecision` takes it; more than its five, so that the time to be
+# compared with is the surer one.
 RUNS = 15
-# Limit of a run, in seconds.
+# Limit of a run, in seconds. Far more than any takes, but for solvers that are stuck.
 MAX_SECONDS = 5.0
+# Most and least ratio of the two times. On an idle machine all ratios lie between them.
+TOO_SLOW = 1.1
+TOO_FAST = 0.9
+# A matrix of 50 rows: decay rates 1 to 50 on the diagonal, each component fed by the next one.
 MATRIX = np.diag(-np.arange(1.0, 51.0)) + np.diag(np.ones(49), 1)
 
 
@@ -61,7 +66,7 @@ def main() -> None:
             again = partial(solve, timed, solver, TOLERANCE, study.times, atol=row["atol"])
             seconds = min(again().seconds for _ in range(RUNS))
             ratio = row["seconds"] / seconds
-            off += not 0.9 <= ratio <= 1.1
+            off += not TOO_FAST <= ratio <= TOO_SLOW
             print(f"{name:15}{solver:20}{1e6 * row['seconds']:10.0f} µs {ratio:6.2f}")
     print(f"{off} ratios beyond a tenth")
     sys.exit(off > 0)

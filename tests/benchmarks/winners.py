@@ -13,15 +13,17 @@ import pandas as pd
 from polhode.harness.common.store import read_export, record_file
 from polhode.harness.common.text import short
 
-# Errors for which both name a winner.
+# Errors of L and E over I_max for which both name a winner: one in each decade, from 1e-2 to 1e-11.
 ERRORS = tuple(10.0**-exponent for exponent in range(2, 12))
-# A winner that is slower than the best by no more than this is as good.
+# A winner that takes no more than this multiple of the best one's time is as good: an estimate of how far
+# times of one run lie apart from suite to bench.
 AS_GOOD = 1.2
+# Columns that tell tables and methods apart.
 METHOD = ["scene", "stokes", "form", "solver"]
 
 
 def suite_runs(path: Path) -> pd.DataFrame:
-    """Scene, St, form, solver, error and seconds of the timed rows."""
+    """The timed runs of the suite: scene, St, form, solver, error of L and E over I_max, least seconds."""
     benchmarks = json.loads(path.read_text(encoding="utf-8"))["benchmarks"]
     return pd.DataFrame(
         {
@@ -34,7 +36,7 @@ def suite_runs(path: Path) -> pd.DataFrame:
 
 
 def bench_runs(folder: Path) -> pd.DataFrame:
-    """The same of the runs that reached their end."""
+    """The same columns, of the bench's runs that reached their end."""
     return pd.DataFrame(
         {
             "scene": record["scene_name"],
@@ -50,25 +52,29 @@ def bench_runs(folder: Path) -> pd.DataFrame:
 
 
 def fastest(runs: pd.DataFrame) -> pd.Series:
-    """The run of the least time."""
+    """The run of the least time, a row."""
     return runs.loc[runs["seconds"].idxmin()]
 
 
 def compare(suite: pd.DataFrame, bench: pd.DataFrame) -> pd.DataFrame:
-    """For each scene, St and error the suite's winner, the bench's, and the ratio of their times on the bench page."""
+    """The suite's winner beside the bench's, for each scene, St and error at which both name one.
+
+    `ratio` is the time of the suite's winner over that of the bench's, both as the bench measured them.
+    """
     rows = []
     tables = dict(iter(bench.groupby(["scene", "stokes"])))
-    for (scene, stokes), own in suite.groupby(["scene", "stokes"]):
-        others = tables.get((scene, stokes))
-        if others is None:
+    for (scene, stokes), suite_table in suite.groupby(["scene", "stokes"]):
+        bench_table = tables.get((scene, stokes))
+        if bench_table is None:
             continue
         for error in ERRORS:
-            good = own[own["error"] <= error]
-            good_others = others[others["error"] <= error]
-            if good.empty or good_others.empty:
+            suite_good = suite_table[suite_table["error"] <= error]
+            bench_good = bench_table[bench_table["error"] <= error]
+            if suite_good.empty or bench_good.empty:
                 continue
-            winner, best = fastest(good), fastest(good_others)
-            same = (good_others[["form", "solver"]] == winner[["form", "solver"]]).all(axis=1)
+            winner = fastest(suite_good)
+            best = fastest(bench_good)
+            same = (bench_good[["form", "solver"]] == winner[["form", "solver"]]).all(axis=1)
             rows.append(
                 {
                     "scene": scene,
@@ -76,7 +82,7 @@ def compare(suite: pd.DataFrame, bench: pd.DataFrame) -> pd.DataFrame:
                     "error": short(error),
                     "suite": f"{winner['form']} {winner['solver']}",
                     "bench": f"{best['form']} {best['solver']}",
-                    "ratio": good_others[same]["seconds"].min() / best["seconds"],
+                    "ratio": bench_good[same]["seconds"].min() / best["seconds"],
                 }
             )
     return pd.DataFrame(rows)
@@ -88,12 +94,12 @@ def main() -> None:
     parser.add_argument("suite", type=Path, help="JSON of pytest-benchmark")
     parser.add_argument("bench", type=Path, help="folder of `polhode bench`")
     given = parser.parse_args()
-    found = compare(suite_runs(given.suite), bench_runs(given.bench))
+    pairs = compare(suite_runs(given.suite), bench_runs(given.bench))
     # A method that the bench did not time to that error has no ratio, and does not count as good.
-    good = found["ratio"] <= AS_GOOD
+    good = pairs["ratio"] <= AS_GOOD
     if not good.all():
-        print(found[~good].to_string(index=False, float_format="%.2f"))
-    print(f"{good.sum()} of {len(found)} winners within {AS_GOOD} times of the bench page's")
+        print(pairs[~good].to_string(index=False, float_format="%.2f"))
+    print(f"{good.sum()} of {len(pairs)} winners within {AS_GOOD} times of the bench page's")
 
 
 if __name__ == "__main__":

@@ -13,10 +13,25 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
-# How many inputs, flips, kills, and runs of each command on a full disk: in 20 minutes, and in all
-# that was asked for.
-USUAL, FULL = (1000, 500, 40, 2), (2000, 500, 100, 5)
+# Minutes that all parts but the last take with the `USUAL` counts.
+USUAL_MINUTES = 20.0
+
+
+class Counts(NamedTuple):
+    """How many of each there are."""
+
+    inputs: int
+    flips: int
+    kills: int
+    fills: int  # runs of each command on a full disk
+
+
+USUAL = Counts(inputs=1000, flips=500, kills=40, fills=2)
+# With `--full`.
+FULL = Counts(inputs=2000, flips=500, kills=100, fills=5)
+# The last one, 5,000 runs, takes most of an hour: it runs with `--full`, or if it is named.
 PARTS = (
     "flips",
     "races",
@@ -31,10 +46,11 @@ PARTS = (
     "memory",
     "runs",
 )
-# Rounds of threads, each in a process of its own.
+# Rounds of threads, each in a process of its own, of one or two minutes.
 ROUNDS = 5
-# Solves, and functions of one's own, in one process.
-RUNS = (20_000, 5_000)
+# Solves, and runs of functions of one's own, in one process.
+SOLVES = 20_000
+FUNCTIONS = 5_000
 SUCCESSES = ("-m", "torture.successes", "--runs", "5000")
 
 
@@ -45,10 +61,10 @@ def successes() -> list[str]:
 
 
 def main() -> None:
-    """Do it."""
+    """Run the parts, and print a line for each with its complaints; exit code 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--minutes", type=float, default=20.0, help="at most; the counts shrink with it"
+        "--minutes", type=float, default=USUAL_MINUTES, help="at most; the counts shrink with it"
     )
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--seed", type=int, default=1)
@@ -56,10 +72,10 @@ def main() -> None:
     given = parser.parse_args()
     if unknown := [name for name in given.parts if name not in PARTS]:
         parser.error(f"got {unknown[0]!r}, expected one of {', '.join(PARTS)}")
-    share = 1.0 if given.full else min(1.0, given.minutes / 20.0)
-    fuzzes, flips, kills, fills = (
-        round(share * count) for count in (FULL if given.full else USUAL)
-    )
+    counts = FULL
+    if not given.full:
+        share = min(1.0, given.minutes / USUAL_MINUTES)
+        counts = Counts(*(round(share * count) for count in USUAL))
     with tempfile.TemporaryDirectory() as place:
         os.environ["POLHODE_CACHE"] = str(Path(place, "p"))
         # They read the cache's place when they are imported.
@@ -79,38 +95,49 @@ def main() -> None:
         spoiled = Path("../build/torture")
         spoiled.mkdir(parents=True, exist_ok=True)
         parts: dict[str, tuple[str, Callable[[], list[str]]]] = {
-            "flips": (f"{flips} bit flips", lambda: flipped(given.seed, flips)),
+            "flips": (f"{counts.flips} bit flips", lambda: flipped(given.seed, counts.flips)),
             "races": ("races", lambda: raced(folder("races"))),
             "disks": (
-                f"{fills} full disks for each command",
-                lambda: filled(given.seed, fills, folder("full")),
+                f"{counts.fills} full disks for each command",
+                lambda: filled(given.seed, counts.fills, folder("full")),
             ),
-            "kills": (f"{kills} kills", lambda: killed(given.seed, kills, folder("kills"))),
-            "inputs": (f"{fuzzes} inputs", lambda: fuzzed(given.seed, fuzzes, spoiled)),
+            "kills": (
+                f"{counts.kills} kills",
+                lambda: killed(given.seed, counts.kills, folder("kills")),
+            ),
+            "inputs": (
+                f"{counts.inputs} inputs",
+                lambda: fuzzed(given.seed, counts.inputs, spoiled),
+            ),
             "libraries": ("libraries taken away", lambda: without(folder("libraries"))),
             "caches": ("foreign cache folders", lambda: foreign(folder("caches"))),
             "streams": ("closed streams", lambda: closed(folder("streams"))),
             "edges": (
-                f"{fuzzes} scenes at the edges",
-                lambda: at_the_edges(given.seed, fuzzes, spoiled),
+                f"{counts.inputs} scenes at the edges",
+                lambda: at_the_edges(given.seed, counts.inputs, spoiled),
             ),
             "threads": (
                 f"{ROUNDS} rounds of 12 cold threads",
                 lambda: threaded(given.seed, ROUNDS),
             ),
-            "memory": (f"{RUNS[0]} solves, {RUNS[1]} functions", lambda: grown(*RUNS)),
+            "memory": (
+                f"{SOLVES} solves, {FUNCTIONS} functions",
+                lambda: grown(SOLVES, FUNCTIONS),
+            ),
             "runs": ("5000 runs", successes),
         }
         chosen = given.parts or (PARTS if given.full else PARTS[:-1])
         if {"inputs", "edges"} & set(chosen):
             warm()
         complaints = 0
-        for name, part in (parts[each] for each in chosen):
-            began, found = time.monotonic(), part()
-            complaints += len(found)
+        for name in chosen:
+            title, part = parts[name]
+            began = time.monotonic()
+            part_complaints = part()
+            complaints += len(part_complaints)
             print(
-                f"{name}: {len(found)} complaints, {time.monotonic() - began:.0f} s",
-                *found,
+                f"{title}: {len(part_complaints)} complaints, {time.monotonic() - began:.0f} s",
+                *part_complaints,
                 sep="\n  ",
                 flush=True,
             )

@@ -14,14 +14,20 @@ from random import Random
 
 from torture.fuzz import answered, warm
 
-# Exponents of ten between which each quantity of a scene is drawn.
+# Exponents of ten between which each quantity of a scene is drawn: of St and of the time, in inverse shear
+# rates, nearly all that double precision holds; of the ratio of two semi-axes; of the angular velocity, in
+# shear rates. The last two are estimates: wider than anyone is expected to ask for.
 STOKES = (-300.0, 300.0)
 ASPECT = (0.0, 6.0)
 RATE = (-150.0, 30.0)
 TIME = (-300.0, 300.0)
+# Share of the scenes whose first two semi-axes are equal, and of those with one extreme quantity alone.
+SPHEROIDS = 0.3
+ONE_EXTREME = 0.5
 # What `solve` says, after a few seconds, of a run that is long.
 ANNOUNCED = re.compile("^note: it (is expected to take|has hardly begun|has come to)", re.MULTILINE)
-# How long an answer may take, in seconds of the processor; a run whose time is announced takes that.
+# How long an answer may take, in seconds of the processor. A run whose time is announced may take that.
+# `solve` announces a long run after a few seconds.
 SECONDS = 5.0
 
 SCENE = """\
@@ -40,9 +46,10 @@ def scenes(random: Random) -> Iterator[str]:
     while True:
         stokes, time, rate = (10 ** random.uniform(*range_) for range_ in (STOKES, TIME, RATE))
         axes = [10 ** random.uniform(*ASPECT) for _ in range(3)]
-        if random.random() < 0.3:
+        if random.random() < SPHEROIDS:
             axes[1] = axes[0]
-        if random.random() < 0.5:
+        if random.random() < ONE_EXTREME:
+            # All others are such as scenes usually have.
             extreme = random.randrange(4)
             stokes = stokes if extreme == 0 else 10 ** random.uniform(-3, 6)
             time = time if extreme == 1 else 10 ** random.uniform(-1, 3)
@@ -58,7 +65,7 @@ def scenes(random: Random) -> Iterator[str]:
 
 
 def at_the_edges(seed: int, count: int, folder: Path) -> list[str]:
-    """Complaints about that many scenes."""
+    """Complaints about that many scenes; the folder keeps the files of those complained about."""
     complaints = []
     for number, (text, _) in enumerate(zip(scenes(Random(seed)), range(count), strict=False)):
         place = Path(tempfile.mkdtemp(dir=folder))
@@ -72,14 +79,14 @@ def at_the_edges(seed: int, count: int, folder: Path) -> list[str]:
 
 
 def main() -> None:
-    """Try, and complain."""
+    """Try that many scenes; exit code 1 if one is not answered in time."""
     seed, count = map(int, sys.argv[1:])
     folder = Path("../build/torture")
     folder.mkdir(parents=True, exist_ok=True)
     warm()
-    found = at_the_edges(seed, count, folder)
-    print(*found, f"{len(found)} complaints about {count} scenes", sep="\n")
-    sys.exit(bool(found))
+    complaints = at_the_edges(seed, count, folder)
+    print(*complaints, f"{len(complaints)} complaints about {count} scenes", sep="\n")
+    sys.exit(bool(complaints))
 
 
 if __name__ == "__main__":

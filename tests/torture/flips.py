@@ -18,6 +18,7 @@ from polhode.harness.common.store import Store, export, read_export, read_table,
 from polhode.models.files import cached
 from polhode.solvers.machine_code import cached_code
 
+# What reading a damaged file may raise.
 REFUSALS = (ValueError, OSError)
 
 
@@ -30,6 +31,7 @@ class Row:
     count: int
 
 
+# Rows and records of all kinds of values: words, numbers whose digits do not end, pairs, counts.
 ROWS = [Row(f"case {i}", (i / 7, -i / 3), i) for i in range(30)]
 RECORDS = [
     {"key": f"{i}", "status": "reached_end", "seconds": i / 7, "work": {"steps": i}}
@@ -38,11 +40,13 @@ RECORDS = [
 
 
 def _store(path: Path) -> list[Any]:
+    """The records of a store, but for their dates."""
     with Store(path) as store:
         return [{**record, "date": ""} for record in store]
 
 
 def _write_store(path: Path) -> None:
+    """Write `RECORDS` into a store."""
     with Store(path) as store:
         for record in RECORDS:
             store.put(record["key"], {}, record)
@@ -55,6 +59,7 @@ def _machine_code(folder: Path) -> Path:
         code.execute(
             "CREATE TABLE cache (hash INTEGER PRIMARY KEY, opt_level, object BLOB, last_access)"
         )
+        # heyoka's own columns: a hash, a level of optimization, code of a few kB, a counter of uses.
         rows = [(number, 3, Random(number).randbytes(3000), number) for number in range(5)]
         code.executemany("INSERT INTO cache VALUES (?, ?, ?, ?)", rows)
     cached_code.note(folder)
@@ -77,18 +82,19 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
     arrays = {"x": np.arange(200) / 7}
     cache.save("key", arrays)
     cached.save("shape", np.arange(300) / 7)
+    # The newest file there is the one that was just saved.
     numbers = max(
         (cached.cache_folder() / "numbers").iterdir(), key=lambda file: file.stat().st_mtime_ns
     )
     code = _machine_code(folder / "code")
 
     def reference() -> Any:
-        found = cache.load("key")
-        return None if found is None else found["x"].tolist()
+        loaded = cache.load("key")
+        return None if loaded is None else loaded["x"].tolist()
 
     def shape() -> Any:
-        found = cached.load("shape")
-        return None if found is None else found.tolist()
+        loaded = cached.load("shape")
+        return None if loaded is None else loaded.tolist()
 
     write_file(folder / "timed.json", '{"seconds": 1.5}', summed=True)
     return {
@@ -105,25 +111,27 @@ def kinds(folder: Path) -> dict[str, tuple[Path, Callable[[], Any]]]:
 
 def flipped(seed: int, count: int) -> list[str]:
     """Complaints about so many flips, the kinds of files in turn."""
-    random, complaints = Random(seed), []
+    random = Random(seed)
+    complaints = []
     with tempfile.TemporaryDirectory() as place:
         files = kinds(Path(place))
-        true = {name: read() for name, (_, read) in files.items()}
+        written = {name: read() for name, (_, read) in files.items()}
         for number in range(count):
             name = list(files)[number % len(files)]
             path, read = files[name]
             whole = {file: file.read_bytes() for file in path.parent.iterdir() if file.is_file()}
-            content = whole[path]
-            damaged, bit = bytearray(content), random.randrange(8 * len(content))
+            damaged = bytearray(whole[path])
+            bit = random.randrange(8 * len(damaged))
             damaged[bit // 8] ^= 1 << bit % 8
             path.write_bytes(damaged)
             try:
                 with redirect_stderr(StringIO()):
-                    found = read()
+                    read_again = read()
             except REFUSALS:
-                found = None
-            if found is not None and found != true[name]:
+                read_again = None
+            if read_again is not None and read_again != written[name]:
                 complaints.append(f"{name}: bit {bit} of {path.name} is used as good")
+            # Reading may have replaced, removed or added files: the folder becomes as it was.
             for file in path.parent.iterdir():
                 if file.is_file() and file not in whole:
                     file.unlink()

@@ -8,6 +8,7 @@ import os
 import re
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 import time
@@ -35,6 +36,8 @@ snapshots = 3
 bins = 8
 start.motion = "fluid"
 """
+# What stands for a number in a file or on a command line: numbers out of range or hard to read, and
+# things that are no numbers.
 NUMBERS = (
     *(
         "0",
@@ -66,6 +69,7 @@ NUMBERS = (
         "360.0",
     ),
 )
+# What is inserted anywhere in a file: control characters, signs of other scripts, pieces of TOML.
 SIGNS = (
     "\0",
     "\x1b[31m",
@@ -81,6 +85,7 @@ SIGNS = (
     "#",
     "\n\n[shape]\n",
 )
+# Words and options that are added to a command line, right ones and wrong ones.
 WORDS = (
     "--",
     "-",
@@ -107,24 +112,34 @@ OPTIONS = (
     "-v",
     "--json",
 )
-SECONDS, ENOUGH = 10.0, 2.5
+# Seconds of the processor within which a command answers, unless it has announced a run; and seconds after
+# which a run that was announced is stopped, as it has answered. Estimates, with room for a busy machine.
+SECONDS = 10.0
+ENOUGH = 2.5
 # Bytes of memory that an answer may take beside those with which its process begins, and a quarter
 # of the addresses that its process may use: an estimate.
 ROOM = 2**30
+# A number in a file.
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d._]*(?:e[-+]?\d+)?")
+# What `solve` says of a run that it has begun.
 ANSWERED = re.compile(
     r"^\S+ by \S+ (at|from) tolerance|^note: it (is expected to take|has)", re.MULTILINE
 )
 
 
 def mutated(text: str, random: Random) -> str:
-    """A file's text with one to three things in it spoiled."""
+    """A file's text with one to three things in it spoiled.
+
+    In three cases of seven another number is set, else a line is left out or doubled, a sign inserted, the text
+    cut off, or its letters' case changed.
+    """
     for _ in range(random.randint(1, 3)):
         lines = text.split("\n")
-        kind, at = random.randrange(7), random.randrange(len(lines))
-        if kind <= 2 and (found := list(NUMBER.finditer(text))):
-            one = random.choice(found)
-            text = text[: one.start()] + random.choice(NUMBERS) + text[one.end() :]
+        kind = random.randrange(7)
+        at = random.randrange(len(lines))
+        if kind <= 2 and (numbers := list(NUMBER.finditer(text))):
+            number = random.choice(numbers)
+            text = text[: number.start()] + random.choice(NUMBERS) + text[number.end() :]
         elif kind == 3:
             text = "\n".join(lines[:at] + lines[at + 1 :])
         elif kind == 4:
@@ -142,16 +157,22 @@ def mutated(text: str, random: Random) -> str:
 
 
 def inputs(random: Random) -> Iterator[tuple[str, list[str]]]:
-    """Contents of the file `x.toml`, and a command line."""
+    """Without end: contents of the file `x.toml`, and a command line.
+
+    Half of them are scenes; a study, a sweep and other commands have a sixth each.
+    """
     while True:
         kind = random.randrange(6)
         if kind <= 2:
+            # Mostly no further words.
             extra = [
                 random.choice(OPTIONS + WORDS + NUMBERS)
                 for _ in range(random.choice((0, 0, 1, 2, 4)))
             ]
             command = random.choice(("solve", "solve", "scenes", "pick", "shape"))
-            yield mutated(SCENE.replace("0.5\n", "0.01\n", 1), random), [command, "x.toml", *extra]
+            # The scene's slow time of 0.5 becomes 0.01: a run takes a moment.
+            short_scene = SCENE.replace("0.5\n", "0.01\n", 1)
+            yield mutated(short_scene, random), [command, "x.toml", *extra]
         elif kind == 3:
             # Read and checked as ever; then no scene is left.
             yield mutated(STUDY, random), ["bench", "x.toml", "--scene", "nothing"]
@@ -161,22 +182,22 @@ def inputs(random: Random) -> Iterator[tuple[str, list[str]]]:
                 ["sweep", "x.toml", "--workers", "0", "--quiet", "--out", "o"],
             )
         else:
-            some = random.choice(
+            # Each gets a file that is not of its kind, or a name that there is not.
+            command = random.choice(
                 ("export", "compare", "report", "paper", "bench", "scenes", "solve", "pick")
             )
-            more = {
+            arguments = {
                 "export": ["x.toml", "o.csv"],
                 "compare": ["x.jsonl", "x.toml"],
                 "paper": ["nothing"],
             }
-            yield (
-                mutated(SCENE, random),
-                [some, *more.get(some, ["x.toml", "--scene", random.choice(WORDS)])],
-            )
+            text = mutated(SCENE, random)
+            by_default = ["x.toml", "--scene", random.choice(WORDS)]
+            yield text, [command, *arguments.get(command, by_default)]
 
 
 def fuzzed(seed: int, count: int, folder: Path) -> list[str]:
-    """Complaints about that many inputs."""
+    """Complaints about that many inputs; the folder keeps the files of those complained about."""
     complaints = []
     for number, (text, words) in zip(range(count), inputs(Random(seed)), strict=False):
         place = Path(tempfile.mkdtemp(dir=folder))
@@ -196,7 +217,16 @@ def answered(
 ) -> str:
     """What is wrong with the answer to a command line in a folder; empty if nothing is.
 
-    It may take that many seconds of the processor, unless standard error has announced a run.
+    Parameters
+    ----------
+    words
+        Words of the command line.
+    place
+        Folder in which it runs; standard output and standard error go into files there.
+    seconds
+        Seconds of the processor that it may take, unless it has announced a run.
+    announced
+        What standard error says of a run that is announced.
     """
     sys.stdout.flush()
     # A forked process begins with the memory of this one, which pytest may have filled before.
@@ -204,7 +234,9 @@ def answered(
     child = os.fork()
     if child == 0:
         _run(words, place)
-    worked, last = 0.0, time.monotonic()
+    # Seconds of the processor that it had used, and the time, when it last worked or wanted to.
+    worked = 0.0
+    last = time.monotonic()
     while True:
         ended, status, used = os.wait4(child, os.WNOHANG)
         if ended:
@@ -212,7 +244,8 @@ def answered(
         spent, ready = _spent(child)
         # Who waits for the processor is not late; who waits for anything else is.
         if ready or spent > worked:
-            worked, last = spent, time.monotonic()
+            worked = spent
+            last = time.monotonic()
         if spent > seconds or time.monotonic() - last > seconds:
             break
         if spent > ENOUGH and announced.search(_said(place)):
@@ -220,7 +253,7 @@ def answered(
         time.sleep(0.005)
     late = not ended
     if late:
-        os.kill(child, 9)
+        os.kill(child, signal.SIGKILL)
         _, status, used = os.wait4(child, 0)
     said = _said(place)
     running = announced.search(said) or (place / "o" / "store.sqlite").exists()
@@ -230,6 +263,7 @@ def answered(
         return f"traceback {lines[-1]}"
     if late:
         return "" if running else "no answer"
+    # Linux counts the largest resident memory in units of 1024 bytes.
     taken = used.ru_maxrss * 1024 - inherited
     if taken > ROOM:
         return f"{taken >> 20} MB"
@@ -245,6 +279,7 @@ def _resident() -> int:
 
 
 def _said(place: Path) -> str:
+    """What a command has written on standard error so far."""
     with suppress(FileNotFoundError):
         return (place / "stderr").read_text(encoding="utf-8", errors="replace")
     return ""
@@ -252,14 +287,18 @@ def _said(place: Path) -> str:
 
 def _spent(child: int) -> tuple[float, bool]:
     """Processor time of a process, in seconds, which a busy machine leaves as it is, and whether it wants more."""
+    # After the command's name in brackets: the state, and numbers, among them the ticks of the processor
+    # in user and in kernel mode (proc(5), fields 3, 14 and 15).
     state, *numbers = (
         Path(f"/proc/{child}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     )
-    return sum(map(float, numbers[10:12])) / os.sysconf("SC_CLK_TCK"), state == "R"
+    user_ticks, kernel_ticks = map(float, numbers[10:12])
+    return (user_ticks + kernel_ticks) / os.sysconf("SC_CLK_TCK"), state == "R"
 
 
 def _run(words: list[str], place: Path) -> None:
-    """The command in this process, for good."""
+    """Run the command in this process, and end it."""
+    # No command exits with this code: it stands for an exception.
     code = 99
     try:
         os.chdir(place)
@@ -282,8 +321,8 @@ def _run(words: list[str], place: Path) -> None:
 
 def warm() -> None:
     """Import and compile, in this process, what the forked ones need."""
-    for each in iter_modules(commands.__path__):
-        import_module(f"{commands.__name__}.{each.name}")
+    for found_module in iter_modules(commands.__path__):
+        import_module(f"{commands.__name__}.{found_module.name}")
     for module in ("api", "ensembles.sweep", "studies.study", "studies.runner", "answers.pick"):
         import_module(f"polhode.harness.{module}")
     import_module("polhode").solve("paper", samples=3)

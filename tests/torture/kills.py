@@ -20,19 +20,28 @@ from commandline import STUDY
 from polhode.harness.common.store import Store
 from torture.fuzz import SWEEP
 
-# What differs from run to run.
+# Fields of records that differ from run to run.
 TIMES = (
     *("date", "seconds", "seconds_spread", "seconds_runs", "prepare_seconds", "counted_seconds"),
     *("sentinel_seconds", "disturbed"),
 )
-# heyoka keeps compiled code on disk.
+# A study with a solver of heyoka, which keeps compiled code on disk, and a sweep of many small tasks: kills
+# hit both at work.
 BRIEF = STUDY.replace("[1e-4, 1e-6, 1e-8]", "[1e-4, 1e-6]").replace("cyrk-vern8", "taylor")
 MANY = SWEEP.replace("particles = 4", "particles = 60\nblock = 5")
 # Processes that outlive their parent by this, in seconds, are orphans.
 GONE = 5.0
+# Most kills in a row before a command is let come to its end.
+MOST_KILLS = 4
+# A kill falls within this multiple of the time of an undisturbed run: a few come after the end.
+KILLED_WITHIN = 1.1
+# Exponents of ten of the largest file that a full disk takes, in bytes: from less than a line of a table to
+# some hundred kB.
+ROOM = (2.0, 5.5)
 
 
 def _stored(folder: Path) -> Any:
+    """The records in the store of a folder by their key, but for times."""
     (path,) = folder.glob("*.sqlite")
     with Store(path) as store:
         return {
@@ -44,10 +53,12 @@ def _stored(folder: Path) -> Any:
 
 
 def _tables(folder: Path) -> Any:
+    """The content of the CSV files by name."""
     return {path.name: path.read_bytes() for path in sorted(folder.rglob("*.csv"))}
 
 
 def _pages(folder: Path) -> Any:
+    """The content of the site's pages by name, but for the opening page, which has the date."""
     return {
         path.name: path.read_bytes()
         for path in sorted(folder.rglob("*.html"))
@@ -77,7 +88,10 @@ JOBS = {
 def running(
     job: Job, folder: Path, room: int = resource.RLIM_INFINITY
 ) -> Iterator[subprocess.Popen[bytes]]:
-    """The command in a process of its own; its standard error goes into a file."""
+    """The command in a process of its own, in a folder; its standard error goes into the file `stderr` there.
+
+    No file that it writes may become larger than `room`, in bytes.
+    """
     environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}
     words = [sys.executable, "-P", *job.program, *job.words, "--out", "o"]
 
@@ -99,34 +113,41 @@ def running(
 
 
 def orphans(folder: Path) -> list[int]:
-    """Processes that work for this folder still."""
-    mark, found = f"POLHODE_CACHE={folder / 'cache'}".encode(), []
+    """Ids of the processes that still work for this folder: they have its cache in their environment."""
+    mark = f"POLHODE_CACHE={folder / 'cache'}".encode()
+    processes = []
     for path in Path("/proc").glob("[0-9]*/environ"):
         try:
             if mark in path.read_bytes().split(b"\0"):
-                found.append(int(path.parent.name))
+                processes.append(int(path.parent.name))
         except OSError:
+            # It has ended, or belongs to another user.
             continue
-    return found
+    return processes
 
 
 def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JOBS)) -> list[str]:
     """Complaints about so many kills, the commands in turn."""
-    random, complaints = Random(seed), []
+    random = Random(seed)
+    complaints = []
     for number, name in enumerate(jobs):
-        job, share, before = JOBS[name], (count + number) // len(jobs), len(complaints)
+        job = JOBS[name]
+        # Shares differ by one at most, and add up to `count`.
+        share = (count + number) // len(jobs)
+        before = len(complaints)
         print(f"  {name}: {share} kills", end="", flush=True)
         _afresh(folder)
         began = time.monotonic()
         complaints += _finished(job, folder, f"{name}: undisturbed")
         usual = time.monotonic() - began
-        true = job.outcome(folder / "o")
+        undisturbed = job.outcome(folder / "o")
         while share > 0:
             _afresh(folder)
-            for _ in range(min(share, random.randint(1, 4))):
+            for _ in range(min(share, random.randint(1, MOST_KILLS))):
                 share -= 1
                 with running(job, folder) as process:
-                    time.sleep(random.uniform(0.0, 1.1 * usual))
+                    time.sleep(random.uniform(0.0, KILLED_WITHIN * usual))
+                    # Two kills of three cannot be caught.
                     process.send_signal(
                         random.choice((signal.SIGKILL, signal.SIGKILL, signal.SIGTERM))
                     )
@@ -135,7 +156,7 @@ def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
                     time.sleep(0.05)
                 complaints += [f"{name}: processes {left} outlive it"] * bool(left)
             complaints += _finished(job, folder, f"{name}: taken up")
-            if job.outcome(folder / "o") != true:
+            if job.outcome(folder / "o") != undisturbed:
                 complaints.append(f"{name}: other results than those of an undisturbed run")
         print(f", {len(complaints) - before} complaints", flush=True)
     return complaints
@@ -143,16 +164,18 @@ def killed(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
 
 def filled(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JOBS)) -> list[str]:
     """Complaints about so many runs of each command with no room for larger files, as on a full disk, each taken up."""
-    random, complaints = Random(seed), []
+    random = Random(seed)
+    complaints = []
     for name in jobs:
-        job, before = JOBS[name], len(complaints)
+        job = JOBS[name]
+        before = len(complaints)
         print(f"  {name}: {count} full disks", end="", flush=True)
         _afresh(folder)
         complaints += _finished(job, folder, f"{name}: undisturbed")
-        true = job.outcome(folder / "o")
+        undisturbed = job.outcome(folder / "o")
         for _ in range(count):
             _afresh(folder)
-            room = int(10 ** random.uniform(2.0, 5.5))
+            room = int(10 ** random.uniform(*ROOM))
             with running(job, folder, room) as process:
                 code = process.wait()
             said = _said(folder)
@@ -163,14 +186,14 @@ def filled(seed: int, count: int, folder: Path, jobs: tuple[str, ...] = tuple(JO
                     f"{name} with room for {room} bytes: exit code {code}: {said[-300:]}"
                 )
             complaints += _finished(job, folder, f"{name}: taken up")
-            if job.outcome(folder / "o") != true:
+            if job.outcome(folder / "o") != undisturbed:
                 complaints.append(f"{name}: after room for {room} bytes other results")
         print(f", {len(complaints) - before} complaints", flush=True)
     return complaints
 
 
 def _afresh(folder: Path) -> None:
-    """The files that the commands read, and nothing of what they write but caches."""
+    """Write the files that the commands read, and remove what they write, but for caches."""
     shutil.rmtree(folder / "o", ignore_errors=True)
     (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
     (folder / "sweep.toml").write_text(MANY, encoding="utf-8")
@@ -179,10 +202,12 @@ def _afresh(folder: Path) -> None:
 
 
 def _said(folder: Path) -> str:
+    """What the last command wrote on standard error."""
     return (folder / "stderr").read_text(encoding="utf-8", errors="replace")
 
 
 def _finished(job: Job, folder: Path, what: str) -> list[str]:
+    """Run the command to its end; a complaint, which begins with `what`, if it fails."""
     with running(job, folder) as process:
         code = process.wait()
     return [] if code == 0 else [f"{what}: exit code {code}: {_said(folder).strip()[-300:]}"]
@@ -191,7 +216,8 @@ def _finished(job: Job, folder: Path, what: str) -> list[str]:
 def raced(folder: Path, cold: int = 10) -> list[str]:
     """Complaints about two runs on one store at once, two on one file, and so many cold processes on one cache."""
     (folder / "study.toml").write_text(BRIEF, encoding="utf-8")
-    bench, complaints = JOBS["bench"], []
+    bench = JOBS["bench"]
+    complaints = []
     with running(bench, folder) as one, running(bench, folder) as other:
         codes = one.wait(), other.wait()
     shared = _stored(folder / "o")
@@ -202,6 +228,7 @@ def raced(folder: Path, cold: int = 10) -> list[str]:
     solve = Job(("solve", "paper", "--samples", "300", "--quiet", "--no-estimate"), _tables)
     processes = []
     for number in range(cold):
+        # The first two write one file.
         out = "same.csv" if number < 2 else f"{number}.csv"
         words = [sys.executable, "-P", *solve.program, *solve.words, "--out", out]
         environment = {**os.environ, "POLHODE_CACHE": str(folder / "cache")}

@@ -28,14 +28,22 @@ from polhode.solvers.contract import SolverNotValidError, Status
 from polhode.solvers.solve import solve as run
 
 SEED = 20
+# Questions that are drawn, of which only the first ones are asked: far more than fill any number of runs.
+MOST_QUESTIONS = 100_000
 # Every third scene spins so many times faster; its run is as much shorter.
 FAST = 10.0
-# Solvers with Python in the loop take too long beyond.
-MOST_ROTATIONS, MOST_IN_PYTHON = 1000.0, 2.0
-# Two unrelated runs as sharp as double precision allows; where they differ by more, there is no
-# truth to compare with.
-TRUTH, KNOWN = (("taylor", 1e-16), ("cyrk-vern8", 1e-13)), 0.01
-# What a check says, by its name.
+# Rotations of a scene, and of one that solvers with Python in the loop run. Estimates: beyond, thousands of
+# runs take too long.
+MOST_ROTATIONS = 1000.0
+MOST_IN_PYTHON = 2.0
+# Solvers and tolerances of two unrelated runs as sharp as double precision allows. Where they differ by
+# more than KNOWN, over I_max, there is no truth to compare with: a tenth of the error that makes a success
+# a false one, `doubt.OFF`.
+TRUTH = (("taylor", 1e-16), ("cyrk-vern8", 1e-13))
+KNOWN = 0.01
+# Seconds after which such a run is given up.
+TRUTH_SECONDS = 20.0
+# Words in the message of a run that a check has doubted, by the check.
 CHECKS = {
     "the run's own error estimate": "L or E is off by",
     "least steps": "steps, expected at least",
@@ -45,8 +53,8 @@ CHECKS = {
 
 
 def scenes() -> Iterator[tuple[Scene, int, float]]:
-    """Random scenes, numbers of samples and of rotations."""
-    for i, question in enumerate(questions(SEED, 100_000)):
+    """Random scenes, each with its number of samples and of rotations."""
+    for i, question in enumerate(questions(SEED, MOST_QUESTIONS)):
         scene = question.scene
         if i % 3 == 0 and isinstance(scene.start, BodyStart) and scene.stokes > 0:
             x, y, z = scene.start.angular_velocity
@@ -61,23 +69,26 @@ def scenes() -> Iterator[tuple[Scene, int, float]]:
 
 
 def truth(scene: Scene, form: Form, samples: int) -> tuple[np.ndarray, float] | None:
-    """Slow variables over I_max, and how well they are known."""
+    """L and E over I_max, shape (samples, 4), and how well they are known; None if one of the runs fails."""
     problem = form.problem(scene)
-    times, found = np.linspace(0.0, problem.end, samples), []
+    times = np.linspace(0.0, problem.end, samples)
+    sharp_slow = []
     for method, tolerance in TRUTH:
-        sharp = run(problem, method, tolerance, times, max_seconds=20.0)
+        sharp = run(problem, method, tolerance, times, max_seconds=TRUTH_SECONDS)
         if not sharp.success:
             return None
-        found.append(form.observe(scene, sharp.states).slow / max(scene.ellipsoid.inertia))
-    return found[0], float(np.max(np.abs(found[0] - found[1])))
+        sharp_slow.append(form.observe(scene, sharp.states).slow / max(scene.ellipsoid.inertia))
+    first, second = sharp_slow
+    return first, float(np.max(np.abs(first - second)))
 
 
 def runs(scene: Scene, samples: int, rotations: float, index: int) -> Iterator[dict[str, Any]]:
-    """What became of a scene by every form and solver at three tolerances."""
+    """A row for each run of a scene by every form and solver at three tolerances: what became of it."""
     random = np.random.default_rng((SEED, index))
     full = truth(scene, find_form("jeffery" if scene.stokes == 0 else "quaternion"), samples)
     if full is None:
         return
+    full_slow, uncertainty = full
     for name in FORMS:
         if not find_form(name).takes(scene):
             continue
@@ -88,55 +99,59 @@ def runs(scene: Scene, samples: int, rotations: float, index: int) -> Iterator[d
                 "compiled" not in solver.backends and rotations > MOST_IN_PYTHON
             ):
                 continue
-            for row, tolerance in enumerate(
-                (1e-4, 10.0 ** -random.integers(5, 8), 10.0 ** -random.integers(8, 11))
-            ):
-                if solver.low_order and row == 2:
+            loose = 1e-4
+            middle = 10.0 ** -random.integers(5, 8)
+            tight = 10.0 ** -random.integers(8, 11)
+            for tolerance in (loose, middle, tight):
+                # Such a solver would take too many steps.
+                if solver.low_order and tolerance == tight:
                     continue
                 try:
                     solver.check(problem)
-                    found = solve(
+                    solution = solve(
                         scene, form=name, solver=method, tolerance=tolerance, samples=samples
                     )
                 except SolverNotValidError:
                     break
-                whole = len(found.observables.energy) == samples
-                claimed = whole and found.status in (Status.REACHED_END, Status.FALSE_SUCCESS)
-                slow = found.observables.slow / max(scene.ellipsoid.inertia)
+                whole = len(solution.observables.energy) == samples
+                # Doubt makes a claimed success a false one.
+                claimed = whole and solution.status in (Status.REACHED_END, Status.FALSE_SUCCESS)
+                slow = solution.observables.slow / max(scene.ellipsoid.inertia)
                 yield {
                     "scene": index,
                     "form": name,
                     "solver": method,
                     "tolerance": tolerance,
                     "claimed": claimed,
-                    "status": str(found.status),
-                    "message": found.message,
-                    "steps": found.work.steps,
-                    "error": float(np.max(np.abs(slow - full[0]))) if claimed else None,
-                    "known": full[1],
-                    "largest": float(np.max(np.abs(full[0]))),
-                    "stated": found.error.slow.high if found.error.slow else None,
+                    "status": str(solution.status),
+                    "message": solution.message,
+                    "steps": solution.work.steps,
+                    "error": float(np.max(np.abs(slow - full_slow))) if claimed else None,
+                    "known": uncertainty,
+                    "largest": float(np.max(np.abs(full_slow))),
+                    "stated": solution.error.slow.high if solution.error.slow else None,
                 }
 
 
 def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
-    """The page, and how many false successes nothing says, or good runs are doubted."""
+    """The page, and the number of complaints: false successes that nothing tells, and good runs that are doubted."""
     claimed = [row for row in rows if row["claimed"]]
     known = [row for row in claimed if row["known"] < KNOWN]
     off = [row for row in known if row["error"] > max(OFF, OFF_SHARE * row["largest"])]
     left = [row for row in off if row["status"] == Status.REACHED_END]
     unstated = [row for row in left if row["stated"] is None or row["stated"] < OFF]
     good = [row for row in known if row["error"] <= OFF and row["status"] == Status.FALSE_SUCCESS]
-    by = ", ".join(
-        f"{name} {count}" for name, count in Counter(row["solver"] for row in off).most_common()
-    )
+    by_solver = Counter(row["solver"] for row in off).most_common()
+    solvers = ", ".join(f"{name} {count}" for name, count in by_solver)
     bounds = [row for row in known if row["stated"] is not None]
     above = sum(row["error"] > row["stated"] for row in bounds)
     caught = Counter(
-        next(by for by, words in CHECKS.items() if words in row["message"])
+        next(check for check, words in CHECKS.items() if words in row["message"])
         for row in off
         if row not in left
     )
+    caught_words = ", ".join(f"{count} by {check}" for check, count in caught.most_common())
+    # If none of n independent runs is false, their share is below 3/n at 95 %: (1 - 3/n)^n = exp(-3) = 0.05.
     unsaid, below = (percent(count / max(1, len(known)), ".2%") for count in (len(unstated), 3))
     exceeded = percent(above / max(1, len(bounds)), ".1%")
     lines = [
@@ -147,8 +162,8 @@ def counted(rows: list[dict[str, Any]]) -> tuple[str, int]:
         + (f" (below {below} at 95 %, were all runs independent)." if not unstated else "."),
         f"- Runs: {len(rows)}, of which {len(claimed)} claimed success; the truth is known for {len(known)} of these.",
         f"- Off by more than {OFF:g} of I_max and {percent(OFF_SHARE)} of the largest L or E: {len(off)} before doubt "
-        f"({by}).",
-        f"- Caught: {', '.join(f'{count} by {by}' for by, count in caught.most_common()) or 'none'}.",
+        f"({solvers}).",
+        f"- Caught: {caught_words or 'none'}.",
         f"- An error is stated for {len(bounds)} runs; it is exceeded in {exceeded}.",
         f"- Good runs (error up to {OFF:g}) doubted: {len(good)}.",
         "",

@@ -16,15 +16,17 @@ from hidden import (
     written,
 )
 
-# Seconds in which a command ends.
+# Seconds in which a command ends: far more than any of them takes.
 _LIMIT = 900.0
-# Seconds after which a study that runs without a library is stopped.
+# Seconds after which a study that runs without a library is stopped: by then it has named the library.
 _STUDY_SECONDS = 30.0
-# A user that is not this one.
+# The id of a user that is not this one.
 _SOMEBODY = 12345
 _SOLVE = ("solve", "paper", "--solver", "taylor", "--samples", "5", "--quiet", "--out", "a.csv")
 _BENCH = ("bench", "study.toml", "--quick", "--quiet", "--out", "bench")
 _SWEEP = ("sweep", "sweep.toml", "--workers", "2", "--quiet", "--out", "sweep")
+# What a shell does with the streams of a command: it closes them, lets them be full, or reads no further
+# than one byte.
 _REDIRECTIONS = (
     ">&-",
     "2>&-",
@@ -60,9 +62,10 @@ def without(folder: Path) -> list[str]:
 
 
 def foreign(folder: Path) -> list[str]:
-    """Complaints about commands whose cache folder somebody else may write."""
+    """Complaints about commands whose cache folder somebody else may write: they do without, and say so once."""
     complaints = []
     written(folder)
+    # Rights of the folder, and its owner; None is this user.
     for mode, owner in ((0o777, None), (0o770, None), (0o1777, None), (0o700, _SOMEBODY)):
         if owner is not None and os.geteuid() != 0:
             continue

@@ -22,10 +22,16 @@ from polhode.models.catalogue import FORMS
 from polhode.models.scene import BodyStart, Ellipsoid, EulerStart, Scene
 from polhode.solvers.catalogue import SOLVERS
 
+# Few digits and few rows make short runs: a round has all scenes, forms and solvers. Results are compared
+# bit by bit, whatever their error.
 TOLERANCE = 1e-5
 SAMPLES = 7
-# A round takes a minute or two.
+# Seconds after which a round is stopped: it takes a minute or two.
 _LIMIT = 1200.0
+# Threads of a round, more than the processors of usual machines, so that they wait for each other.
+_THREADS = 12
+# What a function of one's own captures, or takes as its argument: any number, the same in all threads.
+_FREQUENCY = 1.25
 
 _SPINNING = EulerStart((1.0, 0.5, 0.1), (1.0, 1.0, -1.0))
 _TUMBLING = BodyStart((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.7))
@@ -41,6 +47,11 @@ SCENES = {
     "sphere": Scene(Ellipsoid((1.0, 1.0, 1.0)), 100.0, _SPINNING, 4.0),
 }
 Cell = tuple[str, str, str]
+"""What one thread runs: scene, form and solver.
+
+With `OWN` instead of a scene it is the kind of function, "shared" or "closure", and the solver. With
+`DEFAULT` it is the function called, "solve" or "pick", and the scene.
+"""
 OWN = "own function"
 DEFAULT = "by default"
 
@@ -61,7 +72,7 @@ def digest(cell: Cell) -> str:
             return _own(form, solver)
         if scene == DEFAULT:
             return _by_default(form, solver)
-        found = solve(
+        solution = solve(
             SCENES[scene],
             form=form,
             solver=solver,
@@ -71,16 +82,18 @@ def digest(cell: Cell) -> str:
         )
     except ValueError:
         return ""
-    numbers = [found.times, found.angular_momentum, found.energy, found.rotation]
-    return _digest(found.status, *(each for each in numbers if each is not None))
+    arrays = [solution.times, solution.angular_momentum, solution.energy, solution.rotation]
+    return _digest(solution.status, *(array for array in arrays if array is not None))
 
 
-def _digest(status: object, *numbers: np.ndarray) -> str:
-    content = b"".join(each.tobytes() for each in numbers)
+def _digest(status: object, *arrays: np.ndarray) -> str:
+    """A status, and 16 digits of the checksum of arrays: enough to tell a few thousand cells apart."""
+    content = b"".join(array.tobytes() for array in arrays)
     return f"{status} {hashlib.sha256(content).hexdigest()[:16]}"
 
 
 def _shared(t: float, y: np.ndarray, a: float) -> list[float]:
+    """Rates of a smooth problem of three components, made up: with time, products and a quotient."""
     return [
         -a * y[1] + 0.1 * np.sin(t),
         a * y[0] - 0.2 * y[1] * y[2],
@@ -89,45 +102,54 @@ def _shared(t: float, y: np.ndarray, a: float) -> list[float]:
 
 
 def _own(kind: str, solver: str) -> str:
-    frequency = 1.25
+    """The digest of a run of a function that all threads share, or of one that is made for this run."""
+    frequency = _FREQUENCY
 
     def closure(t: float, y: np.ndarray) -> list[float]:
         return _shared(t, y, frequency)
 
-    start, span, times = [1.0, 0.5, 0.7], (0.0, 3.0), np.linspace(0.0, 3.0, SAMPLES)
+    start = [1.0, 0.5, 0.7]
+    span = (0.0, 3.0)
+    times = np.linspace(*span, SAMPLES)
     if kind == "shared":
-        found = solve_ivp(_shared, span, start, solver, times, args=[frequency], rtol=TOLERANCE)
+        solution = solve_ivp(_shared, span, start, solver, times, args=[frequency], rtol=TOLERANCE)
     else:
-        found = solve_ivp(closure, span, start, solver, times, rtol=TOLERANCE)
-    return _digest(found.status, found.y)
+        solution = solve_ivp(closure, span, start, solver, times, rtol=TOLERANCE)
+    return _digest(solution.status, solution.y)
 
 
 def _by_default(call: str, scene: str) -> str:
+    """The digest of `solve` with its own choices, of samples and of times between them; whether `pick` answers."""
     if call == "pick":
         # Its ranking follows times that are measured.
         return f"{len(pick(SCENES[scene], TOLERANCE).ranking) > 0}"
-    found = solve(SCENES[scene], error=TOLERANCE, samples=SAMPLES)
-    between = found(found.times[1:] - 0.1)
-    return _digest(found.status, found.angular_momentum, found.energy, between.energy)
+    solution = solve(SCENES[scene], error=TOLERANCE, samples=SAMPLES)
+    # A tenth of an inverse shear rate before each sample: samples lie further apart.
+    between = solution(solution.times[1:] - 0.1)
+    return _digest(solution.status, solution.angular_momentum, solution.energy, between.energy)
 
 
 def digests(chosen: Sequence[Cell], threads: int, seed: int) -> dict[str, str]:
-    """The digest of each cell, from several threads, twice in a row so that two of them compile the same."""
+    """The digest of each cell, from several threads, by the words of the cell.
+
+    Each cell is run twice in a row, so that two threads compile the same at once. Where the two digests
+    differ, both stand there.
+    """
     order = list(chosen)
     Random(seed).shuffle(order)
     if threads == 1:
         return {" ".join(cell): digest(cell) for cell in order}
     twice = [cell for cell in order for _ in range(2)]
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(digest, twice))
+        results = list(pool.map(digest, twice))
     return {
         " ".join(cell): first if first == second else f"{first} and {second}"
-        for cell, first, second in zip(order, found[::2], found[1::2], strict=True)
+        for cell, first, second in zip(order, results[::2], results[1::2], strict=True)
     }
 
 
 def in_process(threads: int, seed: int, every: int = 1) -> dict[str, str]:
-    """The digests of every so many cells from a process of its own; raises RuntimeError if it dies."""
+    """The digests of each `every`-th cell from a process of its own; raises RuntimeError if it dies."""
     words = map(str, (threads, seed, every))
     command = [sys.executable, "-m", "torture.threads", *words]
     run = subprocess.run(
@@ -144,20 +166,20 @@ def in_process(threads: int, seed: int, every: int = 1) -> dict[str, str]:
     return json.loads(run.stdout)
 
 
-def threaded(seed: int, rounds: int, every: int = 1, threads: int = 12) -> list[str]:
-    """Complaints about so many rounds of threads beside one thread."""
+def threaded(seed: int, rounds: int, every: int = 1, threads: int = _THREADS) -> list[str]:
+    """Complaints about so many rounds of threads beside one thread, of each `every`-th cell."""
     serial = in_process(1, seed, every)
     complaints = []
     for number in range(rounds):
         try:
-            found = in_process(threads, seed + number, every)
+            parallel = in_process(threads, seed + number, every)
         except RuntimeError as error:
             complaints.append(str(error))
             continue
         complaints += [
-            f"{cell}: {found[cell]}, in one thread {expected}"
+            f"{cell}: {parallel[cell]}, in one thread {expected}"
             for cell, expected in serial.items()
-            if found[cell] != expected
+            if parallel[cell] != expected
         ]
     return complaints
 

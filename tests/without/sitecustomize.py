@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from importlib.machinery import ModuleSpec, PathFinder
 from typing import Any
 
+# Names of modules and packages, as `WITHOUT` gives them with commas between.
 HIDDEN = frozenset(filter(None, os.environ.get("WITHOUT", "").split(",")))
 
 
@@ -25,7 +26,7 @@ class Hiding(PathFinder):
     def find_distributions(cls, *args: Any, **kwargs: Any) -> Iterable[Any]:
         """Installed packages without the hidden ones."""
         packages = super().find_distributions(*args, **kwargs)
-        return (one for one in packages if one.metadata["Name"].lower() not in HIDDEN)
+        return (package for package in packages if package.metadata["Name"].lower() not in HIDDEN)
 
 
 if HIDDEN:
@@ -33,4 +34,5 @@ if HIDDEN:
 if os.environ.get("NARROW"):
     import numpy as np
 
-    np.longdouble, np.clongdouble = np.float64, np.complex128
+    np.longdouble = np.float64
+    np.clongdouble = np.complex128
