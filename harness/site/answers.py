@@ -40,16 +40,22 @@ from polhode.solvers.catalogue import SOLVERS, solver as find_solver
 from polhode.solvers.contract import Status
 
 QUESTION_TITLE = "What should I run?"
-# The two kinds of error: the word of `--want`, and the page's name.
+# The two kinds of error by column: the word of `--want`, and the page's name.
 _WANTS = {"slow_error": ("slow", "L and E"), "orientation_error": ("orientation", "orientation")}
-# Errors at which methods are compared for the question: 16 in a decade, from 1 to 1e-14.
-_ERRORS = tuple(10.0 ** (-place / 16) for place in range(14 * 16 + 1))
-# Letters beyond which a name may be broken at its hyphens.
+# Errors at which methods are compared for the question, from 1 to 1e-14, which is tighter than all runs.
+# A method that leads between two neighbours alone would be missed: 16 in a decade are an estimate of how
+# narrow a lead may be.
+_ERRORS_IN_A_DECADE = 16
+_DECADES = 14
+_ERRORS = tuple(
+    10.0 ** (-place / _ERRORS_IN_A_DECADE) for place in range(_DECADES * _ERRORS_IN_A_DECADE + 1)
+)
+# Letters beyond which a name in a cell of the map may be broken at its hyphens; chosen by eye.
 _LONG = 12
 
 _COSTS = "Cost against accuracy"
 _LEAD = "Every run measured: wall time, or calls of the right-hand side, against the error along the whole run."
-# Values of a run that `cost.js` reads: words, of which few differ, and numbers.
+# Columns of a run that `cost.js` reads: words, of which few differ, and numbers. Times are in seconds.
 _WORDS = ("form", "solver", "status", "message")
 RUN_NUMBERS = (
     "slow_error",
@@ -66,7 +72,11 @@ _FULL_FORM = "light-dark(#4A5361, #A3ADBA)"
 
 
 def question(folder: Path, sure: str = "") -> tuple[str, dict[str, Any]]:
-    """The question, its maps, and its script's data, from `folder`, empty without cells; `sure`: who never failed."""
+    """The question and its maps as HTML, and the data of its script by element id.
+
+    Both are empty if `folder`, that of the regime map, has no `cells.csv`. `sure` is a sentence on who never
+    failed.
+    """
     path = folder / "cells.csv"
     panels = read_cells(path) if path.is_file() else {}
     if not panels:
@@ -102,7 +112,17 @@ def question_columns(
     reached: pd.DataFrame,
     scenes: Sequence[tuple[str, Scene]] = (),
 ) -> list[dict[str, Any]]:
-    """What `look_up` asks: particle, kind of error, St, span, limit of the reference, methods with their runs."""
+    """What `look_up` asks: the `lookup.Column` of each particle, kind of error and St.
+
+    Parameters
+    ----------
+    panels
+        Cells of the maps, by the particle's name and the column of the error.
+    reached
+        Runs that reached their end, a frame.
+    scenes
+        Scenes of the study with their names. They tell which runs of `hybrid` average nothing.
+    """
     columns = []
     for (name, error), cells in panels.items():
         scene_runs = where(reached, (reached["scene_name"] == name) & reached[error].notna())
@@ -130,6 +150,7 @@ def _methods(runs: pd.DataFrame, error: str) -> list[dict[str, Any]]:
 
     No answer needs another method: it names the fastest, the next one of another label, and averaged forms.
     """
+    # The frame of each method's runs, and of those with a result its front: error and seconds.
     runs_of = dict(methods(runs))
     fronts = {}
     for method, method_runs in runs_of.items():
@@ -171,11 +192,15 @@ def _points(runs: pd.DataFrame, error: str) -> list[list[float]]:
 
 
 def _rounded_up(value: float) -> float:
-    """A number of four digits, as pages hold them, that is no smaller."""
+    """The least number of four digits, as pages hold them, that is no smaller.
+
+    Rounded down, an error would seem to be met by a run that just misses it.
+    """
     near = float(f"{value:.3e}")
     if near >= value or value <= 0:
         return near
-    return float(f"{near + 10.0 ** (floor(log10(value)) - 3):.3e}")
+    last_digit = 10.0 ** (floor(log10(value)) - 3)
+    return float(f"{near + last_digit:.3e}")
 
 
 def _map(particle: str, error: str, panel: Sequence[Cell]) -> dict[str, Any]:
@@ -188,7 +213,7 @@ def _map(particle: str, error: str, panel: Sequence[Cell]) -> dict[str, Any]:
 
 
 def cost_page(reports: Path) -> Page:
-    """Every run of every study as a point."""
+    """The page on which every run of every study in the folder `reports` is a point."""
     studies, unreadable = read_studies(
         reports, (*_WORDS, *RUN_NUMBERS, "backend", "jacobian", "inferred", "tags")
     )
@@ -252,17 +277,21 @@ def _row(run: dict[Any, Any]) -> list[Any]:
 
 
 def _runs(values: Iterable[Any]) -> list[Any]:
-    """The values, those that stand several times in a row as [value, times]."""
+    """The values; one that stands several times in a row becomes [value, times]."""
     counted = ((value, len([*same])) for value, same in groupby(values))
     return [value if times == 1 else [value, times] for value, times in counted]
 
 
 def _solvers(names: set[str]) -> dict[str, Any]:
-    """Look and tags of the solvers, in the order of the catalogue."""
+    """Look and tags of the solvers, in the order of the catalogue.
+
+    A name is one of `_row`: a solver, or a solver with its back end and Jacobian in brackets.
+    """
     solvers = {}
     for solver, look in looks(name.partition(" ")[0] for name in names).items():
         method = find_solver(solver) if solver in SOLVERS else None
         for name in sorted(name for name in names if name.partition(" ")[0] == solver):
+            # Without a back end in its name a run is by the default one: compiled, where there is that.
             compiled = (
                 method
                 and "compiled" in method.backends
@@ -278,7 +307,11 @@ def _solvers(names: set[str]) -> dict[str, Any]:
 def read_studies(
     folder: Path, columns: Collection[str]
 ) -> tuple[dict[str, pd.DataFrame], list[str]]:
-    """Runs of each study by the name of its folder, and file if it holds several; and the files that cannot be read."""
+    """Runs of each study in the folder of reports, and the files that cannot be read, with the reasons.
+
+    A study has the name of its folder; where that holds several files, the file's name follows after "/". Of
+    records only `columns` are read, and those that every frame needs.
+    """
     studies = {}
     unreadable = []
     # Folders of `reports` that hold no study.

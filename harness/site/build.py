@@ -19,6 +19,7 @@ from polhode.models.scene import Scene
 _HERE = Path(__file__).resolve().parent
 # A clone has its documentation beside the harness; an installation has none.
 DOCS = _HERE.parents[1] / "docs"
+# Sphinx's configuration.
 _CONFIG: dict[str, Any] = {
     "project": "polhode",
     "html_title": "polhode",
@@ -29,6 +30,7 @@ _CONFIG: dict[str, Any] = {
         "polhode.harness.site.extension",
     ],
     "myst_enable_extensions": ["attrs_block", "dollarmath"],
+    # Headings down to this level can be linked to; pages have none of a lower level.
     "myst_heading_anchors": 4,
     # Docstrings are read as Markdown is: `code`.
     "default_role": "code",

@@ -38,13 +38,14 @@ class ProseSearch(SearchEnglish):
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the renderers of formulas, the search and the handlers with Sphinx."""
-    # A renderer is a pair of functions: at the beginning of an element, and at its end. The first
+    # A renderer is a pair of functions, called at the beginning of an element and at its end. The first
     # one writes the whole formula.
     app.add_html_math_renderer("mathml", (_formula, None), (_displayed, None))
     app.add_search_language(ProseSearch)
     app.connect("doctree-read", _set_notation)
     app.connect("doctree-read", _drop_links_outside)
-    # Handlers run by priority, 500 unless told: after the theme's, which makes the navigation.
+    # Handlers run in the order of their priorities, 500 unless told. This one runs after the theme's, which
+    # makes the navigation.
     app.connect("html-page-context", _shorten_navigation, priority=900)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -56,7 +57,7 @@ def _formula(writer: Any, node: nodes.math) -> None:
 
 
 def _displayed(writer: Any, node: nodes.math_block) -> None:
-    """The same for a formula in a line of its own."""
+    """Write a formula in a line of its own as MathML; `SkipNode` keeps its LaTeX out."""
     writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
     raise nodes.SkipNode
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from polhode.harness.analysis.pareto import TIE, cost
 
-# St that differ by less than this share are the same: a typed St has few digits.
+# St that differ by less than this share are the same: a typed St has few digits. `verdict.js` has the
+# same number.
 _SAME = 1e-3
 
 Column = Mapping[str, Any]
@@ -28,18 +29,18 @@ class _Run(NamedTuple):
     error: float
     seconds: float
     tolerance: float
-    spread: float  # of the repeats, over their time
+    spread: float  # Of the repeats, over their time.
 
 
 class _Candidate(NamedTuple):
     """A method that gets to the requested error; in order, the cheapest comes first."""
 
-    seconds: float  # interpolated between two runs
+    seconds: float  # Interpolated between two runs.
     form: str
     solver: str
     label: str
     averaged: bool
-    run: _Run  # the fastest measured one that meets the error
+    run: _Run  # The fastest measured one that meets the error.
 
 
 def look_up(
@@ -47,7 +48,22 @@ def look_up(
 ) -> dict[str, Any]:
     """The answers at the requested St if it was measured, else at its measured neighbours on both sides.
 
-    `beyond` is whether it lies below or above all measured St: then there is one neighbour alone, or none.
+    Parameters
+    ----------
+    columns
+        What was measured.
+    particle, want
+        The name of the particle and the kind of error, as columns have them.
+    stokes
+        The requested St, above 0.
+    error
+        The requested error: of L and E over I_max, or of the orientation in rad.
+
+    Returns
+    -------
+    dict
+        `answers` has what `_answer` gives, for one or two St or none. `beyond` is whether the requested St
+        lies below or above all measured ones: then there is one neighbour alone, or none.
     """
     # St = 0 is no neighbour: St are compared by their quotient.
     measured = [
@@ -95,19 +111,20 @@ def _answer(column: Column, error: float) -> dict[str, Any]:
     answer |= {"next": None, "tied": False}
     if rival is not None:
         answer["next"] = [rival.form, rival.solver, rival.seconds]
-        close = max(TIE, 1 + run.spread, 1 + rival.run.spread)
-        # Below 1 where an averaged form has won by its measured run: that is a tie too.
-        answer["tied"] = rival.seconds / winner.seconds <= close
+        tie_factor = max(TIE, 1 + run.spread, 1 + rival.run.spread)
+        # The ratio is below 1 where an averaged form has won by its measured run: that is a tie too.
+        answer["tied"] = rival.seconds / winner.seconds <= tie_factor
     return answer
 
 
 def _candidates(methods: Sequence[Mapping[str, Any]], error: float) -> list[_Candidate]:
-    """The methods that get to the error."""
+    """The methods that get to the error, of the `methods` of a column."""
     candidates = []
     for method in methods:
         run = _run(method["points"], error)
         if run is None:
             continue
+        # Error and seconds are the first two numbers of a point.
         seconds = cost(np.array(method["points"])[:, :2], error)
         names = (method["form"], method["solver"], method["label"])
         candidates.append(_Candidate(seconds, *names, method["averaged"], run))
@@ -133,5 +150,6 @@ def _averaged_forms(methods: Sequence[Mapping[str, Any]], error: float) -> list[
 
 
 def _run(points: Sequence[Sequence[float]], error: float) -> _Run | None:
-    """The fastest run whose error is no larger: points go from the fastest run to the most accurate one."""
-    return next((_Run(*point) for point in points if point[0] <= error), None)
+    """The fastest run that meets an error, or None: points go from the fastest run to the most accurate one."""
+    runs = (_Run(*point) for point in points)
+    return next((run for run in runs if run.error <= error), None)

@@ -12,8 +12,11 @@ from markupsafe import Markup
 
 from polhode.harness.pages.tables import templates
 
-# Power of ten up to which a number with an exponent is written out: 1.7e+02 as 170.
-_PLAIN = 4
+# Power of ten up to which a number with an exponent is written out, if its digits go so far: 1.7e+02 as 170.
+# From 1e5 on zeros have to be counted.
+_LARGEST_WRITTEN_OUT = 4
+# Digits of the numbers in a page's data: more than a picture shows. Fewer make the page smaller.
+_DATA_DIGITS = 4
 
 
 @dataclass(frozen=True)
@@ -28,14 +31,14 @@ class Page:
 
 
 def html(name: str, /, **fields: Any) -> str:
-    """The template of that name with its fields."""
+    """The template `NAME.html` beside this module with its fields; a missing field is an error of Jinja's."""
     environment = templates(Path(__file__).parent, autoescape=True)
     environment.filters |= {"prose": prose, "json": _json}
     return environment.get_template(f"{name}.html").render(fields)
 
 
 def prose(text: str) -> Markup:
-    """Plain text as HTML: `code`, and the rest in `notation`."""
+    """Plain text as HTML: `code` between backticks, and the rest in `notation`."""
     parts = re.split(r"`([^`]+)`", escape(text, quote=False))
     return Markup("").join(
         Markup(f"<code>{part}</code>" if i % 2 else notation(part)) for i, part in enumerate(parts)
@@ -59,23 +62,24 @@ def _number(match: re.Match[str]) -> str:
     """A number that a line does not break: 1.7e+02 as 170, 1e-06 as 1e-6."""
     mantissa, sign, exponent = match.groups()
     digits = len(mantissa.partition(".")[2])
-    if sign != "-" and digits <= int(exponent) <= _PLAIN:
+    if sign != "-" and digits <= int(exponent) <= _LARGEST_WRITTEN_OUT:
         return f"{float(match[0].replace('−', '-')):.0f}"
     return f"<span class=n>{mantissa}e{sign.strip('+')}{exponent}</span>"
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON can hold it: numbers at four digits, None where they are not finite."""
+    """The value as JSON can hold it: numbers rounded to `_DATA_DIGITS`, whole ones exact, None where not finite."""
     if isinstance(value, float):
         if not isfinite(value):
             return None
-        return round(value) if value == round(value) else float(f"{value:.4g}")
+        return round(value) if value == round(value) else float(f"{value:.{_DATA_DIGITS}g}")
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _json(value: Any) -> Markup:
+    """`plain` data as JSON within a page: short, and without "<", which would end or begin an element."""
     text = json.dumps(plain(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     # Python writes 1e-05.
     text = re.sub(r"(?<=\de)-0(?=\d[,\]}])", "-", text)

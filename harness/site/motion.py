@@ -29,13 +29,19 @@ _PER_ROTATION = 80  # Samples of a rotation that make a smooth path.
 # Fewest and most samples of a motion, so that the page has a moderate size.
 _FEWEST = 400
 _MOST = 3000
-# Moments of the run from which a torque-free path is drawn.
-_MOMENTS = 24
-_TURNS = 4  # Rotations that each path follows.
-_POINTS = 40  # Points of each rotation.
+# Torque-free paths of a motion: from so many of its samples, each over so many rotations, with so many
+# points in each.
+_PATHS = 24
+_PATH_ROTATIONS = 4
+_PATH_POINTS = 40
 _TOLERANCE = 1e-10  # Of all runs: far tighter than a screen shows.
+_PATH_TOLERANCE = 1e-9  # Of the torque-free ones, whose closed form ignores it.
 # Degrees between an axis and the vorticity, or the plane across it, that still count as along it.
 _ALONG = 15.0
+# Decimals of numbers in the data: most are components of unit vectors. Fewer make the page smaller. In
+# `motion.js` the sphere's radius is 193 pixels at most: a pixel is 0.005 of it.
+_DECIMALS = 4
+_FEW_DECIMALS = 3
 
 
 def examples() -> dict[str, Scene]:
@@ -48,7 +54,7 @@ def examples() -> dict[str, Scene]:
 
 
 def motion_page(user_scenes: dict[str, Scene], say: Callable[[str], None]) -> Page:
-    """The scenes of one's own first, then the examples."""
+    """The page of motions: the user's scenes by name first, then the examples; `say` receives a line for each."""
     motions = []
     for name, scene in {**user_scenes, **examples()}.items():
         say(f"motion: {name}")
@@ -94,7 +100,7 @@ def motion(scene: Scene) -> dict[str, Any]:
         "pole": axis,
         "symmetry": symmetry,
         "semi": _rounded(np.array(scene.ellipsoid.semi_axes) / max(scene.ellipsoid.semi_axes)),
-        "rows": _rounded(solution.rotation[:, :2].reshape(samples, 6), 3)
+        "rows": _rounded(solution.rotation[:, :2].reshape(samples, 6), _FEW_DECIMALS)
         if symmetry is None
         else None,
         "L": _rounded(direction),
@@ -112,15 +118,19 @@ def motion(scene: Scene) -> dict[str, Any]:
 
 
 def _sentence(solution: SceneSolution, axis: int) -> str:
-    """How the body moves, in words: turns, where its axis begins and ends, what becomes of L and E."""
+    """How the body moves, in words: turns, where its axis begins and ends, what becomes of L and E.
+
+    The axis is the symmetry axis, or the one of a triaxial body that ends nearest to the vorticity.
+    """
     scene = solution.scene
-    rows = solution.rotation[[0, -1], :, 2]
+    # The cosines of the body's axes to the vorticity, along z: at the start and at the end.
+    cosines = solution.rotation[[0, -1], :, 2]
     name = "symmetry axis"
     nearest = scene.ellipsoid.symmetry_axis
     if nearest is None:
-        nearest = int(np.argmax(np.abs(rows[1])))
+        nearest = int(np.argmax(np.abs(cosines[1])))
         name = f"{('longest', 'middle', 'shortest')[scene.ellipsoid.order.index(nearest)]} axis"
-    angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(rows[:, nearest])))).tolist()
+    angles = np.degrees(np.arccos(np.minimum(1.0, np.abs(cosines[:, nearest])))).tolist()
     turns = max(1, round(rotations(scene)))
     plane = _plane(solution)[[0, -1]].T.tolist()
     return fill(
@@ -142,7 +152,7 @@ def _plane(solution: SceneSolution) -> np.ndarray:
 
 
 def _averaged(scene: Scene) -> list[float]:
-    """The slow path by the averaged equations; empty where there are none."""
+    """L_z and E over I_max along the run by the averaged equations, a flat list; empty where there are none."""
     if not 0 < scene.stokes < inf:
         return []
     try:
@@ -154,31 +164,32 @@ def _averaged(scene: Scene) -> list[float]:
 
 
 def _torque_free(solution: SceneSolution, axis: int) -> list[list[float]]:
-    """Paths of the axis without torque, each starting at one of `_MOMENTS` equispaced samples.
+    """Paths of the body's axis of that index without torque, each starting at one of `_PATHS` equispaced samples.
 
-    A path lasts `_TURNS` times 2π over the rate |L|/I of rotation about the middle moment of inertia I.
+    A path is the directions of the axis, three numbers a point. It lasts `_PATH_ROTATIONS` times 2π over the
+    rate |L|/I of rotation about the middle moment of inertia I.
     """
     ellipsoid = solution.scene.ellipsoid
+    points = _PATH_ROTATIONS * _PATH_POINTS + 1
     paths = []
-    for k in np.linspace(0, len(solution.times) - 1, _MOMENTS).astype(int).tolist():
+    for k in np.linspace(0, len(solution.times) - 1, _PATHS).astype(int).tolist():
         moment = solution.observables[k : k + 1]
         size = float(np.linalg.norm(moment.angular_momentum))
         if size == 0:
             # At rest it stays where it is.
-            paths.append(
-                _rounded(np.repeat(moment.rotation[:, axis], _TURNS * _POINTS + 1, axis=0), 3)
-            )
+            resting = np.repeat(moment.rotation[:, axis], points, axis=0)
+            paths.append(_rounded(resting, _FEW_DECIMALS))
             continue
         # The period of a rotation, in inverse shear rates.
         turn = 2 * pi * float(np.median(ellipsoid.inertia)) / size
-        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), _TURNS * turn)
+        top = Scene(ellipsoid, inf, start_from(ellipsoid, moment), _PATH_ROTATIONS * turn)
         free = solve(
-            top, form="euler-top", solver="exact", tolerance=1e-9, samples=_TURNS * _POINTS + 1
+            top, form="euler-top", solver="exact", tolerance=_PATH_TOLERANCE, samples=points
         )
-        paths.append(_rounded(free.rotation[:, axis], 3))
+        paths.append(_rounded(free.rotation[:, axis], _FEW_DECIMALS))
     return paths
 
 
-def _rounded(values: np.ndarray, digits: int = 4) -> list[float]:
-    """Flat list; more digits than a pixel shows would only weigh."""
-    return np.round(values, digits).ravel().tolist()
+def _rounded(values: np.ndarray, decimals: int = _DECIMALS) -> list[float]:
+    """The numbers as a flat list; more decimals than a pixel shows would only weigh."""
+    return np.round(values, decimals).ravel().tolist()

@@ -33,7 +33,7 @@ _ON_COSTS = re.compile(r"(slow|orientation)(-[\w-]+)?\.png")
 _SHOWN_CODE = (".py", ".toml", ".ipynb")
 # Pictures have few colours, which halve a file. Red, green and blue are multiples of 17, 16 values
 # from 0 to 255 = 15 × 17, so that black and white stay what they are.
-_ROUNDED = [round(value / 17) * 17 for value in range(256)]
+_ROUNDED = [round(value / 17) * 17 for value in range(256)]  # By each value from 0 to 255.
 # How hard WebP looks for a smaller file of the same pixels, from 0 to 100 and from 0 to 6: more takes
 # longer and gains little. Estimates.
 _EFFORT = 75
@@ -50,6 +50,17 @@ def write_sources(
     """Write the sources into a folder, in which docs and reports stand beside each other as in a clone.
 
     Templates are left out: the pages that are filled from them stand beside them.
+
+    Parameters
+    ----------
+    reports, docs
+        Folders of the reports and of the documentation.
+    scenes
+        Scenes of the user by name.
+    folder
+        Where the sources go.
+    say
+        Receives a line for each page and motion.
     """
     files = {
         f"docs/{path.stem}": path
@@ -79,6 +90,7 @@ def _opening(reports: Path, sources: Path, names: list[str]) -> str:
     """The opening page: the question, findings of the bench, and the navigation."""
 
     def text_of(folder: str) -> str:
+        """The text of a report's page; empty if there is none."""
         path = sources / "reports" / folder / "README.md"
         return path.read_text(encoding="utf-8") if path.is_file() else ""
 
@@ -133,13 +145,13 @@ def _groups(names: list[str]) -> dict[str, dict[str, str]]:
 
 
 def _interactive(page: Page, above: str = "") -> str:
-    """A page of a title, a sentence, HTML, and data for scripts."""
+    """The Markdown of a page: its title, `above`, its sentence, then HTML with the data of its scripts."""
     body = html("interactive", page=page)
     return f"# {page.title}\n\n{above}{page.lead}\n\n``````{{raw}} html\n{body}\n``````\n"
 
 
 def _report(name: str, text: str, names: list[str]) -> str:
-    """The text of a report's page as the site shows it."""
+    """The text of a report's page as the site shows it; `names` are those of all pages."""
     text = text.replace(f" {OVERWRITTEN}", "")
     title, _, rest = text.partition("\n")
     text = f"{title}\n\n{_outdated(text)}{rest}"
@@ -213,12 +225,14 @@ def _copy_pictures(text: str, source: Path, page: Path) -> str:
 
 
 def _picture(source: Path, page: Path, link: re.Match[str]) -> str:
+    """Copy the picture of a link beside a page, as WebP; the new link, or its words if there is no such file."""
     words, target = link.groups()
     path = source.parent / target
     if not path.is_file():
         return words
     copied = BytesIO()
     with Image.open(path) as image:
+        # One table for each of red, green and blue.
         drawn = few_colours(image.convert("RGB").point(_ROUNDED * 3)).convert("RGB")
     # Of lossless pictures "quality" is the effort.
     drawn.save(copied, "webp", lossless=True, quality=_EFFORT, method=_METHOD)
