@@ -25,7 +25,11 @@ Data = Mapping[str, Table]
 
 
 class Grid(StrEnum):
-    """How fine to compute: in full for the report, reduced for the tests and for a first look."""
+    """How fine to compute: in full for the report, reduced for the tests and for a first look.
+
+    Reduced counts of rows, starts and runs are estimates, for seconds instead of minutes. The tests
+    check that every number still lies in the range that its verdict needs.
+    """
 
     FULL = "full"
     REDUCED = "reduced"

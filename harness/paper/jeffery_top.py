@@ -1,8 +1,10 @@
 """Orbits of the Jeffery top, the ellipsoid without inertia: Poincaré sections, stretching, layers of chaos.
 
-Euler angles are θ, φ, ψ; the section is φ = nπ. An orbit librates if z' passes θ = π/2 from one
-section point to a later one, and circulates if ψ goes through ±π/2. The separatrix of the saddles
-(π/2, ±π/2) parts both kinds; it may be a layer in which orbits do both, and are chaotic.
+Euler angles are θ, φ, ψ; z' is the axis that θ and φ give, and ψ turns the body about it. The
+section is φ = nπ: a section point is θ and ψ of an orbit whenever z' lies in the plane of φ = 0. An
+orbit librates if z' passes θ = π/2 from one section point to the next, and circulates if ψ goes
+through ±π/2. The separatrix of the saddles (π/2, ±π/2) parts both kinds; it may be a layer in which
+orbits do both, and are chaotic. Flow x, gradient y and vorticity z are the space axes.
 `polhode.harness.paper.sections.limits` makes the paper's items of these. Orbits run side by side,
 one in each SIMD lane of a Taylor integrator.
 """
@@ -25,28 +27,35 @@ from polhode.solvers.compile import load_heyoka, tangent_system
 from polhode.solvers.ensembles.taylor_batch import run_batches
 
 # Sampling step, in inverse shear rates, between which section points are interpolated: the
-# interpolation errs by 1e-4 at most.
+# interpolation errs by 1e-4 at most, against events of an integrator (test_layer.py).
 _STEP = 0.4
 _TOLERANCE = 1e-15  # Of the orbits of section points: as tight as double precision allows.
-# Tolerance of the tangents: a percent of their growth is enough.
+# Tolerance of the tangents, an estimate: a percent of their growth is enough, far more than this.
 _TANGENT_TOLERANCE = 1e-12
 # Sizes of the form `jeffery`.
 _DIMENSION = 4  # Numbers of a state, a unit quaternion.
 _PARAMETERS = 6  # Those of its field: `polhode.models.flow.shares`.
-# Halvings of an interval in which a section point is looked for: down to rounding.
+# Halvings of the interval between two rows in which a section point is looked for: 2^-50 of it is
+# rounding.
 _ROOT_HALVINGS = 50
-# ψ in rad of starts at ψ = 0: beside it, as some orbits never leave ψ = 0 itself.
+# ψ in rad of starts at ψ = 0: beside it, as some orbits never leave ψ = 0 itself. Small beside the
+# width of 1e-4 of the one layer that is measured; an estimate.
 PSI = 1e-9
-# The search for ends of a layer covers this interval, in rad from θ = π/2.
+# The search for ends of a layer covers this interval, in rad from θ = π/2. Both separatrices that are
+# measured lie in it, at 0.27 and 0.78 (reports/paper/limits.md).
 _SEARCHED = (0.0, 1.2)
-# Orbits that each round of the search for one end of a layer takes.
+# Orbits that each round of the search for one end of a layer takes: those for both ends run side by
+# side, two for each of up to 8 SIMD lanes.
 _PROBES = 8
-# Rounds that narrow 1.2 rad down to the last digit, each by a factor of `_PROBES` + 1.
+# Rounds that narrow 1.2 rad down to the last digit, each by a factor of `_PROBES` + 1: 1.2/9^17 is
+# 7e-17.
 _ROUNDS = 17
 # Jump of ψ, in rad, from one section point to the next, of an orbit that circulates: ψ is taken
-# modulo π.
+# modulo π, so that it jumps by about π where it goes through ±π/2. Between that and the smaller
+# steps of an orbit that librates, an estimate.
 _CIRCULATES = 2.0
-# Distance, in rad, from the saddle at which its growth is measured.
+# Distance, in rad, from the saddle at which its growth is measured: the map next to the saddle is
+# linear but for terms of relative order 1e-4 (test_layer.py measures it over two sections).
 _TINY = 1e-4
 
 
@@ -60,7 +69,9 @@ def chaos_border(turns: float) -> float:
     """Logarithm of the stretching above which an orbit is chaotic, after a number of half turns.
 
     The tangent of a regular orbit grows about linearly, so that the logarithm is about log(turns).
-    The tangent of a chaotic orbit grows exponentially. The factor 3 between both is an estimate.
+    The tangent of a chaotic orbit grows exponentially. The factor 3 between both is an estimate: for
+    the slender body of reports/paper/limits.md, after 120 half turns, the border is 14, and medians
+    are 3 for regular orbits and 116 for chaotic ones.
     """
     return 3 * float(np.log(turns))
 
@@ -68,11 +79,29 @@ def chaos_border(turns: float) -> float:
 def stretching(
     ellipsoid: Ellipsoid, angles: Sequence[Triple], half_turns: Sequence[int]
 ) -> np.ndarray:
-    """Logarithm of the stretching of a tangent of each orbit at `half_turns`, shape (n, len(half_turns)).
+    """Logarithm of the stretching of a tangent of each orbit.
 
-    Orbits start at Euler angles (θ, φ, ψ) in rad; the half turns increase. The tangent leads to the
-    body turned a little about its axis (1, 1, 1), and is brought back to unit length after each
-    half turn.
+    The tangent leads to the body turned a little about its axis (1, 1, 1). After each half turn its
+    length is noted, and brought back to one so that it never overflows.
+
+    Parameters
+    ----------
+    ellipsoid
+        The body.
+    angles
+        Euler angles (θ, φ, ψ), in rad, at which the n orbits start.
+    half_turns
+        Numbers of half turns after which the stretching is noted, in increasing order.
+
+    Returns
+    -------
+    ndarray
+        Natural logarithms of the length, shape (n, `len(half_turns)`).
+
+    Raises
+    ------
+    RuntimeError
+        A run failed.
     """
     integrator = _tangent_integrator()
     lanes = integrator.batch_size
@@ -82,6 +111,8 @@ def stretching(
     duration = half_turn(ellipsoid)
     logarithms = np.empty((len(angles), len(half_turns)))
     for first in range(0, len(angles), lanes):
+        # One orbit in each lane. The last orbits may be fewer than the lanes: `np.resize` repeats
+        # them, and the rows that it adds are left out below.
         together = quaternions[first : first + lanes]
         integrator.set_time(0.0)
         integrator.state[:_DIMENSION] = np.resize(together, (lanes, _DIMENSION)).T
@@ -104,7 +135,10 @@ def stretching(
 
 
 def _turned_aside(quaternions: np.ndarray) -> np.ndarray:
-    """Unit tangents q (0, 1, 1, 1)/√3 of unit quaternions, shape (n, 4): the body turns about (1, 1, 1)."""
+    """Unit tangents q (0, 1, 1, 1)/√3 of unit quaternions, shape (n, 4) each.
+
+    They are the directions in which q changes when the body turns about its axis (1, 1, 1).
+    """
     q0, q1, q2, q3 = quaternions.T
     parts = (-q1 - q2 - q3, q0 + q2 - q3, q0 + q3 - q1, q0 + q1 - q2)
     return np.stack(parts, axis=1) / sqrt(3)
@@ -113,12 +147,33 @@ def _turned_aside(quaternions: np.ndarray) -> np.ndarray:
 def section_points(
     ellipsoid: Ellipsoid, angles: Sequence[Triple], duration: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """θ and ψ in rad where φ = nπ, of each orbit from Euler angles with φ = 0; ψ from -π/2 to π/2.
+    """Section points of orbits.
 
     The orbits are as precise as double precision allows; points are interpolated between their
     rows (`_STEP`). ψ is taken modulo π: a half turn about z' leaves the ellipsoid unchanged.
+
+    Parameters
+    ----------
+    ellipsoid
+        The body.
+    angles
+        Euler angles (θ, φ, ψ), in rad, at which the orbits start, with φ = 0.
+    duration
+        Time for which they are followed, in inverse shear rates.
+
+    Returns
+    -------
+    list of tuples
+        For each orbit θ and ψ at its section points after the start, in rad, in the order of time;
+        ψ from -π/2 to π/2.
+
+    Raises
+    ------
+    RuntimeError
+        An orbit's run failed.
     """
     times = np.linspace(0.0, duration, int(duration / _STEP) + 2)
+    # The scene gives the equations alone: `run_batches` takes the starts from `quaternions`.
     scene = Scene(ellipsoid, 0.0, EulerStart((1.0, 0.0, 0.0)), duration)
     quaternions = np.array([quaternion_from_euler(start) for start in angles])
     problem = find_form("jeffery").problem(scene)
@@ -131,18 +186,24 @@ def section_points(
 def _points_of(
     ellipsoid: Ellipsoid, times: np.ndarray, orientation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The section points of one orbit from quaternions, shape (n, 4), by cubic interpolation."""
+    """θ and ψ at the section points of one orbit, from quaternions at the times, shape (n, 4).
+
+    Between two rows the matrix t_ij is a cubic polynomial of time.
+    """
     # φ = nπ is where the flow component t₃₁ of z' vanishes. The start, where it does, is none.
     q0, q1, q2, q3 = orientation.T
     flow = q1 * q3 + q0 * q2
     changes = np.flatnonzero(flow[1:-1] * flow[2:] <= 0) + 1
     pairs = np.stack([orientation[changes], orientation[changes + 1]], axis=1)
     rotation = matrix_from_quaternion(pairs.reshape(-1, _DIMENSION))
-    # Each column c of t_ij, a space axis in body axes, obeys c' = c × ω.
+    # Each column c of t_ij, a space axis in body axes, has the rate c × ω.
     spin = jeffery_spin(ellipsoid, rotation)
     rates = np.cross(rotation, spin[:, :, None], axis=1)
+    # t_ij and its change in a step, at the two rows around each section point: shape (number of
+    # section points, 2, 3, 3). [:, :, 2, 0] is t₃₁, and [:, :, :, 2] is the vorticity axis.
     values = rotation.reshape(-1, 2, 3, 3)
     slopes = rates.reshape(-1, 2, 3, 3) * (times[1] - times[0])
+    # Bisection for the place of each section point, as a share of its step.
     low = np.zeros(len(changes))
     high = np.ones(len(changes))
     at_low = values[:, 0, 2, 0]
@@ -161,7 +222,10 @@ def _points_of(
 
 
 def _cubic(place: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Hermite's cubic at places in [0, 1], from values and slopes at both ends, shape (n, 2, …)."""
+    """Hermite's cubic at places in [0, 1], from values and slopes at both ends.
+
+    `values` and `slopes` have shape (n, 2, …), and `place` one that fits to (n, …).
+    """
     change = values[:, 1] - values[:, 0]
     square = 3 * change - 2 * slopes[:, 0] - slopes[:, 1]
     cube = slopes[:, 0] + slopes[:, 1] - 2 * change
@@ -171,11 +235,20 @@ def _cubic(place: np.ndarray, values: np.ndarray, slopes: np.ndarray) -> np.ndar
 def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
     """Ends of pure libration and of pure circulation along θ at ψ = 0, which all orbits cross: θ - π/2 in rad.
 
-    The first orbit, from θ = π/2 on, that circulates at some time, and the last that librates at
-    some time, of those that are tried. The edges may be frayed: then rounding decides where they
-    are found (`orbits_across` measures the width). The first end is the larger one while orbits
-    next to a sharp separatrix have not yet left the saddle.
+    They are the first orbit, from θ = π/2 on, that circulates at some time, and the last that
+    librates at some time, of those that are tried, within a number of half turns (`turns`). The
+    edges may be frayed: then rounding decides where they are found (`orbits_across` measures the
+    width). The first end is the larger one while orbits next to a sharp separatrix have not yet
+    left the saddle.
+
+    Raises
+    ------
+    RuntimeError
+        An orbit's run failed.
     """
+    # Each round tries `_PROBES` orbits between the ends of each interval, and keeps the part next
+    # to the end that is looked for: before the first probe that circulates, or after the last one
+    # that librates.
     duration = turns * half_turn(ellipsoid)
     libration = _SEARCHED
     circulation = _SEARCHED
@@ -191,6 +264,7 @@ def measure_layer(ellipsoid: Ellipsoid, turns: int) -> tuple[float, float]:
         last = _PROBES - librating[::-1].index(True) if any(librating) else 0
         bounds = [circulation[0], *offsets[_PROBES:], circulation[1]]
         circulation = (bounds[last], bounds[last + 1])
+    # The middle of each interval.
     return sum(libration) / 2, sum(circulation) / 2
 
 
@@ -199,7 +273,27 @@ def orbits_across(
 ) -> dict[str, np.ndarray]:
     """Whether orbits that start at even distances across a window librate, and circulate, at some time.
 
-    They start at ψ = 0 and θ - π/2 from the window, in rad; the columns have the length `count`.
+    Parameters
+    ----------
+    ellipsoid
+        The body.
+    turns
+        Half turns for which orbits are followed.
+    window
+        Least and largest θ - π/2 of the starts, in rad. All are at ψ = 0.
+    count
+        Number of starts: the middles of as many equal parts of the window.
+
+    Returns
+    -------
+    dict
+        Columns of the length `count`: `offset` is θ - π/2 in rad; `librates` and `circulates` are 1
+        if the orbit does so, else 0.
+
+    Raises
+    ------
+    RuntimeError
+        An orbit's run failed.
     """
     low, high = window
     offsets = low + (high - low) * (np.arange(count) + 0.5) / count
@@ -211,7 +305,7 @@ def orbits_across(
 
 
 def _probes(interval: tuple[float, float]) -> np.ndarray:
-    """Offsets that part an interval evenly, without its ends."""
+    """`_PROBES` offsets that part an interval evenly, without its ends."""
     return np.linspace(*interval, _PROBES + 2)[1:-1]
 
 
