@@ -136,6 +136,7 @@ class _Averages(Experiment):
                 xlabel="deviation from brute force",
                 ylabel="average of",
                 xscale="log",
+                # From below `_LEAST_DRAWN` to above the largest deviation, of order 1.
                 xlim=(1e-18, 10),
                 xticks=(1e-16, 1) if columns > 1 else (1e-16, 1e-8, 1),
                 # Entries are at 0, -1, …; a shorter last column leaves room below.
@@ -172,7 +173,7 @@ class SpheroidAverages(_Averages):
 
         It is the largest over random directions of L, and random cones about it.
         """
-        # Columns of `worst`: the printed formula, and the corrected one.
+        # Any seed would do. Columns of `worst`: the printed formula, and the corrected one.
         generator = np.random.default_rng(3)
         # Angles of precession about L: 16 are more than moments of degree two need.
         angle = 2 * pi * np.arange(16) / 16
@@ -182,6 +183,7 @@ class SpheroidAverages(_Averages):
             direction = generator.normal(size=3)
             direction /= np.linalg.norm(direction)
             # The component of the symmetry axis along L, and the radius of its circle about L.
+            # Between 0.05 and 0.95, by estimate, neither is so small that a wrong term would hide.
             height = generator.uniform(0.05, 0.95)
             width = np.sqrt(1 - height**2)
             circle = [width * np.sin(angle), -width * np.cos(angle), np.full(16, height)]
@@ -218,7 +220,11 @@ class EllipsoidAverages(_Averages):
     """The second and third moments of the rotation matrix over the Euler top."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Largest deviation of every entry from the brute-force mean, over random L and ω."""
+        """Largest deviation of every entry from the brute-force mean, over random L and ω.
+
+        L is random in its direction alone, as the space axes are; its size follows from ω.
+        """
+        # Any seed would do.
         generator = np.random.default_rng(5)
         ellipsoid = Ellipsoid(PAPER_ELLIPSOID)
         entries = ellipsoid_entries()
@@ -292,7 +298,8 @@ def _deviations(entries: Sequence[Entry], worst: np.ndarray) -> dict[str, Any]:
     return {"entry": names, "printed": worst[:, 0], "corrected": worst[:, 1]}
 
 
-# The spheroid and the start of the first-order correction, with L along the vorticity.
+# The spheroid and the start of the first-order correction, with L along the vorticity. The paper
+# names κ alone; the other values are free, and chosen so that L, θ and φ are no special ones.
 _KAPPA = 2.0  # Ratio of the symmetry axis to the other ones.
 _MOMENTUM = -0.9  # L_z over I_e; the body is prolate, so that I_e is the largest moment of inertia.
 _THETA = 0.9  # Rad.
@@ -311,7 +318,11 @@ class FirstOrder(Experiment):
     """The averaged solution of a spheroid with its O(1/St) oscillation added."""
 
     def compute(self, grid: Grid) -> Computed:
-        """L_z in full, averaged and corrected at one St; the largest error against St."""
+        """L_z in full, averaged and corrected at one St; the largest error against St.
+
+        The table "errors" has the largest error along the run of each solution of `_COMPARED`, in
+        units of I_e.
+        """
         yield "", {"t2": np.linspace(0.0, _SLOW_TIME, 401), **_first_order(_SHOWN_STOKES, 401)}
         for stokes in np.geomspace(1e2, 1e5, grid.of(13, 4)).tolist():
             runs = _first_order(stokes, grid.of(4001, 1001))
@@ -352,6 +363,8 @@ class FirstOrder(Experiment):
         """The gain by the correction, exponents, and the size of the corrected error."""
         first_order = Range.near(-1.0, 0.1, "theory: first order")
         second_order = Range.near(-2.0, 0.1, "theory: second order")
+        # The first two axes are equatorial: 8πY/I_e.
+        damping = spheroid(_KAPPA).damping[0]
         return [
             Number(
                 "averaged error over that as printed, smallest",
@@ -379,7 +392,12 @@ class FirstOrder(Experiment):
             Number(
                 "corrected error × St², largest St",
                 _constant(errors),
-                Range(10.0, 2e3, "of order (8πY/I)³, the cube of the damping, over the rotation"),
+                Range(
+                    10.0,
+                    2e3,
+                    f"of order (8πY/I_e)², here {damping**2:.0f}: St enters only as I_e St/(8πY); "
+                    "the ends are estimates",
+                ),
                 "I_e",
             ),
         ]

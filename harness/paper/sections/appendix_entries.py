@@ -1,8 +1,14 @@
 """The appendices' tables of averages, in their order: means over rotations, and the formulas printed for them.
 
-A formula is a function of n and z: n = L/|L| in space axes, and z = (⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩) has the
-mean squares of z_i, the component of body axis i along L. In names of entries, x'1 x'2 y'3 are the
-components t_11, t_21, t_32; without a stroke they are components in axes along L.
+A mean is over rotations of the free top. Row i of a rotation matrix has the components of body axis
+i: `t` in space axes, `u` in axes of which the third one is along L (t_ij,LO in the paper). A
+formula is a function of n and z: n = L/|L| in space axes, (α₁₃, α₂₃, α₃₃) in the paper, and z =
+(⟨z₁²⟩, ⟨z₂²⟩, ⟨z₃²⟩) has the mean squares of z_i, the component of body axis i along L. In names of
+entries, x'1 x'2 y'3 are the components t_11, t_21, t_32; without a stroke they are components in
+axes along L, u_11, u_21, u_32.
+
+The formulas are written entry by entry as the paper prints them, so that each can be compared with
+it. Some stand twice, once as an entry and once in a general formula: the paper prints both.
 `polhode.harness.paper.sections.appendix` compares the formulas with the means.
 """
 
@@ -19,10 +25,10 @@ Formula = Callable[[np.ndarray, np.ndarray], Value]
 """A formula's value from n and z, shape (3,) each."""
 
 _LETTERS = "xyz"
-# Indices of the general formulas: three different rows, and any three columns.
+# Indices of the general formulas, from 0: three different rows, and any three columns.
 _ROWS = tuple(permutations(range(3)))
 _COLUMN_TRIPLES = tuple(product(range(3), repeat=3))
-# The general formula of the mixed third moments.
+# The general formula of the mixed third moments: one component along L, two in space axes.
 MIXED = "⟨t_i3,LO t_j1 t_k2⟩"
 
 
@@ -36,14 +42,18 @@ class Entry:
     corrected: Formula | None = None
 
     def deviations(self, t: np.ndarray, u: np.ndarray, n: np.ndarray, z: np.ndarray) -> list[float]:
-        """Largest deviation of the printed and of the corrected formula from the mean."""
+        """Largest deviation of the printed and of the corrected formula from the mean.
+
+        Without a corrected formula the printed one counts as both. `t` and `u` have shape
+        (m, 3, 3), `n` and `z` shape (3,); `spheroid_entries` has other arguments.
+        """
         mean = self.mean(t, u)
         formulas = (self.printed, self.corrected or self.printed)
         return [float(np.max(np.abs(mean - formula(n, z)))) for formula in formulas]
 
 
 def sign_of(i: int, j: int, k: int) -> float:
-    """ε_ijk: 1 for even permutations of (0, 1, 2), -1 for odd ones, else 0."""
+    """ε_ijk, for indices from 0 to 2: 1 for even permutations of (0, 1, 2), -1 for odd ones, else 0."""
     return (i - j) * (j - k) * (k - i) / 2
 
 
@@ -55,9 +65,9 @@ def _zero(n: np.ndarray, z: np.ndarray) -> float:
 def _moment(words: str, printed: Formula, corrected: Formula | None = None) -> Entry:
     """An entry for the mean of a product of components, each a word such as x1 or z'3.
 
-    The letter is the axis, the number the body axis, and a stroke means space axes.
+    The letter is the component, the number the body axis, and a stroke means space axes.
     """
-    # By word: column and row of the matrix, and whether it is t, in space axes, or u.
+    # Each factor: column and row of the matrix, and whether this is t, in space axes, or u.
     factors = [(_LETTERS.index(word[0]), int(word[-1]) - 1, "'" in word) for word in words.split()]
 
     def mean(t: np.ndarray, u: np.ndarray) -> float:
@@ -68,15 +78,17 @@ def _moment(words: str, printed: Formula, corrected: Formula | None = None) -> E
 
 
 def _mean(value: Callable[[np.ndarray], np.ndarray], axis: np.ndarray) -> float:
-    """The mean of a function of the axis p, shape (3, n)."""
+    """The mean of a function of the symmetry axis p, shape (3, m)."""
     return float(np.mean(value(axis)))
 
 
 def spheroid_entries() -> list[Entry]:
     """The eight entries of the spheroid's table.
 
-    Here `t` holds the symmetry axis p = (sin θ sin φ, -sin θ cos φ, cos θ), shape (3, n), `u` is
-    not used, and z is (h²,). h is the cosine of the angle between p and L.
+    Here `t` holds the symmetry axis p = (sin θ sin φ, -sin θ cos φ, cos θ) in space axes, shape
+    (3, m), `u` is not used, and z is (h²,), shape (1,). h is the cosine of the angle between p and
+    L, taken as positive, and 1 - h² is h̄² in the paper. n may not be along the vorticity: two
+    formulas divide by n₁² + n₂².
     """
     return [
         Entry("cos θ", lambda t, u: _mean(lambda p: p[2], t), lambda n, z: n[2] * z[0] ** 0.5),
@@ -121,7 +133,7 @@ def spheroid_entries() -> list[Entry]:
 
 
 def ellipsoid_entries() -> list[Entry]:
-    """Entries and general formulas of the ellipsoid's table, in its order."""
+    """The 81 entries and five general formulas of the ellipsoid's table, in its order."""
     return [
         *_second_aligned_entries(),
         _GENERAL_SECOND_ALIGNED,
@@ -137,7 +149,7 @@ def ellipsoid_entries() -> list[Entry]:
 
 
 def mixed_names() -> list[str]:
-    """Names of the mixed third moments."""
+    """Names of the mixed third moments, without their general formula."""
     return [entry.name for entry in _third_mixed_entries()]
 
 
@@ -166,7 +178,10 @@ def _second_aligned_entries() -> list[Entry]:
 
 
 def _third_aligned_entries() -> list[Entry]:
-    """Third moments in axes along L."""
+    """Third moments in axes along L: 27, one body axis and one component in each factor.
+
+    All vanish but the last six.
+    """
     return [
         _moment("x1 x2 z3", _zero),
         _moment("x1 z2 x3", _zero),
@@ -211,7 +226,7 @@ def _third_mixed_entries() -> list[Entry]:
 
 
 def _third_space_entries() -> list[Entry]:
-    """Third moments in space axes."""
+    """Third moments in space axes, with the three body axes in one factor each."""
     return [
         _moment("x'1 x'2 y'3", lambda n, z: n[0] * n[2] * (z[0] - z[1]) / 2),
         _moment("x'2 x'3 y'1", lambda n, z: n[0] * n[2] * (z[1] - z[2]) / 2),
@@ -267,10 +282,9 @@ def _second_space_entries() -> list[Entry]:
     ]
 
 
-# The general formulas: a function for the mean, of shape (n, 3, 3) rotations, and one or two for
-# the formula, all moments at once in an array of equal shape. Third moments have a row for each of
-# `_ROWS`, the body axes (i, j, k) of the three factors, and a column for each choice of the other
-# axes.
+# The general formulas: a function for the mean, and one or two for the formula, with all moments at
+# once in arrays of equal shape. Third moments have a row for each of `_ROWS`, the body axes
+# (i, j, k) of the three factors. The other dimensions are the components.
 
 
 def _mean_second_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -279,6 +293,7 @@ def _mean_second_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _second_aligned_formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The formula for these, as printed: z along L, and half of 1 - z along each other axis."""
     return np.stack([np.diag([(1 - square) / 2, (1 - square) / 2, square]) for square in z])
 
 
@@ -297,18 +312,21 @@ def _mean_third_aligned(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _third_aligned_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The formula for these as printed, ε_ijk ε_abc/2 times a sum of δ and z."""
     signs = np.outer(
         [sign_of(*rows) for rows in _ROWS], [sign_of(*columns) for columns in _COLUMN_TRIPLES]
     )
-    # As printed with δ_i3, which picks ⟨z₃²⟩ always.
+    # The sum is printed as δ_i3 ⟨z_i²⟩ + δ_j3 ⟨z_j²⟩ + δ_k3 ⟨z_k²⟩. One of i, j, k is 3, so that this
+    # is always ⟨z₃²⟩.
     return signs * z[2] / 2
 
 
 def _third_aligned_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The same with δ of the components: the factor along L is the one whose z counts."""
     moments = np.empty((len(_ROWS), len(_COLUMN_TRIPLES)))
     for row, rows in enumerate(_ROWS):
         for column, columns in enumerate(_COLUMN_TRIPLES):
-            # With δ_l3: the row whose column is the third.
+            # z of the body axis whose component is the third one, that along L.
             along = sum(z[i] for i, place in zip(rows, columns, strict=True) if place == 2)
             moments[row, column] = sign_of(*rows) * sign_of(*columns) * along / 2
     return moments
@@ -328,6 +346,7 @@ def _mean_third_mixed(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _third_mixed_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The formula for these as printed: ε_ijk z_i, where the paper has its square and ε on the left."""
     return np.array([sign_of(i, j, k) * z[i] for i, j, k in _ROWS])
 
 
@@ -351,22 +370,24 @@ def _mean_third_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _third_space(n: np.ndarray, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The formula for these; `weights` of the three z for l = 3 are n² by right, and n as printed."""
+    """The formula for these; for l = 3 it weights the three z by n² rightly, and by n as printed."""
     moments = np.empty((len(_ROWS), 3))
     for row, (i, j, k) in enumerate(_ROWS):
         first = n[0] * n[2] * (z[i] - z[j])
         second = n[1] * n[2] * (z[i] - z[k])
         third = weights[0] * z[j] + weights[1] * z[k] + weights[2] * z[i]
+        # For l = 1, 2 and 3.
         moments[row] = sign_of(i, j, k) / 2 * np.array([first, second, third])
     return moments
 
 
 def _third_space_printed(n: np.ndarray, z: np.ndarray) -> np.ndarray:
-    # As printed with α_l3 in place of its square for l = 3.
+    """The formula as printed, with α₁₃, α₂₃ and α₃₃ for l = 3."""
     return _third_space(n, z, n)
 
 
 def _third_space_corrected(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The same with their squares."""
     return _third_space(n, z, n**2)
 
 
@@ -381,6 +402,7 @@ def _mean_second_space(t: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def _second_space_formula(n: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """The formula for these, as printed: n_l n_m (3z_i - 1)/2 + δ_lm (1 - z_i)/2."""
     return np.stack(
         [np.outer(n, n) * (3 * square - 1) / 2 + np.eye(3) * (1 - square) / 2 for square in z]
     )

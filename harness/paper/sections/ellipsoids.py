@@ -46,7 +46,7 @@ from polhode.harness.paper.item import (
 )
 from polhode.harness.paper.runs import bisected, full_run, graded, slow_run, slow_scene, spheroid
 from polhode.harness.paper.sections.planes import REACHES_NODE, PlanesOfBodies, plane_tables
-from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion
+from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion, order_of_damping
 from polhode.harness.paper.tables import SLOW, by, path, worst
 from polhode.models.forms.averaged import Averaged
 from polhode.models.operations import FLOAT
@@ -289,7 +289,8 @@ class SingularPoint(Experiment):
                 Range(
                     1.0,
                     100.0,
-                    "an inverse logarithm: no more than twenty times below the rate at 0.1",
+                    "an inverse logarithm: 4.2 times below the rate at y = 0.1; a rate like √y would "
+                    "be below 0.01",
                 ),
             ),
         ]
@@ -711,7 +712,6 @@ class Space(Experiment):
 
 # The bodies of the paper's planes of ellipsoids: for each b, c = 0.5 and then 0.3.
 SIX_BODIES = [Ellipsoid((1.0, b, c)) for b, c in product((0.55, 0.75, 0.95), (0.5, 0.3))]
-_CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 
 ELLIPSOIDS_SECTION = Section(
     "ellipsoids",
@@ -738,7 +738,7 @@ ELLIPSOIDS_SECTION = Section(
                 PAPER_START,
                 0.6,
                 fitted_from=1e3,
-                constant=Range(8.0, 30.0, _CONSTANT_REASON),
+                constant=Range(8.0, 30.0, order_of_damping(_ELLIPSOID)),
                 relative=Range(0.0, ACCURATE, "the claim: good for the St chosen"),
             ),
         ),
@@ -756,7 +756,7 @@ ELLIPSOIDS_SECTION = Section(
                 (100.0, 150.0, 500.0, 5e3),
                 word=Word.CORRECTED,
                 fitted_from=5e3,
-                constant=Range(8.0, 30.0, _CONSTANT_REASON),
+                constant=Range(8.0, 30.0, order_of_damping(_ELLIPSOID)),
                 relative=Range(
                     ACCURATE, 1.5, "the correction: not good at 100, by a factor below three"
                 ),

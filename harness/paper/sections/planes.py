@@ -12,6 +12,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from polhode.harness.pages.figures.style import BLUE
@@ -24,6 +25,7 @@ from polhode.harness.paper.item import (
     Grid,
     Number,
     Range,
+    Table,
     Verdict,
     Word,
 )
@@ -36,8 +38,10 @@ from polhode.models.theory.fixed_points import fixed_points
 # Share, as of `energy_at`, of starts on the upper parabola: rounding must not carry them out of the
 # plane.
 _INSIDE = 1 - 1e-13
-# L_z/I_max and θ₀ of the starts of the planes.
+# L_z/I_max and θ₀, in rad, of the starts of the planes: on both sides of the pinch point, and beyond
+# the fixed points of L_z < 0, the farthest of which is at -0.5. The values are estimates.
 _STARTS = tuple(product((-0.7, 0.7), (0.4, 0.9, 1.4)))
+# Of a share of starts that reach the node.
 REACHES_NODE = Range(1.0, 1.0, "the claim: all of them")
 
 
@@ -50,9 +54,11 @@ def plane_tables(
 ) -> Computed:
     """Slow trajectories from L_z/I_max and shares as of `energy_at`, and where they end.
 
-    Each is thinned to the points that `chosen` names. One on the upper parabola, share 1, is
-    followed up to the slow time `on_edge`: later, rounding carries it off. The table "ends" has the
-    `distance` of each end from the node, the slow time of the `end`, and for L_z > 0 its `bound`.
+    Each has `points` rows up to a slow time of 1, some 25 relaxation times or more, and is thinned to
+    those whose indices `chosen` gives from the slow variables, shape (n, 4). One on the upper
+    parabola, share 1, is followed up to the slow time `on_edge`: later, rounding carries it off. The
+    table "ends" has the `distance` of each end from the node, the slow time of the `end`, and for
+    L_z > 0 its `bound`.
     """
     slow_times = graded(1.0, points)
     for number, (momentum, share) in enumerate(starts):
@@ -75,7 +81,12 @@ def name_of(body: Ellipsoid) -> str:
 
 @dataclass(frozen=True)
 class PlanesOfBodies(Experiment):
-    """Slow and full trajectories of several bodies, by the numbers that name them in the tables."""
+    """Slow and full trajectories of several bodies, by the numbers that name them in the tables.
+
+    `points` of each trajectory are drawn; differences are taken at four times as many. Tables: ""
+    has the trajectories, ∞ being the St of slow ones; "differences" the largest difference of each
+    full trajectory in any of the slow variables. All are over I_max.
+    """
 
     named: tuple[tuple[float, Ellipsoid], ...]
     points: int
@@ -136,6 +147,7 @@ class PlanesOfBodies(Experiment):
     def draw(self, data: Data) -> Figure:
         """Planes of the body with the largest difference; bars of all differences."""
         worst = _largest(data)
+        # The body with the largest difference at the smaller St.
         low = PLANE_STOKES[0]
         name = max(worst[low], key=worst[low].__getitem__)
         body = self.bodies[name]
@@ -159,18 +171,20 @@ class PlanesOfBodies(Experiment):
         plane_drawing.name_lines(axes[0], body, "bounds of $L_z^2/2E$")
         differences = by(data["differences"], "stokes")
         for panel, stokes in zip(axes[2:], PLANE_STOKES, strict=True):
-            for place, (_, rows) in enumerate(groups(differences[stokes], "body")):
-                offsets = np.linspace(-0.3, 0.3, len(rows))
-                panel.bar(place + offsets, rows.difference, 0.1, color=BLUE)
-            names = [name_of(body) for body in self.bodies.values()]
-            panel.set_xticks(range(len(names)), names, fontsize=8.5, rotation=30, ha="right")
-            panel.set(
-                xlabel="body, one bar per start",
-                ylabel="largest difference$/I_{max}$",
-                title=f"St = {stokes:g}",
-            )
+            self._draw_differences(panel, differences[stokes])
+            panel.set_title(f"St = {stokes:g}")
         key_above(figure, axes[0])
         return figure
+
+    def _draw_differences(self, axes: Axes, differences: Table) -> None:
+        """A group of bars for each body, one for each start."""
+        for place, (_, rows) in enumerate(groups(differences, "body")):
+            # Bodies are 1 apart; the bars of one take 0.7 of that.
+            offsets = np.linspace(-0.3, 0.3, len(rows))
+            axes.bar(place + offsets, rows.difference, 0.1, color=BLUE)
+        names = [name_of(body) for body in self.bodies.values()]
+        axes.set_xticks(range(len(names)), names, fontsize=8.5, rotation=30, ha="right")
+        axes.set(xlabel="body, one bar per start", ylabel="largest difference$/I_{max}$")
 
 
 def _largest(data: Data) -> Differences:

@@ -1,8 +1,10 @@
 """Slow variables in time, full against averaged: one start at several Stokes numbers.
 
 Slow variables are (L_x, L_y, L_z, E) over the largest moment of inertia I_max: constant for the
-free top, they change in the slow time t₂ = t/St. Items of the sections on spheroids (`lsds`) and on
-ellipsoids use this experiment.
+free top, they change in the slow time t₂ = t/St. The full equations have the oscillation of a turn
+in them, the averaged ones do not. L² = 2EI₂, with the middle moment of inertia I₂, is the polhode
+that parts those about the longest axis from those about the shortest one. Items of the sections on
+spheroids (`lsds`) and on ellipsoids use this experiment.
 """
 
 from dataclasses import dataclass, field
@@ -38,16 +40,21 @@ SLOW_LABELS = {
     "Lz": "$L_z/I_{max}$",
     "E": "$E/I_{max}$",
 }
-# Stokes numbers at which the error is measured, besides the figure's.
+# Stokes numbers at which the error is measured, besides the figure's: enough at large St for an
+# exponent. An estimate.
 _MEASURED_STOKES = (1e3, 2e3, 1e4, 2e4, 5e4)
+# St from which on the paper calls averaging accurate.
+_CLAIMED_STOKES = 100.0
 # Largest error of L and E that counts as accurate, over the largest change of a slow variable in
 # the averaged run: beyond half of it a full run is nearer to a state of another time.
 ACCURATE = 0.5
-# The same where "accurate" is read more strictly.
+# The same where "accurate" is read more strictly. The paper names no number: an estimate.
 _ACCURATE_STRICT = 0.1
-# Smallest St of full runs whose end is compared with the node.
+# Smallest St of full runs whose end is compared with the node: from here on the mean end is off by
+# 1e-3 I_max at most, at smaller St by up to 0.3 I_max (column `end` of "errors").
 _SETTLED_STOKES = 500.0
-# Share of the run's time up to which a run that leaves a plateau counts as having left it.
+# Share of the run's time up to which a run that leaves a plateau counts as having left it: later,
+# its oscillation at the end may be taken for that. An estimate.
 _PLATEAU_LEFT = 0.95
 
 FALLS_LIKE_INVERSE = Range(
@@ -61,8 +68,11 @@ FALLS_LIKE_INVERSE = Range(
 class SlowMotion(Experiment):
     """One start at several Stokes numbers, full and averaged.
 
-    `constant` is the expected range of the largest error times St. `relative` is the expected range
-    of the error at St = 100 over the largest change of a slow variable.
+    `slow_time` is how long it is followed, and `shown` are the St of the figure, of which 100 is
+    one. `word` is the verdict if all numbers lie in their ranges. `constant` is the expected range
+    of the largest error times the largest St, over I_max. `relative` is the expected range of the
+    error at St = 100 over the largest change of a slow variable. Ranges that an item does not give
+    are those of the spheroid's first start, without a reason.
     """
 
     ellipsoid: Ellipsoid
@@ -78,15 +88,21 @@ class SlowMotion(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Runs of the figure, and the largest error at each St.
 
+        The error is the largest difference of full from averaged slow variables along the run, over
+        I_max.
+
         Tables: "" has the paths that are drawn, named by their St, ∞ for the averaged one. "errors"
         has the largest error of L and E over I_max by St, also before and after L² = 2EI₂, and the
         distance of the `end` from the node. "averaged" has the distance of the averaged run's `end`
         from the node, and the slow time of its `crossing` of L² = 2EI₂.
         """
-        # Errors are taken at `dense` times as many points as are drawn.
+        # Errors are taken at `dense` times as many points as are drawn. At the largest St there is
+        # only about one in a turn, but thousands of turns, so that some points lie near a turn's
+        # largest error.
         points = grid.of(601, 201)
         dense = grid.of(8, 4)
         slow_times = np.linspace(0.0, self.slow_time, dense * (points - 1) + 1)
+        # St does not matter to the averaged equations: 1 makes time and slow time equal.
         scene = Scene(self.ellipsoid, 1.0, self.start, self.slow_time)
         averaged = averaged_run(scene, slow_times).slow
         crossing = self._crossing(slow_times, averaged)
@@ -104,26 +120,33 @@ class SlowMotion(Experiment):
         yield "averaged", {"end": self._end(averaged), "crossing": crossing}
 
     def _crossing(self, slow_times: np.ndarray, averaged: np.ndarray) -> float:
-        """Slow time at which L² = 2EI₂; NaN if it is not met."""
+        """Slow time at which L² = 2EI₂; NaN if it is not met.
+
+        `averaged` has the slow variables at the slow times, shape (n, 4).
+        """
         _, middle, largest = sorted(self.ellipsoid.inertia)
+        # L² - 2EI₂ over I_max²: negative at a start on the long axis' side, positive at the node.
         beyond = np.sum(averaged[:, :3] ** 2, axis=1) - 2 * averaged[:, 3] * middle / largest
         met = self.ellipsoid.kind == "triaxial" and beyond[0] < 0 < beyond[-1]
         return float(np.interp(0.0, beyond, slow_times)) if met else np.nan
 
     def _end(self, slow: np.ndarray) -> float:
-        """Distance from the node of the mean over the last tenth of a run."""
+        """Distance from the node of the mean over the last tenth of a run, shape (n, 4).
+
+        The mean leaves out the oscillation; the share of a tenth is an estimate.
+        """
         return float(distance_from_node(self.ellipsoid, slow[-len(slow) // 10 :].mean(axis=0)))
 
     def judge(self, data: Data) -> Verdict:
         """How the error falls with St, and from which St on it is small."""
-        errors = data["errors"]
         sentence = f"{self._ends(data)} {self._accuracy(data)}{self._plateau(data)}"
-        return Verdict(self.word, sentence, self.caption(data), self.numbers(data, errors))
+        return Verdict(self.word, sentence, self.caption(data), self.numbers(data, data["errors"]))
 
     def numbers(self, data: Data, errors: Table) -> list[Number]:
-        """The numbers that the claim rests on."""
-        late = errors[errors.stokes >= self.fitted_from]
-        slope = exponent(late.stokes, late.error)
+        """The numbers that the claim rests on; `errors` is the table of that name."""
+        fitted = errors[errors.stokes >= self.fitted_from]
+        slope = exponent(fitted.stokes, fitted.error)
+        # The table has its St in increasing order.
         largest = errors.stokes[-1]
         settled = errors[errors.stokes >= _SETTLED_STOKES]
         lowest = min(self.shown)
@@ -141,8 +164,8 @@ class SlowMotion(Experiment):
                 "I_max",
             ),
             Number(
-                "error at St = 100, over the largest change of a slow variable",
-                self._relative(data)[100.0],
+                f"error at St = {_CLAIMED_STOKES:g}, over the largest change of a slow variable",
+                self._relative(data)[_CLAIMED_STOKES],
                 self.relative,
             ),
             Number(
@@ -185,8 +208,8 @@ class SlowMotion(Experiment):
         )
         lowest = min(self.shown)
         return (
-            "Averaged run and full runs from St = 500 on end at (L_z, E)/I_max = "
-            f"({node}). The largest error of L and E along the run is "
+            f"Averaged run and full runs from St = {_SETTLED_STOKES:g} on end at "
+            f"(L_z, E)/I_max = ({node}). The largest error of L and E along the run is "
             f"{errors.error[-1] * largest:.2g}/St at St = {short(largest)}, and {shown}; at St = "
             f"{short(lowest)} the mean difference over the run is "
             f"{self._mean_difference(data, lowest):.2g} I_max."
@@ -199,18 +222,23 @@ class SlowMotion(Experiment):
             "Accurate is taken as an error of at most half of the largest change of a slow "
             f"variable in the averaged run, here {self._change(data):.2g} I_max: so it is from "
             f"St = {short(_first_below(relative, ACCURATE))} on, of those measured; were a tenth "
-            f"of it asked for, from St = {short(_first_below(relative, _ACCURATE_STRICT))} on. At "
-            f"St = 100 the error is {relative[100.0]:.2g} times that change."
+            f"of it asked for, from St = {short(_first_below(relative, _ACCURATE_STRICT))} on. "
+            f"At St = {_CLAIMED_STOKES:g} the error is {relative[_CLAIMED_STOKES]:.2g} times that "
+            "change."
         )
 
     def _plateau(self, data: Data) -> str:
-        """When the runs leave the plateau at the saddle; empty where there is none."""
+        """When the runs leave the plateau at the saddle; empty where there is none.
+
+        On the plateau E is smallest. A run has left it at the last slow time at which E is less
+        than halfway from there to the node.
+        """
         if not self.plateau:
             return ""
         paths = by(data[""], "path")
-        end = fixed_point(self.ellipsoid, "stable node")[1]
-        middle = (min(paths[np.inf].E) + end) / 2
-        left = {stokes: rows.t2[middle > rows.E][-1] for stokes, rows in paths.items()}
+        _, energy_at_node = fixed_point(self.ellipsoid, "stable node")
+        halfway = (min(paths[np.inf].E) + energy_at_node) / 2
+        left = {stokes: rows.t2[halfway > rows.E][-1] for stokes, rows in paths.items()}
         limit = _PLATEAU_LEFT * self.slow_time
         leaving = ", ".join(
             f"at t₂ = {left[stokes]:.2f} (St = {stokes:g})"
@@ -225,7 +253,10 @@ class SlowMotion(Experiment):
         )
 
     def _mean_difference(self, data: Data, stokes: float) -> float:
-        """The mean over the run of full less averaged values, the largest of the four slow variables."""
+        """Size of the mean over the run of full less averaged values, over I_max.
+
+        It is the largest of the four slow variables.
+        """
         paths = by(data[""], "path")
         return max(abs(np.mean(paths[stokes][name] - paths[np.inf][name])) for name in SLOW_LABELS)
 
@@ -241,35 +272,41 @@ class SlowMotion(Experiment):
 
     def draw(self, data: Data) -> Figure:
         """Slow variables against slow time; the largest error against St."""
-        errors = data["errors"]
         figure, axes = panels(3, 2, 2.0)
-        for name, place in (("Lx", 0), ("Ly", 1), ("Lz", 2), ("E", 3)):
-            self._draw_variable(axes[place], data, name)
+        *variables, error_axes, key_axes = axes
+        for panel, name in zip(variables, SLOW_LABELS, strict=True):
+            self._draw_variable(panel, data, name)
+        self._draw_errors(error_axes, data["errors"])
+        # The last panel has the key of the first four alone.
+        key_axes.axis("off")
+        key_axes.legend(*variables[0].get_legend_handles_labels(), loc="center")
+        return figure
+
+    def _draw_errors(self, axes: Axes, errors: Table) -> None:
+        """The largest error at each St, and the first order's slope through the last one."""
         style: dict[str, Any] = {
             "marker": "o",
             "color": BLUE,
             "markersize": 3.5,
             "label": "measured",
         }
-        axes[4].plot(errors.stokes, errors.error, **style)
-        draw_power(axes[4], errors.stokes, errors.error[-1], -1)
-        axes[4].set(
+        axes.plot(errors.stokes, errors.error, **style)
+        draw_power(axes, errors.stokes, errors.error[-1], -1)
+        axes.set(
             xlabel="Stokes number St",
             ylabel="largest error of L and E$/I_{max}$",
             xscale="log",
             yscale="log",
         )
-        square_decades(axes[4], fill=True)
-        key_of(axes[4])
-        axes[5].axis("off")
-        axes[5].legend(*axes[0].get_legend_handles_labels(), loc="center")
-        return figure
+        square_decades(axes, fill=True)
+        key_of(axes)
 
     def _draw_variable(self, axes: Axes, data: Data, name: str) -> None:
         """One slow variable of all runs."""
-        # The averaged run lies thin on the broad one at the largest St, which it would hide.
+        # The averaged run lies thin on the broad one at the largest St, which it would hide. Widths
+        # are in points; curves of larger `zorder` lie above others.
         widths = {np.inf: 0.9, max(self.shown): 2.0}
-        heights = {np.inf: 5.0, max(self.shown): 2.9}
+        zorders = {np.inf: 5.0, max(self.shown): 2.9}
         for color, (stokes, rows) in zip(RUNS, groups(data[""], "path"), strict=False):
             axes.plot(
                 rows.t2,
@@ -277,7 +314,7 @@ class SlowMotion(Experiment):
                 color=color,
                 label=run_name(stokes),
                 linewidth=widths.get(stokes, 0.7),
-                zorder=heights.get(stokes, 3.0),
+                zorder=zorders.get(stokes, 3.0),
             )
         crossing = data["averaged"].crossing[0]
         if np.isfinite(crossing):
@@ -285,8 +322,24 @@ class SlowMotion(Experiment):
         axes.set(xlabel=r"slow time $t_2 = t\dot\gamma/\mathrm{St}$", ylabel=SLOW_LABELS[name])
 
 
+def order_of_damping(ellipsoid: Ellipsoid) -> str:
+    """Why the largest error times St is of order 8πX/I, and the least and largest of these, in words.
+
+    The full equations have St only in I St/(8πX), the effective Stokes number of an axis. So an
+    error of first order is a number of order one over this.
+    """
+    damping = ellipsoid.damping
+    return (
+        f"of order 8πX/I, here {min(damping):.0f} to {max(damping):.0f}: St enters only as "
+        "I St/(8πX); the ends are estimates"
+    )
+
+
 def _first_below(relative: dict[float, float], bound: float) -> float:
-    """The smallest St from which on no error exceeds a bound."""
+    """The smallest St from which on no error exceeds a bound; NaN if the last one does.
+
+    `relative` has the errors by St, in increasing order of St. An error that is NaN exceeds it.
+    """
     too_large = [stokes for stokes, error in relative.items() if not error <= bound]
     last = max(too_large, default=-np.inf)
     return min((stokes for stokes in relative if stokes > last), default=np.nan)

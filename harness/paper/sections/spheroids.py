@@ -1,7 +1,8 @@
 """Spheroids at large St: slow variables, the L_z–E plane, projections and L–E planes.
 
 The claims stand in the paper's section `lsds`. I_a is the moment of inertia about the symmetry
-axis, I_e the one about an equatorial axis. The plane's lower and upper parabola are E = L²/2I_max
+axis, I_e the one about an equatorial axis; I_e is the larger one, I_max, if κ > 1. The plane's
+lower and upper parabola are E = L²/2I_max
 and E = L²/2I_min; the node is on the lower one, the saddle on the upper one.
 """
 
@@ -42,14 +43,14 @@ from polhode.harness.paper.item import (
 )
 from polhode.harness.paper.runs import graded, slow_run, spheroid
 from polhode.harness.paper.sections.planes import REACHES_NODE, PlanesOfBodies, plane_tables
-from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion
+from polhode.harness.paper.sections.slow_motion import ACCURATE, SlowMotion, order_of_damping
 from polhode.harness.paper.tables import by, groups, joined, worst
 from polhode.models.scenes import NEAR_POLE_START, SPHEROID_START
 from polhode.models.theory.fixed_points import fixed_points
 
 _BODY = spheroid(2.0)
 # Slow time for which trajectories on the upper parabola are followed, before rounding carries them
-# off it.
+# off it. An estimate.
 _ON_EDGE = 0.16
 
 
@@ -60,10 +61,12 @@ class Plane(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """Slow trajectories from both edges of the plane, and from close to the pinch point."""
         # Starts are pairs of L_z/I_max and the share, by `energy_at`, of E between its bounds; the
-        # last two lie on the upper parabola.
+        # last two lie on the upper parabola. -1.1 is beyond the fixed points, which lie at -0.5 and
+        # -0.2, and -0.06 between them and the pinch point. The values are estimates.
         shares = (0.001, 0.05, 0.15, 0.3, 0.5, 0.7, 0.85, 0.95, 0.999)[:: grid.of(1, 4)]
         starts = [*product((-1.1, -0.06, 1.1), shares)]
         starts += [(-1.1, 1.0), (-0.06, 1.0)]
+        # 150 points draw a trajectory smoothly.
         chosen = partial(planes.plane_steps, count=150)
         return plane_tables(_BODY, starts, grid.of(2001, 601), _ON_EDGE, chosen)
 
@@ -72,17 +75,21 @@ class Plane(Experiment):
         ends = data["ends"]
         on_edge = ends.share == 1.0
         left = (ends.Lz0 < 0) & ~on_edge
+        # Slow time to the pinch point over its bound (`plane_tables`).
         pinch = np.max((ends.end / ends.bound)[ends.Lz0 > 0])
-        saddle = planes.fixed_point(_BODY, "saddle")[0]
-        last = {int(number): rows.Lz[-1] for number, rows in groups(data[""], "path")}
-        off_saddle = worst([momentum - saddle for n, momentum in last.items() if on_edge[n]])
+        saddle, _ = planes.fixed_point(_BODY, "saddle")
+        # L_z at the end of each path; paths have the numbers of the rows of `ends`.
+        end_momenta = {int(number): rows.Lz[-1] for number, rows in groups(data[""], "path")}
+        off_saddle = worst(
+            [momentum - saddle for number, momentum in end_momenta.items() if on_edge[number]]
+        )
         return Verdict(
             Word.CORRECTED,
             "Every start with L_z < 0 off the upper parabola reaches the node, those on it reach "
             "the saddle. Starts with L_z > 0 meet the pinch point in a finite slow time, at most "
             f"{pinch:.2g} of the bound L_z/(4π min X). The saddle lies at (I_a/I_e)(-1/2, 1/8); "
             "the caption prints the node's place for it.",
-            f"L_z–E plane of a prolate spheroid, κ = 2, with {len(last)} slow trajectories of "
+            f"L_z–E plane of a prolate spheroid, κ = 2, with {len(end_momenta)} slow trajectories of "
             "L_x = L_y = 0; I_max = I_e.",
             [
                 Number(
@@ -109,6 +116,7 @@ class Plane(Experiment):
         """The plane with its bounds, fixed points and trajectories."""
         figure, (axes,) = panels(1, 1, 4.4)
         plane_drawing.draw_frame(axes, _BODY, -1.0, 1.0)
+        # Arrows where E first falls below these heights, over I_max: by eye.
         plane_drawing.draw_paths(axes, data[""], (0.6, 0.2))
         names = {"stable node": "stable node (tumbling)", "saddle": "saddle (spinning)"}
         plane_drawing.name_points(axes, names)
@@ -126,7 +134,8 @@ class SpheroidPlanes(PlanesOfBodies):
         """That the differences fall with St and with the distance of κ from one."""
         low, high = planes.PLANE_STOKES
         ratios = [differences[low][name] / differences[high][name] for name in self.bodies]
-        first = differences[low]
+        # Bodies have their κ as names.
+        by_kappa = differences[low]
         return [
             Number(
                 f"largest difference at St = {high:g}, worst body",
@@ -140,24 +149,24 @@ class SpheroidPlanes(PlanesOfBodies):
                 Range(5.0, 20.0, "theory: ten, the ratio of the two St, to first order"),
             ),
             Number(
-                "difference of κ = 3.33 over that of 2, St = 1000",
-                first[3.33] / first[2.0],
+                f"difference of κ = 3.33 over that of 2, St = {low:g}",
+                by_kappa[3.33] / by_kappa[2.0],
                 Range(1.2, 10.0, "the claim: larger; ten would be more than its share of κ - 1"),
             ),
             Number(
-                "difference of κ = 0.3 over that of 0.5, St = 1000",
-                first[0.3] / first[0.5],
+                f"difference of κ = 0.3 over that of 0.5, St = {low:g}",
+                by_kappa[0.3] / by_kappa[0.5],
                 Range(1.0, 10.0, "the claim: larger; ten would be more than its share of 1 - κ"),
             ),
         ]
 
 
 # Energies of the starts of the projections, over I_e: the lower bound L²/2I_e = 2/9, and about a
-# quarter and three quarters of the way to the upper one, L²/2I_a.
+# quarter and three quarters of the way to the upper one, L²/2I_a = 5/9. The shares are estimates.
 _ENERGIES = (2 / 9, 0.305, 0.472)
 _PROJECTED_MOMENTUM = 2 / 3  # |L| of these starts, over I_e.
-# Azimuths of L in degrees: the figure shows the first; paths of _BETWEEN are compared with the two
-# limiting paths.
+# Azimuths of L in degrees, from L_y to L_x: the figure shows the first three. Paths of _BETWEEN are
+# compared with the paths of 0 and 90 degrees, the limiting ones.
 _AZIMUTHS = {0.0: "$L_{x0} = 0$", 45.0: "$L_{x0} = L_{y0}$", 90.0: "$L_{y0} = 0$"}
 _BETWEEN = (15.0, 45.0, 75.0)
 
@@ -167,12 +176,13 @@ class Projections(Experiment):
     """Slow trajectories with L in any direction, seen in two planes."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Slow trajectories from |L| = 2I_e/3, three energies, all directions of L.
+        """Slow trajectories from |L| = 2I_e/3, three energies, several directions of L.
 
         Tables: "" has the paths, `cosine` is L_z/|L| at the start; "ends" their distance from the
         node; "between" how far a path in the plane of L_z and `across` (E, or Lxy = √(L_x² + L_y²))
-        lies outside the two limiting ones.
+        lies outside the two limiting ones. All are over I_max = I_e.
         """
+        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The cosines are estimates.
         slow_times = graded(1.0, 1201)
         cosines = grid.of((-0.95, -0.5, 0.1, 0.6, 0.95), (-0.6, 0.6))
         for energy, cosine in product(_ENERGIES, cosines):
@@ -183,6 +193,7 @@ class Projections(Experiment):
                 direction = np.array([sine * np.sin(angle), sine * np.cos(angle), cosine])
                 start = (*(direction * _PROJECTED_MOMENTUM), energy)
                 slow = slow_run(_BODY, start, slow_times).slow
+                # L_xy; below, `across` is the name of either column.
                 across = np.linalg.norm(slow[:, :2], axis=1)
                 paths[azimuth] = {"Lz": slow[:, 2], "Lxy": across, "E": slow[:, 3]}
                 labels = {"E0": energy, "cosine": cosine, "azimuth": azimuth}
@@ -202,6 +213,7 @@ class Projections(Experiment):
         """Ends of all starts, and how far paths leave the limiting ones."""
         ends = data["ends"]
         between = data["between"]
+        # How far paths lie outside the limiting ones at most, in the plane of L_z and each column.
         aside = {across: between.outside[between.across == across].max() for across in ("E", "Lxy")}
         tangents = joined(np.tan(np.radians(_BETWEEN)), ".2g")
         cosines = joined(np.unique(ends.cosine))
@@ -238,7 +250,7 @@ class Projections(Experiment):
         )
 
     def draw(self, data: Data) -> Figure:
-        """Both planes at each of the energies."""
+        """Both planes at each of the energies, a row of panels for each energy."""
         table = data[""]
         figure, axes = panels(3, 2, 1.9)
         node = planes.fixed_point(_BODY, "stable node")
@@ -252,11 +264,12 @@ class Projections(Experiment):
     def _draw_plane(
         self, axes: Axes, table: Table, energy: float, across: str, node: tuple[float, float]
     ) -> None:
-        """One plane at one energy."""
+        """One plane at one energy: of L_z and the column `across`, with the `node` in (L_z, E)."""
         axes.set_xlabel("$L_z/I_{max}$")
         if across == "E":
-            parabola = np.linspace(-0.7, 0.7, 101)
-            axes.plot(parabola, parabola**2 / 2, color=BOUND, linewidth=0.8)
+            # The lower bound of E, as far as the largest |L_z| of the starts, 2/3.
+            momentum = np.linspace(-0.7, 0.7, 101)
+            axes.plot(momentum, momentum**2 / 2, color=BOUND, linewidth=0.8)
             title = f"$E_0/I_e$ = {energy:.3f}"
             axes.set(title=title, ylabel="$E/I_{max}$", ylim=(0.0, 1.1 * energy))
         else:
@@ -266,18 +279,23 @@ class Projections(Experiment):
         ):
             style: dict[str, Any] = {"color": color, "linewidth": 0.8, "label": _AZIMUTHS[azimuth]}
             draw_broken(axes, rows.Lz, rows[across], rows.cosine, **style)
+        # At the node L is along the vorticity: L_xy = 0.
         place = (node[0], node[1] if across == "E" else 0.0)
         plane_drawing.draw_point(axes, "stable node", place)
 
 
 def outside(inner: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
-    """Farthest that a path lies outside what two others with the same ends enclose; shape (n, 2) each."""
+    """Farthest that a path lies outside what two others with the same ends enclose.
+
+    Each path has its points in a plane, shape (n, 2). The result is 0 if all points lie inside.
+    """
+    # Out along the one path and back along the other.
     edge = np.concatenate([first, last[::-1]])
     beyond = inner[~Outline(edge).contains_points(inner)]
     return float(planes.distances(beyond, edge).max(initial=0.0))
 
 
-# Ratios of L_xy to |L_z| of the L–E planes.
+# Ratios of L_xy to |L_z| of the starts of the L–E planes.
 _RATIOS = (0.1, 1.0, 10.0)
 
 
@@ -289,8 +307,10 @@ class LPlanes(Experiment):
         """Slow trajectories with L_x = 0 or L_y = 0 and several ratios of L_xy to L_z, of either sign.
 
         `zero` is the place of the component that is zero: 0 for L_x, 1 for L_y. `energy_at` says
-        what a `share` is.
+        what a `share` is. Tables: "" has the paths, `ratio` is L_xy/L_z at the start; "ends" the
+        distance of their ends from the node, and the `smallest` |L| on the way, over I_max.
         """
+        # A slow time of 1 is some 36 relaxation times I_e/(8πY). The shares are estimates.
         slow_times = graded(1.0, 1201)
         shares = grid.of((0.05, 0.3, 0.6, 0.9), (0.3, 0.9))
         starts = product((0, 1), _RATIOS, (-1.0, 1.0), shares)
@@ -341,14 +361,15 @@ class LPlanes(Experiment):
         figure, axes = panels(2, 2, 2.1)
         for panel, (sign, zero) in zip(axes, product((-1.0, 1.0), (0, 1)), strict=True):
             rows = table[(table.zero == zero) & (np.sign(table.ratio) == sign)]
+            # The first row of each path.
             starts = rows[np.unique(rows.path, return_index=True)[1]]
-            parts = by(starts, "ratio")
+            starts_by_ratio = by(starts, "ratio")
             for color, (ratio, part) in zip(CYCLE, groups(rows, "ratio"), strict=False):
                 label = f"$L_{{xy}}/|L_z|$ = {abs(ratio):g}"
                 style: dict[str, Any] = {"color": color, "linewidth": 1.1, "label": label}
                 draw_broken(panel, part.L, share_of(part.E, part.L), part.path, **style)
-                first = parts[ratio]
-                panel.plot(first.L, share_of(first.E, first.L), "o", color=color, markersize=3)
+                start = starts_by_ratio[ratio]
+                panel.plot(start.L, share_of(start.E, start.L), "o", color=color, markersize=3)
             for point in fixed_points(_BODY):
                 along, height = planes.place_of(_BODY, point)
                 share = float(share_of(np.array(height), np.array(along)))
@@ -366,7 +387,7 @@ class LPlanes(Experiment):
 
 
 def share_of(energy: np.ndarray, momentum: np.ndarray) -> np.ndarray:
-    """E as its share between the bounds, the inverse of `energy_at`."""
+    """E as its share between the bounds, from E and |L| over I_max: the inverse of `energy_at`."""
     return (2 * energy / momentum**2 - 1) / (max(_BODY.inertia) / min(_BODY.inertia) - 1)
 
 
@@ -376,12 +397,14 @@ def _thinned(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {name: column[index] for name, column in values.items()}
 
 
+# Of the error at St = 100 over the largest change of a slow variable.
 _ACCURATE_AT_100 = Range(0.0, ACCURATE, "the claim: accurate for St ≳ 100")
 _INACCURATE_AT_100 = Range(
     ACCURATE, 1.5, "the correction: not accurate at 100, by a factor below three"
 )
-_CONSTANT_REASON = "of order (8π X/I)², the square of the damping per slow time, over the rotation"
 
+# Slow times, 0.5 and 1, are long enough to end at the node; the second start lingers at the saddle.
+# There the errors of its full runs follow a power law only from St = 5000 on.
 SPHEROIDS_SECTION = Section(
     "spheroids",
     "Spheroids at large St",
@@ -394,10 +417,10 @@ SPHEROIDS_SECTION = Section(
             "at St = 50; the oscillation about it shrinks with growing St; all end at "
             "L_z = -I_e/2, E = I_e/8.",
             SlowMotion(
-                spheroid(2.0),
+                _BODY,
                 SPHEROID_START,
                 0.5,
-                constant=Range(20.0, 60.0, _CONSTANT_REASON),
+                constant=Range(20.0, 60.0, order_of_damping(_BODY)),
                 relative=_ACCURATE_AT_100,
             ),
         ),
@@ -408,12 +431,12 @@ SPHEROIDS_SECTION = Section(
             "The same accuracy for St ≳ 100, with an intermediate plateau while the run lingers "
             "near the spinning mode.",
             SlowMotion(
-                spheroid(2.0),
+                _BODY,
                 NEAR_POLE_START,
                 1.0,
                 word=Word.CORRECTED,
                 fitted_from=5e3,
-                constant=Range(20.0, 90.0, _CONSTANT_REASON),
+                constant=Range(20.0, 90.0, order_of_damping(_BODY)),
                 relative=_INACCURATE_AT_100,
                 plateau=True,
             ),
@@ -433,6 +456,7 @@ SPHEROIDS_SECTION = Section(
             "lsds, the phase planes",
             "For a given St the deviation from the slow trajectories decreases as κ approaches "
             "one, and with growing St; κ = 3.33 at St = 1000 shows the largest oscillations.",
+            # With 201 points of each trajectory, enough to draw it.
             SpheroidPlanes(tuple((kappa, spheroid(kappa)) for kappa in (2.0, 3.33, 0.5, 0.3)), 201),
         ),
         Item(
