@@ -68,7 +68,8 @@ _ELLIPSOID = Ellipsoid(PAPER_ELLIPSOID)
 # Sides of L² = 2EI₂, by the axis about which the free body wobbles: L² > 2EI₂ about the shortest,
 # L² < 2EI₂ about the longest. The column `side` of tables has the index: 0 does not cross, 1 does.
 _SIDES = ("short", "long")
-# Slow time up to which the order of averaging is measured.
+# Slow time up to which the order of averaging is measured: all starts of the long side cross before
+# it. An estimate, which `compute` checks.
 _ORDER_TIME = 0.1
 # Faster than Taylor series over these numbers of turns; it does not stop at a graze of L² = 2EI₂
 # either.
@@ -76,12 +77,15 @@ _FAST_SOLVER = "cyrk-vern8"
 # Smallest St of the fits of the order: just below the third one that is computed.
 _ASYMPTOTIC = 9e4
 # Starts lie between these shares of the way from the lower to the upper bound of L²/2E on their
-# side; starts of the long side are close to L² = 2EI₂ and cross it soon.
+# side; starts of the long side are close to L² = 2EI₂ and cross it soon. Estimates.
 _SHARES = {"short": (0.2, 0.8), "long": (0.6, 0.9)}
 
 
 def random_start(generator: np.random.Generator, side: str) -> BodyStart:
-    """Random orientation, |ω| = 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations."""
+    """Random orientation, |ω| = 0.8, on one side of L² = 2EI₂, clear of it and of the permanent rotations.
+
+    The speed, in shear rates, is any of order one. `side` is one of `_SIDES`.
+    """
     inertia = np.array(_ELLIPSOID.inertia)
     i1, i2, i3 = np.sort(inertia)
     low, high = (i2, i3) if side == "short" else (i1, i2)
@@ -116,7 +120,10 @@ def above_middle(slow: np.ndarray) -> np.ndarray:
 
 
 def start_exponents(part: Table) -> np.ndarray:
-    """Exponent p of error ∝ St^p for each start, fitted from `_ASYMPTOTIC` on."""
+    """Exponent p of error ∝ St^p for each start, fitted from `_ASYMPTOTIC` on.
+
+    `part` has rows of the item's table, of one side.
+    """
     large = part[part.stokes >= _ASYMPTOTIC]
     return np.array([exponent(run.stokes, run.error) for _, run in groups(large, "start")])
 
@@ -129,7 +136,10 @@ def typical_errors(part: Table) -> np.ndarray:
 
 
 def two_laws(stokes: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
-    """a and b of errors ((a/St)² + b²/St)^½: a jump and a scattering that add up as independent ones do."""
+    """a and b of errors ((a/St)² + b²/St)^½: a jump and a scattering that add up as independent ones do.
+
+    `stokes` and `errors` have a value for each St, shape (n,).
+    """
     # The squared error is linear in a² and b². Divided by it, all St count with relative misfits.
     laws = np.stack([stokes**-2, 1 / stokes], axis=1) / errors[:, None] ** 2
     jump, scattering = np.sqrt(optimize.nnls(laws, np.ones(len(stokes)))[0]).tolist()
@@ -151,9 +161,11 @@ class AveragingOrder(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Largest error of L and E, over I_max, of the averaged form: a row for each side, start and St."""
+        # Any seed would do.
         generator = np.random.default_rng(11)
         slow_times = np.linspace(0.0, _ORDER_TIME, 3001)
-        # Stokes numbers, and below them the starts of each side: without a crossing, and with one.
+        # Stokes numbers, and below them the starts of each side: without a crossing, and more with
+        # one, whose errors scatter more.
         numbers = np.geomspace(1e4, grid.of(3e6, 3e5), grid.of(6, 4)).tolist()
         numbers += grid.of([1e7], [])
         for side, (name, count) in enumerate(zip(_SIDES, grid.of((16, 64), (4, 8)), strict=True)):
@@ -183,7 +195,11 @@ class AveragingOrder(Experiment):
         )
 
     def _numbers(self, laws: "Laws") -> list[Number]:
-        """Exponents, and how well the two laws fit."""
+        """Exponents, and how well the two laws fit.
+
+        Ranges of theory have a width, 0.1 to 0.2 in an exponent, for a few St and a finite number of
+        starts: an estimate.
+        """
         low, high = laws.free.interval
         return [
             Number(
@@ -368,7 +384,9 @@ class Laws:
     def sentence(self) -> str:
         """The finding in words."""
         low, high = self.free.interval
+        # Starts without a crossing whose error falls like 1/St, to 0.05 in the exponent.
         regular = int(np.sum(np.abs(self.single + 1) < 0.05))
+        # St at which both terms of the two laws are equal.
         even = (self.jump / self.scattering) ** 2
         return (
             f"From St = {in_two_digits(_ASYMPTOTIC)} on the largest error without a crossing falls "
@@ -395,7 +413,8 @@ class Laws:
         )
 
 
-# Slow time of the runs over the crossing.
+# Slow time of the runs over the crossing, which the averaged run meets at 0.05 (the page on
+# ellipsoids): until after the end of `_AFTER_CROSSING`.
 _JUMP_TIME = 0.08
 # Windows of slow time, counted from the crossing, over which deviations are averaged: this takes
 # the regular oscillation out. Both are clear of the crossing itself; their places are estimates.
@@ -421,8 +440,9 @@ def fitted_level(count: int) -> float:
 
     The distance is Kolmogorov's and Smirnov's. Its tabulated level holds for laws without fitted
     parameters, so that 4000 simulated samples give the level, as in Lilliefors' test for a normal
-    law.
+    law: 200 of them lie above it, which fixes it to a percent or two.
     """
+    # One sample in each row. Any seed would do.
     values = -np.log(2 * np.sin(np.pi * np.random.default_rng(31).uniform(size=(4000, count))))
     values = np.sort(
         (values - values.mean(axis=1, keepdims=True)) / values.std(axis=1, keepdims=True)
@@ -590,6 +610,7 @@ class CrossingJumps(Experiment):
         The table has a row for each St, `after` (0 before the crossing, 1 after it) and start; the
         columns of `SLOW` are means over the window of slow time, over I_max.
         """
+        # Any seed would do.
         generator = np.random.default_rng(29)
         slow_times = np.linspace(0.0, _JUMP_TIME, 2001)
         averaged = averaged_run(Scene(_ELLIPSOID, 1.0, PAPER_START, _JUMP_TIME), slow_times).slow
@@ -599,6 +620,8 @@ class CrossingJumps(Experiment):
             deviations = []
             for start in starts:
                 scene = Scene(_ELLIPSOID, stokes, start, stokes * _JUMP_TIME)
+                # The tolerance is looser than usual, and the error far below the scatter, which is
+                # of order 1/St. An estimate.
                 run = full_run(scene, stokes * slow_times, 1e-11, solver=_FAST_SOLVER)
                 deviations.append(run.slow - averaged)
             for after, (low, high) in enumerate((_BEFORE_CROSSING, _AFTER_CROSSING)):
@@ -679,9 +702,9 @@ _TICKS = ([0.2, 0.5, 1.0], ["0.2", "0.5", "1"])
 # Distance from the node, over I_max, at which a run has arrived: an estimate, above what remains of
 # the full runs' oscillation at the smallest St.
 _ARRIVED = 0.06
-_ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs.
+_ENDING_STOKES = (3e2, 5e2, 1e3, 3e3, 1e4)  # St of the full runs: a choice.
 # How near to the saddle the starts are: standard deviation of their tilts, in rad, and of their
-# angular velocities, in shear rates.
+# angular velocities, in shear rates. A choice.
 _NEAR_SADDLE = (3e-2, 3e-3, 3e-4)
 # Populations of the shares: of starts next to the saddle, and of starts of the map.
 _AT_THE_SADDLE = "starts drawn normally about the saddle, φ even, at two fast phases"
@@ -706,13 +729,17 @@ def saddle_start(generator: np.random.Generator, spread: float) -> BodyStart:
 
 
 def _arrival(slow_times: np.ndarray, slow: np.ndarray, radius: float = _ARRIVED) -> float:
-    """Slow time from which on L and E stay close to the node; the end if they do not."""
+    """Slow time from which on L and E stay close to the node; the end if they do not.
+
+    `slow` has the slow variables at the slow times, shape (n, 4); `radius` is the distance that is
+    close, over I_max.
+    """
     away = np.flatnonzero(distance_from_node(_ELLIPSOID, slow) > radius)
     return float(slow_times[min(int(away[-1]) + 1, len(slow_times) - 1)]) if len(away) else 0.0
 
 
 def late(table: Table) -> dict[float, Estimate]:
-    """Share of arrivals that are late or early, by St."""
+    """Share of arrivals that are late or early, by St, of rows of the table of `SaddleEndings`."""
     shares = {}
     for stokes, arrivals in groups(table, "stokes"):
         delay = np.abs(arrivals.full - arrivals.averaged)
@@ -733,6 +760,7 @@ class SaddleEndings(Experiment):
         and 1 for another one with its L and E. `averaged` and `full` are slow times of arrival.
         `up` is 1 if z' ends along +z.
         """
+        # Any seed would do.
         generator = np.random.default_rng(23)
         slow_times = np.linspace(0.0, _ENDING_TIME, 1501)
         for spread, index in product(_NEAR_SADDLE, range(grid.of(24, 6))):
@@ -894,8 +922,9 @@ def _flips(table: Table) -> dict[float, Estimate]:
     return flips
 
 
-_BASIN_STOKES = 1e3  # St of the runs of the map.
-# Slow time after which the end of z' is taken.
+_BASIN_STOKES = 1e3  # St of the runs of the map: as small as the paper calls averaging accurate.
+# Slow time after which the end of z' is taken: some twelve relaxation times, and longer than most
+# transients. An estimate.
 _BASIN_TIME = 0.6
 # Distance from the node, over I_max, at which a transient has ended: an estimate.
 _NEAR_NODE = 0.02
@@ -911,6 +940,7 @@ class Basins(Experiment):
 
     def compute(self, grid: Grid) -> Computed:
         """Transient times of the averaged equations from |L| = I_max/2; ends of z' over starts at one St."""
+        # A slow time of 2 is longer than every transient, which `judge` checks.
         slow_times = graded(2.0, 1201)
         # Points along either side of the map of transients (`size`) and of the map of ends
         # (`side`).
@@ -918,7 +948,8 @@ class Basins(Experiment):
         side = grid.of(64, 10)
         cosines = np.linspace(-0.999, 0.999, size).tolist()
         heights = np.linspace(0.002, 0.998, size).tolist()
-        # L has the size I_max/2 and the cosine of its angle to the vorticity; L_x = L_y.
+        # L has the size I_max/2 and the cosine of its angle to the vorticity; L_x = L_y. Both ranges
+        # end just inside their bounds: L along the vorticity, and permanent rotations.
         for cosine, height in product(cosines, heights):
             sine = sqrt((1 - cosine**2) / 2)
             slow = (0.5 * sine, 0.5 * sine, 0.5 * cosine, energy_at(_ELLIPSOID, 0.5, height))
@@ -932,6 +963,7 @@ class Basins(Experiment):
         psis = (steps * 2 * pi / side - pi).tolist()
         for theta, psi in product(thetas, psis):
             start = EulerStart((theta, PAPER_START.angles[1], psi), PAPER_START.rates)
+            # The tolerance need only tell up from down, but for starts between the two.
             run = full_run(Scene(_ELLIPSOID, _BASIN_STOKES, start, times[-1]), times, 1e-9)
             yield "ends", {"theta": theta, "psi": psi, "z": run.observables.rotation[-1, 2, 2]}
 
@@ -941,6 +973,7 @@ class Basins(Experiment):
         ends = data["ends"]
         median = float(np.median(transients.t2))
         node = next(point for point in fixed_points(_ELLIPSOID) if point.stability == "stable node")
+        # The median times the slowest rate: all eigenvalues of the node are negative.
         relative = -median * max(node.eigenvalues)
         up_map = map_of(ends, "theta psi z")[2] > 0
         # A grid is no sample: its shares have no interval.
@@ -1034,7 +1067,10 @@ class Basins(Experiment):
 
 
 def map_of(table: Table, names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates of a table's rows, the second running fastest, and its values, shape (first, second)."""
+    """Coordinates of a table's rows, the second running fastest, and its values, shape (first, second).
+
+    `names` has the names of the three columns, with spaces between them.
+    """
     first, second, values = (table[name] for name in names.split())
     return np.unique(first), np.unique(second), values.reshape(len(np.unique(first)), -1)
 

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from polhode.harness.common.text import short
 from polhode.harness.pages.figures.style import BLUE, GREEN, ORANGE, VERMILLION, square_decades
 from polhode.harness.paper.drawing import draw_each, key_above, key_of, panels
 from polhode.harness.paper.item import (
@@ -53,11 +54,13 @@ _BODIES = tuple(
     )
 )
 # St of the full runs that decay to the stable rotation: so large that they follow the averaged
-# rates.
+# rates. An estimate.
 _DECAY_STOKES = 1e5
 # Distance of their starts from the rotation: a tilt in rad, or an angular velocity in shear rates.
+# An estimate: small enough for linear rates, and large beside the fast oscillation of order 1/St.
 _START_OFFSET = 0.03
-# Runs from large L: |L|/I_max at the start, the direction of L in body axes, and St.
+# Runs from large L: |L|/I_max at the start, the direction of L in body axes, and St. Estimates: L is
+# large beside I also after two relaxation times, and has parts along and across the axis.
 _LARGE = 800.0
 _LARGE_DIRECTION = (0.6, 0.0, 0.8)
 _LARGE_STOKES = 1e4
@@ -93,6 +96,7 @@ def amplitude(run: Run, mode: int) -> np.ndarray:
 
 def fitted_rate(slow_times: np.ndarray, values: np.ndarray) -> float:
     """Rate of an exponential, per slow time, by least squares of the logarithm."""
+    # A value of 0 has no logarithm: 1e-300 stands for it.
     return float(np.polyfit(slow_times, np.log(np.maximum(values, 1e-300)), 1)[0])
 
 
@@ -155,7 +159,11 @@ def large_decay(large: Table) -> list[float]:
 
 
 def on_clocks(table: Table) -> tuple[np.ndarray, ...]:
-    """Rates of L_z per St, per St* of the longest axis, and per St* of the axis along the vorticity."""
+    """Relaxation rates of L_z of all bodies, shape (5,) each, on three clocks.
+
+    They are per St, per St* of the longest axis, and per St* of the axis along the vorticity, which
+    is the shortest.
+    """
     chosen = table[table.mode == _FASTER]
     rate = -chosen.measured
     # St*/St of the longest axis of each body.
@@ -191,13 +199,15 @@ class DecayRates(_Decay):
         """How far measured rates are off the printed ones."""
         table = data[""]
         large = data["large"]
+        # The worst of all bodies, for each mode.
         off = [worst(rows.measured / rows.printed - 1) for _, rows in groups(table, "mode")]
         turned = np.degrees(large.turned.max())
         from_large = worst(large_decay(large))
         bodies = ", ".join(map(axes_of, _BODIES))
         return Verdict(
             Word.CONFIRMED,
-            f"Full runs at St = 1e5 that start {_START_OFFSET:g} off the stable rotation in L_x, L_y, L_z "
+            f"Full runs at St = {short(_DECAY_STOKES)} that start {_START_OFFSET:g} off the stable "
+            "rotation in L_x, L_y, L_z "
             f"or in the wobble approach it at the printed rates to {joined(off, '.1g')}. From |L| "
             f"= {_LARGE:g} I_max the parts of L² along and across the axis decay at the printed "
             f"rates to {from_large:.1g}, and L turns by {turned:.2g}°. This is for L ≫ I; "
@@ -318,10 +328,11 @@ _MOMENTUM = -1.0  # L_z over I_max at the start.
 _ENERGY = 0.6  # E over I_max at the start.
 _COLLAPSE_KAPPAS = (0.3, 0.5, 2.0, 3.33)
 # Scaled times t/St*: after the first one the curves should have become one, and runs last to the
-# second.
+# second. Estimates.
 _LATE = 6.0
 _END = 12.0
-# Oscillation of L_z/I_max below which a spheroid counts as at rest by then.
+# Oscillation of L_z/I_max below which a spheroid counts as at rest by then: too small to see in the
+# figure. An estimate.
 _CALM = 0.01
 
 
@@ -356,7 +367,11 @@ def frequency(run: Table) -> float:
 
 @dataclass(frozen=True)
 class Collapse(Experiment):
-    """Four spheroids at the same St*."""
+    """Four spheroids at the same St*.
+
+    Tables: "" has L_z and E over I_max against t/St* (column `t2`), "rates" the relaxation rate of
+    L_z at the node per slow time t/St (`t2`) and per t/St* (`star`).
+    """
 
     def compute(self, grid: Grid) -> Computed:
         """L_z and E, and the rate at which L_z relaxes to the node on either clock."""

@@ -439,6 +439,7 @@ class Plane(Experiment):
         yield from plane_tables(_ELLIPSOID, starts, grid.of(2001, 601), _ON_EDGE, _kept)
         for number, side in enumerate(_SIDES):
             local = Separatrix(_ELLIPSOID, side)
+            # From next to the point to y = 0.5, where the local solution is no longer good.
             complements = np.geomspace(1e-6, 0.5, 41).tolist()
             states = np.array([state_of(local, y, local.critical(y)) for y in complements])
             # Kind 0 is the local solution, kind 1 below the averaged one.
@@ -623,7 +624,7 @@ class EllipsoidPlanes(PlanesOfBodies):
         ]
 
 
-# Largest |L_z|/I_max of the figure in three dimensions.
+# Largest |L_z|/I_max of the figure in three dimensions: the trajectories stay within it.
 _SHOWN_LZ = 0.6
 
 
@@ -635,7 +636,8 @@ class Space(Experiment):
         """One slow trajectory with L_x = 0 throughout and one with L_y = 0."""
         slow_times = graded(1.0, grid.of(401, 101))
         # `zero` is the place, in (L_x, L_y, L_z, E), of the component that is 0: 1 for L_y, then 0
-        # for L_x. The start has |L| = 1 and L_z = -0.2 I_max.
+        # for L_x. The start has |L| = 1 and L_z = -0.2 I_max, and 0.7 is the share of E between its
+        # bounds. The values are estimates.
         for zero in (1, 0):
             slow = np.array([0.0, 0.0, -0.2, planes.energy_at(_ELLIPSOID, 1.0, 0.7)])
             slow[1 - zero] = sqrt(1 - 0.2**2)

@@ -53,7 +53,8 @@ from polhode.models.theory.fixed_points import eigenvalues
 from polhode.models.theory.tumbling_period import tumbling_period, weak_inertia_period_change
 from polhode.solvers.compile import exact_jacobian
 
-# Aspect ratios of the prolate spheroids whose period is followed.
+# Aspect ratios of the prolate spheroids whose period is followed: any will do, each twice as slender
+# as the one before.
 _PERIOD_KAPPAS = (2.0, 4.0, 8.0, 16.0)
 # A tumbler turns about an equatorial axis.
 _TUMBLING_AXIS = 0
@@ -63,7 +64,10 @@ _LAW_LOST = 0.1
 
 
 def _periods(stokes: np.ndarray) -> Computed:
-    """Tumbling periods of each spheroid at each St, and how far they lie from Jeffery's."""
+    """Tumbling periods of each spheroid at each St, and how far they lie from Jeffery's.
+
+    `change` is the period less Jeffery's, which is negative; all three are in inverse shear rates.
+    """
     for kappa, number in product(_PERIOD_KAPPAS, stokes.tolist()):
         period = tumbling_period(spheroid(kappa), number, _TUMBLING_AXIS)
         jeffery = tumbling_period(spheroid(kappa), 0.0, _TUMBLING_AXIS)
@@ -72,7 +76,7 @@ def _periods(stokes: np.ndarray) -> Computed:
 
 
 def validity(rows: Table) -> float:
-    """St at which the law of order St² is off by `_LAW_LOST`, for the rows of one κ."""
+    """St at which the law of order St² is off by `_LAW_LOST`, for the rows of one κ in increasing St."""
     error = np.abs(rows.change / rows.printed - 1)
     # Up to the first St at which the law is lost; ln St is interpolated in the error.
     last = int(np.argmax(error > _LAW_LOST))
@@ -84,7 +88,7 @@ class PeriodChange(Experiment):
     """Change of the period at small St against the printed law."""
 
     def compute(self, grid: Grid) -> Computed:
-        """Periods, and the change that the law gives."""
+        """Periods, and the change that the law gives, `printed`."""
         for table, row in _periods(np.geomspace(1e-2, 1e4, grid.of(121, 25))):
             body = spheroid(row["kappa"])
             printed = weak_inertia_period_change(body, row["stokes"], _TUMBLING_AXIS)
@@ -173,7 +177,7 @@ class PeriodChange(Experiment):
         return figure
 
 
-# Aspect ratios and St, from Jeffery's limit to the fall of the period, of runs in time.
+# Aspect ratios and St, from Jeffery's limit to the fall of the period, of runs in time. A choice.
 _INTEGRATED = (
     (2.0, 0.1),
     (2.0, 1.0),
@@ -196,6 +200,8 @@ def _integrated_period(kappa: float, stokes: float) -> float:
     # each, of a slender spheroid.
     settled = 40 * stokes / ellipsoid.damping[_TUMBLING_AXIS]
     start = BodyStart((0.5, 0.5, 0.5, 0.5), (0.0, -0.5, 0.0))
+    # Rows 0.01 apart, and a tolerance about as tight as double precision allows, keep the error of
+    # the period below the 1e-8 that `judge` allows.
     scene = Scene(ellipsoid, stokes, start, settled + 60 * kappa)
     times = np.concatenate([[0.0], np.arange(settled, scene.time, 0.01)])
     states = run_form(Tumbling(), scene, times, 1e-14).states
@@ -203,6 +209,7 @@ def _integrated_period(kappa: float, stokes: float) -> float:
     angle = np.unwrap(states[1:, 0])
     rate = states[1:, 1]
     whole_turns = int((angle[0] - angle[-1]) / (2 * pi))
+    # Times at which the angle has fallen by one turn, two turns and so on.
     passages = []
     for turn in range(1, whole_turns + 1):
         goal = angle[0] - 2 * pi * turn
@@ -294,20 +301,24 @@ class Period(Experiment):
         return figure
 
 
-# Aspect ratios of the spheroids that spin about the vorticity.
+# Aspect ratios of the spheroids that spin about the vorticity: two oblate and two prolate ones.
 _DRIFT_KAPPAS = (0.3, 0.5, 2.0, 4.0)
 # The state of `spheroid-axis` is (L_x, L_y, L_z, p_x, p_y, p_z), p the symmetry axis: places of the
 # components across the vorticity.
 _ACROSS = [0, 1, 3, 4]
-# A run in time gives the growth at one St too.
+# A run in time gives the growth at one St too. Both numbers are estimates: St is small, and the
+# tilt so small that its square, 1e-6, does not show in the rate.
 _FOLLOWED_STOKES = 0.02
 _FOLLOWED_TILT = 1e-3  # Rad, at the start.
-# St between which the largest rate is looked for.
+# St between which the largest rate is looked for. `judge` checks it against the rates at all St.
 _PEAK_STOKES = (5.0, 3000.0)
 
 
 def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
-    """A spheroid that spins about its axis along the vorticity, but for a tilt."""
+    """A spheroid that spins about its axis along the vorticity, but for a tilt in rad.
+
+    It has the angular velocity of the ambient flow, -½. `time` is in inverse shear rates.
+    """
     start = BodyStart(quaternion_from_euler((tilt, 0.0, 0.0)), (0.0, 0.0, -0.5))
     return Scene(spheroid(kappa), stokes, start, time)
 
@@ -315,6 +326,7 @@ def spinning(kappa: float, stokes: float, tilt: float, time: float) -> Scene:
 def growth(kappa: float, stokes: float) -> float:
     """Rate at which a tilt of the axis grows, per inverse shear rate: the largest eigenvalue's real part."""
     problem = find_form("spheroid-axis").problem(spinning(kappa, stokes, 0.0, 1.0))
+    # Both the state and the parameters of the form have six numbers.
     matrix = exact_jacobian(field, 6, 6)(np.array(problem.start), np.array(problem.parameters))
     return float(np.linalg.eigvals(matrix[np.ix_(_ACROSS, _ACROSS)]).real.max())
 
@@ -474,6 +486,8 @@ class SpinDrift(Experiment):
         return figure
 
 
+# Aspect ratios and St of the planar flows: one oblate and two prolate spheroids, from without inertia
+# to with much of it. A choice.
 _PLANAR_KAPPAS = (0.5, 2.0, 4.0)
 _PLANAR_STOKES = (0.0, 1.0, 10.0, 100.0)
 
@@ -494,6 +508,7 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
     damping = body.damping[0] / stokes
 
     def rates(_: float, state: np.ndarray) -> tuple[float, float]:
+        """Rates of the state, the angle and its rate."""
         return state[1], damping * (jeffery(state[0]) - state[1])
 
     def stops(_: float, state: np.ndarray) -> float:
@@ -503,6 +518,7 @@ def turns(kappa: float, stokes: float, alpha: float) -> bool:
     stops.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
     # Sixty relaxation times, and 300 inverse shear rates for turns that are slow: an estimate.
     end = 60 / damping + 300
+    # The largest speed that the flow gives an axis without inertia.
     start = (0.0, (alpha - 1) / 2 - abs(slope))
     return solve_ivp(rates, (0.0, end), start, "DOP853", rtol=1e-8, events=stops).status == 0
 
@@ -516,6 +532,7 @@ class PlanarFlows(Experiment):
     def compute(self, grid: Grid) -> Computed:
         """The α above which turning ends, by bisection."""
         for kappa, stokes in product(_PLANAR_KAPPAS, _PLANAR_STOKES):
+            # Down to rounding where turning has a closed form; to 6e-5 where it takes a run.
             halvings = 50 if stokes == 0 else grid.of(14, 9)
             threshold = bisected(partial(turns, kappa, stokes), 0.0, 1.0, halvings)
             printed = min(kappa, 1 / kappa) ** 2
@@ -569,6 +586,7 @@ class PlanarFlows(Experiment):
         )
         style: dict[str, Any] = {"color": "0.4", "linestyle": ":", "linewidth": 0.8}
         draw_levels(axes, table, "kappa", "printed", **style)
+        # Linear up to St = 1, as 0 has no place on a logarithmic axis.
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set(
             xlabel="Stokes number St",

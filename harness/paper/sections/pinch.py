@@ -61,23 +61,24 @@ from polhode.models.catalogue import form as find_form
 from polhode.models.forms.spheroid import Spheroid
 from polhode.models.scene import BodyStart, Scene
 
-# Runs of the planes.
+# Runs of the planes. The paper names κ; the start and the times are estimates.
 _KAPPA = 2.0  # Aspect ratio.
 _MOMENTUM = 0.4  # L_z/I_max at the start.
 _THETA = 0.3  # Rad, at the start.
 _TILT = 0.2  # Rad: tilt of L in the second plane.
 _SHOWN_STOKES = (1e3, 1e4, 1e5)  # St of the full runs that are drawn.
 _SLOW_TIME = 0.12  # Slow time that all runs of the planes are followed.
-# Half sizes along L_z and E of the magnified view, over I_max.
+# Half sizes along L_z and E of the magnified view, over I_max: by eye.
 _CLOSE = (0.045, 0.0024)
 # Aspect ratios below and above that at which the paper's St^-1/2 ceases to hold (`widest`).
 _WIDTH_KAPPAS = (1.2, 2.0, 3.0)
-# Half the window around the crossing in which the smallest |L| is looked for, over I_max.
+# Half the window around the crossing in which the smallest |L| is looked for, over I_max, at large
+# St. An estimate: the smallest |L| of any run is 0.04 I_max.
 _WINDOW = 0.05
 # St at which `hybrid`, which follows the neighbourhood by the full equations, is compared with a
-# full run throughout.
+# full run throughout: as large as a full run of some seconds allows.
 _COMPARED_STOKES = 1e7
-# Line widths of the trajectories, the averaged one on top.
+# Line widths of the trajectories by St, in points; the averaged one, St = ∞, lies on top.
 _WIDTHS = {np.inf: 0.6, 1e3: 1.9, 1e4: 1.4, 1e5: 1.0}
 
 
@@ -319,6 +320,8 @@ def _least_momentum(
     # times have to increase.
     speed = _MOMENTUM / slow_time
     half = min(slow_time, max(_WINDOW, 10 / sqrt(stokes)) / speed)
+    # The number of rows, 12001, and the tolerance, 1e-10, are estimates: |L|² lies on a parabola
+    # between rows, and the numbers are judged to 2 %.
     times = np.concatenate([[0.0], stokes * (slow_time + half * np.linspace(-0.999, 2.0, 12001))])
     run = run_form(find_form(form), _scene(kappa, stokes, phi, times[-1] / stokes), times, 1e-10)
     squares = np.sum(run.slow[:, :3] ** 2, axis=1)
@@ -355,4 +358,5 @@ def local_exponent(rows: Table, low: float, high: float) -> Estimate:
 
 def widest() -> float:
     """The aspect ratio κ at which `pinch_exponent` is -1/2: the growth exponent is -1 there."""
+    # κ = 1.1 is below it and κ = 3 above it (`_WIDTH_KAPPAS`).
     return float(brentq(lambda kappa: growth_exponent(kappa) + 1, 1.1, 3.0))  # pyright: ignore[reportArgumentType]

@@ -33,12 +33,13 @@ from polhode.harness.paper.sections.planes import name_of
 from polhode.harness.paper.tables import by, groups, joined
 from polhode.models.shape import Ellipsoid
 
-# Ratio of the two equatorial semi-axes of the body whose cross-section is nearly circular.
+# Ratio of the two equatorial semi-axes of the body whose cross-section is nearly circular. The paper
+# names none: an estimate.
 _NEARLY_CIRCULAR = 1.02
-# Starts of the orbits, at φ = 0.
+# Starts of the orbits, at φ = 0: from near the vorticity axis to near the plane of the flow.
 _DRIFT_STARTS = (0.5, 0.9, 1.2, 1.4, 1.5, 1.56)  # θ in rad.
 _DRIFT_PSI = 0.3  # ψ in rad.
-# Half turns that the orbits are followed.
+# Half turns that the orbits are followed: several drifts, of 7 to 70 half turns each.
 _DRIFT_TURNS = 400
 
 
@@ -67,6 +68,8 @@ class Drift(Experiment):
         periods = []
         crossing = []
         for _, rows in groups(bodies[_NEARLY_CIRCULAR], "orbit"):
+            # Each drift has one maximum of θ; smaller ones, of less than a fifth of the range, are
+            # the scatter of single passages. An estimate.
             peaks, _ = find_peaks(rows.theta, prominence=0.2 * np.ptp(rows.theta))
             if len(peaks) > 1:
                 periods.append(float(np.mean(np.diff(rows.turn[peaks]))))
@@ -86,7 +89,7 @@ class Drift(Experiment):
             "θ = π/2 on their way. Of the spheroid with the same long axis θ is the same at all "
             f"passages to {steady:.1g} rad, and none crosses.",
             f"θ at the passages of φ = nπ of a body without inertia, semi-axes (0.5, "
-            f"{0.5 * _NEARLY_CIRCULAR:g}, 1), from ψ = 0.3; dotted: the spheroid (0.5, 0.5, 1); "
+            f"{0.5 * _NEARLY_CIRCULAR:g}, 1), from ψ = {_DRIFT_PSI:g}; dotted: the spheroid (0.5, 0.5, 1); "
             "dashed: the flow–gradient plane.",
             self._numbers(periods, crossing, steady),
         )
@@ -129,7 +132,8 @@ class Drift(Experiment):
         return figure
 
 
-# κ of the prolate spheroids; the complementary oblate ones have 1/κ.
+# κ of the prolate spheroids; the complementary oblate ones have 1/κ. From nearly spherical to so
+# slender that exponents have reached their limits.
 _STAR_KAPPAS = (1.1, 2.0, 5.0, 10.0, 30.0, 100.0, 300.0)
 
 
@@ -150,6 +154,7 @@ class StokesStar(Experiment):
         """Which one is larger, and how they scale."""
         table = data[""]
         ratio = table.oblate / table.prolate
+        # Exponents between the last two κ.
         last = table[-1]
         before = table[-2]
         oblate = np.log(last.oblate / before.oblate) / np.log(last.kappa / before.kappa)
@@ -200,10 +205,10 @@ class StokesStar(Experiment):
         return figure
 
 
-# Trajectories whose swings are counted.
+# Trajectories whose swings are counted, from a start of the paper's planes (`planes._STARTS`).
 _WAVE_STOKES = 1e3
 _WAVE_START = (-0.7, 0.9)  # L_z/I_max, and θ in rad.
-_WAVE_SLOW_TIME = 0.05  # Slow time over which swings are counted.
+_WAVE_SLOW_TIME = 0.05  # Slow time over which swings are counted, before they die out: an estimate.
 _SPHEROID_KAPPAS = (2.0, 3.33)
 
 
@@ -239,6 +244,8 @@ class Waves(Experiment):
         spheroids = table[:count]
         bodies = table[count:]
         # In the order (b, c) = (0.55, 0.5), (0.55, 0.3), (0.75, 0.5), … of `SIX_BODIES`.
+        # So a row has one b, a column one c; b = 0.55 is near a prolate spheroid, 0.95 near an
+        # oblate one, and 0.75, in places 2 and 3, between.
         columns = bodies.frequency.reshape(3, 2)
         growth = columns[2] / columns[0]
         monotone = bool(np.all(np.diff(columns, axis=0) > 0))

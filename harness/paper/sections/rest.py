@@ -59,25 +59,28 @@ from polhode.models.shape import Ellipsoid
 
 # Distance, in rad, at which a path counts as off the Jeffery orbit: an estimate.
 _OFF_ORBIT = 0.1
-# Rotation, in rad, of a particle since its start that marks the onset of inertia.
+# Rotation, in rad, of a particle since its start that marks the onset of inertia: any angle of
+# order one would do.
 _ONSET = 1.0
 # Share of the largest torque by which a weakest one stands out: smaller maxima do not count as
-# wiggles.
+# wiggles. An estimate.
 _WIGGLE = 0.02
-# Smallest St of the fits of the transient.
+# Smallest St of the fits of the transient: there corrections, of order 1/√St, are 1e-3.
 _LARGE_STOKES = 5e5
-# Computed rows for each row of a path on the sphere that is kept.
+# Computed rows for each row of a path on the sphere that is kept: dips of the viscous term are
+# shorter than a kept row. An estimate.
 _DENSE = 16
-# Scaled time up to which the magnified views go.
+# Magnified views of the transient: up to this scaled time t/√St, and from this St on. By eye.
 _EARLY = 2.0
+_EARLY_STOKES = 5e3
 # St of the transient that serve the fits of the onset alone, and are not drawn.
 _FITTED_STOKES = (5e6, 5e7)
-# Rows of the slow variables for each row that is kept.
+# Rows of the slow variables for each row that is kept: 500 rows draw a run smoothly.
 _THINNED = 8
 
 
 def _path(run: Run) -> dict[str, np.ndarray]:
-    """Directions of z', in columns x, y, z."""
+    """Directions of z' in space axes, in columns x, y, z."""
     return dict(zip("xyz", run.observables.rotation[:, 2].T, strict=True))
 
 
@@ -93,7 +96,10 @@ def arc_length(path: np.ndarray) -> np.ndarray:
 
 
 def _jeffery_orbit(ellipsoid: Ellipsoid, start: EulerStart, count: int) -> Computed:
-    """z' at St = 0 from the same orientation, for the Jeffery period of the longest and the shortest axis."""
+    """z' at St = 0 from the same orientation, for the Jeffery period of the longest and the shortest axis.
+
+    The table "jeffery" has `count` rows, at equal times `t` in inverse shear rates.
+    """
     kappa = max(ellipsoid.semi_axes) / min(ellipsoid.semi_axes)
     times = np.linspace(0.0, 2 * pi * (kappa + 1 / kappa), count)
     yield (
@@ -113,7 +119,7 @@ def distance_from(line: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def turns(path: Table) -> np.ndarray:
-    """Times between one maximum of z and the next."""
+    """Durations of turns, from one maximum of z to the next; `path` has the columns t and z."""
     return np.diff(maxima(path.t, path.z))
 
 
@@ -144,7 +150,10 @@ class Change:
 
     @classmethod
     def of(cls, path: Table) -> "Change":
-        """The change along a path, at the first turn that is shorter than the geometric mean of the first and last."""
+        """The change along a path, at the first turn that is shorter than the geometric mean of the first and last.
+
+        `path` has the columns t and z.
+        """
         tops = maxima(path.t, path.z)
         durations = np.diff(tops)
         border = np.sqrt(durations[0] * durations[-1])
@@ -157,7 +166,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Sphere(Experiment):
-    """A particle from rest at St = 1000, followed over many turns; the time is in inverse shear rates."""
+    """A particle from rest, followed over many turns; `time` is in inverse shear rates.
+
+    The column `viscous_larger` of the table "" is the time so far in which the viscous term of
+    `govg` is larger than the gyroscopic one.
+    """
 
     ellipsoid: Ellipsoid
     start: EulerStart
@@ -169,7 +182,8 @@ class Sphere(Experiment):
         kept = grid.of(12001, 6001)
         times = np.linspace(0.0, self.time, _DENSE * (kept - 1) + 1)
         scene = Scene(self.ellipsoid, self.stokes, self.start, self.time)
-        # This form gives the whole rotation, of spheroids too.
+        # This form gives the whole rotation, of spheroids too, for which `full_run` would take one
+        # that has the axis alone.
         run = run_form(find_form("quaternion"), scene, times)
         gyroscopic, viscous = terms_of(run)
         # The viscous term is the smaller one in dips that are shorter than a row.
@@ -187,6 +201,7 @@ class Sphere(Experiment):
         turned = arc_length(points(table))[np.searchsorted(table.t, change.time)]
         first = change.durations[0] / jeffery
         last = change.durations[-1] / (4 * pi)
+        # The last twentieth of the run has several turns; the share is an estimate.
         tilt = worst(table.z[table.t >= 0.95 * self.time])
         before = np.interp(change.time, table.t, table.viscous_larger)
         viscous = (table.viscous_larger[-1] - before) / (self.time - change.time)
@@ -203,8 +218,8 @@ class Sphere(Experiment):
             "such onset: after the change the viscous term is the larger one for "
             f"{100 * viscous:.0f} % of the time, as the gyroscopic one vanishes in planar "
             "tumbling.",
-            f"Axis z' of {axes_of(self.ellipsoid)} from rest at (θ, φ) = ({angles}), St = 1000, on "
-            "the sphere up to three times the change of the turns, right up to "
+            f"Axis z' of {axes_of(self.ellipsoid)} from rest at (θ, φ) = ({angles}), "
+            f"St = {self.stokes:g}, on the sphere up to three times the change of the turns, right up to "
             f"t = {self.time:g}; green: the Jeffery orbit of the same orientation; dot: start.",
             self._numbers(change, first, last, tilt, viscous),
         )
@@ -234,7 +249,9 @@ class Sphere(Experiment):
             Number(
                 "time of the last turn over that of the free top at -1/2, 4π",
                 last,
-                Range.near(1.0, 0.2, "the settled rotation at St = 1000 is near its limit"),
+                Range.near(
+                    1.0, 0.2, f"the settled rotation at St = {self.stokes:g} is near its limit"
+                ),
             ),
             Number(
                 "|z| of the axis at the end, largest",
@@ -257,6 +274,7 @@ class Sphere(Experiment):
         after = table[table.t >= onset]
         figure, (sphere, plain) = panels(1, 2, 3.2, spatial=[0], wspace=0.16)
         unit_sphere(sphere)
+        # Later turns lie on each other, near the plane of the flow.
         close = after[after.t <= 3 * onset]
         sphere.plot(before.x, before.y, before.z, color=BLUE, linewidth=1.8, zorder=2.8)
         sphere.plot(close.x, close.y, close.z, color=ORANGE, linewidth=0.9, zorder=1.9)
@@ -335,8 +353,8 @@ class Transient(Experiment):
             f"t = √St the angular velocity is still of order St^({speed:.2f}), not of order one as "
             "an earlier sentence of the paper has it.",
             f"Slow variables of {axes_of(self.ellipsoid)} from rest at (θ, φ, ψ) = ({angles}) "
-            "against t/√St; last three panels: early and scaled by √St and St, from St = 5000 on; dotted, "
-            "where the particle has turned by one radian at the largest St; dashed, where the "
+            f"against t/√St; last three panels: early and scaled by √St and St, from St = {_EARLY_STOKES:g} "
+            "on; dotted, where the particle has turned by one radian at the largest St; dashed, where the "
             "torque along the vorticity is weakest for the first time; fifth panel: both against St.",
             self._numbers(onset, speed),
         )
@@ -408,9 +426,10 @@ class Transient(Experiment):
             panel.set(xlabel=scaled, ylabel=SLOW_LABELS[name])
         self._draw_onsets(axes[4], onset)
         key_above(figure, axes[0])
-        early = table[(table.stokes >= 5e3) & (table.scaled <= _EARLY)]
+        early = table[(table.stokes >= _EARLY_STOKES) & (table.scaled <= _EARLY)]
         for name, place in (("Ly", 5), ("Lz", 6), ("E", 7)):
             panel = axes[place]
+            # L is of order St^-½, and E of order 1/St: in these units curves of all St are one.
             root = 1.0 if name == "E" else 0.5
             draw_each(
                 panel,
@@ -418,6 +437,7 @@ class Transient(Experiment):
                 "stokes",
                 "scaled",
                 lambda rows, name=name, root=root: rows[name] * rows.stokes**root,
+                # The colours that these St have in the first panels.
                 colors=CYCLE[2:],
                 linewidth=0.8,
             )
@@ -452,7 +472,7 @@ def _stokes_label(stokes: float) -> str:
 
 
 def _draw_marks(axes: Axes, onset: Table) -> None:
-    """Draw the onset at the largest St."""
+    """Draw the scaled times of the onset, as their means over the two largest St."""
     for name, line, text in (("turned", ":", "turned by 1 rad"), ("wiggle", "--", "first wiggle")):
         place = np.mean(onset[name][-2:])
         axes.axvline(place, color="0.4", linestyle=line, linewidth=0.9, label=text)
@@ -471,6 +491,7 @@ class Short(Experiment):
         for stokes in np.geomspace(1e2, 1e8, 7).tolist():
             times = scaled * stokes**0.5
             path = _path(full_run(Scene(self.ellipsoid, stokes, self.start, times[-1]), times))
+            # Every other row draws the path; its length is taken from all rows.
             yield "", {"stokes": stokes, **{name: column[::2] for name, column in path.items()}}
             length = arc_length(np.column_stack([*path.values()]))[-1]
             yield "length", {"stokes": stokes, "length": length}
@@ -483,6 +504,7 @@ class Short(Experiment):
         last = length.length[-1]
         at_million = length.length[length.stokes == 1e6][0]
         axis = points(by(data[""], "stokes")[1e8])
+        # On the unit sphere small distances are angles in rad.
         distance = distance_from(points(jeffery), axis)
         # The length of the path is interpolated between the rows before and after it has left the
         # orbit.
@@ -564,6 +586,8 @@ _SHORT = (
     "Until t = St^½ the axis runs through a path whose length tends to a number of order one, which "
     "needs St of 1e8, and leaves the Jeffery orbit before a single turn."
 )
+# Bodies, starts and St are those of the paper's figures. They give no duration: t = 600 shows the
+# change of the turns and many turns after it.
 REST_SECTION = Section(
     "rest",
     "Starts from rest",
