@@ -450,7 +450,11 @@ class WorkPrecision:
         return atol_of(tolerance, self.one.start[: self._components])[0]
 
     def runner(self, setup: Setup, tolerance: float) -> Callable[..., Any]:
-        """One run as ``run(max_seconds, count=, doubt=)``, by a solver or by a function in its place."""
+        """One run as ``run(max_seconds, count=, doubt=)``, by a solver or by a function in its place.
+
+        With `count` right-hand sides are counted; with `doubt` a claimed success is looked at, which takes time.
+        Neither is for runs that are timed.
+        """
         problem = self.one
         times = self.times
         atol = self._atol_of(setup, tolerance)
@@ -485,6 +489,7 @@ class WorkPrecision:
         message = first.message
         error = self.error_of(first.states, exact) if first.success and exact is not None else None
         if error is not None and exact is not None:
+            # A run far off a reference that is known well enough has no error to be shown.
             apart = self._apart(first.states, exact)
             if apart > _NO_ACCURACY and uncertainty is not None and uncertainty < _UNSURE_REFERENCE:
                 status = Status.FALSE_SUCCESS

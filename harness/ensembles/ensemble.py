@@ -265,7 +265,7 @@ class Ensemble:
         return self.any_flow is not None and self.any_flow.varies
 
     def flow_of(self, particle: int) -> Flow:
-        """The track of a particle of the ensemble."""
+        """The flow of a particle, by its number in the ensemble: its track, or the one flow of all."""
         flow = self.tracks[particle % len(self.tracks)] if self.tracks else self.flow
         assert flow is not None, "an ensemble along tracks"
         return flow
@@ -280,7 +280,10 @@ class Ensemble:
         return Scene(self.ellipsoid, self.stokes, start, self.time, self.any_flow)
 
     def run(self, index: int) -> Statistics:
-        """Statistics of a block of particles, in bounded memory."""
+        """Statistics of the block `index` of particles, in bounded memory.
+
+        Particles run in groups of `at_once`. Each group draws its phases from a seed of its own.
+        """
         particles = min(self.block, self.particles - index * self.block)
         problem = self.problem
         starts = self.draw(index, particles).states(self.form, self.ellipsoid)
