@@ -41,13 +41,17 @@ def write_page(study: Study, folder: Path, command: str) -> None:
 
 def page(study: Study, command: str) -> str:
     """The report as Markdown."""
-    how = {"runs": ("slow", "size"), "within": ("within", "mean"), "bounded": ("bounded", "mean")}
-    how |= {
+    # Columns of the table of errors: the column of `_judged` that each is made of, and how.
+    columns = {
+        "runs": ("slow", "size"),
+        "within": ("within", "mean"),
+        "bounded": ("bounded", "mean"),
         "largest": ("slow", "max"),
         "over": ("over", "median"),
         "full": ("full_share", "median"),
     }
-    errors = _judged(study.errors).dropna(subset=["slow"]).groupby(["stokes", "error"]).agg(**how)
+    solved = _judged(study.errors).dropna(subset=["slow"])
+    errors = solved.groupby(["stokes", "error"]).agg(**columns)
     speeds = _compared(study.speed).groupby(["stokes", "bodies"])
     medians = speeds[["seconds", "few_seconds", "full_share", "gain", "over_knowing"]].median()
     return fill(
@@ -102,7 +106,12 @@ def findings(study: Study) -> list[str]:
 
 
 def _judged(rows: Sequence[HybridError]) -> Any:
-    """The runs as a table, with whether each met its error, and its estimate over the measured error."""
+    """The runs as a table, with three more columns.
+
+    `within`: whether the error of L and E is at most the requested one; `bounded`: whether it is at most the
+    estimated one, empty without an estimate. In both, an error below the reference's uncertainty is. `over` is
+    the estimate over the measured error, or over that uncertainty if it is larger.
+    """
     runs = frame_of(HybridError, rows)
     runs["within"] = runs["slow"] <= runs[["error", "uncertainty"]].max(axis=1)
     runs["bounded"] = (runs["slow"] <= runs[["estimated", "uncertainty"]].max(axis=1)).where(
@@ -113,7 +122,12 @@ def _judged(rows: Sequence[HybridError]) -> Any:
 
 
 def _compared(rows: Sequence[Speed]) -> Any:
-    """The runs as a table, with how many times as fast as the best full solution each is."""
+    """The runs as a table, with four more columns.
+
+    `bodies` is "triaxial" or "spheroids". `gain` is the time of the best full solution over that of `hybrid`,
+    `over_knowing` the same of a solver that knows St. `fewer` is the ratio of steps of the full solution to
+    those of the segments that `hybrid` solves in full.
+    """
     runs = frame_of(Speed, rows)
     runs["bodies"] = runs["kind"].where(runs["kind"] == "triaxial", "spheroids")
     runs["gain"] = runs["full_seconds"] / runs["seconds"]

@@ -48,34 +48,37 @@ from polhode.harness.pages.figures.averaging import Band, bands
 from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import columns_of, fill, lines_of
 
-# The slow time of most tables.
+# The slow time of most tables: the longest that was studied.
 WHOLE = STUDIED_SLOW_TIMES[-1]
-# St between which exponents are given.
+# Decades of St between which exponents are given.
 _DECADES = (100.0, 1000.0, 1e4, 1e5, 1e6, 1e7, 1e8)
 # St from which on the paper calls the averaged equations good, by kind of body: figures "spheroid-slow-1"
 # (`paper.sections.spheroids`) and "ellipsoid-planes" (`paper.sections.ellipsoids`).
 _GOOD_FROM = {"prolate": 100.0, "oblate": 100.0, "stays": 1000.0, "crosses": 1000.0}
-# Target share of the runs whose error is below the stated one.
+# Target share of the runs whose error is below the stated one: the upper end of an interval of 95 %.
 _BOUNDED = 0.975
-# Error of L and E, over I_max, of the table by slow time.
+# Which errors, St and examples the page shows out of those studied is a choice:
+# error of L and E, over I_max, of the table by slow time;
 _SHOWN_TARGET = 1e-3
-# St at which the cost of `hybrid` is shown, and the requested error.
+# St at which the cost of `hybrid` is shown, and the requested error of L and E;
 _HYBRID_SHOWN = (1e4, 1e5, 1e6)
 _HYBRID_ERROR = 1e-6
-# Examples of cancellation that the page shows.
+# examples of cancellation;
 _EXAMPLES = 3
-# Columns of `which_form`: an order of averaging, and an error of L and E over I_max.
+# errors of L and E for which a sentence gives the St from which on they are met;
+_SENTENCE_TARGETS = (1e-2, 1e-4)
+# columns of `which_form`: an order of averaging, and an error of L and E.
 _WHICH = ((ORDER_ONE, 1e-2), (ORDER_ONE, 1e-4), (ORDER_TWO, 1e-4), (ORDER_TWO, 1e-6))
 # Quantiles of a band over the bodies: its lower edge, its line, its upper edge.
 _BAND = (0.025, 0.5, 0.975)
-# Words for the errors, by column.
+# Words for the errors, by column: "turned" is the error of the orientation, in rad.
 _ERRORS = {"slow": "L, E", "turned": "orientation"}
 
 
 def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
     """Write the page, its figure and its data into a folder; return the laws that the data show."""
     write_data(data, folder)
-    # The page says what the tables hold, whose numbers are rounded.
+    # Numbers in the tables are rounded: read again, they give the same page that others would get of them.
     data = read_data(folder)
     laws = laws_of(data)
     write_laws(laws, folder / "laws.json")
@@ -91,33 +94,40 @@ def write_page(data: Data, folder: Path, command: str) -> dict[str, Any]:
 
 
 class Analysis(NamedTuple):
-    """The common base of tables and findings: runs up to the whole time, and the results from all of them."""
+    """The common base of tables and findings."""
 
-    runs: Frame
-    exponents: list[Exponent]
-    bounded: list[Bounded]
-    cancelled: tuple[list[Cancelled], int]
+    runs: Frame  # Errors up to the slow time `WHOLE`.
+    exponents: list[Exponent]  # Of the fall of errors, between the St of `_DECADES`.
+    bounded: list[Bounded]  # How many runs, up to any slow time, keep to their stated errors.
+    cancelled: tuple[
+        list[Cancelled], int
+    ]  # The striking cases of cancellation, and how many were tried.
 
     @classmethod
     def of(cls, data: Data) -> "Analysis":
         """The analysis of a study."""
         runs = at(data, WHOLE)
-        every = bounded(all_times(data))
-        return cls(runs, exponents(runs, _DECADES), every, cancelled(runs))
+        return cls(
+            runs=runs,
+            exponents=exponents(runs, _DECADES),
+            bounded=bounded(all_times(data)),
+            cancelled=cancelled(runs),
+        )
 
 
 def page(data: Data, command: str) -> str:
     """The report as Markdown."""
     analysis = Analysis.of(data)
     runs = analysis.runs
-    said = findings(data, analysis)
-    answers = [line for line in said if " meets an error of " in line]
+    sentences = findings(data, analysis)
+    # These answer from which St on averaging is good: they begin the page.
+    answers = [line for line in sentences if " meets an error of " in line]
     return fill(
         "accuracy",
         made=provenance(command, [*data.timed.values()]),
         which_form=which_form(laws_of(data)),
         answers=answers,
-        findings=[line for line in said if line not in answers],
+        findings=[line for line in sentences if line not in answers],
         needed={order: needed_rows(runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         costs={order: cost_rows(data, runs, order) for order in (ORDER_ONE, ORDER_TWO)},
         hybrid=hybrid_rows(data, runs),
@@ -143,6 +153,7 @@ def page(data: Data, command: str) -> str:
 def findings(data: Data, analysis: Analysis) -> list[str]:
     """The findings in sentences."""
     runs = analysis.runs
+    # By kind of body: the St of the paper, and the errors of first order there, in ascending order.
     good = []
     for kind, stokes in _GOOD_FROM.items():
         kind_runs = runs[
@@ -215,7 +226,10 @@ def as_json(data: Data) -> dict[str, Any]:
 
 
 def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
-    """For each kind the St from which each error is met, in half of the bodies and in 97.5 %."""
+    """For each kind the St from which each error is met, in half of the bodies and in 97.5 %.
+
+    The columns "t0", "t1" and so on belong to `ERRORS_MET`.
+    """
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
@@ -226,7 +240,7 @@ def needed_rows(runs: Frame, order: str) -> list[dict[str, str]]:
 
 
 def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
-    """How many times as fast as the full equations an order is, by `gain`."""
+    """For each kind how many times as fast as the full equations an order is (`gain`); columns as in `needed_rows`."""
     rows = []
     for kind in kinds_in(runs):
         row = {"kind": kind}
@@ -239,8 +253,9 @@ def cost_rows(data: Data, runs: Frame, order: str) -> list[dict[str, str]]:
 def gain(data: Data, runs: Frame, kind: str, order: str, target: float) -> tuple[float, str]:
     """How many times as long the full equations take where 97.5 % of the bodies meet an error, and the source.
 
-    Both times are those at the first decade of St, at or above the St at which the error is met, at which
-    full runs were timed. Beyond the last decade, that one's time grows in proportion to St.
+    Both times are taken at a decade of St at which full runs were timed: the first one at or above the St from
+    which on the error is met. Beyond the last such decade, full runs are taken to need a time in proportion
+    to St. The ratio is NaN if a time or that St is unknown; the source is one of `Quantile.needed`.
     """
     stokes, source = needed(runs, kind, order, SHARES[-1], target)
     full = full_seconds(data, kind, target)
@@ -271,7 +286,10 @@ def _slower(data: Data, runs: Frame) -> dict[str, list[tuple[str, float, float]]
 
 
 def hybrid_rows(data: Data, runs: Frame) -> list[dict[str, str]]:
-    """How often `hybrid` meets the requested error, and how many times as fast as the full equations it is."""
+    """For each kind how often `hybrid` meets an error, and how many times as fast as the full equations it is.
+
+    Columns "met0" and so on belong to `REQUESTED_ERRORS`, "gain0" and so on to `_HYBRID_SHOWN`.
+    """
     rows = []
     hybrid = runs[runs["order"] == HYBRID]
     for kind in kinds_in(hybrid):
@@ -291,7 +309,7 @@ def hybrid_rows(data: Data, runs: Frame) -> list[dict[str, str]]:
 
 
 def time_rows(data: Data) -> list[dict[str, str]]:
-    """By slow time: the St from which one error is met."""
+    """For each kind the St from which `_SHOWN_TARGET` is met; "first0", "second0" and so on by order and slow time."""
     rows = []
     frames = {slow_time: at(data, slow_time) for slow_time in STUDIED_SLOW_TIMES}
     for kind in kinds_in(frames[WHOLE]):
@@ -346,9 +364,12 @@ def _against_theory(fitted: Sequence[Exponent]) -> dict[tuple[str, str], list[Ex
 
 
 def _spans(runs: Frame, order: str) -> list[tuple[float, list[tuple[str, float, float]]]]:
-    """For errors of 1 % and 1e-4 the kinds with the St from which half and 97.5 % meet them."""
+    """For each error of `_SENTENCE_TARGETS` the kinds with the St from which half and 97.5 % meet it.
+
+    The kinds that meet it at the smallest St come first.
+    """
     spans = []
-    for target in (1e-2, 1e-4):
+    for target in _SENTENCE_TARGETS:
         kinds = []
         for kind in kinds_in(runs):
             (half, _), (most, _) = (needed(runs, kind, order, share, target) for share in SHARES)
@@ -406,11 +427,11 @@ def _panels(data: Data) -> dict[str, list[Band]]:
     averaged = runs[runs["order"].isin(THEORY)]
     panels: dict[str, list[Band]] = {}
     for kind in kinds_in(averaged):
-        own = averaged[averaged["kind"] == kind]
-        if own["slow"].isna().all():
+        kind_runs = averaged[averaged["kind"] == kind]
+        if kind_runs["slow"].isna().all():
             continue
         panels[kind] = []
-        for (order, crosses), group in own.groupby(["order", "crosses"]):
+        for (order, crosses), group in kind_runs.groupby(["order", "crosses"]):
             panels[kind] += _band(group, "slow", str(order), bool(crosses))
     turned = averaged[(averaged["order"] == ORDER_TWO) & ~averaged["crosses"]]
     # The kicks of strong resonances spoil the orientation (`shares.exponents`).
@@ -420,7 +441,7 @@ def _panels(data: Data) -> dict[str, list[Band]]:
 
 
 def _band(group: Frame, column: str, order: str, crosses: bool) -> list[Band]:
-    """The band of an error over St; none if a quantile is unknown."""
+    """The band of an error, a column of `group`, over St: a list of one, or of none if a quantile is unknown."""
     ends = []
     for share in _BAND:
         end = quantile(group, share, column)
@@ -461,5 +482,5 @@ def _gain(ratio: float, source: str) -> str:
 
 
 def _signed(value: float, spec: str) -> str:
-    """A number in a format, with the minus sign of typography."""
+    """A number in a format of Python, with the minus sign of typography."""
     return format(value, spec).replace("-", "−")

@@ -25,7 +25,7 @@ from polhode.harness.pages.figures.style import save
 from polhode.harness.pages.tables import fill, lines_of
 from polhode.models.second_order.form import STOPS, SecondOrder
 
-# St at which second order is compared with first order.
+# St at which errors of second order are compared with those of first order; a choice.
 _GAIN_AT = 1e5
 
 

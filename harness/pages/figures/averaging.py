@@ -36,8 +36,14 @@ _DASHES = {"first order": "-", "second order": "--"}
 _COLUMNS = 4
 # Letters in a line of a panel's title, which the panel's width allows.
 _LETTERS_OF_TITLE = 15
-# Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; titles, numbers.
+# Inches of a row: seven decades of St have 1.17, ten and a half of the error 1.75; the rest is for titles
+# and numbers.
 _ROW = 2.3
+_KEY_AND_LABELS = 0.75  # Inches of the key on top and the label below.
+# Factors between the powers of ten that are written on the axes of St and of the error: more would touch.
+_STOKES_STEP = 100.0
+_ERROR_STEP = 1000.0
+_MAX_TICKS = 20  # More than an axis has: the locator would else leave out some.
 # Ends of the axis of the error: of L and E over I_max, or of the orientation in rad.
 _ERRORS = (1e-10, 3.0)
 # St and error at which the dotted lines of slopes begin, and St at which they end.
@@ -62,10 +68,13 @@ class Band:
 
 
 def bands(titles: Mapping[str, Sequence[Band]], note: str = "") -> Figure:
-    """A panel for each title, bands in one colour for bodies that cross L² = 2EI₂ and one for the others."""
+    """A panel for each title, with its bands: in one colour for bodies that cross L² = 2EI₂, in one for the others.
+
+    `note` stands below.
+    """
     rows = ceil(len(titles) / _COLUMNS)
     style: dict[str, Any] = {"sharex": True, "sharey": True, "layout": "compressed"}
-    figure, grid = panels(rows, _COLUMNS, 0.75 + _ROW * rows, **style)
+    figure, grid = panels(rows, _COLUMNS, _KEY_AND_LABELS + _ROW * rows, **style)
     for axes, (title, panel) in zip(grid.flat, titles.items(), strict=False):
         for band in panel:
             shade = _COLOURS[band.crosses]
@@ -74,8 +83,8 @@ def bands(titles: Mapping[str, Sequence[Band]], note: str = "") -> Figure:
             axes.loglog(band.stokes, band.middle, **style)
         words = "\n".join(wrap(title, _LETTERS_OF_TITLE))
         axes.set_title(words, loc="left", fontsize=TITLE, color=INK)
-        axes.xaxis.set_major_locator(LogLocator(100.0, numticks=20))
-        axes.yaxis.set_major_locator(LogLocator(1000.0, numticks=20))
+        axes.xaxis.set_major_locator(LogLocator(_STOKES_STEP, numticks=_MAX_TICKS))
+        axes.yaxis.set_major_locator(LogLocator(_ERROR_STEP, numticks=_MAX_TICKS))
         axes.minorticks_off()
         square_decades(axes)
     for axes in grid.flat[len(titles) :]:

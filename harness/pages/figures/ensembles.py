@@ -36,8 +36,11 @@ from polhode.harness.pages.figures.style import (
     square_decades,
 )
 
-# Dashes of the lines of one St: for the components x, y, z, and for the attractors.
+_HEIGHT = 3.1  # Inches of both figures.
+# Dashes of the lines of one St: for the components x, y, z, and for the attractors; and the signs that
+# stand for them in a title.
 _DASHES = ("-", "--", ":")
+_DASH_SIGNS = ("—", "- -", "···")
 # In standard deviations: 95 % of a normal variable lie within this distance of its mean.
 _STANDARD = 1.96
 # Least distance between two names, over the height of a panel, and room at the panel's foot and top.
@@ -46,11 +49,23 @@ _NAME_MARGIN = 0.03
 # Rows of the tables that are drawn: of `moments`, means of p_x², p_y², p_z²; of `slow`, of L.
 _COMPONENTS = ("xx", "yy", "zz")
 _SLOW = ("Lx/Imax", "Ly/Imax", "Lz/Imax")
-# Width and height of the sketch of a body, as shares of its panel.
+# Width and height of the sketch of a body, as shares of its panel, and the number of places along either
+# side of the panel where it may stand.
 _SKETCH = (0.42, 0.46)
+_SKETCH_PLACES = 7
 # The body's axes in that sketch, a column each: right, up and towards the eye. The angles are chosen
 # by eye.
 _VIEW = Rotation.from_euler("zyx", (-25, 25, -60), degrees=True).as_matrix()
+# Points of an ellipse of the sketch, one in every other degree: smooth at its size.
+_ELLIPSE_POINTS = 181
+# Length of the arrow of p beyond the body, over the longest semi-axis.
+_ARROW = 0.75
+# The inset of histograms in a panel: left, bottom, width and height, as shares of it.
+_HISTOGRAM = (0.43, 0.16, 0.4, 0.46)
+# Ends of its axis of shares: from one particle in 2000.
+_HISTOGRAM_SHARES = (5e-4, 1.2)
+# Ends of the axis of speeds, particles in a second: they hold those of reports/sweep.
+_SPEEDS = (1e4, 1e6)
 # Colours of the shapes of the figure of speeds.
 _SPEED_COLOURS = (BLUE, VERMILLION)
 
@@ -78,9 +93,9 @@ def picture(tables: Mapping[str, pd.DataFrame], note: str = "") -> Figure:
     numbers = sorted({float(stokes) for stokes in tables["distributions"]["stokes"]})
     # Every second colour: the colours of neighbouring St then differ more.
     shades = dict(zip(numbers, ramp(2 * len(numbers))[1::2], strict=True))
-    # Without a finite St above 0 there is no slow time.
+    # A slow time t/St needs a finite St above 0.
     slow = all(0 < stokes < np.inf for stokes in numbers)
-    drawing, grid = panels(1, 2, 3.1)
+    drawing, grid = panels(1, 2, _HEIGHT)
     oriented = len(tables.get("moments", ())) > 0
     _means(grid[0, 0], tables["moments" if oriented else "slow"], shades, slow, oriented)
     _arrivals(grid[0, 1], tables.get("arrivals", pd.DataFrame()), shades, slow)
@@ -107,14 +122,17 @@ def _unit(stokes: float, slow: bool) -> float:
 
 
 def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, oriented: bool) -> None:
-    """Mean squares of the direction of the last axis, the shortest of a triaxial shape; else means of L."""
+    """Draw mean squares of p if the shape is `oriented`, else means of L, against time.
+
+    `shades` are colours by St; `slow` says that times are slow times.
+    """
     column, components = ("moment", _COMPONENTS) if oriented else ("variable", _SLOW)
     if oriented:
         table = table[table["body_axis"] == table["body_axis"].max()]
     ends = []
     for component, dash in zip(components, _DASHES, strict=True):
-        own = table[table[column] == component]
-        for stokes, line in own.groupby("stokes"):
+        rows = table[table[column] == component]
+        for stokes, line in rows.groupby("stokes"):
             stokes = float(str(stokes))
             times = line["time"].to_numpy(float) / _unit(stokes, slow)
             mean = line["mean"].to_numpy(float)
@@ -125,7 +143,8 @@ def _means(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool, orie
             )
         letter = component[-1] if oriented else component[1]
         name = f"$p_{letter}^2$" if oriented else f"$L_{letter}$"
-        ends.append((float(own.groupby("stokes")["mean"].last().mean()), name))
+        # A name stands at the mean of its lines' ends.
+        ends.append((float(rows.groupby("stokes")["mean"].last().mean()), name))
     axes.set_ylabel("mean square of p" if oriented else "mean of L over $I_{max}$")
     _name(axes, ends)
 
@@ -135,8 +154,11 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
     points = np.concatenate([line.get_xydata() for line in axes.get_lines()])
     inside = axes.transAxes.inverted().transform(axes.transData.transform(points))
     width, height = _SKETCH
+    # By the place of the lower left corner: how many points of lines lie in the sketch there.
     crossed = {}
-    for x, y in product(np.linspace(0.0, 1 - width, 7), np.linspace(0.0, 1 - height, 7)):
+    lefts = np.linspace(0.0, 1 - width, _SKETCH_PLACES)
+    bottoms = np.linspace(0.0, 1 - height, _SKETCH_PLACES)
+    for x, y in product(lefts, bottoms):
         within = np.all((inside >= (x, y)) & (inside <= (x + width, y + height)), axis=1)
         # Among equal places, the nearest to the middle of the right edge wins.
         crossed[x, y] = int(within.sum()), abs(y + height / 2 - 0.5) - x
@@ -148,7 +170,7 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
     # semi-axes are the singular vectors times the singular values.
     ends = _VIEW * lengths
     along, sizes, _ = np.linalg.svd(ends[:2], full_matrices=False)
-    turn = np.linspace(0, 2 * np.pi, 181)
+    turn = np.linspace(0, 2 * np.pi, _ELLIPSE_POINTS)
     circle = np.array([np.cos(turn), np.sin(turn)])
     sketch.fill(*(along * sizes @ circle), facecolor="#DCE9F4", edgecolor=SOFT, linewidth=1.0)
     for first, second in ((0, 1), (1, 2), (2, 0)):
@@ -160,19 +182,22 @@ def _body(axes: Axes, semi_axes: Sequence[float]) -> None:
         line = np.where(seen, ends @ unit, np.nan)
         sketch.plot(line[0], line[1], color=SOFT, linewidth=0.7)
     tail = ends[:2, 2]
-    tip = tail + 0.75 * _VIEW[:2, 2] / np.linalg.norm(_VIEW[:2, 2])
+    tip = tail + _ARROW * _VIEW[:2, 2] / np.linalg.norm(_VIEW[:2, 2])
     arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
     sketch.annotate("", tip, tail, arrowprops=arrow)
     sketch.annotate("p", tip, (4, 0), textcoords="offset points", color=INK, fontsize=LETTERS)
+    # The longest semi-axis is 1; the arrow goes to the right and up.
     sketch.set(xlim=(-1.1, 1.4), ylim=(-1.0, 1.75), aspect="equal")
     sketch.axis("off")
 
 
 def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
-    """Write names at the right edge at these heights, no two on each other."""
+    """Write names at the right edge, no two on each other; `ends` are heights on the vertical axis with their names."""
     low, high = axes.get_ylim()
     ordered = sorted(ends)
     places = np.array([(y - low) / (high - low) for y, _ in ordered])
+    # Heights less `steps` may not fall from one name to the next: isotonic regression finds the nearest such
+    # values, so that names move as little as keeps them apart.
     steps = _NAME_SPACING * np.arange(len(ordered))
     free = isotonic_regression(places - steps).x if len(ordered) else places
     highest = 1 - _NAME_MARGIN - _NAME_SPACING * (len(ordered) - 1)
@@ -184,7 +209,7 @@ def _name(axes: Axes, ends: Sequence[tuple[float, str]]) -> None:
 
 
 def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -> None:
-    """Share of the particles that have arrived at each attractor against time, with its interval."""
+    """Draw the share of the particles that have arrived at each attractor against time, with its interval."""
     axes.set_ylim(0, 1.03)
     axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
     axes.set_ylabel("share of the particles")
@@ -201,21 +226,21 @@ def _arrivals(axes: Axes, table: Any, shades: Mapping[float, str], slow: bool) -
         low = line["low"].to_numpy(float)
         high = line["high"].to_numpy(float)
         axes.fill_between(times, low, high, color=shade, alpha=0.2, linewidth=0)
-    signs = ("—", "- -", "···")
     words = [
         f"{sign + ' ' if len(names) > 1 else ''}{name}"
-        for sign, name in zip(signs, names, strict=False)
+        for sign, name in zip(_DASH_SIGNS, names, strict=False)
     ]
     title = f"About the {', '.join(words)}"
     axes.set_title(title, fontsize=TITLE, loc="left", color=INK)
 
 
 def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
-    """Histograms of L_z at the start and at the end, as an inset."""
-    inset = axes.inset_axes((0.43, 0.16, 0.4, 0.46))
-    own = table[table["variable"] == "Lz/Imax"]
-    for stokes, line in own.groupby("stokes"):
+    """Draw histograms of L_z at the start and at the end, as an inset."""
+    inset = axes.inset_axes(_HISTOGRAM)
+    vertical = table[table["variable"] == "Lz/Imax"]
+    for stokes, line in vertical.groupby("stokes"):
         for time, dash in ((line["time"].min(), ":"), (line["time"].max(), "-")):
+            # Bins beyond the first and the last edge have infinite ends.
             rows = line[
                 (line["time"] == time) & np.isfinite(line["low"]) & np.isfinite(line["high"])
             ]
@@ -223,7 +248,7 @@ def _histogram(axes: Axes, table: Any, shades: Mapping[float, str]) -> None:
             share = rows["particles"].to_numpy(float) / max(float(rows["particles"].sum()), 1.0)
             inset.stairs(share, edges, color=shades[float(str(stokes))], ls=dash, linewidth=1.2)
     inset.set_yscale("log")
-    inset.set_ylim(5e-4, 1.2)
+    inset.set_ylim(*_HISTOGRAM_SHARES)
     inset.xaxis.set_major_locator(MaxNLocator(2))
     inset.set_yticks([1e-3, 1e-1], ["0.1 %", "10 %"])
     inset.minorticks_off()
@@ -241,7 +266,7 @@ def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
     `rows` are `polhode.harness.ensembles.throughput`'s of full equations, by equal steps and by Taylor's method
     on several particles at once ("lanes"). Bars reach down to the speed that three of four repeats reach.
     """
-    figure, grid = panels(1, 1, 3.1)
+    figure, grid = panels(1, 1, _HEIGHT)
     axes = grid[0, 0]
     shapes = pd.DataFrame(rows).groupby("shape", sort=False)
     handles = []
@@ -261,8 +286,7 @@ def speeds(rows: Sequence[Mapping[str, Any]], note: str = "") -> Figure:
                 axes.vlines(errors, slower, fastest, color=shade, linewidth=3.0, alpha=0.5)
             handles.append(Line2D([], [], label=label, **style))
     axes.set(xlabel="largest error of the whole state", ylabel="particles/(s · core)")
-    # Decades of both axes are as long.
-    axes.set_ylim(1e4, 1e6)
+    axes.set_ylim(*_SPEEDS)
     square_decades(axes)
     key(figure, handles, 2)
     caption(figure, note)

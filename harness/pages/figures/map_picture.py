@@ -71,27 +71,51 @@ CODES = {
     "averaged-spheroid": "A1",
     "averaged-second-order": "A2",
 }
-# Inches; sizes are chosen by eye.
+# Inches.
 _LEFT = 0.62  # Numbers and label of the error.
 _ROW = 0.27  # Height of a cell.
 _BELOW = 0.45  # Rows of St and t below the cells.
 _TITLE_ROOM = 0.32  # The title above the cells.
+_RIGHT = 0.05
+_LARGEST_COLUMN = 0.8  # Width of a cell, at most.
 _KEY_LINE = 0.185  # A line of the key.
+_BELOW_KEY = 0.1
+_TITLE_LEFT = 0.06  # From the figure's edge to the title.
+# The key has room for so many columns; of fewer each is as wide.
+_KEY_COLUMNS = 4
+# The rows of words below a map, in points: from its foot to the first one, and from one to the next.
+_FIRST_ROW = 9
+_ROW_DISTANCE = 15
+# Corners of the mark of a tie in a cell of width and height 1: x from its left side, y from its top.
+_TIE_CORNERS = ((0.72, 0.02), (0.98, 0.02), (0.98, 0.6))
 
 
 def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, note: str = "") -> Any:
-    """A map below its key; `times` are the runs' durations by St, `note` says what was measured and where."""
+    """A map below its key.
+
+    Parameters
+    ----------
+    panel
+        Cells of one particle and one kind of error.
+    times
+        Durations of the runs by St, in inverse shear rates.
+    title
+        Stands above the map.
+    note
+        What was measured and where.
+    """
     columns = len({cell.stokes for cell in panel})
     rows = len({cell.target for cell in panel})
     entries = _entries(panel)
     lines = max(map(len, entries))
-    height = _KEY_LINE * lines + 0.1 + _TITLE_ROOM + _ROW * rows + _BELOW
+    height = _KEY_LINE * lines + _BELOW_KEY + _TITLE_ROOM + _ROW * rows + _BELOW
     drawing = plt.figure(figsize=(WIDTH, height))
-    width = min(WIDTH - _LEFT - 0.05, 0.8 * columns)
+    width = min(WIDTH - _LEFT - _RIGHT, _LARGEST_COLUMN * columns)
     box = (_LEFT / WIDTH, _BELOW / height, width / WIDTH, _ROW * rows / height)
     axes = drawing.add_axes(box)
     draw(axes, panel)
-    axes.set_title(title, fontsize=TITLE, loc="left", color=INK, x=(0.06 - _LEFT) / width, pad=7)
+    title_at = (_TITLE_LEFT - _LEFT) / width
+    axes.set_title(title, fontsize=TITLE, loc="left", color=INK, x=title_at, pad=7)
     axes.set_ylabel("error allowed", fontsize=LETTERS, color=INK)
     _durations(axes, sorted({cell.stokes for cell in panel}), times)
     for place, handles in enumerate(entries):
@@ -100,7 +124,7 @@ def picture(panel: Sequence[Cell], times: Mapping[float, float], title: str, not
             handles,
             1,
             loc="upper left",
-            bbox_to_anchor=(place / max(4, len(entries)), 1.0),
+            bbox_to_anchor=(place / max(_KEY_COLUMNS, len(entries)), 1.0),
             fontsize=9,
             handlelength=1.1,
             handletextpad=0.4,
@@ -139,13 +163,13 @@ def draw(axes: Axes, panel: Sequence[Cell]) -> Axes:
                 Rectangle((i, j), 1, 1, facecolor=color, edgecolor="white", linewidth=0.8)
             )
             if cell.tied and cell.second:
-                corner = [(i + 0.72, j + 0.02), (i + 0.98, j + 0.02), (i + 0.98, j + 0.6)]
+                corner = [(i + x, j + y) for x, y in _TIE_CORNERS]
                 tied = Polygon(
                     corner, facecolor=colour(cell.second.label), edgecolor="white", linewidth=0.6
                 )
                 axes.add_patch(tied)
             _write_in(axes, cell, i, j)
-    # Heavy lines where one kind of method hands over to another.
+    # Heavy lines where one kind of method hands over to another: `sides[i, j]` is the kind of cell (i, j).
     columns = []
     for stokes in numbers:
         winners = [at[stokes, target].winner for target in targets]
@@ -170,7 +194,7 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
 
     A text that neighbouring columns share stands once, in the middle below them.
     """
-    # Slow times of the runs; without inertia, at St = 0, there is none.
+    # Slow times of the runs; inf at St = 0, where there is none.
     slow = [times[stokes] / stokes if stokes else inf for stokes in numbers]
     usual = max(slow, key=slow.count)
     rows = {"St": [power(stokes) for stokes in numbers]}
@@ -184,8 +208,9 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
     ]
     for k, (name, texts) in enumerate(rows.items()):
         style = {"fontsize": LETTERS, "va": "center", "textcoords": "offset points", "color": INK}
-        below = -9 - 15 * k
+        below = -_FIRST_ROW - _ROW_DISTANCE * k
         axes.annotate(name, (0, 0), (-8, below), xycoords="axes fraction", ha="right", **style)
+        # Each St stands alone; durations are grouped.
         for i, text in enumerate(_grouped(texts) if k else texts):
             place = {
                 "xycoords": ("data", "axes fraction"),
@@ -200,7 +225,7 @@ def _durations(axes: Axes, numbers: Sequence[float], times: Mapping[float, float
 
 
 def _grouped(texts: Sequence[str]) -> list[tuple[str, int, int]]:
-    """Neighbours with the same text once, with the places of the first and the last one."""
+    """Each run of neighbours with the same text once: the text, and the places of the first and the last one."""
     groups: list[tuple[str, int, int]] = []
     for i, text in enumerate(texts):
         if groups and groups[-1][0] == text:
@@ -229,7 +254,10 @@ def _linear(value: float) -> float:
 
 
 def _write_in(axes: Axes, cell: Cell, i: int, j: int) -> None:
-    """Letters of the winner; a dash or a question mark where there is none."""
+    """Write the letters of the winner into cell (i, j); a dash or a question mark where there is none.
+
+    Letters stand a little to the left of the middle, beside the mark of a tie, and a little below it.
+    """
     style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": LETTERS}
     if cell.winner is None:
         axes.text(i + 0.5, j + 0.52, "–" if cell.resolved else "?", color="0.35", **style)
@@ -274,6 +302,8 @@ def _entries(panel: Sequence[Cell]) -> list[list[Any]]:
 
 def _short(label: str) -> str:
     """A name as the key has room for it."""
-    return {"averaged": "first order", "averaged-spheroid": "first order"}.get(
-        label, label.replace("averaged-", "").replace("-", " ") if "averaged" in label else label
-    )
+    if label in ("averaged", "averaged-spheroid"):
+        return "first order"
+    if "averaged" in label:
+        return label.replace("averaged-", "").replace("-", " ")
+    return label

@@ -16,7 +16,7 @@ from polhode.harness.solution import SceneSolution
 from polhode.models.flow import Flow
 from polhode.models.observables import completed
 
-# Told apart by colour-blind readers, with a contrast of 3 or more on white.
+# Colours of the slow variables: told apart by colour-blind readers, with a contrast of 3 or more on white.
 SLOW_COLOURS = {"Lx": "#B87A00", "Ly": "#3D8BC4", "Lz": "#0A3A63", "E": "#B0255C"}
 # The view is the one of the page of motions, `harness/site/motion.js`.
 TURN = 0.45  # Rad: round the gradient axis.
@@ -35,6 +35,13 @@ _ONE_HALF = (0.47, 0.65, 0.80)
 _OTHER_HALF = (0.63, 0.76, 0.88)
 _CAPS = (0.84, 0.37, 0.0)
 _INK = "#5b6470"
+_SIDE = 1.75  # Inches of the picture of a body, which is a square.
+# Arrows of the flow stand on two lines at this x, between these y: beside a body, which reaches 1. In units
+# of the longest semi-axis, as lengths of arrows are for a velocity of 1.
+_ARROWS_AT = 1.25
+_ARROWS_TO = 1.2
+_ARROWS = 7  # On either line.
+_ARROW_LENGTH = 0.38
 # The gradient of simple shear, shape (3, 3).
 _SHEAR = np.array(Flow.shear().gradient)
 
@@ -70,9 +77,12 @@ def slow_variables(
 
 
 def tumbling(solution: SceneSolution) -> Figure:
-    """One picture for each sample of a solution that knows the orientation, from left to right."""
+    """One picture for each sample of a solution that knows the orientation, from left to right.
+
+    Between arrows of the flow at that time stands the body; its time is in inverse shear rates.
+    """
     count = len(solution.times)
-    drawing, row = plt.subplots(1, count, figsize=(1.75 * count, 1.75), squeeze=False)
+    drawing, row = plt.subplots(1, count, figsize=(_SIDE * count, _SIDE), squeeze=False)
     ellipsoid = solution.scene.ellipsoid
     semi_axes = np.array(ellipsoid.semi_axes) / max(ellipsoid.semi_axes)
     # A form may know the symmetry axis of a spheroid alone.
@@ -98,7 +108,18 @@ def off_plane(flow: Flow, times: np.ndarray) -> bool:
 def body(
     axes: Axes, semi_axes: np.ndarray, rotation: np.ndarray, gradient: np.ndarray = _SHEAR
 ) -> Axes:
-    """Draw an ellipsoid, rows of `rotation` its axes in space, between arrows of the flow of a gradient."""
+    """Draw an ellipsoid between arrows of the flow of a gradient.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    semi_axes : array of shape (3,)
+        Over the longest one.
+    rotation : array of shape (3, 3)
+        Its rows are the body's axes in space.
+    gradient : array of shape (3, 3)
+        Velocities are the gradient times the place; by default that of simple shear.
+    """
     # Parallels and meridians lie about the longest axis. `roll` brings the third component of `unit`, along
     # the poles, to the place of that axis.
     pole = int(np.argmax(semi_axes))
@@ -132,13 +153,13 @@ def body(
 
 
 def _draw_flow(axes: Axes, gradient: np.ndarray) -> None:
-    """Draw arrows of the velocity of a flow along two lines beside the body; lengths are chosen by eye."""
-    for x in (-1.25, 1.25):
-        ends = _project(np.array([[x, -1.25, 0], [x, 1.25, 0]]))
+    """Draw arrows of the velocity of a flow along two lines beside the body."""
+    for x in (-_ARROWS_AT, _ARROWS_AT):
+        ends = _project(np.array([[x, -_ARROWS_AT, 0], [x, _ARROWS_AT, 0]]))
         axes.plot(ends[:, 0], ends[:, 1], color=_INK, linewidth=0.6, alpha=0.5)
-        for y in np.linspace(-1.2, 1.2, 7):
+        for y in np.linspace(-_ARROWS_TO, _ARROWS_TO, _ARROWS):
             place = np.array([x, y, 0.0])
-            tail, tip = _project(np.array([place, place + 0.38 * (gradient @ place)]))
+            tail, tip = _project(np.array([place, place + _ARROW_LENGTH * (gradient @ place)]))
             style = {
                 "arrowstyle": "->",
                 "color": _INK,
@@ -151,7 +172,7 @@ def _draw_flow(axes: Axes, gradient: np.ndarray) -> None:
 
 
 def _faces(points: np.ndarray) -> np.ndarray:
-    """Corners of every face of the mesh, shape (faces, 4, 3)."""
+    """Corners of every face of the mesh, shape (faces, 4, 3), of its points, (meridians, parallels, 3)."""
     first = slice(None, -1)
     later = slice(1, None)
     corners = [
@@ -161,7 +182,7 @@ def _faces(points: np.ndarray) -> np.ndarray:
 
 
 def _project(points: np.ndarray) -> np.ndarray:
-    """Points in space as right, up and towards the eye."""
+    """Points in space, shape (…, 3), as right, up and towards the eye: y is up before the eye looks down."""
     x, y, z = np.moveaxis(points, -1, 0)
     right = cos(TURN) * x - sin(TURN) * z
     depth = sin(TURN) * x + cos(TURN) * z

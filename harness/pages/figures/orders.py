@@ -22,13 +22,15 @@ from polhode.harness.pages.figures.style import (
 _COLOURS = {1: colour("averaged"), 2: colour("averaged-second-order")}
 _MARKERS = {1: "o", 2: "s"}
 _NAMES = {1: "first order", 2: "second order"}
-_HEIGHT = 5.9  # Inches; chosen by eye.
+_HEIGHT = 5.9  # Inches.
 _MARGINS = {"x": 0.1, "y": 0.05}  # Shares of a panel's sides around its lines; chosen by eye.
+# Share of the errors that lie below a dotted line of the predicted slope.
+_SHARE_BELOW = 0.9
 
 
 @dataclass(frozen=True)
 class Line:
-    """Errors of one case at its St, by an order of averaging that lets them fall like 1/St^power."""
+    """Errors of one case at its St, by an order of averaging, 1 or 2, that lets them fall like 1/St^power."""
 
     order: int
     power: int
@@ -41,7 +43,7 @@ def against_stokes(
 ) -> Figure:
     """A panel for each title, one thin line for each case; dotted, the predicted slopes.
 
-    A decade of the error is as long as one of St.
+    A decade of the error is as long as one of St. `label` is that of the axis of errors, `note` stands below.
     """
     figure, grid = panels(1, len(lines_by_title), _HEIGHT, sharex=True, sharey=True)
     predicted = set()
@@ -61,7 +63,7 @@ def against_stokes(
     grid[0, 0].set_ylabel(label)
     handles = []
     for order, name in _NAMES.items():
-        powers = sorted(power for one, power in predicted if one == order)
+        powers = sorted(power for line_order, power in predicted if line_order == order)
         slopes = " or ".join(f"$1/\\mathrm{{St}}{f'^{p}' if p > 1 else ''}$" for p in powers)
         style = {"color": _COLOURS[order], "marker": _MARKERS[order], "markersize": 5}
         if powers:
@@ -72,12 +74,12 @@ def against_stokes(
 
 
 def _prediction(axes: Axes, lines: Sequence[Line], power: int) -> None:
-    """A dotted line of the predicted slope above nine in ten of the errors.
+    """Draw a dotted line of the predicted slope above nine in ten of the errors.
 
     Its height is the 90 % quantile of error · St^power, which is constant if the prediction holds.
     """
     stokes = np.concatenate([line.stokes for line in lines])
     errors = np.concatenate([line.error for line in lines])
     ends = np.array([stokes.min(), stokes.max()])
-    heights = np.quantile(errors * stokes**power, 0.9) / ends**power
+    heights = np.quantile(errors * stokes**power, _SHARE_BELOW) / ends**power
     axes.loglog(ends, heights, ":", color=_COLOURS[lines[0].order], linewidth=2)

@@ -2,6 +2,9 @@
 
 A figure is 838 pixels wide, as a page on GitHub shows it, and a phone shows it at 390: letters of 9.5
 points are then 9 pixels high. Words stand in ink; colours are lines, points and areas alone.
+
+In all modules of figures the widths of lines and the sizes of letters and markers are in points, and
+those of figures in inches. Unless a comment says otherwise they are chosen by eye.
 """
 
 import re
@@ -36,9 +39,15 @@ SOFT = "#4A5361"  # Captions.
 _GRID = "#D9DEE5"
 GREY = "#C4C4C4"  # What is not known.
 BEHIND = "#BDBDBD"  # What is shown, and not named.
-# Inches of a line of a caption, and letters that such a line holds, at 9 points.
+# A caption: points of its letters; inches of a line; letters that a line holds at that size; inches below
+# the text, at its left, and above and below together.
+_CAPTION_SIZE = 9
 _CAPTION_LINE = 0.175
 _CAPTION_LETTERS = 82
+_CAPTION_BELOW = 0.04
+_CAPTION_LEFT = 0.06
+_CAPTION_MARGIN = 0.08
+# Matplotlib's settings for all figures.
 RC: dict[Any, Any] = {
     "font.size": LETTERS,
     "axes.titlesize": TITLE,
@@ -60,7 +69,7 @@ RC: dict[Any, Any] = {
     "grid.linewidth": 0.6,
     "axes.axisbelow": True,
 }
-# A light colour, a dark one, and a marker.
+# By solver and averaged form: a colour on white, one on a dark ground, and a marker of Matplotlib.
 LOOKS: dict[str, tuple[str, str, Any]] = {
     name: (light, dark, tuple(marker) if isinstance(marker, list) else marker)
     for name, (light, dark, marker) in tomllib.loads(
@@ -84,10 +93,12 @@ SERIES = (BLUE, ORANGE, GREEN, VERMILLION, PURPLE, SKY, INK)
 _RAMP = ("#8FC1E3", "#3D8BC4", "#175E96", "#0A3A63", "#061D33")
 # Edges of lines have colours between line and ground, and many. More colours, or nearer ones,
 # than these make the file larger, and look the same. The numbers are estimates.
-_COLOURS = 128  # Colours of a picture at most.
+_MAX_COLOURS = 128  # Of a picture.
 _LEAST_DIFFERENCE = 16  # Of 255: the difference of two colours in red, green or blue.
 _GREY_RANGE = 2  # Of 255: red, green and blue of a grey differ by no more.
 _GREY_STEP = 6  # Of 255: the difference of two greys.
+# Colours of a picture that are compared with its palette at once: some MB of memory.
+_COMPARED_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -110,7 +121,9 @@ class Look:
         path = style.get_path().transformed(style.get_transform())
         parts = []
         for values, code in path.iter_segments():
+            # Markers reach from -0.5 to 0.5, y upwards.
             points = " ".join(f"{value:.2f}" for value in (values.reshape(-1, 2) * (2, -2)).ravel())
+            # Codes of Matplotlib's paths: 1 moves, 2 draws a line, 4 a cubic curve, others close the path.
             parts.append({1: f"M{points}", 2: f"L{points}", 4: f"C{points}"}.get(int(code), "Z"))
         return "".join(parts)
 
@@ -136,8 +149,10 @@ def both_colours(name: str) -> str:
 
 
 def ramp(count: int) -> list[str]:
-    """A number of colours of one hue, from light to dark; more than the ramp's five repeat some."""
-    places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int) if count > 1 else [2]
+    """So many colours of one hue, from light to dark; more than the ramp's five repeat some."""
+    if count < 2:
+        return [_RAMP[len(_RAMP) // 2]]
+    places = np.linspace(0, len(_RAMP) - 1, count).round().astype(int)
     return [_RAMP[place] for place in places]
 
 
@@ -154,6 +169,7 @@ def is_averaged(form: str) -> bool:
 
 def power(value: float) -> str:
     """A number for a figure: from 1000 on and below 0.01 with its power of ten, others as they are."""
+    # 1e-12 is more than the rounding of the logarithm of a power of ten.
     exponent = floor(log10(value) + 1e-12) if 0 < value < inf else 0
     if -3 < exponent < 3:
         return f"{value:g}"
@@ -185,7 +201,7 @@ def square_decades(axes: Axes, *, fill: bool = False) -> None:
 
 
 def slopes(axes: Axes, start: tuple[float, float], end: float, powers: Mapping[int, str]) -> None:
-    """Dotted lines of these powers from a point to x = `end`, each with its name at its end."""
+    """Draw dotted lines of these powers of x from the point `start` to x = `end`, each with its name at its end."""
     x, y = start
     for power_of_x, name in powers.items():
         height = y * (end / x) ** power_of_x
@@ -215,8 +231,9 @@ def percent_axis(axes: Axes) -> None:
 
 
 def key(figure: Figure, handles: Sequence[Any], columns: int, **options: Any) -> Any:
-    """The key of all panels, on top of a figure."""
+    """The key of all panels, on top of a figure; `options` are those of `Figure.legend`."""
     place: dict[str, Any] = {"loc": "outside upper left"}
+    # Lengths are in units of the letters' size.
     style = {"frameon": False, "fontsize": LETTERS, "labelcolor": INK, "handlelength": 1.6}
     style |= {"columnspacing": 1.2, "handletextpad": 0.5, "borderaxespad": 0.2}
     return figure.legend(handles=handles, ncols=columns, **(place | style | options))
@@ -226,9 +243,10 @@ def caption(figure: Figure, text: str) -> None:
     """Write in soft ink below all panels, which keep their sizes; the figure grows. Nothing without a text."""
     if not text:
         return
-    together = re.sub(r" (%|cores\b)", "\N{NO-BREAK SPACE}\\1", text)
-    lines = textwrap.wrap(together, _CAPTION_LETTERS)
-    room = _CAPTION_LINE * len(lines) + 0.08
+    # No line begins with the unit of a number.
+    unbroken = re.sub(r" (%|cores\b)", "\N{NO-BREAK SPACE}\\1", text)
+    lines = textwrap.wrap(unbroken, _CAPTION_LETTERS)
+    room = _CAPTION_LINE * len(lines) + _CAPTION_MARGIN
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + room)
     bottom = room / (height + room)
@@ -236,6 +254,7 @@ def caption(figure: Figure, text: str) -> None:
     if engine is not None:
         engine.set(rect=(0, bottom, 1, 1 - bottom))  # pyright: ignore[reportCallIssue]
     else:
+        # Positions are shares of the figure, which has become higher: panels keep their inches.
         _, height_now = figure.get_size_inches()
         for axes in figure.axes:
             box = axes.get_position()
@@ -243,10 +262,10 @@ def caption(figure: Figure, text: str) -> None:
             place = box.x0, from_below / height_now
             axes.set_position((*place, box.width, box.height * height / height_now))
     figure.text(
-        0.06 / width,
-        0.04 / (height + room),
+        _CAPTION_LEFT / width,
+        _CAPTION_BELOW / (height + room),
         "\n".join(lines),
-        fontsize=9,
+        fontsize=_CAPTION_SIZE,
         color=SOFT,
         va="bottom",
         linespacing=1.25,
@@ -254,7 +273,7 @@ def caption(figure: Figure, text: str) -> None:
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:
-    """Save a figure, in few colours that keep the file small, and close it."""
+    """Save a figure as ``NAME.png`` in a folder, in few colours that keep the file small, and close it."""
     drawn = BytesIO()
     figure.savefig(drawn, format="png", dpi=DPI)
     with PartialFile(folder / f"{name}.png", binary=True) as file, Image.open(drawn) as image:
@@ -265,9 +284,9 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 def measured(lines: Sequence[str]) -> str:
     """Processor and cores, from the lines by which a page says where it was measured; nothing if they do not."""
     for line in lines:
-        found = re.search(r"^Measured (?:on|from) .*? on (.+?, \d+ cores)", line)
-        if found:
-            return found[1]
+        words = re.search(r"^Measured (?:on|from) .*? on (.+?, \d+ cores)", line)
+        if words:
+            return words[1]
     return ""
 
 
@@ -280,17 +299,19 @@ def repeats_vary(seconds: Any, spreads: Any) -> str:
     return f"vary by {percent(float(shares.median()))} in the median" if len(shares) else ""
 
 
-def few_colours(image: Image.Image, colours: int = _COLOURS) -> Image.Image:
-    """An RGB picture in the colours that most of it has: lines keep theirs, which a mean of areas would shift.
+def few_colours(image: Image.Image, colours: int = _MAX_COLOURS) -> Image.Image:
+    """A picture in `colours` of its own colours at most: those that most of it has, and no two of them near.
 
-    Greys stay grey: a pane that is not quite white would else take on a tint.
+    Lines keep their colours, which a mean of areas would shift. Greys stay grey: a pane that is not quite
+    white would else take on a tint. `image` has the mode RGB, the result has a palette.
     """
+    # The most frequent colour comes first; each choice leaves out those near it.
     counted: Any = image.getcolors(image.width * image.height)
     left = np.array([colour for _, colour in sorted(counted, reverse=True)])
     chosen = []
     while len(left) and len(chosen) < colours:
         first = left[0]
-        chosen.append(first)
+        chosen.append(first)  # (red, green, blue)
         # A grey makes room for other greys alone, in small steps.
         grey = np.ptp(left, axis=1) <= _GREY_RANGE
         distance = np.max(np.abs(left - first), axis=1)
@@ -309,7 +330,7 @@ def few_colours(image: Image.Image, colours: int = _COLOURS) -> Image.Image:
     nearest = np.concatenate(
         [
             np.argmin(((part[:, None] - palette) ** 2).sum(axis=2), axis=1)
-            for part in np.array_split(present, len(present) // 4096 + 1)
+            for part in np.array_split(present, len(present) // _COMPARED_AT_ONCE + 1)
         ]
     )
     drawn = Image.fromarray(nearest[places].astype(np.uint8).reshape(image.height, image.width))

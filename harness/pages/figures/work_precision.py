@@ -41,6 +41,7 @@ from polhode.harness.pages.figures.style import (
     is_averaged,
     key,
     looks,
+    percent_axis,
     plain,
     power,
     repeats_vary,
@@ -50,7 +51,7 @@ from polhode.harness.pages.tables import fill
 from polhode.harness.references.uncertainty import KNOWN, known
 from polhode.solvers.contract import Status
 
-# The band under the Pareto front, the line of runs that no other run beats in both time and error.
+# Colour of the band under the Pareto front, the line of runs that no other run beats in both time and error.
 _FRONT = "#F2E27A"
 _FRONT_NAME = "Pareto front"
 # Lines of a panel up to which each is named.
@@ -67,6 +68,13 @@ NO_RESULT = ": no result"
 LARGEST_ERROR = 10.0
 # Dashes of a solver's lines: one for each full form, where a scene is solved in several.
 _DASHES = ("-", "--", ":", "-.")
+# Decades beyond a power of ten by which a value counts as beyond it, so that its marker is not cut.
+_MARKER_ROOM = 0.02
+# Powers of ten of an axis that stand beside each other: of more every other one is written.
+_MAX_WRITTEN_DECADES = 7
+# A panel lower than a decade of the time is extended by this factor at both ends: one power of ten, at
+# least, then stands on its axis.
+_EXTENSION = 3
 # Inches of a figure of panels.
 _LEFT = 0.72  # Numbers and label of the time.
 _NAMES_WIDTH = 1.5  # Names beside a panel.
@@ -89,6 +97,11 @@ _BEHIND_NAME = "nowhere on the front"
 # Factors over the time of the fastest method; both are choices.
 _LARGEST_FACTOR = 1000.0  # The figure ends here.
 _NEAR = 2.0  # The sentence names the method that stays most often within this factor.
+# Share of the problems whose ratios the sentence bounds for the surest method.
+_NINE_IN_TEN = 0.9
+_PROFILES_HEIGHT = 4.6  # Inches of the figure of profiles.
+# The axis of seconds of the profiles goes beyond the least and the largest time by this factor.
+_BEYOND = 1.1
 # Methods that the figure names, those that are fast and sure; the others are grey.
 NAMED = 7
 # Ratios below which the heat map writes "1", in bold, and below which it writes a number at all: "9.9"
@@ -197,10 +210,10 @@ def work_precision(axes: Axes, runs: pd.DataFrame, error: str = "slow_error") ->
     axes.yaxis.set_minor_formatter(NullFormatter())
     plain(axes)
     _without_result(axes, runs)
-    # The axis spans more than a decade, so that at least one power of ten stands on it.
+    # The axis spans most of a decade, so that a power of ten stands on it.
     low, high = axes.get_ylim()
     if high < 10 * low:
-        axes.set_ylim(low / 3, high * 3)
+        axes.set_ylim(low / _EXTENSION, high * _EXTENSION)
     return axes
 
 
@@ -208,18 +221,20 @@ def _draw_averaged(axes: Axes, runs: pd.DataFrame, error: str, form: str) -> Non
     """Draw the cheapest runs of an averaged form, and its model error as a dotted line."""
     look = looks([form])[form]
     cheapest = pareto_front(runs, error)
-    size = 9
+    size = 9  # Larger than the markers of solvers, which may lie beneath.
     style = {"marker": look.marker, "markersize": size, "linewidth": 0, "color": look.colour}
     axes.plot(*_points(cheapest, error), label=f"{form} form,\ncheapest runs", **style)
     _grey_out(axes, cheapest, error, look.marker, size)
-    # All runs of the form have the same one.
-    for model in runs[f"model_{error}"].dropna().head(1):
+    # All runs of the form have the same model error; a form may have none.
+    for model_error in runs[f"model_{error}"].dropna().head(1):
         label = f"{form} form,\nmodel error"
-        axes.axvline(float(model), color=look.colour, linewidth=1.0, linestyle=":", label=label)
+        axes.axvline(
+            float(model_error), color=look.colour, linewidth=1.0, linestyle=":", label=label
+        )
 
 
 def _points(runs: pd.DataFrame, error: str) -> tuple[np.ndarray, np.ndarray]:
-    """Errors and seconds of runs."""
+    """Errors and seconds of runs, each of shape (n,)."""
     return runs[error].to_numpy(float), runs["seconds"].to_numpy(float)
 
 
@@ -311,7 +326,10 @@ def _has_name(line: Line2D) -> bool:
 
 
 def _points_of(figure: Any) -> float:
-    """Pixels of a point. Names stand at places in points, which a picture's resolution does not change."""
+    """Pixels of a point, 1/72 inch.
+
+    Names stand at places in points, which a picture's resolution does not change.
+    """
     return figure.dpi / 72
 
 
@@ -353,7 +371,8 @@ def _write_name(axes: Axes, name: _LineName, height: float) -> None:
     """Write a line's name beside the panel, at a height in points, with its marker and a line from its end."""
     figure: Any = axes.figure
     point = _points_of(figure)
-    # From the name's left edge, lest it cross the names beside it.
+    # The line starts at the name's left edge, lest it cross the names beside it, and leaves room for the
+    # marker: 12 points there, 2 at the other end.
     arrow = {
         "arrowstyle": "-",
         "color": BEHIND,
@@ -461,8 +480,8 @@ def _draw_panel(
     # A panel that is lower than its names is filled up with empty decades.
     most_time = max(ends.most_time, ends.least_time + time_decades)
     axes.set_ylim(10.0**ends.least_time, 10.0**most_time)
-    # More than seven powers of ten crowd: then every other one is written.
-    step = 100.0 if ends.error_decades > 7 else 10.0
+    step = 100.0 if ends.error_decades > _MAX_WRITTEN_DECADES else 10.0
+    # More ticks than an axis has: the locator would else leave out some.
     axes.xaxis.set_major_locator(LogLocator(step, numticks=30))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(10.0, numticks=30))
@@ -470,16 +489,15 @@ def _draw_panel(
 
 
 def _decades(values: pd.Series, most: float, least: int = 0) -> tuple[float, float]:
-    """Exponents of the powers of ten around positive values below `most`; more than `least` decades apart.
-
-    A value within 0.02 decades of a power of ten counts as beyond it, so that its marker is not cut.
-    """
+    """Exponents of the powers of ten around positive values below `most`; more than `least` decades apart."""
     numbers = values.dropna().to_numpy(float)
     numbers = numbers[(numbers > 0) & (numbers < most)]
     if not numbers.size:
+        # An empty panel: any two decades.
         return -1.0, 1.0
-    low = floor(log10(float(numbers.min())) - 0.02)
-    return low, max(ceil(log10(float(numbers.max())) + 0.02), low + least + 1)
+    low = floor(log10(float(numbers.min())) - _MARKER_ROOM)
+    high = ceil(log10(float(numbers.max())) + _MARKER_ROOM)
+    return low, max(high, low + least + 1)
 
 
 def _key_of(grid: Sequence[Axes]) -> list[Any]:
@@ -537,7 +555,11 @@ def profile_lines(
     title: str = "Robust or fast",
     note: str = "",
 ) -> list[str]:
-    """Save the figure into a folder; what a page says about it, nothing where nobody solves anything."""
+    """Save the figure `profiles` of runs as ``NAME.png`` into a folder; the lines of a page on it.
+
+    There is no figure and no line where nobody solves anything. `title` heads the lines, `note` stands below
+    the figure.
+    """
     seconds = times(runs)
     if seconds.empty:
         return []
@@ -578,8 +600,7 @@ def sentence(seconds: pd.DataFrame) -> str:
         near=nearly_fastest[first],
         reached=reached[surest],
         factor=_NEAR,
-        # Nine in ten of the ratios of the surest method stay below this one.
-        slow=np.nanquantile(ratios[surest].to_numpy(float), 0.9),
+        slow=np.nanquantile(ratios[surest].to_numpy(float), _NINE_IN_TEN),
     )
 
 
@@ -588,8 +609,7 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
 
     A curve rises by 1/n at each of n problems that the method solves, and ends at the share that it solves at all.
     """
-    height = 4.6
-    figure = plt.figure(figsize=(WIDTH, height))
+    figure = plt.figure(figsize=(WIDTH, _PROFILES_HEIGHT))
     grid = [figure.add_subplot(2, 1, place) for place in (1, 2)]
     ratios = seconds.div(seconds.min(axis=1), axis=0)
     fastest = float(np.nanmin(seconds.to_numpy(float)))
@@ -601,7 +621,7 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
     for name, look in looks(map(str, seconds)).items():
         for axes, values, end in (
             (grid[0], ratios[name], _LARGEST_FACTOR),
-            (grid[1], seconds[name], longest * 1.1),
+            (grid[1], seconds[name], longest * _BEYOND),
         ):
             style: dict[str, Any] = {"color": look.colour, "linewidth": 1.8}
             if name not in named:
@@ -609,18 +629,19 @@ def profiles(seconds: pd.DataFrame, note: str = "") -> Figure:
             points, shares = _profile(values.dropna().to_numpy(float), len(seconds), end)
             axes.step(points, shares, where="post", label=name, **style)
     grid[0].set_xlim(1, _LARGEST_FACTOR)
-    grid[1].set_xlim(fastest / 1.1, longest * 1.1)
+    grid[1].set_xlim(fastest / _BEYOND, longest * _BEYOND)
     for axes, label in (
         (grid[0], "time over that of the fastest"),
         (grid[1], "wall time of a warm run, s"),
     ):
         axes.set_xscale("log")
+        percent_axis(axes)
         axes.set_ylim(0, 1.02)
-        axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "", "50 %", "", "100 %"])
         axes.set_xlabel(label)
         title = f"Share of {len(seconds)} problems solved"
         axes.set_title(title, fontsize=TITLE, loc="left", color=INK)
         plain(axes)
+    # 0.55 inches at the left hold the numbers and the label; the other shares are chosen by eye.
     figure.subplots_adjust(
         left=0.55 / WIDTH, right=1 - _NAMES_WIDTH / WIDTH, bottom=0.1, top=0.94, hspace=0.55
     )
@@ -646,8 +667,9 @@ def heat_map(
 ) -> Figure:
     """Ratios of times to the fastest one: a row for each problem, a column for each solver, a panel for each title.
 
-    `ratios` has the titles' places as its outer level of rows. Shades end at the ratio `most`. Numbers
-    stand where a solver is within 10 times the fastest. A cell is white where no run reaches the error.
+    `ratios` has two levels of rows: a value for each title, in their order, and the names of the problems.
+    Shades end at the ratio `most`. Numbers stand where a solver is within 10 times the fastest. A cell is
+    white where no run reaches the error.
     """
     names = [str(name) for name in ratios]
     rows = [str(row) for row in ratios.index.get_level_values(1).unique()]
