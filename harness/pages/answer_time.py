@@ -29,7 +29,7 @@ def write_page(folder: Path, timings: Sequence[Timing], command: str, load: int 
     page = fill(
         "answer-time",
         made=provenance(command, [here()]),
-        limits=timed,  # The text reads constants of this module.
+        limits=timed,
         load=load,
         data=f"times{suffix}.csv",
         rows=strata(timings, load),

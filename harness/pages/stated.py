@@ -31,7 +31,7 @@ def write_page(folder: Path, rows: Sequence[Record], command: str) -> Path:
     page = fill(
         "stated",
         made=provenance(command, [here()]),
-        limits=coverage,  # The text reads constants of this module.
+        limits=coverage,
         counts=counts,
         over=[count for count in counts if count.missed > coverage.MOST_MISSED * count.runs],
         loose=[count for count in counts if count.factor > coverage.LARGEST_FACTOR],

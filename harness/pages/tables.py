@@ -80,6 +80,8 @@ def _listed(value: Any) -> Any:
 def fill(name: str, /, **fields: Any) -> str:
     """The text `texts/NAME.md` with its fields.
 
+    A field may be a module, of which a text reads public constants: ``{{ limits.NEAR }}`` with `limits=heldout`.
+
     Raises
     ------
     jinja2.UndefinedError
