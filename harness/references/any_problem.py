@@ -23,9 +23,10 @@ from polhode.solvers.solve import solve
 from polhode.solvers.taylor import Bound, extends_precision
 
 # Steps into which a whole run is divided at least, by the method that looks for pulses: a pulse that is
-# shorter than a step may be stepped over. An estimate.
+# shorter than a step may be stepped over. An estimate: twice as many find pulses half as long, in twice the time.
 _LEAST_STEPS = 10_000
-# Steps between two samples, after which an explicit method gives way to an implicit one; an estimate.
+# Steps between two samples, after which an explicit method gives way to an implicit one. An estimate: a
+# larger limit wastes time on stiff problems, a smaller one leaves more of them to looser witnesses.
 _MAX_STEPS = 50_000
 
 
@@ -50,13 +51,16 @@ class _Pair(NamedTuple):
     unlike_tolerance: float
 
 
-# The first witness counts that takes the problem and gets through. Tolerances are estimates.
+# The first witness counts that takes the problem and gets through: explicit methods first, which have the
+# tightest tolerance. A deviation is allowed of a thousand or ten thousand times the tolerance, as the
+# errors of steps add up. Both numbers are estimates.
 _WITNESSES = (
     _Witness(("cyrk-dop853", "dop853"), 1e-12, allowed=1e-9),
     _Witness(("cyrk-radau", "radau"), 1e-9, allowed=1e-6),
     _Witness(("cvode-bdf", "bdf"), 1e-10, allowed=1e-6),
 )
-# The explicit pair first. Tolerances are estimates.
+# The explicit pair first. Tolerances are estimates; a loose run has a hundred times the tolerance of the
+# tight one.
 _PAIRS = (
     _Pair(
         ("cyrk-vern8", "dop853"),
@@ -73,16 +77,17 @@ _PAIRS = (
         unlike_tolerance=1e-11,
     ),
 )
-# Absolute over relative tolerance of the pairs' runs, over the size of the start; an estimate.
+# Absolute over relative tolerance of the pairs' runs, over the size of the start. An estimate: components down
+# to a millionth of the start's size are followed by the relative tolerance.
 _SMALL = 1e-6
-# Error that double precision leaves in a run of some thousand steps.
+# Error that double precision leaves in a run of some thousand steps, in the measure of the errors: √n ulps.
 _ROUNDING = 1e-14
 # Deviation of two unlike runs, in the measure of the errors, up to which they confirm each other: a run
 # that differs by more is ten times as uncertain as its deviation (`SAFETY`). An estimate.
 _CONFIRMED = 1e-5
 
-# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation; an
-# estimate.
+# Two unlike runs may err alike: the uncertainty is at least this multiple of their deviation. An estimate; the
+# stated uncertainty is in proportion to it.
 _ALIKE = 3.0
 # Solvers, by the beginnings of their names, that a limit on the step costs little: it costs Python's methods
 # seconds. Each of the `_PAIRS` has one of them.
@@ -104,9 +109,11 @@ class OwnReference:
 def reference_of(
     problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float
 ) -> OwnReference:
-    """The reference of a problem at some times; each run of it may take `max_seconds`.
+    """The reference of a problem at n times from 0 on; each run of it may take `max_seconds`.
 
-    Raises ReferenceFailedError, with the reasons, if no method has one.
+    Taylor's run in long double is the reference, if a witness confirms it. Else the `_PAIRS` are tried, until
+    one is confirmed; if none is, the least uncertain one is the reference. Raises ReferenceFailedError, with
+    the reasons, if no method has one.
     """
     reasons = []
     try:
@@ -115,7 +122,7 @@ def reference_of(
         reasons.append(f"taylor: {error}")
         taylor = None
     if taylor:
-        witness, deviation = _seen_by_others(problem, times, taylor.states, max_seconds)
+        witness, deviation = _witnessed(problem, times, taylor.states, max_seconds)
         if not witness:
             reasons.append("taylor: no other method gets through")
         elif deviation <= 1:
@@ -124,7 +131,7 @@ def reference_of(
             reasons.append(f"taylor: {witness} contradicts it")
     best = None
     for pair in _PAIRS:
-        candidate = _by_pair(problem, times, measure, max_seconds, *pair)
+        candidate = _by_pair(problem, times, measure, max_seconds, pair)
         if isinstance(candidate, str):
             reasons.append(candidate)
             continue
@@ -150,7 +157,10 @@ def _size(problem: Problem) -> float:
 def _by_taylor(
     problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float
 ) -> OwnReference:
-    """The reference by Taylor's method; raises ReferenceFailedError, or ValueError if it does not take the problem."""
+    """The reference by Taylor's method in long double, and its uncertainty by a looser run.
+
+    Raises ReferenceFailedError if a run fails, and ValueError if the method does not take the problem.
+    """
     taylor = find_solver("taylor")
     if not taylor.available:
         raise ReferenceFailedError(str(taylor.why_not))
@@ -177,10 +187,14 @@ def _first(names: tuple[str, ...], problem: Problem) -> str | None:
     return None
 
 
-def _seen_by_others(
+def _witnessed(
     problem: Problem, times: np.ndarray, exact: np.ndarray, max_seconds: float
 ) -> tuple[str, float]:
-    """The solver that looked over the reference, "" if none, and its largest deviation over the allowed one."""
+    """The solver that looked over the reference, "" if none, and its largest deviation over the allowed one.
+
+    Deviations are over the largest value of their component, or of all components where that is 0.
+    """
+    # A state's own time, its last component if it has one, is no part of the comparison.
     components = problem.dimension - problem.timed
     states = exact.astype(float)
     size = np.abs(states[:, :components]).max(axis=0)
@@ -189,13 +203,15 @@ def _seen_by_others(
         name = _first(witness.solvers, problem)
         if name is None:
             continue
-        deviation = _begun_anew(problem, name, witness.tolerance, times, states, size, max_seconds)
+        deviation = _segments_deviation(
+            problem, name, witness.tolerance, times, states, size, max_seconds
+        )
         if deviation is not None:
             return name, deviation / witness.allowed
     return "", inf
 
 
-def _begun_anew(
+def _segments_deviation(
     problem: Problem,
     name: str,
     tolerance: float,
@@ -204,7 +220,11 @@ def _begun_anew(
     size: np.ndarray,
     max_seconds: float,
 ) -> float | None:
-    """The largest deviation over `size` of runs from each sample to the next; None if one does not get through."""
+    """Largest deviation of runs that begin anew at every sample and end at the next; None if one fails.
+
+    `states` has the reference's states, shape (n, d), at `times`, shape (n,). Deviations are over `size`,
+    shape (d,) without the time. All runs together may take `max_seconds`.
+    """
     deadline = perf_counter() + max_seconds
     components = len(size)
     worst = 0.0
@@ -225,38 +245,30 @@ def _begun_anew(
         )
         if not run.success:
             return None
-        off = np.abs(run.states[-1, :components] - states[row + 1, :components]) / size
-        worst = max(worst, float(off.max()))
+        deviations = np.abs(run.states[-1, :components] - states[row + 1, :components]) / size
+        worst = max(worst, float(deviations.max()))
     return worst
 
 
 def _by_pair(
-    problem: Problem,
-    times: np.ndarray,
-    measure: Measure,
-    max_seconds: float,
-    solvers: tuple[str, ...],
-    tight_tolerance: float,
-    loose_tolerance: float,
-    unlike_solvers: tuple[str, ...],
-    unlike_tolerance: float,
+    problem: Problem, times: np.ndarray, measure: Measure, max_seconds: float, pair: _Pair
 ) -> OwnReference | str:
-    """A tight run by one method of a `_Pair`, compared with a looser one and one by the other method; else why not."""
-    name = _first(solvers, problem)
-    unlike_name = _first(unlike_solvers, problem)
+    """The reference by the tight run of a pair, and its uncertainty by the other runs; else why there is none."""
+    name = _first(pair.solvers, problem)
+    unlike_name = _first(pair.unlike_solvers, problem)
     if name is None or unlike_name is None:
-        return f"{solvers[0]}, {unlike_solvers[0]}: none takes the problem"
-    step = float(times[-1]) / _LEAST_STEPS
+        return f"{pair.solvers[0]}, {pair.unlike_solvers[0]}: none takes the problem"
+    max_step = float(times[-1]) / _LEAST_STEPS
     runs = []
     steps = 0
     for solver, tolerance in (
-        (name, tight_tolerance),
-        (name, loose_tolerance),
-        (unlike_name, unlike_tolerance),
+        (name, pair.tight),
+        (name, pair.loose),
+        (unlike_name, pair.unlike_tolerance),
     ):
         # Small components are followed by the relative tolerance.
         atol = _SMALL * tolerance * _size(problem)
-        limit: dict[str, Any] = {"max_step": step} if solver.startswith(_LIMITED) else {}
+        limit: dict[str, Any] = {"max_step": max_step} if solver.startswith(_LIMITED) else {}
         run = solve(problem, solver, tolerance, times, atol=atol, max_seconds=max_seconds, **limit)
         if not run.success:
             return f"{solver}: {run.status}"
@@ -267,23 +279,25 @@ def _by_pair(
     uncertainty = max(
         SAFETY * measure(loose, tight),
         _ALIKE * deviation,
-        measure(_clock_off(problem, times, tight, steps), tight),
+        measure(_at_shifted_times(problem, times, tight, steps), tight),
         _ROUNDING,
     )
     if not deviation <= _CONFIRMED:
         uncertainty = max(uncertainty, SAFETY * deviation)
-    source = f"{name} at {tight_tolerance:g}, compared with {unlike_name} at {unlike_tolerance:g}"
+    source = f"{name} at {pair.tight:g}, compared with {unlike_name} at {pair.unlike_tolerance:g}"
     return OwnReference(tight, uncertainty, source)
 
 
-def _clock_off(problem: Problem, times: np.ndarray, states: np.ndarray, steps: int) -> np.ndarray:
-    """States, shape (n, d), at times that are off by the rounding of a sum of `steps` steps.
+def _at_shifted_times(
+    problem: Problem, times: np.ndarray, states: np.ndarray, steps: int
+) -> np.ndarray:
+    """States, shape (n, d), at times that are off by the rounding of a sum of `steps` steps, to first order.
 
     All runs whose steps have one limit share that error, whatever their method and tolerance.
     """
-    off = steps * float(np.finfo(float).eps) * times[:, None]
+    shifts = steps * float(np.finfo(float).eps) * times[:, None]
     field = plain_field(problem.field)
     parameters = problem.field_parameters
     with np.errstate(all="ignore"):
         rates = np.array([field(row, parameters) for row in states.tolist()], dtype=float)
-    return states + off * np.where(np.isfinite(rates), rates, 0.0)
+    return states + shifts * np.where(np.isfinite(rates), rates, 0.0)

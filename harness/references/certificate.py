@@ -22,13 +22,13 @@ from polhode.models.shape import Ellipsoid
 from polhode.solvers.catalogue import first_available, solver as find_solver
 from polhode.solvers.solve import solve
 
-# Segments of a run, evenly spread over it. Both numbers are estimates.
+# Segments of a run, evenly spread over it. An estimate: a certificate takes a time in proportion to it.
 _SEGMENTS = 24
 # Segments that must agree with the reference, and none may disagree: the others may run into the other
-# form's singularity.
+# form's singularity. An estimate: a larger number would refuse references that pass it often.
 _REQUIRED = 20
 # Longest segment that a solver is given, in units of the inverse shear rate for full forms, in slow
-# time for averaged ones: methods of low order are slow.
+# time for averaged ones: methods of low order are slow. Estimates: the time grows in proportion.
 _LONGEST = {"cyrk-vern8": 500.0, "exact": 500.0, "ida": 20.0, "dop853": 20.0}
 # Methods unrelated to Taylor's, the quicker one first.
 _UNRELATED = ("cyrk-vern8", "dop853")
@@ -46,10 +46,13 @@ _TOLERANCES = {
     "ida": (1e-12, 1e-11),
     "exact": (1e-15, 1e-15),
 }
-# Multiple of the effect of an ulp in the start; an estimate.
+# Multiple of the effect of an ulp in the start, since rounding of later steps is amplified too. An estimate: a
+# smaller one would refuse more references, a larger one would overlook larger errors.
 _ULPS = 10.0
-# Rounding of the numbers compared, over max(1, their size); an estimate.
+# Rounding of the numbers compared, over max(1, their size). An estimate of some fifty ulps.
 _ROUNDING = 1e-14
+# Share of `_LARGEST_EXPONENT` that a shortened segment has, so that rounding never takes it beyond the limit.
+_SHORTENED = 0.9
 # Largest rate, in shear rates, that the damping over St counts as, so that products with it stay finite.
 _LARGEST_RATE = 1e300
 # The body axis z', about which Euler angles and symmetry axes are taken.
@@ -87,8 +90,9 @@ def segments(scene: Scene, form: Form, end: float) -> list[Segment]:
     damping = max(scene.ellipsoid.damping)
     if not form.averaged:
         damping *= min(scene.torque_factor, _LARGEST_RATE)
-    # 0.9 keeps the exponent below its limit.
-    short = length if damping * length < _LARGEST_EXPONENT else 0.9 * _LARGEST_EXPONENT / damping
+    short = length
+    if damping * length >= _LARGEST_EXPONENT:
+        short = _SHORTENED * _LARGEST_EXPONENT / damping
     starts = np.arange(_SEGMENTS) * (end / _SEGMENTS)
     return [Segment(start, start + length, start + short) for start in starts.tolist()]
 
@@ -96,8 +100,9 @@ def segments(scene: Scene, form: Form, end: float) -> list[Segment]:
 def certify(
     scene: Scene, form: Form, problem: Problem, states: dict[float, np.ndarray]
 ) -> Certificate:
-    """Try a reference's states, shape (d,), at the times of `segments` of its run; `problem` is what it solves.
+    """Solve the segments of a reference's run again, forwards by an unrelated method and backwards by its own.
 
+    `states` has the reference's states, shape (d,), by the times of `segments`; `problem` is what it solves.
     Raises ReferenceFailedError if a segment disagrees by more than the other method's own error, or
     too few can be tried.
     """
@@ -114,7 +119,7 @@ def certify(
             # The flow as it is from `start` on. `_other_form` replaces the scene's start.
             later = scene.later(start, scene.start, length)
             ratio = _other_form(
-                later, (opposite_form, solver), observables[start], observables[stop], length
+                later, opposite_form, solver, observables[start], observables[stop], length
             )
         if ratio is not None:
             agreed += 1
@@ -122,7 +127,8 @@ def certify(
         if scene.stokes > 0:
             worst = np.maximum(worst, _backward(scene, form, problem, states, start, turn))
             back += 1
-        if not worst <= 1:  # No number where a run ended beyond all numbers.
+        # This holds for NaN too, where a run ended beyond all numbers.
+        if not worst <= 1:
             raise ReferenceFailedError(
                 f"the reference of form {form.name!r} at St = {scene.stokes:g} differs from form "
                 f"{opposite_form!r} by {solver} on the segment from {start:g} to {stop:g}: "
@@ -171,7 +177,8 @@ def restart(scene: Scene, observables: Observables, ulps: np.ndarray) -> BodySta
 
 def _other_form(
     scene: Scene,
-    form_and_solver: tuple[str, str],
+    form_name: str,
+    solver: str,
     before: Observables,
     after: Observables,
     length: float,
@@ -180,7 +187,6 @@ def _other_form(
 
     Euler angles are tried about the three body axes in turn, until one agrees with the reference.
     """
-    form_name, solver = form_and_solver
     form = find_form(form_name)
     axes = _axes_off_the_pole(before) if form_name == "euler-angles" else [_THIRD_AXIS]
     ratios: list[float] = []
@@ -226,7 +232,7 @@ def _renamed(observables: Observables, axis: int) -> Observables:
 def _same_form(
     scene: Scene, form: Form, solver: str, before: np.ndarray, after: Observables, length: float
 ) -> float | None:
-    """The same for an averaged form, from the reference's state at the start, shape (d,)."""
+    """Ratio as of `_other_form` for an averaged form, from the reference's state at the start, shape (d,)."""
     state = before.astype(float)
     ulps = np.finfo(float).eps * np.resize(_SIGNS, (len(_SIGNS), len(state)))
     problem = replace(form.problem(scene), end=length)

@@ -17,16 +17,18 @@ from polhode.solvers.catalogue import first_available
 from polhode.solvers.compile import load_heyoka, parameter_array, tangent_system
 from polhode.solvers.solve import solve
 
-# Tolerance of the tangent's integrator, and of the runs of two neighbours; both are estimates.
+# Tolerance of the tangent's integrator, and of the runs of two neighbours. Both are estimates: growth by
+# factors needs few digits, but the distance of neighbours is small beside their states.
 _TIGHT_TOLERANCE = 1e-12
 _NEIGHBOUR_TOLERANCE = _TIGHT_TOLERANCE / 100
-# After each of these intervals the tangent is brought back to unit length, and its growth written
-# down.
+# Intervals of a run. After each of them the tangent is brought back to unit length, and its growth written
+# down. An estimate: the time at which errors become meaningless is known to one interval.
 _INTERVALS = 400
 # In the second half of a run algebraic growth, as a phase error has it, makes at most a few factors of two.
 # Growth beyond this natural logarithm, a factor of 150, is exponential. An estimate.
 _EXPONENTIAL = 5.0
-# Trajectories are meaningless once an error has grown to this, in rad; an estimate.
+# Trajectories are meaningless once an error has grown to this, in rad. An estimate: growth is exponential, so
+# that with half of it the time is hardly shorter.
 _MEANINGLESS = 1e-2
 # Half the distance of neighbouring numbers of size 1: no run in double precision errs by less.
 _HALF_ULP = 1e-16
@@ -36,10 +38,10 @@ _NEIGHBOUR = 1e-7
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth of a small difference along a solution: ln |v(t)|/|v(0)| at times from 0 on, in the problem's own time."""
+    """Growth of a small difference v along a solution."""
 
-    times: np.ndarray
-    logarithm: np.ndarray
+    times: np.ndarray  # from 0 on, in the problem's own time, shape (n,)
+    logarithm: np.ndarray  # ln |v(t)|/|v(0)|, shape (n,)
 
     @property
     def exponent(self) -> float:
@@ -60,9 +62,11 @@ class Growth:
 
 
 def growth(problem: Problem, intervals: int = _INTERVALS) -> Growth:
-    """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v; raises ValueError if they fail."""
-    # v starts in a generic direction, cos 1, cos 2, …, of which no component vanishes, and is renormalised
-    # after each interval (Benettin et al., Meccanica 15 (1980) 9).
+    """Growth along a solution, by the variational equations ẏ = f, v̇ = (∂f/∂y) v, in equal intervals.
+
+    v starts in a generic direction, cos 1, cos 2, …, of which no component vanishes, and is renormalised
+    after each interval (Benettin et al., Meccanica 15 (1980) 9). Raises ValueError if an integration fails.
+    """
     if not installed("heyoka") or problem.parameter_table is not None:
         return _growth_of_neighbours(problem, intervals)
     times = np.linspace(0.0, problem.end, intervals + 1)

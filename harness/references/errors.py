@@ -12,14 +12,17 @@ from polhode.models.scene import Scene
 from polhode.models.shape import Ellipsoid
 
 # Largest angle, in rad, at which a difference of orientation splits into phase and shape to first
-# order: terms of its square are left out. An estimate.
+# order: terms of its square, a tenth of it here, are left out. An estimate; twice as large an angle would
+# leave out twice as large a part.
 _SPLIT_LIMIT = 0.3
-# Samples resolve the power under two conditions. A body turns by less than this angle, in rad,
-# between two of them, and half of them give the same residual to this fraction, or to rounding.
+# Samples resolve the power under two conditions. A body turns by less than the first number, an angle in rad,
+# between two of them. Half of them give the same residual to the second number, a share of the residual, or
+# to the third one, over I_max, which rounding makes. All three are estimates: where they are too large, a
+# residual of the quadrature counts as one of the solution.
 _LARGEST_TURN = 0.5
 _RESOLVED = 0.2
 _ROUNDING = 1e-13
-# Fewer intervals than this cannot be halved and still carry a spline.
+# Fewer intervals than this cannot be halved and still carry a spline; an estimate.
 _LEAST_INTERVALS = 16
 
 
@@ -78,10 +81,13 @@ def errors(
 def orientation_difference(
     ellipsoid: Ellipsoid, found: np.ndarray, reference: np.ndarray
 ) -> np.ndarray | None:
-    """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3); None where there is none."""
-    # Computed from the length of the chord, 2√2 sin(angle/2) in the Frobenius norm on SO(3) and 2
-    # sin(angle/2) between unit vectors, which keeps small angles exact; quaternions q and -q give
-    # the same matrix.
+    """Angle in rad, shape (n,), between two sequences of matrices t_ij, shape (n, 3, 3).
+
+    None for a sphere, and where no matrix is known. A matrix of NaN counts as turned by π.
+    """
+    # Computed from the length of the chord, which keeps small angles exact. The chord is 2√2 sin(angle/2) in
+    # the Frobenius norm on SO(3), and 2 sin(angle/2) between unit vectors. Quaternions q and -q give the same
+    # matrix. Rounding may take half a chord beyond 1.
     if ellipsoid.kind == "sphere":
         return None
     if ellipsoid.kind == "triaxial":
@@ -103,9 +109,10 @@ def phase_and_shape(
     ellipsoid: Ellipsoid, found: Observables, reference: Observables
 ) -> tuple[np.ndarray, np.ndarray]:
     """Parts of a difference of orientation along the reference's motion, signed, and across it; shape (n,), in rad."""
-    # To first order the difference is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×),
-    # whose part δ·ω/|ω| lies along the motion. A spheroid has the difference of the symmetry axes instead,
-    # and the velocity of the axis. At rest the whole difference is shape.
+    # To first order the difference is a rotation vector δ in space axes, t_found = t_reference(1 + [δ]×):
+    # `offset`. Its part δ·ω/|ω| lies along the motion. For a spheroid `offset` is the difference of the
+    # symmetry axes, and `velocity` has the direction of the axis' velocity. At rest the whole difference is
+    # shape.
     if ellipsoid.kind == "triaxial":
         product = np.einsum(
             "nij,nik->njk", reference.rotation, found.rotation - reference.rotation
@@ -167,9 +174,8 @@ def balance_residual(scene: Scene, found: Observables, reference: Observables) -
     None where it cannot be known: without orientation, at St = 0, where E has no balance of its
     own, or where the samples, equispaced over the scene's duration, do not resolve the power.
     """
-    # The reference has the residual 0, and its quadrature over the same samples hardly another
-    # error than the quadrature of the solution found: the difference of the two residuals is what
-    # is measured.
+    # The exact residual of the reference is 0. The quadratures of the two solutions over the same samples err
+    # nearly alike. So the difference of the two residuals is measured, in which these errors cancel.
     intervals = len(found.energy) - 1
     if scene.stokes == 0 or intervals < _LEAST_INTERVALS:
         return None

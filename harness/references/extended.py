@@ -15,9 +15,10 @@ from polhode.solvers.taylor import Bound, Precision, extends_precision
 # A run of a reference: its precision and its tolerance.
 Run = tuple[Precision, float]
 
-# Runs that show what rounding of a start makes of a reference, and runs back over it.
+# Runs that show what rounding of a start makes of a reference, and runs back over it: a tolerance far below an
+# ulp of double precision, 2.2e-16.
 ROUNDING_RUN: Run = ("long double", 1e-17)
-# Steps after which a run is given up, of equations in slow time and of all others: minutes of work.
+# Steps after which a run is given up, of equations in slow time and of all others: minutes of work. Estimates.
 _MOST_SLOW_STEPS = 200_000
 _MOST_STEPS = 50_000_000
 # Without heyoka two unlike methods stand for the runs in extended precision: the first two kinds that reach the
@@ -53,8 +54,27 @@ def extended_run(
     units: np.ndarray | None = None,
     max_step: float = inf,
 ) -> np.ndarray:
-    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much."""
-    # Given up at a deadline, as `time.perf_counter` reads.
+    """States in long double, shape (n, d), of a Taylor run in a precision that holds at least as much.
+
+    Parameters
+    ----------
+    problem : Problem
+    times : numpy.ndarray
+        Shape (n,); the run starts at the first of them, and may go backwards.
+    precision, tolerance
+        Of the run.
+    deadline : float
+        When the run is given up, as `time.perf_counter` reads.
+    units : numpy.ndarray, optional
+        Sizes of the components, shape (d,), as `polhode.solvers.taylor.Bound` takes them.
+    max_step : float
+        Largest step, in the problem's own time.
+
+    Raises
+    ------
+    ReferenceFailedError
+        If the run does not reach the last time.
+    """
     bound = Bound(problem, tolerance, precision, units, max_step)
     number = bound.integrator.state.dtype
     rows = np.empty((len(times), problem.dimension), dtype=number)
@@ -70,7 +90,7 @@ def extended_run(
         )
     if rows.dtype == np.longdouble:
         return rows
-    # NumPy knows no cast from quadruple: it goes by two doubles.
+    # NumPy knows no cast from quadruple to long double: it goes by the sum of two doubles.
     high = rows.astype(float)
     return high.astype(np.longdouble) + (rows - high.astype(rows.dtype)).astype(float)
 

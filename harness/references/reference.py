@@ -46,15 +46,17 @@ LONG_DOUBLE: tuple[Run, Run] = (("long double", 1e-19), ("long double", 1e-17))
 SAFETY = 10.0
 # Largest costs of a run up to which quadruple precision, 45 times as slow, is used, and up to which two moved
 # starts are used instead of one. The unit of a cost is an inverse shear rate of an ordinary run: it is the
-# scene's time, and more where rotation is fast or where stability limits the step.
+# scene's time, and more where rotation is fast or where stability limits the step. Both are estimates: twice as
+# large ones make the longest runs take twice as long.
 QUADRUPLE_UP_TO = 5000.0
 _TWO_MOVED_UP_TO = 2e5
 # Length of Taylor's interval of stability on the negative real axis at these orders, about.
 _STABLE = 8.0
 # Angular velocity, in shear rates, up to which T alone tells the cost; an estimate.
 _ORDINARY = 3.0
-# Above this St extended precision would take hours. Durations, in inverse shear rates, beyond which runs are
-# known there in double precision alone, and beyond which they are not known at all.
+# Above the first number, an St, extended precision may take hours. Runs above it are known in double precision
+# alone beyond the second number, a duration in inverse shear rates, and not at all beyond the third. All three
+# are estimates, which bound the time that a reference takes.
 FREE_UP_TO = 1e6
 EXTENDED_TIME = 5e6
 _HORIZON = 5e7
@@ -64,10 +66,11 @@ _ROUNDING_SEEDS = (1, 2)
 # estimate.
 _SUSPICIOUS = 1e-9
 # Numbers of rotations up to which a run in limited time has extended precision, and up to which it is known at
-# all, by two methods in double precision.
+# all, by two methods in double precision. Both are estimates, which bound the time.
 EXTENDED_UP_TO = 2e4
 MOST_ROTATIONS = 2e5
-# Solver and tolerance of the first method, whose solution is the reference: for spheroids and other shapes.
+# Solver and tolerance of the first method in double precision, whose solution is the reference: for spheroids and
+# other shapes. The tolerances, here and below, are estimates near rounding.
 _SPHEROIDS = ("splitting-extended", 1e-13)
 _OTHERS = ("taylor", 1e-15)
 # Solver and tolerance of the second method, which the reference is compared with.
@@ -76,7 +79,7 @@ AGAINST = ("cyrk-vern8", 1e-14)
 _AGAINST_WITHOUT = ("dop853", 1e-13)
 # In the longest runs the method `AGAINST` loses the phase. It still confirms the reference. The
 # uncertainty follows from this further run, which errs as much as the reference: it is `_ALIKE` times
-# their distance.
+# their distance. The factor is an estimate, as two runs of a method may err alike.
 _FURTHER = ("taylor", 1e-16)
 _ALIKE = 3.0
 # Difference of L and E, over I_max, from which on two methods do not confirm each other; an estimate.
@@ -84,7 +87,8 @@ APART = 1e-4
 # Most intervals in which the growth of small differences is followed; an estimate.
 _MOST_INTERVALS = 2000
 # Error, in rad or over I_max, that a method in double precision makes at the worst moment: where the motion is
-# chaotic, trajectories mean something until it has grown too large.
+# chaotic, trajectories mean something until it has grown too large. An estimate: growth is exponential, so that
+# with twice the error the time is hardly shorter.
 _DOUBLE_ERROR = 1e-13
 # Version of what is cached: references of another one are computed anew.
 _SCHEMA = 10
@@ -201,25 +205,26 @@ def _compute(
 ) -> Reference:
     """Reference of a form in extended precision, certified.
 
-    `every` holds the samples, and the ends of the certificate's segments between them. If the moved
+    Runs have rows at the samples, and at the ends of the certificate's segments between them. If the moved
     runs part too far, chaos is looked for; errors count over the first `kept` samples alone.
     """
     times = np.linspace(0.0, problem.end, samples)
-    extra = [*chain(*segments(scene, form, problem.end)), problem.end]
-    every = np.union1d(times, extra)
-    row_indices = np.searchsorted(every, times)
+    segment_times = [*chain(*segments(scene, form, problem.end)), problem.end]
+    row_times = np.union1d(times, segment_times)
+    sample_rows = np.searchsorted(row_times, times)
+    segment_rows = np.searchsorted(row_times, segment_times)
     (precision, tight_tolerance), loose_run, seeds = _runs(scene, form)
-    states = extended_run(problem, every, precision, tight_tolerance, deadline)
-    tight = observe(form, scene, states[row_indices])
-    loose = observe(form, scene, extended_run(problem, every, *loose_run, deadline)[row_indices])
+    states = extended_run(problem, row_times, precision, tight_tolerance, deadline)
+    tight = observe(form, scene, states[sample_rows])
+    loose_states = extended_run(problem, row_times, *loose_run, deadline)
+    loose = observe(form, scene, loose_states[sample_rows])
     moved_states = (
         extended_run(_rounded_otherwise(problem, seed), times, *ROUNDING_RUN, deadline)
         for seed in seeds
     )
     moved = [observe(form, scene, moved_run) for moved_run in moved_states]
-    certificate = certify(
-        scene, form, problem, dict(zip(extra, states[np.searchsorted(every, extra)], strict=True))
-    )
+    states_of = dict(zip(segment_times, states[segment_rows], strict=True))
+    certificate = certify(scene, form, problem, states_of)
     spread = [errors(scene.ellipsoid, moved_run, tight) for moved_run in moved]
     size = max(1.0, magnitude(scene.ellipsoid, tight))
     largest = max(max(shift.slow / size, shift.orientation or 0.0) for shift in spread)

@@ -25,15 +25,16 @@ from polhode.models.scene import Scene, SlowStart, start_from
 from polhode.solvers.catalogue import available_like
 from polhode.solvers.solve import solve
 
-# Tolerances of loose runs. The explicit ones are cheap enough to follow a chaotic scene for a while.
-# All three are estimates.
+# Tolerances of loose runs: of explicit ones, which are cheap enough to follow a chaotic scene for a while, of
+# stiff ones, and of averaged ones. All three are estimates: a number of rotations need be known to a few per
+# cent alone.
 _LOOSE_TOLERANCE = 1e-9
 _STIFF_TOLERANCE = 1e-6
 _AVERAGED_TOLERANCE = 1e-6
-# Rotations from which on averages are cheaper than a loose run, and no less accurate.
+# Rotations from which on averages are cheaper than a loose run, and no less accurate. An estimate.
 MANY = 1000.0
-# Longest segment of a run, in rotations, or on the stiff side in time: some tenths of a second. The
-# rest is extrapolated.
+# Longest segment of a run, in rotations, or on the stiff side in inverse shear rates: some tenths of a second.
+# The rest is extrapolated. Both are estimates.
 LONGEST_ROTATIONS = 1e5
 LONGEST_STIFF = 5e3
 # Damping rate, in shear rates, from which an implicit method takes fewer steps than stability allows an
@@ -43,11 +44,16 @@ _STIFF_FROM = 30.0
 # (section `DAC`). Averages over a rotation need ω to change little in it. An estimate.
 _SEPARATED = 1.5
 # From rest a body turns by some 100 rad within this multiple of √(St I/8πX). It is then so fast that
-# averages serve from there on.
+# averages serve from there on. An estimate.
 _RISEN = 20.0
-# Nodes of the quadrature of the averaged speed over a run; an estimate.
+# Angular velocity, in shear rates, at which the fluid turns, and a body at rest before long.
+_FLUID_SPEED = 0.5
+# Nodes of the quadrature of the averaged speed over a run. An estimate: the averaged speed is smooth.
 _NODES = 64
-# Damping times from which on stability may hold an explicit method back; an estimate.
+# Steps of an averaged run, at most, so that none goes on without end; an estimate.
+_MAX_AVERAGED_STEPS = 100_000
+# Damping times from which on stability may hold an explicit method back. An estimate: with fewer of them an
+# explicit run takes some 0.28 × 20,000 steps at most for stability, which is cheap.
 STIFF = 2e4
 # Damping times that a rotation, and a unit of time that follows the flow, outweigh. With more of them
 # stability asks for more than 0.4 of the steps, and errors do not follow the tolerance; the errors of
@@ -100,8 +106,8 @@ def rotations(scene: Scene) -> float:
 
 def _averages_well(scene: Scene) -> bool:
     """Whether averages over a rotation are valid from the start on, and N is large."""
-    # The fluid turns at ½, so that a body at rest will turn about as fast.
-    return scene.time * max(_speed(scene), 0.5) / (2 * pi) > MANY and _is_separated(scene)
+    turns = scene.time * max(_speed(scene), _FLUID_SPEED) / (2 * pi)
+    return turns > MANY and _is_separated(scene)
 
 
 def _speed(scene: Scene) -> float:
@@ -137,7 +143,11 @@ def _averaged_angle(scene: Scene) -> float | None:
     s = span * (node + 1) / 2
     times = np.concatenate([[0.0], fastest * np.expm1(s)])
     run = solve(
-        problem, available_like("cyrk-vern8"), _AVERAGED_TOLERANCE, times, max_steps=100_000
+        problem,
+        available_like("cyrk-vern8"),
+        _AVERAGED_TOLERANCE,
+        times,
+        max_steps=_MAX_AVERAGED_STEPS,
     )
     if not run.success:
         return None
@@ -183,7 +193,8 @@ def _angle(scene: Scene) -> float:
         longest = min(scene.time, LONGEST_STIFF)
     else:
         solver, tolerance = "cyrk-vern8", _LOOSE_TOLERANCE
-        longest = min(scene.time, LONGEST_ROTATIONS * 2 * pi / max(0.5, _speed(scene)))
+        speed = max(_FLUID_SPEED, _speed(scene))
+        longest = min(scene.time, LONGEST_ROTATIONS * 2 * pi / speed)
     risen = longest if _is_separated(scene) else _RISEN * _separation(scene)
     angle = 0.0
     for end in (risen, longest) if 0 < risen < longest else (longest,):
@@ -192,6 +203,7 @@ def _angle(scene: Scene) -> float:
             raise ValueError(
                 f"rotations: the loose run ended with {run.status.value}: {run.message}"
             )
+        # The angle at half of `end`, and at `end`.
         half, whole = run.states[1:, -1 - problem.timed].astype(float).tolist()
         angle = whole + (scene.time - end) * (whole - half) / (end / 2)
         if end == scene.time:

@@ -373,7 +373,7 @@ def test_a_stiff_problem_has_an_implicit_reference():
 
     problem = Problem.from_function(robertson, [1.0, 0.0, 0.0], 3e3)
     times = np.linspace(0.0, 3e3, 11)
-    pair = _by_pair(problem, times, _relative, 60.0, *_PAIRS[1])
+    pair = _by_pair(problem, times, _relative, 60.0, _PAIRS[1])
     assert isinstance(pair, OwnReference)
     assert pair.uncertainty < 1e-7
 
@@ -387,10 +387,11 @@ def test_a_pair_that_differs_gives_way_to_the_next_one(monkeypatch):
     monkeypatch.setattr(any_problem, "_by_taylor", _no_taylor)
     found = {"cyrk-vern8": 0.2, "cyrk-radau": 1e-9}
 
-    def pair(problem, times, measure, max_seconds, names, *others):
-        return OwnReference(np.ones((2, 1)), found[names[0]], names[0])
+    def by_pair(problem, times, measure, max_seconds, pair):
+        name = pair.solvers[0]
+        return OwnReference(np.ones((2, 1)), found[name], name)
 
-    monkeypatch.setattr(any_problem, "_by_pair", pair)
+    monkeypatch.setattr(any_problem, "_by_pair", by_pair)
     for least, source in ((1e-9, "cyrk-radau"), (0.3, "cyrk-vern8")):
         found["cyrk-radau"] = least
         assert reference_of(problem, np.array([0.0, 1.0]), _relative, 1.0).source == source

@@ -135,7 +135,7 @@ def test_rounding_of_many_steps_is_allowed_for_and_hides_no_larger_error():
     off = replace(after, angular_momentum=after.angular_momentum + 1e-11)
     by = certificate.opposite(scene, form)
     honest, wrong = (
-        certificate._other_form(scene, by, before, each, 500.0) for each in (after, off)
+        certificate._other_form(scene, *by, before, each, 500.0) for each in (after, off)
     )
     assert honest <= 1 < wrong
 
