@@ -29,7 +29,7 @@ from polhode.solvers.compile import compiled_callback
 from polhode.solvers.solve import Solution, solve
 from polhode.solvers.taylor import forget_integrators
 
-# Shear but for an entry of 1e-300, far below rounding: it is not recognised as shear, so that the
+# Shear but for an entry A₂₁ of 1e-300, far below rounding: it is not recognised as shear, so that the
 # equations of any flow run.
 AS_SHEAR = Flow.planar(1e-300)
 # Forms that take any linear flow.
@@ -37,15 +37,24 @@ _FORMS = ("quaternion", "euler-angles", "spheroid-axis", "spheroid-angles", "jef
 # θ, φ, ψ in rad and their rates in shear rates: a start without symmetry.
 START = EulerStart((1.1, 0.4, 0.3), (1.0, 1.0, -1.0))
 
-# Random states of each form at which the fields are compared, shared evenly by random shapes; both
-# numbers are estimates.
+# Random states of each form at which the fields are compared, shared evenly by random shapes. Both numbers are
+# estimates: more of them find larger differences of rounding, if any.
 _STATES = 10_000
 _SHAPES = 100
+_QUICK_SHAPES = 5  # With `quick`.
+# Least and largest decade of random semi-axes, over any one length, and of random St.
+_AXIS_DECADES = (-1, 0)
+_STOKES_DECADES = (-1, 3)
+# Seeds of the states, of the random scenes and of the errors requested of these; any numbers.
+_STATES_SEED = 1
+_SCENES_SEED = 11
+_ERRORS_SEED = 12
 
 # Tolerance and duration, in inverse shear rates, of the runs whose cost is compared: estimates, by which
 # runs take some milliseconds.
 COST_TOLERANCE = 1e-9
 COST_TIME = 2000.0
+_QUICK_COST_TIME = 200.0  # With `quick`.
 # Times that heyoka compiles a field: the same code takes up to 1.5 times as long, by where it lies
 # in memory. Other solvers keep their code, so that for them this only makes more rounds. An estimate.
 COMPILATIONS = 5
@@ -53,7 +62,8 @@ COMPILATIONS = 5
 ROUNDS = 3
 # Explicit solvers, which take every form of `_COSTS`.
 _EXPLICIT = ("cyrk-vern8", "cyrk-dop853", "taylor")
-# Scene, form, St and solvers of these runs.
+# Scene, form, St and solvers of these runs. St = 10, an example, is one where full equations are usual;
+# `jeffery` is the form at St = 0.
 _COSTS = (
     ("paper", "quaternion", 10.0, _EXPLICIT),
     ("spheroid", "euler-angles", 10.0, _EXPLICIT),
@@ -68,27 +78,53 @@ _COSTS = (
 _ALPHAS = (-0.9, -0.7, -0.5, -0.3, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
 _RATIOS = (0.25, 1.5, 2.0, 5.0)
 _ORBIT_TOLERANCE = 1e-14  # Of the solver: periods are compared to rounding.
+# Duration of the run that measures a period, over the period: three passages through a plane lie within it,
+# from any phase, as they are half a period apart.
+_PERIODS = 1.6
 # Time, in inverse shear rates, in which an axis aligns to rounding, if the flow makes it align. An
 # estimate: the tables show how closely axes align by then.
 ALIGNING = 400.0
+# Bodies in axial extension: a rod, which aligns along the axis of extension, and a disc, which aligns across it.
+# The aspect ratios, the St and the tolerance are estimates.
+_EXTENDED_RATIOS = ((3.0, "along"), (0.3, "across"))
+_EXTENDED_STOKES = (0.0, 0.5, 5.0)
+_EXTENDED_TOLERANCE = 1e-13
 
 # Durations of runs along tracks, in inverse shear rates, and the numbers of intervals between knots tried in
 # them, which the tables call knots: for the order of the spline, and for the cost of a knot. Estimates.
 TRACK_TIME = 20.0
+# Equal steps of the run in long double in that time, and tolerance of the other runs: the errors of both lie far
+# below those of the splines. Estimates.
+_TRACK_STEPS = 200
+_TRACK_TOLERANCE = 1e-15
 _KNOTS = (10, 20, 40, 80, 160, 320)
 LONG_TRACK_TIME = 100.0
 _LONG_TRACK_KNOTS = (100, 300, 1000)
 # Solvers whose cost of a knot is measured.
 _TRACK_SOLVERS = ("cyrk-vern8", "cyrk-dop853", "cyrk-tsit5", "taylor", "cvode-bdf", "dop853")
 
-# Random runs whose stated errors are compared with an integration in long double.
-_RUNS = 400  # An estimate.
+# Random runs whose stated errors are compared with an integration in long double. An estimate: four times as
+# many would halve the interval of the share that is bounded.
+_RUNS = 400
+_QUICK_RUNS = 16  # With `quick`.
 # Equal steps of that integration: a multiple of the intervals between knots, and of those between compared
 # times. An estimate.
 _RUN_STEPS = 600
 _RUN_KNOTS = 30  # Intervals between the knots of a track; an estimate.
 _RUN_ROWS = 11  # Compared times; an estimate.
 _RUN_TIME = 30.0  # Longest duration, in inverse shear rates; an estimate.
+# Least and largest duration over the longest one.
+_RUN_TIMES = (0.2, 1.0)
+# Decades of the damping rate max(8πX/I)/St, in shear rates. It is 3 at most: explicit steps in long double stay
+# stable.
+_RUN_DAMPING_DECADES = (-2, 0.5)
+# θ₀ in rad: it keeps away from 0 and π, where Euler angles are singular.
+_RUN_THETAS = (0.3, 2.8)
+_FULL_TURN = 6.28  # Largest φ₀ and ψ₀ in rad.
+# Size of the fluctuation of a track over the size of the flow that it fluctuates about.
+_RUN_FLUCTUATION = 0.5
+# Decades of the errors that are requested, of L and E over I_max: from near rounding to what is of use.
+_RUN_ERROR_DECADES = (-9, -3)
 
 
 def random_gradient(random: np.random.Generator) -> Any:
@@ -99,22 +135,23 @@ def random_gradient(random: np.random.Generator) -> Any:
 
 def fields(quick: bool = False) -> Iterator[Record]:
     """Largest relative difference of rates by the equations of any flow and of shear."""
-    random = np.random.default_rng(1)
+    random = np.random.default_rng(_STATES_SEED)
+    shapes = _QUICK_SHAPES if quick else _SHAPES
+    states_of_shape = _STATES // _SHAPES
     for name in _FORMS:
         worst = 0.0
-        shapes = 5 if quick else _SHAPES
         for _ in range(shapes):
-            axes = 10 ** random.uniform(-1, 0, 3)
+            axes = 10 ** random.uniform(*_AXIS_DECADES, 3)
             if name.startswith("spheroid"):
                 axes[1] = axes[0]
-            stokes = 0.0 if name == "jeffery" else float(10 ** random.uniform(-1, 3))
+            stokes = 0.0 if name == "jeffery" else float(10 ** random.uniform(*_STOKES_DECADES))
             scene = Scene(Ellipsoid(tuple(axes.tolist())), stokes, START, 1.0)
             pair = [find_form(name).problem(variant) for variant in (scene, _as_shear(scene))]
-            for state in random.normal(size=(_STATES // _SHAPES, pair[0].dimension)):
-                first, second = (_rates(problem, state) for problem in pair)
-                apart = np.linalg.norm(second - first) / np.linalg.norm(first)
-                worst = max(worst, float(apart))
-        yield {"form": name, "states": shapes * (_STATES // _SHAPES), "apart": worst}
+            for state in random.normal(size=(states_of_shape, pair[0].dimension)):
+                shear_rates, flow_rates = (_rates(problem, state) for problem in pair)
+                difference = np.linalg.norm(flow_rates - shear_rates)
+                worst = max(worst, float(difference / np.linalg.norm(shear_rates)))
+        yield {"form": name, "states": shapes * states_of_shape, "apart": worst}
 
 
 def _as_shear(scene: Scene) -> Scene:
@@ -154,19 +191,20 @@ def _least_seconds(runs: Sequence[Solution]) -> float:
 def costs(quick: bool = False) -> Iterator[Record]:
     """Times by the equations of any flow and of shear, in turns; the least of `COMPILATIONS` times `ROUNDS`."""
     for scene_name, name, stokes, solvers in _COSTS:
-        time = COST_TIME / 10 if quick else COST_TIME
+        time = _QUICK_COST_TIME if quick else COST_TIME
         scene = replace(named_scene(scene_name), stokes=stokes, time=time)
         pair = [find_form(name).problem(variant) for variant in (scene, _as_shear(scene))]
         for solver in solvers:
             rounds = _in_turns(pair, solver, quick=quick)
             shear, flow = map(_least_seconds, zip(*rounds, strict=True))
             ends = [run.states[-1] for run in rounds[0]]
+            shear_run = rounds[0][0]
             yield {
                 "scene": scene_name,
                 "form": name,
                 "stokes": stokes,
                 "solver": solver,
-                "steps": rounds[0][0].work.steps,
+                "steps": shear_run.work.steps,
                 "shear_ms": 1e3 * shear,
                 "flow_ms": 1e3 * flow,
                 "ratio": flow / shear,
@@ -200,8 +238,7 @@ def orbits(quick: bool = False) -> Iterator[Record]:
                 scene = Scene(shape, 0.0, START, ALIGNING, flow)
                 yield row | {"period": inf, "apart": _from_eigenvector(scene, ratio)}
                 continue
-            # Three passages lie within 1.6 periods, from any phase: they are half a period apart.
-            scene = Scene(shape, 0.0, START, 1.6 * theory, flow)
+            scene = Scene(shape, 0.0, START, _PERIODS * theory, flow)
             yield row | {"period": _measured_period(scene), "apart": _not_closed(scene, theory)}
 
 
@@ -250,13 +287,13 @@ def _from_eigenvector(scene: Scene, ratio: float) -> float:
 
 
 def extension(quick: bool = False) -> Iterator[Record]:
-    """Bodies in axial extension, with and without inertia: the angle between their axis and where it aligns."""
-    # A rod and a disc. The aspect ratios, the St and the tolerance are estimates.
-    for ratio, where in ((3.0, "along"), (0.3, "across")):
-        for stokes in (0.0, 0.5) if quick else (0.0, 0.5, 5.0):
+    """Bodies in axial extension, with and without inertia: the angle in rad between their axis and where it aligns."""
+    for ratio, where in _EXTENDED_RATIOS:
+        for stokes in _EXTENDED_STOKES[:2] if quick else _EXTENDED_STOKES:
             scene = Scene(Ellipsoid((1.0, 1.0, ratio)), stokes, START, ALIGNING, Flow.extension())
             form = "jeffery" if stokes == 0 else "spheroid-axis"
-            solution = solve_scene(scene, form=form, tolerance=1e-13, estimate=False)
+            solution = solve_scene(scene, form=form, tolerance=_EXTENDED_TOLERANCE, estimate=False)
+            # x of the third body axis, the symmetry axis: the flow stretches along x.
             along = min(1.0, abs(float(solution.rotation[-1, 2, 0])))
             angle = np.arccos(along) if where == "along" else np.arcsin(along)
             yield {"ratio": ratio, "stokes": stokes, "aligns": where, "angle": float(angle)}
@@ -264,7 +301,7 @@ def extension(quick: bool = False) -> Iterator[Record]:
 
 def source(time: Any) -> Any:
     """The gradient of all tracks, shape (..., 3, 3), at times: it changes smoothly, at two frequencies."""
-    # Sizes, frequencies and phases are any numbers; the trace of `wave` is 0.
+    # Sizes, frequencies (in rad per inverse shear rate) and the phase are any numbers; the trace of `wave` is 0.
     phase = np.asarray(time)[..., None, None]
     steady = np.array(Flow.planar(0.2).gradient)
     wave = np.array([[0.15, 0.05, -0.2], [0.1, -0.25, 0.15], [0.05, 0.1, 0.1]])
@@ -281,15 +318,15 @@ def _along(count: int, time: float) -> Scene:
 def orders(quick: bool = False) -> Iterator[Record]:
     """Error of L over I_max, at the end of runs along tracks, against a run in their source in long double.
 
-    The solver's tolerance, 1e-15, lies far below these errors: they are the spline's.
+    These errors are the splines'.
     """
     scene = _along(_KNOTS[0], TRACK_TIME)
-    # 200 equal steps, an estimate; only the start and the end are kept.
-    momentum = _by_long_double([scene], lambda time, _: source(time), 200, 2)[0].angular_momentum
+    # Only the start and the end are kept: two rows.
+    (reference,) = _by_long_double([scene], lambda time, _: source(time), _TRACK_STEPS, 2)
+    momentum = reference.angular_momentum
     for count in _KNOTS[:3] if quick else _KNOTS:
-        solution = solve(
-            find_form("quaternion").problem(_along(count, TRACK_TIME)), "taylor", 1e-15
-        )
+        problem = find_form("quaternion").problem(_along(count, TRACK_TIME))
+        solution = solve(problem, "taylor", _TRACK_TOLERANCE)
         observables = find_form("quaternion").observe(scene, solution.states[-1:])
         error = np.max(np.abs(observables.angular_momentum[-1] - momentum[-1]))
         unit = max(scene.ellipsoid.inertia)
@@ -355,27 +392,28 @@ def random_scenes(count: int) -> list[tuple[str, Scene]]:
 
     Ranges without a reason beside them are estimates.
     """
-    random = np.random.default_rng(11)
+    random = np.random.default_rng(_SCENES_SEED)
     names = [name for name in _FORMS if name != "jeffery"]
     scenes = []
     for number in range(count):
         name = names[number % len(names)]
-        axes = 10 ** random.uniform(-1, 0, 3)
+        axes = 10 ** random.uniform(*_AXIS_DECADES, 3)
         if name.startswith("spheroid"):
             axes[1] = axes[0]
         shape = Ellipsoid(tuple(axes.tolist()))
-        # Damping rates from 0.01 to 3: explicit steps in long double stay stable.
-        stokes = max(shape.damping) / 10 ** random.uniform(-2, 0.5)
-        # θ₀ keeps away from 0 and π, where Euler angles are singular.
-        angles = (random.uniform(0.3, 2.8), *random.uniform(0, 6.28, 2).tolist())
+        stokes = max(shape.damping) / 10 ** random.uniform(*_RUN_DAMPING_DECADES)
+        theta = random.uniform(*_RUN_THETAS)
+        angles = (theta, *random.uniform(0, _FULL_TURN, 2).tolist())
         start = EulerStart(angles, tuple(random.normal(size=3).tolist()))
-        time = float(random.uniform(0.2, 1.0)) * _RUN_TIME
+        time = float(random.uniform(*_RUN_TIMES)) * _RUN_TIME
         # The first four scenes of each eight, one for each form, are in a steady flow. The other four are in
-        # flows that fluctuate about a steady one, by half its size.
+        # flows that fluctuate about a steady one.
         gradients = [random_gradient(random)] * (_RUN_KNOTS + 1)
         flow = Flow(gradients[0])
-        if number % 8 >= len(names):
-            gradients = [gradient + 0.5 * random_gradient(random) for gradient in gradients]
+        if number % (2 * len(names)) >= len(names):
+            gradients = [
+                gradient + _RUN_FLUCTUATION * random_gradient(random) for gradient in gradients
+            ]
             flow = Flow.track(np.linspace(0.0, time, _RUN_KNOTS + 1), gradients)
         scenes.append((name, Scene(shape, float(stokes), start, time, flow)))
     return scenes
@@ -398,9 +436,11 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
             cubics[i] = np.moveaxis(spline.c[::-1], 1, 0)
         else:
             cubics[i, :, 0] = flow.gradient
+    # Times between knots, shape (n,).
     widths = np.array([scene.time for scene in scenes], dtype=np.longdouble) / _RUN_KNOTS
 
     def gradient(time: np.ndarray, step: int) -> np.ndarray:
+        # The number of the last knot before the step.
         knot = step * _RUN_KNOTS // _RUN_STEPS
         since = (time - knot * widths)[:, None, None]
         c = cubics[:, knot]
@@ -410,20 +450,23 @@ def _gradients(scenes: list[Scene]) -> Callable[[np.ndarray, int], np.ndarray]:
 
 
 def stated(quick: bool = False) -> Iterator[Record]:
-    """Errors of random runs against long double, over those that they state."""
-    scenes = random_scenes(16 if quick else _RUNS)
-    alone = [scene for _, scene in scenes]
-    references = _by_long_double(alone, _gradients(alone), _RUN_STEPS, _RUN_ROWS)
-    random = np.random.default_rng(12)
-    for number, (name, scene) in enumerate(scenes):
-        requested = float(10 ** random.uniform(-9, -3))
+    """Errors of random runs against long double, and the upper ends that the runs state, row by row.
+
+    "slow" is of L and E over I_max, "angle" of the orientation in rad; "slow_high" and "angle_high" are the
+    upper ends. A run that failed has inf everywhere.
+    """
+    named_scenes = random_scenes(_QUICK_RUNS if quick else _RUNS)
+    scenes = [scene for _, scene in named_scenes]
+    references = _by_long_double(scenes, _gradients(scenes), _RUN_STEPS, _RUN_ROWS)
+    random = np.random.default_rng(_ERRORS_SEED)
+    for reference, (name, scene) in zip(references, named_scenes, strict=True):
+        requested = float(10 ** random.uniform(*_RUN_ERROR_DECADES))
         solution = solve_scene(scene, form=name, error=requested, samples=_RUN_ROWS)
         row: Record = {"form": name, "track": bool(scene.flow and scene.flow.varies)}
         row |= {"requested": requested, "status": str(solution.status)}
         if not solution.success:
             yield row | {"slow": inf, "slow_high": inf, "angle": inf, "angle_high": inf}
             continue
-        reference = references[number]
         slow = np.max(np.abs(solution.observables.slow - reference.slow)) / max(
             scene.ellipsoid.inertia
         )

@@ -36,14 +36,14 @@ class Bodies:
 
     def jeffery(self, rotation: Array, gradient: Array) -> Array:
         """Jeffery's angular velocity in body axes, shape (n, 3)."""
-        # The gradient in body axes; a, b and c are squares of the semi-axes.
+        # The gradient in body axes; aa, bb and cc are squares of the semi-axes.
         inside = rotation @ gradient @ rotation.swapaxes(1, 2)
-        a, b, c = self.squares.T
+        aa, bb, cc = self.squares.T
         return np.stack(
             [
-                (b * inside[:, 2, 1] - c * inside[:, 1, 2]) / (b + c),
-                (c * inside[:, 0, 2] - a * inside[:, 2, 0]) / (c + a),
-                (a * inside[:, 1, 0] - b * inside[:, 0, 1]) / (a + b),
+                (bb * inside[:, 2, 1] - cc * inside[:, 1, 2]) / (bb + cc),
+                (cc * inside[:, 0, 2] - aa * inside[:, 2, 0]) / (cc + aa),
+                (aa * inside[:, 1, 0] - bb * inside[:, 0, 1]) / (aa + bb),
             ],
             axis=1,
         )
@@ -105,7 +105,9 @@ def _step(
     """One step by the modified midpoint rule, extrapolated to substeps of length 0 (Gragg, Bulirsch, Stoer).
 
     Row j of the table has the rule with 2j substeps first, then extrapolations with the rows before:
-    the error of the rule is a series in the square of the substep. `number` is the step's, from 0 on.
+    the error of the rule is a series in the square of the substep. `number` is the step's, from 0 on, and
+    `length` has the steps of all bodies, shape (n,). Hairer, Nørsett and Wanner, *Solving Ordinary
+    Differential Equations I*, section II.9, derive it.
     """
     time = number * length
 
@@ -115,16 +117,18 @@ def _step(
     first = rates(begin, time)
     table: list[Array] = []
     for column in range(1, _COLUMNS + 1):
-        count = 2 * column
-        h = length / count
-        wide = h[:, None, None]
+        substeps = 2 * column
+        h = length / substeps
+        # The substep beside states of shape (n, 4, 3).
+        state_h = h[:, None, None]
         before = begin
-        state = begin + wide * first
-        for k in range(1, count):
-            following = before + 2 * wide * rates(state, time + k * h)
+        state = begin + state_h * first
+        for k in range(1, substeps):
+            following = before + 2 * state_h * rates(state, time + k * h)
             before = state
             state = following
-        row = [(before + state + wide * rates(state, time + length)) / 2]
+        # Gragg's smoothing of the last two states.
+        row = [(before + state + state_h * rates(state, time + length)) / 2]
         for k, above in enumerate(table, 1):
             ratio = (np.longdouble(column) / (column - k)) ** 2
             row.append(row[-1] + (row[-1] - above) / (ratio - 1))
